@@ -18,8 +18,7 @@ import numpy as np
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance import GuidanceSettings
 from cmpsp_ros.guidance.formulation import goal_space, sample_space
-from cmpsp_ros.robots import Ackermann, DifferentialDrive, Omnidirectional, Robot
-from cmpsp_ros.robots.own import OwnRobot
+from cmpsp_ros.robots import Ackermann, CustomRobot, DifferentialDrive, Omnidirectional, Robot
 from cmpsp_ros.studies.common import StudyError
 from cmpsp_ros.studies.paper.drives import Path
 from cmpsp_ros.world import FreeSpace
@@ -72,7 +71,7 @@ class Limits(NamedTuple):
         if isinstance(robot, Ackermann):
             largest = np.array([speed, robot.max_steering_angle])
             return cls(np.eye(2), largest, np.array([acceleration, robot.max_steering_rate]))
-        if isinstance(robot, OwnRobot):
+        if isinstance(robot, CustomRobot):
             return cls(np.eye(robot.n_controls), robot.bounds, np.array(robot.change_limits))
         rows = np.eye(2)
         if isinstance(robot, Omnidirectional):
@@ -119,7 +118,7 @@ def reference_solution(settings: GuidanceSettings, pose: Array, start: Path) -> 
     opti.subject_to(X[:2, steps] == np.array(settings.goal))
     _limit(casadi, opti, robot, U, settings.control_period)
     if stopping:
-        opti.subject_to(U[: robot.paced.scaled, -1] == 0.0)
+        opti.subject_to(U[: robot.time_scaling.scaled, -1] == 0.0)
     cost = 0.5 * settings.weights.road_center * cost
     # Without a centre line the least turning of the wheels.
     opti.minimize(cost if settings.road.has_center_line else casadi.sumsqr(U))
@@ -155,12 +154,12 @@ def motion(casadi: Any, robot: Robot, heading: Any, control: Any, duration: Any)
         ahead = control[0] * robot.wheel_radius
         turn_rate = ahead * casadi.tan(control[1]) / robot.wheel_base
     elif isinstance(robot, Omnidirectional):
-        rims = np.array(robot.rims)[robot.driven] / (robot.wheel_radius * robot.grip)
+        rims = np.array(robot.rims)[robot.driven] / robot.wheel_radius
         twist = casadi.DM(np.linalg.inv(rims)) @ control
         ahead, aside, turn_rate = twist[0], twist[1], twist[2]
-    elif isinstance(robot, OwnRobot):
+    elif isinstance(robot, CustomRobot):
         found = robot.motion(robot.constants, *(control[k] for k in range(robot.n_controls)))
-        ahead, aside, turn_rate = (robot.grip * each for each in found)
+        ahead, aside, turn_rate = (robot.wheel_radius * each for each in found)
     else:
         name = type(robot).__name__
         raise StudyError(f'robot.model: found {name}, wanted one that the judge knows')

@@ -19,10 +19,10 @@ from cmpsp_ros.parameters import (
     TABLE,
     ParameterError,
     guidance_settings,
+    laser_settings,
     load_parameter_file,
     plant_settings,
 )
-from cmpsp_ros.parameters.robots import laser_settings
 from cmpsp_ros.robots import arc_ends
 from cmpsp_ros.sensing import Surroundings, sight_of
 from cmpsp_ros.simulator import Laser, Plant, discs_of, edges_of

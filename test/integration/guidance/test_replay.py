@@ -14,7 +14,6 @@ from std_srvs.srv import Trigger
 
 from cmpsp_ros.bags import Bag, DecisionRecord, Names
 from cmpsp_ros.bags.replay.replay import replay
-from cmpsp_ros.guidance import present_keys
 
 pytestmark = pytest.mark.integration
 
@@ -27,7 +26,6 @@ RECORDER = [sys.executable, '-m', 'cmpsp_ros.nodes.recording.recorder', '--ros-a
 def decision_to_key_values(values):
     """What of a decision must repeat."""
     told = ('run', 'revision', 'reason', 'level')
-    values = present_keys(values.items())
     return {k: v for k, v in values.items() if not k.endswith('_ms') and k not in told}
 
 

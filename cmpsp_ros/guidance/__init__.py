@@ -24,13 +24,13 @@ if TYPE_CHECKING:
     from cmpsp_ros.guidance.law import GuidanceLaw
     from cmpsp_ros.guidance.settings import (
         GOAL,
-        MAP,
-        SEEN,
         GuidanceSettings,
+        LawSettings,
         MovingObstacles,
         Safety,
     )
     from cmpsp_ros.guidance.solver_settings import InitialGuess, SolverSettings, Weights
     from cmpsp_ros.guidance.warmup import prepare, warm_up
+    from cmpsp_ros.guidance.world import MAP, SEEN, World
 
 __getattr__, __all__ = lazy_exports(__name__, __file__)

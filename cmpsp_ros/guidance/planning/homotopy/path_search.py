@@ -40,7 +40,7 @@ from cmpsp_ros.guidance.planning.initial_trajectories import (
     wrapped,
 )
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
-from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.robots import Robot
 from cmpsp_ros.world import FreeSpace
 
@@ -76,7 +76,7 @@ class GuidePath:
 
 
 def guide_paths(
-    settings: GuidanceSettings,
+    settings: LawSettings,
     space: FreeSpace,
     start: PlanStart,
     target: Target,
@@ -128,7 +128,7 @@ def guide_paths(
     reach = start.robot.max_speed * float(durations.sum())
     # Where time is scarce the centre line does not matter, nor where there is none.
     scarce = lengths(frame, profiles).sum(axis=1) > reach
-    scarce |= not settings.road.has_center_line
+    scarce |= not start.world.road.has_center_line
     if scarce.any():
         profiles[scarce] = shortest_path(frame, low[scarce], high[scarce], ends)
     costs = _costs(frame, profiles, reach)
@@ -148,7 +148,7 @@ def guide_paths(
 
 
 def searched_paths(
-    settings: GuidanceSettings, space: FreeSpace, start: PlanStart, target: Target, durations: Array
+    settings: LawSettings, space: FreeSpace, start: PlanStart, target: Target, durations: Array
 ) -> list[GuidePath]:
     """The path out of a dead end, or into one, if there is any that the time is enough for.
 
@@ -157,7 +157,7 @@ def searched_paths(
     frame = road_frame(settings, start, target)
     if frame.polar:
         return []
-    if (search := settings.map_search) is not None:
+    if (search := start.world.map_search(settings)) is not None:
         points = search.line(start.pose[:2], target.position, SPACING)
     else:
         around = between_samples(space, 0.0)
@@ -176,7 +176,7 @@ def searched_paths(
 
 
 def turning_first(
-    settings: GuidanceSettings, path: GuidePath, start: PlanStart, durations: Array
+    settings: LawSettings, path: GuidePath, start: PlanStart, durations: Array
 ) -> Array:
     """A guess that turns on the spot towards where a path leads, and follows it from there.
 
@@ -206,7 +206,7 @@ def turning_first(
     return np.concatenate([np.tile([rim, -rim], (steps, 1)), rest])
 
 
-def _straddled(settings: GuidanceSettings, robot: Robot) -> float:
+def _straddled(settings: LawSettings, robot: Robot) -> float:
     """How far from the nearest sample a path may pass an obstacle: it may do so between two [m]."""
     if not settings.safety.between_samples or math.isinf(robot.max_speed):
         return 0.0

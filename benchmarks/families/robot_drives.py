@@ -17,7 +17,8 @@ from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.demo import Scenario, load_scenario
 from cmpsp_ros.guidance import GuidanceLaw
 from cmpsp_ros.guidance.planning import Planner, SolveResult
-from cmpsp_ros.parameters import ParameterError, robot_names
+from cmpsp_ros.parameters import ParameterError
+from cmpsp_ros.parameters.files import robot_names
 
 PRESET = 'case3_wide'
 """The course; its final time is made longer for slow robots."""

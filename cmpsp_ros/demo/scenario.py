@@ -19,12 +19,10 @@ from cmpsp_ros.parameters import (
     check_start,
     guidance_settings,
     load_parameter_file,
-    load_robot,
-    parse_assignment,
     plausibility_warnings,
+    shapes_of,
 )
-from cmpsp_ros.parameters.courses import shapes_of, with_files
-from cmpsp_ros.parameters.robots import OWN_OBSTACLES
+from cmpsp_ros.parameters.files import load_robot, parse_assignment, with_files
 from cmpsp_ros.world.obstacles import Shape
 
 _PACE: Final = 0.8
@@ -57,7 +55,7 @@ class Scenario:
     @property
     def hidden(self) -> tuple[Shape, ...]:
         """Obstacles that only the simulator knows."""
-        return shapes_of(self.values, OWN_OBSTACLES)
+        return shapes_of(self.values)
 
     @property
     def truth(self) -> GuidanceSettings:

@@ -22,14 +22,14 @@ if TYPE_CHECKING:
         with_former_keys,
     )
     from cmpsp_ros.guidance.law import GuidanceLaw
-    from cmpsp_ros.guidance.settings import (
-        GOAL,
-        GuidanceSettings,
-        LawSettings,
+    from cmpsp_ros.guidance.settings import GOAL, GuidanceSettings, LawSettings
+    from cmpsp_ros.guidance.solver_settings import (
+        InitialGuess,
         MovingObstacles,
         Safety,
+        SolverSettings,
+        Weights,
     )
-    from cmpsp_ros.guidance.solver_settings import InitialGuess, SolverSettings, Weights
     from cmpsp_ros.guidance.warmup import prepare, warm_up
     from cmpsp_ros.guidance.world import MAP, SEEN, World
 

@@ -17,7 +17,7 @@ from cmpsp_ros.guidance.commands.stopping import closed_ahead, reason_to_stop
 from cmpsp_ros.guidance.decision import Decision, FallbackLevel, Plan
 from cmpsp_ros.guidance.goals import Goal
 from cmpsp_ros.guidance.horizon import NEVER
-from cmpsp_ros.guidance.messages.peer_trajectories import Seen
+from cmpsp_ros.guidance.messages.tracks import MovingObject
 from cmpsp_ros.guidance.mission.closed_road import ClosedRoad
 from cmpsp_ros.guidance.mission.feasibility_precheck import infeasibility_warnings
 from cmpsp_ros.guidance.mission.return_to_goal import return_to_goal
@@ -89,7 +89,7 @@ class GuidanceLaw:
         self,
         stamp: int,
         pose: Array,
-        tracks: tuple[Seen, ...] = (),
+        tracks: tuple[MovingObject, ...] = (),
         sighting: Sighting | None = None,
     ) -> Decision | None:
         """Decide, if a control step is due.

@@ -8,7 +8,13 @@ from functools import cached_property
 from typing import Final, Self
 
 from cmpsp_ros.guidance.goals import Follow, Goal, Target
-from cmpsp_ros.guidance.solver_settings import InitialGuess, SolverSettings, Weights
+from cmpsp_ros.guidance.solver_settings import (
+    InitialGuess,
+    MovingObstacles,
+    Safety,
+    SolverSettings,
+    Weights,
+)
 from cmpsp_ros.guidance.world import World
 from cmpsp_ros.robots import Bodies, Footprint, Robot
 from cmpsp_ros.sensing import SightSettings
@@ -19,52 +25,6 @@ GOAL: Final = 'goal'
 """Name of the last of several goals."""
 
 _FRACTION_OF_TOP_SPEED, _WITHOUT_LIMIT = 0.8, 1.0
-
-
-@dataclass(frozen=True)
-class Safety:
-    """What the path must keep clear of, and where.
-
-    Attributes:
-        margin: Kept from every obstacle and road edge in addition to the robot's radius [m].
-        between_samples: Whether the path between two control steps must be clear as well.
-        stopping_time: How much longer than its model the robot takes to come to rest, at most [s].
-        max_prediction_error: Largest error of predicted odometry with which the robot drives [m].
-        stop_within_sight: Whether the robot can stop before what no sensor has seen yet.
-        max_odom_jump: Jump of odometry beyond what the wheels allow that is tolerated; 0 for any
-            [m].
-    """
-
-    margin: float = 0.0
-    between_samples: bool = True
-    stopping_time: float = 0.5
-    max_prediction_error: float = 0.5
-    stop_within_sight: bool = True
-    max_odom_jump: float = 0.1
-
-
-@dataclass(frozen=True)
-class MovingObstacles:
-    """How moving obstacles and other robots are considered.
-
-    Attributes:
-        capacity: Maximum number of moving obstacles considered; 0 for none.
-        timeout: Age at which an obstacle that is not reported again is dropped [s].
-        growth: Growth of their radii with the age of the report [m/s].
-        others: Namespaces of other robots whose plans are considered.
-        others_radius: Radius of the footprint of each of them [m].
-    """
-
-    capacity: int = 0
-    timeout: float = 1.0
-    growth: float = 0.05
-    others: tuple[str, ...] = ()
-    others_radius: float = 0.0
-
-    @property
-    def slots(self) -> int:
-        """Number of constraints a stage has for them, other robots included."""
-        return self.capacity + len(self.others)
 
 
 @dataclass(frozen=True)

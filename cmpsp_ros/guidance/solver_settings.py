@@ -1,9 +1,11 @@
-"""How plans are made: weights of the cost, the iteration, and where it begins."""
+"""Settings of the cost, the iteration, its initial guess, safety and moving obstacles."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Final, Literal
+
+from cmpsp_ros.setting import NOT_NEGATIVE, POSITIVE, Range, setting
 
 SCREENING: Final = 6
 """Initial iterations after which plans are compared."""
@@ -12,71 +14,118 @@ UNLIMITED: Final = 1 << 58
 """A limit of work that is never reached."""
 
 
+# fmt: off
 @dataclass(frozen=True)
 class Weights:
-    """Weights of the cost (95) and of two true control costs.
+    """Weights of the cost (95) and of two true control costs."""
 
-    Attributes:
-        road_center: ``q`` of (95), on the squared distance to the centre line [1/m^2].
-        control_change: ``R`` of (95), on the change between two iterations [s^2/rad^2]. It
-            vanishes at a fixed point: a proximal term, not a control cost.
-        control_effort: On the squared wheel speeds [s^2/rad^2].
-        control_rate: On the squared change of wheel speeds from one period to the next
-            [s^2/rad^2].
-    """
-
-    road_center: float = 15.0
-    control_change: float = 1.0
-    control_effort: float = 0.0
-    control_rate: float = 0.0
+    road_center: float = setting(15.0, '1/m^2',
+        'Weight on the squared distance to the centre line: `q` = 15 in the paper.', NOT_NEGATIVE)
+    # It vanishes at a fixed point: a proximal term, not a control cost.
+    control_change: float = setting(1.0, 's^2/rad^2',
+        'Weight on the change of wheel speeds between two iterations: `R` = I in the paper.',
+        POSITIVE)
+    control_effort: float = setting(0.0, 's^2/rad^2',
+        'Weight on the squared wheel speeds; not in the paper.', NOT_NEGATIVE)
+    control_rate: float = setting(0.0, 's^2/rad^2',
+        'Weight on the squared change of wheel speeds between control steps; not in the paper. A '
+        'value above 0 compiles its own kernels.', NOT_NEGATIVE, live=False)
 
 
 @dataclass(frozen=True)
 class SolverSettings:
-    """How the C-MPSP iteration is run at each control step.
+    """Iterations, candidates and limits of the C-MPSP solver at each control step."""
 
-    Attributes:
-        iterations_per_step: Iterations at each control step (the paper's "iteration unfolding").
-        initial_iterations: Iterations without a plan to warm-start from, at rest. Every candidate
-            gets `SCREENING` of them; the selected one gets the rest.
-        candidates: Number of plans compared at a control step; as many again may turn first.
-        qp: Name of the QP back end.
-        hessian: Hessian of the cost: Gauss-Newton, exact as it is, or exact and projected to PSD.
-        heading_trust_region: Largest predicted heading change of any stage in one iteration [rad];
-            0 means none.
-        work_rate: Stages that the computer's solver visits in a second [1/s].
-        work_share: Fraction of a control period that may be spent on solving; 0 means no limit.
-    """
-
-    iterations_per_step: int = 2
-    initial_iterations: int = 36
-    candidates: int = 4
-    qp: str = 'riccati_active_set'
-    hessian: Literal['gauss_newton', 'projected', 'exact'] = 'gauss_newton'
-    heading_trust_region: float = 0.6
-    work_rate: float = 4e7
-    work_share: float = 0.04
+    iterations_per_step: int = setting(2, '',
+        'Iterations at each control step, warm-started from the previous step.', Range(1, 100))
+    initial_iterations: int = setting(36, '',
+        'Iterations at the first control step, before the robot moves: every candidate gets six, '
+        'the selected one gets the rest. The paper uses as many as at any other step.',
+        Range(1, 100))
+    candidates: int = setting(4, '',
+        'Maximum number of candidate plans compared at a control step, one for each homotopy '
+        'class. If none is feasible for a robot at rest, as many again that first turn on the '
+        'spot are tried. 1: a single plan, as in the paper.', Range(1, 8))
+    qp: str = setting('riccati_active_set', '',
+        'Back end that solves the quadratic programs.', live=False)
+    hessian: Literal['gauss_newton', 'projected', 'exact'] = setting('gauss_newton', '',
+        'Hessian of the cost: `gauss_newton`, `exact`, which may be indefinite, or `projected`, '
+        'its positive semidefinite part.')
+    work_rate: float = setting(4e7, '1/s',
+        'Stages that the solver visits per second on this computer; `cmpsp warmup` measures it.',
+        POSITIVE)
+    work_share: float = setting(0.04, '',
+        'Fraction of a control period that a control step may spend on solving, four times as '
+        'much before the robot moves; 0: no limit. The current plan is improved first. Work is '
+        'counted, not timed, so a replay decides the same.', Range(0.0, 1.0))
+    heading_trust_region: float = setting(0.6, 'rad',
+        'Maximum change of heading at any stage in one iteration; 0: no limit.', NOT_NEGATIVE)
 
     def work_limit(self, period: float) -> int:
-        """Work that a control step may do, in visits of a stage.
+        """Work of a control step of this period [s], in visits of a stage.
 
         It is counted, not timed: a replay does just as much.
-
-        Args:
-            period: Control period [s].
         """
         return int(self.work_share * self.work_rate * period) or UNLIMITED
 
 
 @dataclass(frozen=True)
 class InitialGuess:
-    """Where the first control history comes from.
+    """Source of the first control history."""
 
-    Attributes:
-        type: ``road`` follows the centre line from wherever the robot stands, ``constant`` holds
-            ``wheel_speeds``.
-        wheel_speeds: Right and left wheel [rad/s], used by ``constant`` only.
-    """
+    type: Literal['road', 'constant'] = setting('road', '',
+        'First control history: `road` follows the centre line, `constant` holds '
+        '`initial_guess.wheel_speeds`.')
+    wheel_speeds: tuple[float, float] = setting((45.13, 44.63), 'rad/s',
+        'Wheel speeds (right, left) of the `constant` guess.')
 
-    type: Literal['road', 'constant'] = 'road'
-    wheel_speeds: tuple[float, float] = (45.13, 44.63)
+
+@dataclass(frozen=True)
+class MovingObstacles:
+    """How moving obstacles and other robots are considered."""
+
+    capacity: int = setting(0, '',
+        'Maximum number of moving obstacles considered; they arrive on `moving_obstacles`. 0: the '
+        'topic is not subscribed to.', Range(0, 64), live=False)
+    timeout: float = setting(1.0, 's',
+        'Age at which an obstacle that is not seen again is dropped.', POSITIVE)
+    growth: float = setting(0.05, 'm/s',
+        "Growth rate of an obstacle's predicted radius since it was last seen.", NOT_NEGATIVE)
+    others: tuple[str, ...] = setting((), '',
+        'Namespaces of other robots, as in `[/r1, /r2]`. Their plans on '
+        "`<namespace>/guidance/predicted_path` are avoided like moving obstacles. The robot's own "
+        'namespace is ignored, so all robots can share one list; omit it if there are none.',
+        live=False, key='others.namespaces')
+    others_radius: float = setting(0.0, 'm',
+        'Radius of the footprint of each of these robots.', NOT_NEGATIVE, key='others.radius')
+
+    @property
+    def slots(self) -> int:
+        """Number of constraints a stage has for them, other robots included."""
+        return self.capacity + len(self.others)
+
+
+@dataclass(frozen=True)
+class Safety:
+    """Clearances, and what stops the robot."""
+
+    margin: float = setting(0.0, 'm',
+        "Clearance from obstacles and road edges, beyond the robot's own radius.", NOT_NEGATIVE)
+    between_samples: bool = setting(True, '',
+        'Whether the path must also be clear between control steps.')
+    stopping_time: float = setting(0.5, 's',
+        'Delay of a stop, in addition to the modelled one, that is assumed where no plan passes '
+        'an obstacle: the robot approaches it slowly enough to stop before it.', NOT_NEGATIVE)
+    max_prediction_error: float = setting(0.5, 'm',
+        'Distance of odometry from its prediction one control step before at which the robot '
+        'stops. 0: predictions are not checked, and the response is not corrected.', NOT_NEGATIVE)
+    stop_within_sight: bool = setting(True, '',
+        'Whether a robot with sensors drives slowly enough to stop before space that they have '
+        'not seen.')
+    max_odom_jump: float = setting(0.1, 'm',
+        'Distance by which the position may differ between two odometry messages, beyond the '
+        'distance that the wheels allow, with a quarter more than their limit; and twice as many '
+        'radians for the heading. After a larger jump the robot stops until odometry was '
+        'consistent for a control period. 0, or without a limit of the wheels: not checked.',
+        NOT_NEGATIVE)
+# fmt: on

@@ -11,7 +11,7 @@ import numpy as np
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.decision import Decision, Plan
 from cmpsp_ros.guidance.horizon import to_nanoseconds
-from cmpsp_ros.guidance.messages.peer_trajectories import Seen
+from cmpsp_ros.guidance.messages.tracks import MovingObject
 from cmpsp_ros.guidance.mission.closed_road import ClosedRoad
 from cmpsp_ros.guidance.mission.goal_manager import GoalManager
 from cmpsp_ros.guidance.prediction.obstacle_tracker import ObstacleTracker
@@ -153,7 +153,7 @@ class LawState:
         self.due = 0 if self.start is None else self.now + 1
         self.ramp = NO_RAMP if is_lost else self.ramp
 
-    def sent(self, decision: Decision, tracks: tuple[Seen, ...] = ()) -> Decision:
+    def sent(self, decision: Decision, tracks: tuple[MovingObject, ...] = ()) -> Decision:
         """Note a command that is sent.
 
         Args:

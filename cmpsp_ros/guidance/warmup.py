@@ -13,9 +13,9 @@ from cmpsp_ros.guidance.formulation.ocp_formulation import OcpFormulation
 from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
 from cmpsp_ros.guidance.horizon_functions import remaining
 from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.guidance.planning.homotopy.free_gaps import fill_blocked
+from cmpsp_ros.guidance.planning.homotopy.gaps import fill_blocked
+from cmpsp_ros.guidance.planning.homotopy.path_search import searched_line
 from cmpsp_ros.guidance.planning.homotopy.road_frame import frame_along
-from cmpsp_ros.guidance.planning.homotopy.searched_line import searched_line
 from cmpsp_ros.guidance.planning.initial_trajectories import along_road
 from cmpsp_ros.guidance.planning.planner import Planner
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
@@ -78,8 +78,8 @@ def _see_something(settings: GuidanceSettings) -> None:
     sensor, nowhere = settings.sight.sensors[0], np.zeros(3)
     stamps, is_hit = np.zeros(2, np.int64), np.ones(2, dtype=bool)
     surroundings = Surroundings(settings.sight, settings.robot_radius, settings.footprint)
-    surroundings.hear(Sight(sensor, 0, stamps, np.zeros((2, 2)), np.eye(2), is_hit, is_sweep=True))
-    surroundings.note(0, nowhere)
+    surroundings.add(Sight(sensor, 0, stamps, np.zeros((2, 2)), np.eye(2), is_hit, is_sweep=True))
+    surroundings.update(0, nowhere)
     if (sighting := surroundings.at(0, nowhere)) is not None:
         law = GuidanceLaw(settings, settings.world)
         law.update(0, settings.road.middle(), (), sighting)

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import array
 import math
-from collections.abc import Sequence
+import sys
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
-from typing import Any, Final, Literal
+from types import SimpleNamespace
+from typing import Any, Final, Literal, get_args, get_origin, get_type_hints
 
 import numpy as np
 
 from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
+from cmpsp_ros.setting import ANY, Range, settings_of
 
 Node = Literal['guidance', 'sim']
 
@@ -40,40 +43,6 @@ REQUIRED: Final = Required.REQUIRED
 
 
 @dataclass(frozen=True)
-class Range:
-    """An interval of numbers.
-
-    Attributes:
-        low: Lower end.
-        high: Upper end.
-        low_open: Whether the lower end is excluded.
-        high_open: Whether the upper end is excluded.
-    """
-
-    low: float = -math.inf
-    high: float = math.inf
-    low_open: bool = False
-    high_open: bool = False
-
-    def __contains__(self, number: float) -> bool:
-        """Whether a number lies in the interval."""
-        above = number > self.low if self.low_open else number >= self.low
-        below = number < self.high if self.high_open else number <= self.high
-        return above and below
-
-    def __str__(self) -> str:
-        """The interval in the shortest words that are exact; empty when all numbers are in it."""
-        ends = []
-        if self.low > -math.inf:
-            ends.append(f'{">" if self.low_open else ">="} {self.low:.12g}')
-        if self.high < math.inf:
-            ends.append(f'{"<" if self.high_open else "<="} {self.high:.12g}')
-        if len(ends) == 2 and not self.low_open and not self.high_open:
-            return f'from {self.low:.12g} to {self.high:.12g}'
-        return ' and '.join(ends)
-
-
-@dataclass(frozen=True)
 class Parameter:
     """One row of the table.
 
@@ -98,7 +67,7 @@ class Parameter:
     description: str
     group: str
     nodes: frozenset[Node]
-    range: Range = Range()
+    range: Range = ANY
     choices: tuple[str, ...] = ()
     length: int | None = None
     reconfigurable: bool = True
@@ -220,7 +189,7 @@ class Parameter:
 
 
 class Group:
-    """Builds the parameters under one heading, those of these nodes unless `nodes` names others."""
+    """Parameters under one heading, those of these nodes unless `nodes` names others."""
 
     def __init__(self, heading: str, *nodes: Node) -> None:
         self._heading, self._nodes = heading, nodes
@@ -228,9 +197,72 @@ class Group:
     def __call__(
         self, name: str, type_: ParameterType, default: object, unit: str, text: str, **rest: Any
     ) -> Parameter:
-        """Build one; `rest` as in `Parameter`."""
+        """Make one; `rest` as in `Parameter`."""
         nodes = frozenset(rest.pop('nodes', self._nodes))
         return Parameter(name, type_, default, unit, text, self._heading, nodes, **rest)
+
+    def of(
+        self, kind: type, prefix: str = '', only: Collection[str] = (), **rest: Any
+    ) -> Iterator[Parameter]:
+        """Parameters of the settings that a dataclass declares.
+
+        Args:
+            kind: The dataclass.
+            prefix: Of their names.
+            only: Fields, if not all.
+            rest: As in `Parameter`.
+        """
+        declared = settings_of(kind)
+        hints = _annotations(kind, declared)
+        for field, each in declared.items():
+            if only and field not in only:
+                continue
+            type_, shape = _type_of(hints[field])
+            default = getattr(kind, field)
+            yield self(
+                each.key or f'{prefix}{field}',
+                type_,
+                list(default) if isinstance(default, tuple) else default,
+                each.unit,
+                each.description,
+                range=each.range,
+                reconfigurable=each.live,
+                **shape,
+                **rest,
+            )
+
+
+def fields_of(kind: type, values: Mapping[str, Any], prefix: str = '') -> dict[str, Any]:
+    """Values for the settings that a dataclass declares, by field; lists as tuples."""
+    found = {
+        name: values[each.key or f'{prefix}{name}'] for name, each in settings_of(kind).items()
+    }
+    return {k: tuple(v) if isinstance(v, list) else v for k, v in found.items()}
+
+
+def _annotations(kind: type, names: Iterable[str]) -> dict[str, Any]:
+    """Types of some fields; those of others may be known to a type checker only."""
+    some = SimpleNamespace(__annotations__={each: kind.__annotations__[each] for each in names})
+    return get_type_hints(some, vars(sys.modules[kind.__module__]))
+
+
+def _type_of(hint: Any) -> tuple[ParameterType, dict[str, Any]]:
+    """Type of a parameter, with its choices or its length."""
+    if hint in _TYPES:
+        return _TYPES[hint], {}
+    parts = get_args(hint)
+    if get_origin(hint) is Literal:
+        return ParameterType.STRING, {'choices': parts}
+    array = ParameterType.STRING_ARRAY if parts[0] is str else ParameterType.DOUBLE_ARRAY
+    return array, {} if parts[-1] is ... else {'length': len(parts)}
+
+
+_TYPES: Final = {
+    bool: ParameterType.BOOL,
+    int: ParameterType.INTEGER,
+    float: ParameterType.DOUBLE,
+    str: ParameterType.STRING,
+}
 
 
 def _plain(value: object) -> object:

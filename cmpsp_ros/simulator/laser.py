@@ -6,7 +6,6 @@ The robot moves while a scan is made: each beam starts from the pose of its own 
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -16,51 +15,9 @@ from cmpsp_ros.robots import arc_ends
 from cmpsp_ros.simulator.body import Motion
 from cmpsp_ros.simulator.random_streams import Stream, generator
 from cmpsp_ros.simulator.ray_casting import cast
+from cmpsp_ros.simulator.settings import LaserSettings
 
 _NS = 1_000_000_000
-
-
-@dataclass(frozen=True)
-class LaserSettings:
-    """What a scanner is like.
-
-    Attributes:
-        rate: Scans a second [Hz].
-        pose: Where it is on the robot (x, y, heading) [m, m, rad].
-        angle_min: Of the first beam, in the scanner's frame [rad].
-        angle_max: Of the last beam [rad].
-        count: Beams in a scan, two or more.
-        time_increment: From one beam to the next [s].
-        range_min: Shorter ranges are reported as ``-inf`` (REP 117) [m].
-        range_max: Longer ranges are reported as ``inf`` [m].
-        stddev: Standard deviation of the noise on each range [m].
-        dropout: Probability that a beam measures nothing, reported as NaN.
-        missed_return: Probability that a beam passes through what it should hit.
-        seed: Of all that is random.
-    """
-
-    rate: float
-    pose: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    angle_min: float = -np.pi
-    angle_max: float = np.pi
-    count: int = 360
-    time_increment: float = 0.0
-    range_min: float = 0.0
-    range_max: float = 8.0
-    stddev: float = 0.0
-    dropout: float = 0.0
-    missed_return: float = 0.0
-    seed: int = 0
-
-    @property
-    def angles(self) -> Array:
-        """Of all beams, shape ``(count,)`` [rad]."""
-        return self.angle_min + self.angle_increment * np.arange(self.count, dtype=np.float64)
-
-    @property
-    def angle_increment(self) -> float:
-        """From one beam to the next [rad]."""
-        return (self.angle_max - self.angle_min) / (self.count - 1)
 
 
 class Scan(NamedTuple):

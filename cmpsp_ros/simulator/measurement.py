@@ -2,34 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.simulator.random_streams import Stream, generator
-
-
-@dataclass(frozen=True)
-class OdometryErrors:
-    """How odometry differs from the truth; by default not at all.
-
-    Attributes:
-        position_stddev: Standard deviation of the white noise on x and on y [m].
-        heading_stddev: Standard deviation of the white noise on the heading [rad].
-        bias: Constant error (x, y, heading) [m, m, rad].
-        drift: Error that grows with time, from 0 at the start (x, y, heading) [m/s, m/s, rad/s].
-        dropout: Probability that a message is lost, each by itself.
-        dropout_windows: Stretches of time ``(begin, end)`` since the start in which every message
-            is lost, that at the end no longer [s].
-    """
-
-    position_stddev: float = 0.0
-    heading_stddev: float = 0.0
-    bias: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    drift: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    dropout: float = 0.0
-    dropout_windows: tuple[tuple[float, float], ...] = ()
+from cmpsp_ros.simulator.settings import OdometryErrors
 
 
 class Measurement:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from cmpsp_ros.simulator.plant import PlantSettings
 from cmpsp_ros.simulator.random_streams import Stream, generator
+from cmpsp_ros.simulator.settings import PlantSettings
 
 _NS = 1_000_000_000
 

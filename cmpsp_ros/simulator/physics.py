@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 from cmpsp_ros.robots import Robot
+from cmpsp_ros.simulator.settings import Physics
 
 TIMESTEP_NS: Final = 1_000_000
 """Step of the integration [ns]."""
@@ -16,24 +16,6 @@ _STIFFNESS: Final = 0.05
 
 class PhysicsError(ValueError):
     """MuJoCo is asked for and cannot be used; the message says why."""
-
-
-@dataclass(frozen=True)
-class Physics:
-    """What a robot has besides its shape.
-
-    Attributes:
-        mass: Of the whole robot [kg].
-        friction: Sliding friction between tyre and floor.
-        torque: Most that one motor gives [N m].
-        encoders: Whether odometry comes from wheel encoders, dead reckoning from the initial pose,
-            and not from the true pose.
-    """
-
-    mass: float = 1.0
-    friction: float = 1.0
-    torque: float = 0.2
-    encoders: bool = False
 
 
 def mjcf(robot: Robot, physics: Physics, wheel_lag: float) -> str:

@@ -98,7 +98,11 @@ class PhysicsBody:
 
     def odometry(self, stamp_ns: int) -> Array:
         """What the encoders make of the way, or the true pose."""
-        return self._reckoned.copy() if self._physics.encoders else self.motion(stamp_ns).pose
+        return (
+            self._reckoned.copy()
+            if self._physics.odometry == 'encoders'
+            else self.motion(stamp_ns).pose
+        )
 
     @property
     def _reached_ns(self) -> int:

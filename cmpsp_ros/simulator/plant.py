@@ -10,61 +10,22 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.robots import Robot
 from cmpsp_ros.simulator.arc_body import ArcBody
 from cmpsp_ros.simulator.body import Body, Motion
-from cmpsp_ros.simulator.measurement import Measurement, OdometryErrors
-from cmpsp_ros.simulator.physics import Physics
+from cmpsp_ros.simulator.measurement import Measurement
 from cmpsp_ros.simulator.random_streams import Stream, generator
+from cmpsp_ros.simulator.settings import PlantSettings
 
 _NS = 1_000_000_000
 
 
 class TwistError(ValueError):
     """A commanded twist that no wheel can follow because it is not a number."""
-
-
-@dataclass(frozen=True)
-class PlantSettings:
-    """All that the simulated robot depends on.
-
-    Attributes:
-        robot: Kinematics and limits.
-        initial_pose: Pose at the start and after a reset (x, y, heading) [m, m, rad].
-        odom_rate: Odometry messages a second [Hz].
-        odom_jitter: Longest delay of one of their instants, evenly distributed [s].
-        cmd_vel_timeout: Time for which a command holds once it has taken effect [s]; 0 means for
-            ever.
-        actuation_delay: Time from a command to its effect [s].
-        actuation_jitter: Longest time that a command takes beyond it, evenly distributed [s].
-        actuation_period: Period at which the robot's controller takes commands; 0 for at once [s].
-        wheel_lag: Time constant with which the wheels follow a command [s].
-        wheel_slip: Part of its turning by which each wheel (right, left) fails to move the robot.
-        wheel_slip_stddev: Standard deviation of what is added to it, for each wheel and command.
-        odometry: How odometry differs from the truth.
-        seed: Of all that is random.
-        physics: Mass, friction and motors of a robot that has them; None for exact arcs.
-    """
-
-    robot: Robot
-    initial_pose: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    odom_rate: float = 50.0
-    odom_jitter: float = 0.0
-    cmd_vel_timeout: float = 0.5
-    actuation_delay: float = 0.0
-    actuation_jitter: float = 0.0
-    actuation_period: float = 0.0
-    wheel_lag: float = 0.0
-    wheel_slip: tuple[float, float] = (0.0, 0.0)
-    wheel_slip_stddev: float = 0.0
-    odometry: OdometryErrors = field(default_factory=OdometryErrors)
-    seed: int = 0
-    physics: Physics | None = None
 
 
 @dataclass(frozen=True)

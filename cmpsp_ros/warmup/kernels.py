@@ -23,13 +23,8 @@ from cmpsp_ros.mpsp.qp import CLARABEL, RICCATI_ACTIVE_SET
 from cmpsp_ros.mpsp.qp.active_set import correct, empty_active_set, empty_warm_start
 from cmpsp_ros.mpsp.qp.active_set import solve as solve_program
 from cmpsp_ros.mpsp.qp.riccati import empty_program
-from cmpsp_ros.parameters import (
-    TABLE,
-    guidance_settings,
-    load_parameter_file,
-    preset_names,
-    robots_in,
-)
+from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
+from cmpsp_ros.parameters.files import preset_names, robots_in
 from cmpsp_ros.sensing import Beams, LocalGrid
 from cmpsp_ros.simulator import cast
 from cmpsp_ros.warmup.process_pool import new_pool

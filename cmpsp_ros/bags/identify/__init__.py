@@ -12,7 +12,7 @@ from cmpsp_ros.bags.identify.estimates import Identification, identification
 from cmpsp_ros.bags.identify.excitation import RADIUS, excitation
 from cmpsp_ros.bags.identify.parameter_file import write_parameters
 from cmpsp_ros.bags.identify.picture import draw
-from cmpsp_ros.parameters import load_robot
+from cmpsp_ros.parameters.files import load_robot
 
 
 def identify(

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.identify.estimates import Identification
-from cmpsp_ros.parameters import dump
+from cmpsp_ros.parameters.files import dump
 
 
 def write_parameters(path: Path, robot: Identification) -> None:

@@ -21,9 +21,9 @@ from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.replay.node_parameters import hidden_obstacles
 from cmpsp_ros.bags.runs.run import Driven, Planned, plans_in
 from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings, World
-from cmpsp_ros.guidance.messages import Track, stamp_of
+from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.robots import Signal
-from cmpsp_ros.sensing import grid_of
+from cmpsp_ros.sensing import grid_of, stamp_of
 from cmpsp_ros.view import Part, bodies, body, course, disc, kept_clear, trail
 from cmpsp_ros.world.grids import GridError, OccupancyGrid
 from cmpsp_ros.world.obstacles import Shape

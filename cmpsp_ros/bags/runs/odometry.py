@@ -13,7 +13,8 @@ from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.runs.run import Driven
 from cmpsp_ros.guidance import NANOSECONDS
-from cmpsp_ros.guidance.messages import OdometryError, pose_of, stamp_of
+from cmpsp_ros.guidance.messages import OdometryError, OdometryReading
+from cmpsp_ros.sensing import stamp_of
 
 Stamps = IntArray
 
@@ -153,7 +154,7 @@ def _rows(bag: Bag, topic: str, frame_id: str | None) -> Iterator[tuple[int, int
     for received, message in bag.messages(topic):
         frame = message.header.frame_id
         try:
-            pose = pose_of(message, frame if frame_id is None else frame_id)
+            pose = OdometryReading.of(message).pose_in(frame if frame_id is None else frame_id)
         except OdometryError as error:
             raise BagError(f'{bag.path}: {topic}, received at {received} ns: {error}') from error
         variances = np.nan_to_num(message.pose.covariance[[0, 7, 35]]).clip(min=0.0)

@@ -13,8 +13,9 @@ from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.runs.tracks import read_tracks
 from cmpsp_ros.guidance import NANOSECONDS
-from cmpsp_ros.guidance.messages import Track, heading_of, stamp_of
+from cmpsp_ros.guidance.messages import Track, heading_of
 from cmpsp_ros.robots import arc_ends, plain
+from cmpsp_ros.sensing import stamp_of
 
 Stamps = IntArray
 

@@ -18,9 +18,9 @@ from sensor_msgs.msg import JointState, LaserScan, PointCloud2
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
-from cmpsp_ros.guidance.messages import plan_topic
+from cmpsp_ros.guidance.messages import PeerTrajectory
 from cmpsp_ros.nodes.common.topic import Topic
-from cmpsp_ros.parameters import with_section
+from cmpsp_ros.parameters.files import with_section
 
 OF_A_RUN = 1000
 """Depth for topics that are recorded.
@@ -311,7 +311,7 @@ TOPICS = tuple(value for value in list(globals().values()) if isinstance(value, 
 
 def plans_of(namespace: str) -> Topic:
     """Where another robot publishes its plans."""
-    return replace(OTHER_PLANS, name=plan_topic(namespace))
+    return replace(OTHER_PLANS, name=PeerTrajectory.topic(namespace))
 
 
 def markdown_table() -> str:

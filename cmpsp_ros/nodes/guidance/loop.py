@@ -7,7 +7,7 @@ import time
 from typing import TYPE_CHECKING
 
 from cmpsp_ros.guidance import NANOSECONDS, NEVER, FallbackLevel, GuidanceLaw
-from cmpsp_ros.guidance.messages import Arrival, OdometryError, OdometryGate, stamp_of
+from cmpsp_ros.guidance.messages import Arrival, OdometryError, OdometryGate
 from cmpsp_ros.guidance.mission import reason_not_to_begin
 from cmpsp_ros.nodes.common.health import StepTimes
 from cmpsp_ros.nodes.guidance.inputs.clock_watchdog import ClockWatch
@@ -189,9 +189,9 @@ class GuidanceLoop:
         began, now = time.perf_counter_ns(), self._now()
         try:
             period = self._settings.control_period
-            message, newest = self._odometry.newest(data, now, period, self._law.is_due)
-            pose, is_transformed = self._transforms.pose_of(message, newest)
-            stamp, before = stamp_of(message), self.gate.newest
+            reading, newest = self._odometry.newest(data, now, period, self._law.is_due)
+            pose, is_transformed = self._transforms.pose_of(reading, newest)
+            stamp, before = reading.stamp, self.gate.newest
             arrival = self.gate.take(stamp, pose, now, self._settings)
         except OdometryError as error:
             self.gate.refuse(f'{error} {self._odometry.warning()}'.strip())
@@ -200,7 +200,7 @@ class GuidanceLoop:
         if arrival is Arrival.IGNORED:
             return
         self.times.hear((now - stamp) / 1e6)
-        self._outputs.name_robot(self._transforms.robot_frame(message.child_frame_id))
+        self._outputs.name_robot(self._transforms.robot_frame(reading.child_frame_id))
         self.watchdog.end(now)
         self._pose = pose.tolist()
         if arrival is Arrival.TIME_JUMPED_BACK and before is not None:
@@ -210,9 +210,7 @@ class GuidanceLoop:
             self._sensors.note(stamp, pose)
             self._halt_for_odometry()
             return
-        if not self._begun and (
-            why := reason_not_to_begin(self._settings, pose)
-        ):
+        if not self._begun and (why := reason_not_to_begin(self._settings, pose)):
             self._halt_for(why)
             return
         blindness = self._sensors.note(stamp, pose)

@@ -31,11 +31,11 @@ from cmpsp_ros.parameters import (
     TABLE,
     ParameterError,
     Problem,
+    course_problems,
     guidance_settings,
-    is_of_ros,
+    lacks_road,
     plausibility_warnings,
 )
-from cmpsp_ros.parameters.courses import course_problems, lacks_road
 from cmpsp_ros.quick_exit import quick_exit
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ class GuidanceNode(LifecycleNode):
         self._bond = LifecycleBond(self)
         self._given = set(overrides(self))
         try:
-            self._values = declare(self, TABLE, 'guidance')
+            self._values = declare(self, 'guidance')
         except ParameterError as error:
             self._refusal = str(error)
         self.add_on_set_parameters_callback(self._check_parameters)
@@ -238,7 +238,7 @@ class GuidanceNode(LifecycleNode):
     def _changed(self, parameters: list[Parameter]) -> tuple[Values, GuidanceSettings]:
         if self._values is None:
             raise ParameterError(Problem('guidance', 'a refused set of parameters', 'a restart'))
-        changes = {each.name: each.value for each in parameters if not is_of_ros(each.name)}
+        changes = {each.name: each.value for each in parameters}
         values = TABLE.reconfigure(self._values, changes)
         if lacks_road(values) and not lacks_road(self._values):
             raise ParameterError(Problem('road.points', 'nothing', 'a road, as there is one'))

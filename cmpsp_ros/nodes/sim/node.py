@@ -36,14 +36,7 @@ from cmpsp_ros.nodes.common.topics import (
 from cmpsp_ros.nodes.sim.moving_obstacles import Traffic
 from cmpsp_ros.nodes.sim.pace import Lockstep, RealTime
 from cmpsp_ros.nodes.sim.scanner import Scanner
-from cmpsp_ros.parameters import (
-    TABLE,
-    ParameterError,
-    check_pace,
-    check_start,
-    is_of_ros,
-    plant_settings,
-)
+from cmpsp_ros.parameters import TABLE, ParameterError, check_pace, check_start, plant_settings
 from cmpsp_ros.quick_exit import quick_exit
 from cmpsp_ros.robots import with_side
 from cmpsp_ros.simulator import OdometrySchedule, Plant, TwistError
@@ -69,7 +62,7 @@ class SimNode(Node):
 
     def __init__(self) -> None:
         super().__init__('sim')
-        self.values: Values = declare(self, TABLE, 'sim')
+        self.values: Values = declare(self, 'sim')
         settings = plant_settings(self.values)
         check_start(self.values)
         check_pace(self.values)
@@ -231,7 +224,7 @@ class SimNode(Node):
         return response
 
     def _on_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
-        changes = {each.name: each.value for each in parameters if not is_of_ros(each.name)}
+        changes = {each.name: each.value for each in parameters}
         try:
             values = TABLE.reconfigure(self.values, changes)
         except ParameterError as error:

@@ -11,8 +11,7 @@ from rclpy.time import Time
 from sensor_msgs.msg import LaserScan
 
 from cmpsp_ros.nodes.common.topics import SIM_SCAN
-from cmpsp_ros.parameters.courses import obstacles_of, road_of, shapes_of
-from cmpsp_ros.parameters.robots import OWN_OBSTACLES, laser_settings
+from cmpsp_ros.parameters import laser_settings, scenery
 from cmpsp_ros.simulator import Laser, discs_of, edges_of
 
 if TYPE_CHECKING:
@@ -49,8 +48,7 @@ class Scanner:
 
     def look_around(self, values: Values) -> None:
         """Take in the shapes of a course."""
-        shapes = obstacles_of(values) + shapes_of(values, OWN_OBSTACLES)
-        lines = road_of(values).edges() if values['sim.scan.road_edges'] else ()
+        shapes, lines = scenery(values)
         self._edges, self._discs = edges_of(shapes, lines), discs_of(shapes)
 
     def reset(self, motion: Motion) -> None:

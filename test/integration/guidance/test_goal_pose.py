@@ -11,7 +11,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from visualization_msgs.msg import MarkerArray
 
 from cmpsp_ros.guidance import GuidanceLaw
-from cmpsp_ros.guidance.messages import goal_of, pose_of
+from cmpsp_ros.guidance.messages import OdometryReading, goal_of
 from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 
 pytestmark = pytest.mark.integration
@@ -58,7 +58,7 @@ def test_a_goal_is_driven_to_and_one_in_another_frame_refused(
         nonlocal pose, stamp
         message = make_odometry(stamp, pose)
         heard, _ = client.decide(message)
-        decision = law.update(stamp, pose_of(message, 'odom'))
+        decision = law.update(stamp, OdometryReading.of(message).pose_in('odom'))
         pose, stamp = decision.plan.poses[1], stamp + PERIOD_NS
         return heard, decision
 

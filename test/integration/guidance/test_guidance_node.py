@@ -13,7 +13,7 @@ from rclpy.time import Time
 from visualization_msgs.msg import Marker, MarkerArray
 
 from cmpsp_ros.guidance import GuidanceLaw
-from cmpsp_ros.guidance.messages import pose_of
+from cmpsp_ros.guidance.messages import OdometryReading
 from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 
 pytestmark = pytest.mark.integration
@@ -117,7 +117,7 @@ def test_one_command_at_each_control_instant_as_the_law_says(
     for step, stamp in enumerate(stamps):
         message = make_odometry(stamp, pose)
         decision, command = client.decide(message)
-        wanted = law.update(stamp, pose_of(message, 'odom'))
+        wanted = law.update(stamp, OdometryReading.of(message).pose_in('odom'))
         assert command == tuple(wanted.twist.tolist())
         assert len(client.commands) == len(client.decisions) == step + 1
         assert decision['reason'] == wanted.reason
@@ -267,7 +267,10 @@ def test_parameters_change_while_it_drives_as_one_valid_set_or_not_at_all(start_
         ),
         ({'obstacles.names': '[a, b, rock]'}, ['obstacles.rock.center:', 'found nothing']),
         ({'road.inner_radius': 11.0}, ['road.inner_radius:', 'found 11.0 m', 'less than']),
-        ({'goal.position': '[5.0, 0.0]'}, ['goal.position:', '5 m from road.center']),
+        (
+            {'goal.position': '[5.0, 0.0]'},
+            ['goal.position:', '4 m inside or beyond the inner road edge'],
+        ),
     ],
 )
 def test_what_it_cannot_be_started_with_is_said_and_nothing_is_commanded(

@@ -56,7 +56,7 @@ def drive(robots, seconds, late=0):
         for _, plan in arrived:
             for each in robots:
                 if each.name != plan.id:
-                    each.known.hear([plan])
+                    each.known.add([plan])
         for each in robots:
             if stamp >= each.offset and (stamp - each.offset) % PERIOD == 0:
                 on_the_way.append((stamp + late, each.decide(stamp)))

@@ -22,7 +22,8 @@ from rclpy.time import Time
 from scenarios import FIRST, PAPER, ROAD, SECOND, START, reconfigure, settings
 
 from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw, Safety, Weights
-from cmpsp_ros.guidance.messages import Arrival, OdometryError, OdometryGate, pose_of, stamp_of
+from cmpsp_ros.guidance.messages import Arrival, OdometryError, OdometryGate, OdometryReading
+from cmpsp_ros.sensing import stamp_of
 
 SECOND_NS = 1_000_000_000
 PIECES = 50
@@ -131,7 +132,7 @@ class Drive:
 
     def hear(self, message):
         try:
-            pose, stamp = pose_of(message, 'odom'), stamp_of(message)
+            pose, stamp = OdometryReading.of(message).pose_in('odom'), stamp_of(message)
             arrival = self.gate.take(stamp, pose, self.now, self.given)
         except OdometryError as error:
             self.outcomes['refused'] += 1

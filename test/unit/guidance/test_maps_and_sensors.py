@@ -12,8 +12,7 @@ from seeing import Drive
 from cmpsp_ros.guidance import MAP, SEEN, FallbackLevel
 from cmpsp_ros.guidance.planning.seen_way import searched_with
 from cmpsp_ros.guidance.world import NOT_SEARCHED
-from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
-from cmpsp_ros.parameters.courses import text_of
+from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file, text_of
 from cmpsp_ros.world import FreeSpace
 from cmpsp_ros.world.grids import Cell, OccupancyGrid
 

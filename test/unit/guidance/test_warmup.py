@@ -29,7 +29,7 @@ from cmpsp_ros.guidance.warmup import prepare
 from cmpsp_ros.mpsp.qp import riccati_backend
 from cmpsp_ros.mpsp.qp.riccati.outcome import ITERATION_LIMIT
 from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.presets import load_parameter_file
+from cmpsp_ros.parameters import load_parameter_file
 from cmpsp_ros.parameters.settings import guidance_settings
 
 

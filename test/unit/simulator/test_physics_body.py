@@ -57,11 +57,11 @@ def test_on_ice_it_spins_its_wheels():
 
 
 def test_encoders_count_what_the_wheels_turn_and_not_what_it_moves():
-    encoders = {'physics': Physics(encoders=True, friction=0.05)}
+    encoders = {'physics': Physics(odometry='encoders', friction=0.05)}
     plant, _ = driven(0.5, 1.5, 0.0, **encoders)
     reckoned = plant.measure()
     assert math.dist(reckoned[:2], (1.0, -2.0)) > 3.0 * math.dist(plant.pose[:2], (1.0, -2.0))
-    gentle, _ = driven(2.0, 0.3, 0.2, physics=Physics(encoders=True))
+    gentle, _ = driven(2.0, 0.3, 0.2, physics=Physics(odometry='encoders'))
     assert gentle.measure() == pytest.approx(gentle.pose, abs=0.02)
     assert driven(0.5, 0.5, 0.0)[0].measure() == pytest.approx(driven(0.5, 0.5, 0.0)[0].pose)
 

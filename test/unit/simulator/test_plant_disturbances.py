@@ -15,6 +15,7 @@ from cmpsp_ros.simulator import OdometryErrors, Plant, PlantSettings
 MS = 1_000_000
 SECOND = 1000 * MS
 LIMITED = DifferentialDrive(max_wheel_speed=51.0)
+ORIGIN = (0.0, 0.0, 0.0)
 unhurried = hypothesis_settings(deadline=None)
 """The first call of a kernel compiles it."""
 
@@ -26,6 +27,7 @@ command_lists = st.lists(st.tuples(instants, twists), max_size=6).map(
 disturbed = st.builds(
     PlantSettings,
     robot=st.just(LIMITED),
+    initial_pose=st.just(ORIGIN),
     cmd_vel_timeout=st.sampled_from([0.0, 0.05, 0.5]),
     actuation_delay=st.sampled_from([0.0, 0.06]),
     actuation_jitter=st.sampled_from([0.0, 0.3]),
@@ -116,7 +118,7 @@ def test_every_disturbance_has_random_numbers_of_its_own(settings, commands):
 
 
 def test_slip_takes_its_part_of_what_each_wheel_turns():
-    plant = Plant(PlantSettings(LIMITED, cmd_vel_timeout=0.0, wheel_slip=(0.1, 0.2)))
+    plant = Plant(PlantSettings(LIMITED, ORIGIN, cmd_vel_timeout=0.0, wheel_slip=(0.1, 0.2)))
     plant.command(0, 1.0, 0.0)
     plant.advance(SECOND)
     turned = 1.0 / 0.035
@@ -126,7 +128,9 @@ def test_slip_takes_its_part_of_what_each_wheel_turns():
 
 
 def test_random_slip_is_drawn_anew_for_each_wheel_and_command():
-    plant = Plant(PlantSettings(LIMITED, wheel_slip=(0.1, 0.1), wheel_slip_stddev=0.02, seed=3))
+    plant = Plant(
+        PlantSettings(LIMITED, ORIGIN, wheel_slip=(0.1, 0.1), wheel_slip_stddev=0.02, seed=3)
+    )
     grips = []
     for k in range(400):
         plant.command(k * 10 * MS, 1.0, 0.0)
@@ -138,7 +142,7 @@ def test_random_slip_is_drawn_anew_for_each_wheel_and_command():
 
 
 def test_a_wheel_that_has_lost_its_grip_pushes_nowhere():
-    plant = Plant(PlantSettings(LIMITED, wheel_slip=(1.0, 1.0), wheel_slip_stddev=0.0))
+    plant = Plant(PlantSettings(LIMITED, ORIGIN, wheel_slip=(1.0, 1.0), wheel_slip_stddev=0.0))
     plant.command(0, 1.0, 1.0)
     plant.advance(SECOND)
     assert (plant.pose == 0.0).all()
@@ -146,7 +150,9 @@ def test_a_wheel_that_has_lost_its_grip_pushes_nowhere():
 
 def test_the_delay_varies_between_its_bounds():
     plant = Plant(
-        PlantSettings(LIMITED, cmd_vel_timeout=0.0, actuation_delay=0.05, actuation_jitter=0.02)
+        PlantSettings(
+            LIMITED, ORIGIN, cmd_vel_timeout=0.0, actuation_delay=0.05, actuation_jitter=0.02
+        )
     )
     delays = []
     for k in range(300):
@@ -158,7 +164,9 @@ def test_the_delay_varies_between_its_bounds():
 
 
 def test_a_controller_with_a_period_takes_commands_at_its_next_instant():
-    given = PlantSettings(LIMITED, cmd_vel_timeout=0.0, actuation_delay=0.05, actuation_period=0.03)
+    given = PlantSettings(
+        LIMITED, ORIGIN, cmd_vel_timeout=0.0, actuation_delay=0.05, actuation_period=0.03
+    )
     plant = Plant(given, 7)
     plant.command(7 + 5 * MS, 0.1, 0.0)
     plant.command(7 + 9 * MS, 0.2, 0.0)
@@ -188,7 +196,7 @@ def integrated(twist_of, end, slices=40_000):
 )
 @pytest.mark.parametrize('lag', [0.02, 0.1, 0.5])
 def test_the_lagging_robot_agrees_with_its_differential_equation(twist, error, lag):
-    plant = Plant(PlantSettings(LIMITED, cmd_vel_timeout=0.0, wheel_lag=lag))
+    plant = Plant(PlantSettings(LIMITED, ORIGIN, cmd_vel_timeout=0.0, wheel_lag=lag))
     plant.command(0, *twist)
     plant.advance(2 * SECOND)
 
@@ -203,7 +211,7 @@ def test_the_lagging_robot_agrees_with_its_differential_equation(twist, error, l
 
 
 def test_lag_goes_on_from_the_speed_reached_when_the_command_changes():
-    plant = Plant(PlantSettings(LIMITED, cmd_vel_timeout=0.0, wheel_lag=0.1))
+    plant = Plant(PlantSettings(LIMITED, ORIGIN, cmd_vel_timeout=0.0, wheel_lag=0.1))
     plant.command(0, 1.0, 0.0)
     plant.advance(123 * MS)
     plant.command(123 * MS, -1.0, 0.0)
@@ -218,7 +226,7 @@ def test_lag_goes_on_from_the_speed_reached_when_the_command_changes():
 
 
 def test_other_settings_change_the_lag_from_now_on_and_the_speed_goes_on():
-    settings = PlantSettings(LIMITED, cmd_vel_timeout=0.0, wheel_lag=0.1)
+    settings = PlantSettings(LIMITED, ORIGIN, cmd_vel_timeout=0.0, wheel_lag=0.1)
     plant = Plant(settings)
     plant.command(0, 1.0, 0.0)
     plant.advance(101 * MS)
@@ -232,7 +240,7 @@ def test_other_settings_change_the_lag_from_now_on_and_the_speed_goes_on():
 
 def test_a_reset_begins_everything_random_again():
     settings = PlantSettings(
-        LIMITED, actuation_jitter=0.1, wheel_lag=0.1, wheel_slip_stddev=0.1, seed=4
+        LIMITED, ORIGIN, actuation_jitter=0.1, wheel_lag=0.1, wheel_slip_stddev=0.1, seed=4
     )
     plant, runs = Plant(settings), []
     for start in (0, 7 * SECOND):

@@ -232,7 +232,8 @@ def shift_warm_start(p: Program, warm: Indices) -> None:
         row, saturated = warm[i], warm[i] < 0
         if saturated:
             row = -1 - row
-        if row >= terminal:
+        # Outputs have no stage; those at minus their penalty are `AT_LOWER` and above.
+        if terminal <= row < AT_LOWER:
             row -= over
             if not terminal <= row < last:
                 continue

@@ -13,7 +13,7 @@ from cmpsp_ros.guidance import NANOSECONDS
 from cmpsp_ros.guidance.messages import TransformError, compose
 from cmpsp_ros.nodes.common.parameters import change_parameters
 from cmpsp_ros.nodes.common.topics import GUIDANCE_MAP
-from cmpsp_ros.parameters.courses import text_of
+from cmpsp_ros.parameters import text_of
 from cmpsp_ros.sensing import grid_of, stamp_of, updated
 
 try:

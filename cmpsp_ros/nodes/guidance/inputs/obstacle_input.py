@@ -6,14 +6,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from cmpsp_ros.guidance import NANOSECONDS
-from cmpsp_ros.guidance.messages import (
-    PeerTrajectory,
-    TrackError,
-    Tracks,
-    check_age,
-    plan_of,
-    stamp_of,
-)
+from cmpsp_ros.guidance.messages import PeerTrajectory, TrackError, Tracks, check_track_age
 from cmpsp_ros.nodes.common.topics import GUIDANCE_MOVING, plans_of
 from cmpsp_ros.nodes.timing.drain_queue import drain_queue
 
@@ -24,7 +17,7 @@ if TYPE_CHECKING:
     from sensor_msgs.msg import PointCloud2
 
     from cmpsp_ros.guidance import GuidanceSettings
-    from cmpsp_ros.guidance.messages import Seen, Track
+    from cmpsp_ros.guidance.messages import MovingObject, Track
     from cmpsp_ros.nodes.guidance.inputs.transform_input import TransformInput
 
 _THROTTLE = 2.0
@@ -59,7 +52,7 @@ class ObstacleInput:
             if each != own
         )
 
-    def at(self, stamp: int) -> tuple[Seen, ...]:
+    def at(self, stamp: int) -> tuple[MovingObject, ...]:
         """What is known at a time [ns]: obstacles by their numbers, then robots by their names."""
         if not self._subscriptions:
             return ()
@@ -94,22 +87,22 @@ class ObstacleInput:
             self._refuse(GUIDANCE_MOVING.name, error)
         else:
             self._refusals[GUIDANCE_MOVING.name] = ''
-            self._tracks.hear(tracks)
+            self._tracks.add(tracks)
 
     def _hear_plan(self, namespace: str, message: Path) -> None:
         try:
-            plan = plan_of(message, namespace, self.settings.frame_id)
+            plan = PeerTrajectory.of(message, namespace, self.settings.frame_id)
             self._check_age(message, f'The plan of {namespace} is')
         except TrackError as error:
             self._refuse(plans_of(namespace).name, error)
         else:
             self._refusals[plans_of(namespace).name] = ''
-            self._plans.hear([plan])
+            self._plans.add([plan])
             self._heard[namespace] = plan
 
     def _check_age(self, message: PointCloud2 | Path, what: str) -> None:
         now = self._node.get_clock().now().nanoseconds
-        check_age(stamp_of(message), now, self.settings.moving_obstacles.timeout, what)
+        check_track_age(message, now, self.settings.moving_obstacles.timeout, what)
 
     def _refuse(self, topic: str, error: TrackError) -> None:
         self._refusals[topic] = str(error)

@@ -8,9 +8,9 @@ long as deciding on it. So the subscription is asked for the bytes: a message in
 from __future__ import annotations
 
 import struct
-from typing import NamedTuple
 
-from cmpsp_ros.guidance.messages import OdometryError
+from cmpsp_ros.guidance import NANOSECONDS
+from cmpsp_ros.guidance.messages import OdometryError, OdometryReading
 
 _HEADER = 4
 """Bytes of the encapsulation header; alignment counts from its end."""
@@ -23,48 +23,8 @@ _LITTLE_ENDIAN, _BIG_ENDIAN = (
 _UNREADABLE = 'Odometry cannot be read: found {} bytes that are no nav_msgs/Odometry in CDR.'
 
 
-class _Stamp(NamedTuple):
-    sec: int
-    nanosec: int
-
-
-class _Header(NamedTuple):
-    stamp: _Stamp
-    frame_id: str
-
-
-class _Point(NamedTuple):
-    x: float
-    y: float
-    z: float
-
-
-class _Quaternion(NamedTuple):
-    x: float
-    y: float
-    z: float
-    w: float
-
-
-class _Pose(NamedTuple):
-    position: _Point
-    orientation: _Quaternion
-
-
-class _PoseWithCovariance(NamedTuple):
-    pose: _Pose
-
-
-class Odometry(NamedTuple):
-    """What is read of a `nav_msgs/Odometry`, by the names that it has there."""
-
-    header: _Header
-    child_frame_id: str
-    pose: _PoseWithCovariance
-
-
-def read_odometry(data: bytes) -> Odometry:
-    """Read a serialised message.
+def read_odometry(data: bytes) -> OdometryReading:
+    """Read a serialised `nav_msgs/Odometry`.
 
     Raises:
         OdometryError: It is none.
@@ -74,12 +34,12 @@ def read_odometry(data: bytes) -> Odometry:
         sec, nanosec = stamp.unpack_from(data, _HEADER)
         frame_id, at = _string(data, _HEADER + stamp.size, length)
         child_frame_id, at = _string(data, _align(at, length.size), length)
-        x, y, z, *rotation = numbers.unpack_from(data, _align(at, 8))
+        x, y, _, *rotation = numbers.unpack_from(data, _align(at, 8))
     except (IndexError, struct.error, UnicodeDecodeError) as error:
         raise OdometryError(_UNREADABLE.format(len(data))) from error
-    pose = _Pose(_Point(x, y, z), _Quaternion(*rotation))
-    header = _Header(_Stamp(sec, nanosec), frame_id)
-    return Odometry(header, child_frame_id, _PoseWithCovariance(pose))
+    stamp_ns = sec * NANOSECONDS + nanosec
+    qx, qy, qz, qw = rotation
+    return OdometryReading(stamp_ns, frame_id, child_frame_id, (x, y), (qx, qy, qz, qw))
 
 
 def _string(data: bytes, at: int, length: struct.Struct) -> tuple[str, int]:

@@ -5,16 +5,17 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from cmpsp_ros.guidance import NANOSECONDS
-from cmpsp_ros.guidance.messages import stamp_of
 from cmpsp_ros.nodes.common.topic import publisher_names
 from cmpsp_ros.nodes.common.topics import GUIDANCE_ODOM
-from cmpsp_ros.nodes.guidance.inputs.odometry_bytes import Odometry, read_odometry
+from cmpsp_ros.nodes.guidance.inputs.odometry_bytes import read_odometry
 from cmpsp_ros.nodes.timing.drain_queue import drain_queue, take_newest
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from rclpy.lifecycle import LifecycleNode
+
+    from cmpsp_ros.guidance.messages import OdometryReading
 
 
 class OdometryInput:
@@ -40,7 +41,7 @@ class OdometryInput:
 
     def newest(
         self, data: bytes, now: int, period: float, is_due: Callable[[int], bool]
-    ) -> tuple[Odometry, bytes]:
+    ) -> tuple[OdometryReading, bytes]:
         """Odometry, and its bytes: of the newest that waits, where this has grown old.
 
         Args:
@@ -52,10 +53,9 @@ class OdometryInput:
         Raises:
             OdometryError: It cannot be read.
         """
-        message = read_odometry(data)
-        stamp = stamp_of(message)
-        if (now - stamp) / NANOSECONDS <= period or not is_due(stamp):
-            return message, data
+        reading = read_odometry(data)
+        if (now - reading.stamp) / NANOSECONDS <= period or not is_due(reading.stamp):
+            return reading, data
         newest = take_newest(self._subscription) or data
         return read_odometry(newest), newest
 

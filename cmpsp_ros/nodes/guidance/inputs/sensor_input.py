@@ -15,7 +15,7 @@ from sensor_msgs.msg import LaserScan, PointCloud2
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.nodes.common.topics import SCAN, SIGHTING
 from cmpsp_ros.nodes.timing.drain_queue import drain_queue
-from cmpsp_ros.sensing import ScanError, Sensor, Surroundings, laser_scan, point_cloud
+from cmpsp_ros.sensing import ScanError, Sensor, Surroundings, sight_of
 from cmpsp_ros.world.grids import Cell
 
 if TYPE_CHECKING:
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 
 _THROTTLE = 2.0
 _MESSAGES = {'scan': LaserScan, 'cloud': PointCloud2}
-_READERS = {'scan': laser_scan.sight_of, 'cloud': point_cloud.sight_of}
 
 # Of `Cell`, as a nav_msgs/OccupancyGrid has them.
 _VALUES = np.zeros(len(Cell), dtype=np.int8)
@@ -65,7 +64,7 @@ class SensorInput:
             return ''
         for each in self._subscriptions:
             drain_queue(each)
-        self._surroundings.note(stamp, pose)
+        self._surroundings.update(stamp, pose)
         return self._surroundings.blindness(stamp)
 
     def at(self, stamp: int, pose: Array) -> Sighting | None:
@@ -92,7 +91,7 @@ class SensorInput:
 
     def _hear(self, sensor: Sensor, message: Any) -> None:
         try:
-            sight = _READERS[sensor.type](message, sensor)
+            sight = sight_of(message, sensor)
         except ScanError as error:
             self._refusals[sensor.name] = f'A message of a sensor is refused: {error}.'
             self._node.get_logger().warning(
@@ -100,7 +99,7 @@ class SensorInput:
             )
         else:
             self._refusals[sensor.name] = ''
-            self._surroundings.hear(sight)
+            self._surroundings.add(sight)
 
     def _message(self, sighting: Sighting) -> GridMessage:
         grid, message = sighting.grid, GridMessage()

@@ -18,20 +18,20 @@ from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance import GoalError
 from cmpsp_ros.guidance.messages import (
     OdometryError,
+    OdometryReading,
     TrackError,
     TransformError,
     Transforms,
     compose,
     goal_of,
-    pose_of,
-    stamp_of,
     tracks_of,
 )
 from cmpsp_ros.nodes.common.clouds import cloud_of
+from cmpsp_ros.nodes.common.road_messages import road_in
 from cmpsp_ros.nodes.common.topics import OWN_GOAL_POSE, OWN_MOVING, OWN_ODOM
 from cmpsp_ros.nodes.timing.drain_queue import drain_queue
 from cmpsp_ros.parameters import ParameterError, Problem
-from cmpsp_ros.parameters.courses import road_in
+from cmpsp_ros.sensing import stamp_of
 
 try:
     from tf2_msgs.msg import TFMessage
@@ -97,28 +97,27 @@ class TransformInput:
         """Frame of the robot's centre, where odometry is of a child frame."""
         return self._robot_frame or child_frame
 
-    def pose_of(self, message: Odometry, data: bytes) -> tuple[Array, bool]:
+    def pose_of(self, reading: OdometryReading, data: bytes) -> tuple[Array, bool]:
         """Pose of the robot's centre by odometry, and whether it took a transform.
 
         Args:
-            message: The odometry.
-            data: The same, serialised.
+            reading: The odometry.
+            data: Its message, serialised.
 
         Raises:
             OdometryError: It cannot be used, or there is no transform.
         """
-        wanted, stamp = self.settings.frame_id, stamp_of(message)
-        frame, child = message.header.frame_id, message.child_frame_id
+        stamp, frame, child = reading[:3]
         center = self.robot_frame(child)
-        if frame == wanted and center == child:
-            return pose_of(message, wanted), False
-        there = self._in_frame('Odometry is', message, stamp, OdometryError)
+        if frame == self.settings.frame_id and center == child:
+            return reading.pose_in(frame), False
+        there = self._in_frame('Odometry is', frame, stamp, OdometryError)
         try:
             upon = self._look_up(child, center, stamp)
         except TransformError as error:
             why = f'Odometry is of {child!r}, wanted {center!r} (robot_frame): {error}.'
             raise OdometryError(why) from error
-        pose = compose(compose(there, pose_of(message, frame)), upon)
+        pose = compose(compose(there, reading.pose_in(frame)), upon)
         if self._odometry.get_subscription_count():
             self._publish_odometry(data, center, pose, upon)
         return pose, True
@@ -132,7 +131,7 @@ class TransformInput:
         wanted, frame = self.settings.frame_id, message.header.frame_id
         if frame != wanted:
             stamp, goal = goal_of(message, frame)
-            there = self._in_frame('The goal is', message, stamp, GoalError)
+            there = self._in_frame('The goal is', frame, stamp, GoalError)
             message = PoseStamped(header=Header(stamp=message.header.stamp, frame_id=wanted))
             _set_pose(message.pose, compose(there, np.array([*goal.position, goal.heading or 0.0])))
             if goal.heading is None:
@@ -151,7 +150,7 @@ class TransformInput:
         tracks, stamp = tracks_of(message, frame), stamp_of(message)
         if frame == wanted:
             return tracks
-        there = self._in_frame('Obstacles are', message, stamp, TrackError)
+        there = self._in_frame('Obstacles are', frame, stamp, TrackError)
         tracks = [_moved(each, there) for each in tracks]
         self._moving.publish(cloud_of(tracks, stamp, wanted))
         return tracks
@@ -195,9 +194,9 @@ class TransformInput:
         twist.linear.x, twist.linear.y = _turned(x, y, -float(upon[2]))
         self._odometry.publish(message)
 
-    def _in_frame(self, what: str, message: Any, stamp: int, error: type[ValueError]) -> Array:
+    def _in_frame(self, what: str, frame: str, stamp: int, error: type[ValueError]) -> Array:
         """Pose of a message's frame in the course's, shape ``(3,)`` [m, m, rad]."""
-        wanted, frame = self.settings.frame_id, message.header.frame_id
+        wanted = self.settings.frame_id
         try:
             return self._look_up(wanted, frame, stamp)
         except TransformError as why:
@@ -216,14 +215,14 @@ class TransformInput:
         for each in self._subscriptions:
             drain_queue(each)
         while self._unread:
-            self._transforms.hear(deserialize_message(self._unread.popleft(), TFMessage))
+            self._transforms.add(deserialize_message(self._unread.popleft(), TFMessage))
         return self._transforms.look_up(target, source, stamp, self.settings.odom_timeout)
 
     def _keep(self, data: bytes) -> None:
         self._unread.append(data)
 
     def _hear_static(self, data: bytes) -> None:
-        self._transforms.hear(deserialize_message(data, TFMessage), is_static=True)
+        self._transforms.add(deserialize_message(data, TFMessage), is_static=True)
 
     def _listen(
         self, topic: str, durability: DurabilityPolicy, hear: Callable[[bytes], None]

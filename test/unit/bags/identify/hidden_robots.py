@@ -124,6 +124,7 @@ def _driven(hidden: Hidden, commands, jump=None, *, moving=False, answering=Fals
     )
     settings = PlantSettings(
         robot,
+        (0.0, 0.0, 0.0),
         odom_rate=hidden.rate,
         actuation_delay=hidden.delay,
         wheel_lag=hidden.lag,
@@ -202,7 +203,9 @@ def _settled(hidden: Hidden, axis: int, part: float) -> tuple[float, float]:
     """Lateness of a robot with physics after a step of the command [s], and its scale."""
     robot = DifferentialDrive(wheel_radius=RADIUS, half_track=HALF_TRACK, max_wheel_speed=51.0)
     plant = Plant(
-        PlantSettings(robot, cmd_vel_timeout=0.0, wheel_lag=hidden.lag, physics=Physics())
+        PlantSettings(
+            robot, (0.0, 0.0, 0.0), cmd_vel_timeout=0.0, wheel_lag=hidden.lag, physics=Physics()
+        )
     )
     twist, second = [0.0, 0.0], SECOND
     twist[axis] = part * hidden.scales[axis] * hidden.limits[axis]

@@ -39,7 +39,7 @@ from cmpsp_ros.guidance.planning.initial_trajectories import along_road
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.warmup import run_kernels
 from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.presets import load_parameter_file
+from cmpsp_ros.parameters import load_parameter_file
 from cmpsp_ros.parameters.settings import guidance_settings
 from cmpsp_ros.world.free_space import FreeSpace
 from cmpsp_ros.world.roads.corridor import Corridor

@@ -12,7 +12,8 @@ from cmpsp_ros.guidance.formulation import OcpFormulation
 from cmpsp_ros.guidance.planning import Planner, initial_guess
 from cmpsp_ros.mpsp.jit import address_of, allocation_free
 from cmpsp_ros.mpsp.qp.riccati import ITERATION_LIMIT
-from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file, preset_names
+from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
+from cmpsp_ros.parameters.files import preset_names
 from cmpsp_ros.world.obstacles import Obstacle
 
 

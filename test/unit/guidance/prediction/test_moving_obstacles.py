@@ -114,7 +114,7 @@ def test_more_than_there_is_room_for_are_audited_all_the_same(fault):
 def test_what_is_not_told_of_again_is_forgotten(fault):
     """It is missed for as long as it is believed in, ever wider, and no longer."""
     known = Tracks()
-    known.hear(told([CROSSING], 0))
+    known.add(told([CROSSING], 0))
 
     def once(movers, stamp):
         return known.at(stamp, ROOM.timeout)

@@ -10,7 +10,8 @@ import pytest
 from cmpsp_ros.guidance.prediction import PlanStart
 from cmpsp_ros.guidance.safety import Audit
 from cmpsp_ros.guidance.safety.road_braking import braking_on_road
-from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file, load_robot
+from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
+from cmpsp_ros.parameters.files import load_robot
 from cmpsp_ros.world import FreeSpace
 
 PERIOD = 0.2

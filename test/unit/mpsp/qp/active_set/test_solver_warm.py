@@ -39,6 +39,10 @@ def test_an_output_at_either_penalty_stays_there(side):
     again = run(qp, relaxed(qp, terminal=1.0), alone.warm.copy())
     assert (again.outcome, again.saturated, again.iterations) == (SOLVED, 1, 0)
     np.testing.assert_allclose(again.dU, alone.dU, atol=1e-14)
+    # Also when the horizon moves on.
+    qp = chain(1, 3.0 * side)
+    later = run(qp, relaxed(qp, terminal=1.0), alone.warm.copy(), begun=1)
+    assert (later.outcome, later.saturated, later.iterations) == (SOLVED, 1, 0)
 
 
 @pytest.mark.parametrize('stages', [1, 4, 30])

@@ -16,8 +16,8 @@ import numpy as np
 import yaml
 
 from cmpsp_ros.arrays import Array, BoolArray
-from cmpsp_ros.parameters.courses.maps import text_of
 from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
+from cmpsp_ros.parameters.obstacles import text_of
 from cmpsp_ros.world.grids import Cell, GridError, OccupancyGrid, check_size
 
 KEY: Final = 'map.file'

@@ -5,8 +5,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from cmpsp_ros.parameters import TABLE, ParameterError, check_start, guidance_settings
-from cmpsp_ros.parameters.courses import lacks_road, road_in
+from cmpsp_ros.nodes.common.road_messages import road_in
+from cmpsp_ros.parameters import TABLE, ParameterError, check_start, guidance_settings, lacks_road
 
 OPEN = [(0.0, 0.0), (3.0, 0.0), (6.0, 1.0)]
 TOLD = {'road.type': 'corridor', 'road.source': 'topic'}

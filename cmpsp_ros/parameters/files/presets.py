@@ -9,9 +9,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from cmpsp_ros.parameters import ros_yaml
-from cmpsp_ros.parameters.courses.files import with_files
 from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
+from cmpsp_ros.parameters.files import ros_yaml
+from cmpsp_ros.parameters.files.map_files import with_map_file
+from cmpsp_ros.parameters.files.road_files import with_road_file
 
 _PACKAGE: Final = 'cmpsp_ros'
 _OURS: Final = ('guidance', 'sim')
@@ -130,6 +131,19 @@ def load_robot(path_or_name: str) -> dict[str, Any]:
         found = f'{", ".join(strange)} in the file of a robot'
         raise ParameterError(Problem(str(path), found, wanted))
     return given
+
+
+def with_files(values: Mapping[str, Any], folder: Path | None = None) -> dict[str, Any]:
+    """Replace the names of road and map files by their contents.
+
+    Args:
+        values: Values by key.
+        folder: Folder of relative paths to map files; where none is there, the working directory.
+
+    Raises:
+        ParameterError: A file cannot be read, or is invalid.
+    """
+    return with_map_file(with_road_file(values), folder)
 
 
 def parse_assignment(text: str) -> tuple[str, Any]:

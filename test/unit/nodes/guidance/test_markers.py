@@ -86,7 +86,7 @@ def test_rings_have_the_radii_of_what_they_show(markers):
 
     assert list(radii('road', (0.0, 0.0))) == pytest.approx([9.0, 11.0])
     assert list(radii('centre_line', (0.0, 0.0))) == pytest.approx([10.0])
-    kept = sample_space(settings()).radii
+    kept = sample_space(settings(), settings().world).radii
     rings = of(markers, 'margins')
     for ring, radius, center in zip(rings, kept, [(8.0, -6.0), (10.0, -2.0)], strict=True):
         point = ring.points[17]
@@ -117,7 +117,7 @@ def test_goals_show_their_headings_and_those_that_are_passed_are_paler():
     goals = of(made, 'goal')
     assert len(goals) == len(course.goals) == 6
     assert len({each.color.a for each in goals}) == 1
-    markers = array_of(course, course.world, STAMP, replace(course.goals[2], heading=0.5)).markers
+    markers = array_of(course, STAMP, replace(course.goals[2], heading=0.5)).markers
     alphas = [each.color.a for each in of(markers, 'goal')]
     assert alphas[0] == alphas[1] < alphas[2] == alphas[5] == goals[0].color.a
     # Only the second has a heading.

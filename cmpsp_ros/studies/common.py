@@ -1,9 +1,11 @@
-"""The style of all pictures: that of a journal, independent of the user's matplotlib settings."""
+"""Shared by studies and benchmarks: their error, the style of pictures, the processor's name."""
 
 from __future__ import annotations
 
+import platform
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any, Final
 
 import matplotlib as mpl
@@ -12,7 +14,7 @@ WIDTH: Final = 7.2
 """Width of a picture across both columns of a page [in]."""
 
 # Of type Any: matplotlib lists every key of its settings as a literal of its own.
-_RC: Final[Any] = {
+_STYLE: Final[Any] = {
     'font.family': 'sans-serif',
     'font.sans-serif': ['DejaVu Sans'],
     'font.size': 8.0,
@@ -34,10 +36,24 @@ _RC: Final[Any] = {
 }
 
 
+class StudyError(ValueError):
+    """A study cannot be run as requested; the message says what was found and what was expected."""
+
+
 @contextmanager
-def journal() -> Iterator[None]:
-    """Draw and save in this look."""
+def plot_style() -> Iterator[None]:
+    """Draw and save in the style of a journal, whatever the user's matplotlib settings are."""
     with mpl.rc_context():
         mpl.rcdefaults()
-        mpl.rcParams.update(_RC)
+        mpl.rcParams.update(_STYLE)
         yield
+
+
+def cpu_model() -> str:
+    """Name of the processor."""
+    try:
+        lines = Path('/proc/cpuinfo').read_text(encoding='utf-8').splitlines()
+    except OSError:
+        lines = []
+    names = [line.partition(':')[2].strip() for line in lines if line.startswith('model name')]
+    return names[0] if names else platform.processor() or platform.machine()

@@ -16,7 +16,7 @@ from rclpy.action import ActionClient
 from cmpsp_ros.bags import Names
 from cmpsp_ros.bags.replay.replay import replay
 from cmpsp_ros.nodes import MODULES
-from cmpsp_ros.nodes.common.road_messages import path_of
+from cmpsp_ros.nodes.common.messages import path_of
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(300)]
 

@@ -10,7 +10,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from sensor_msgs.msg import PointCloud2
 
 from cmpsp_ros.guidance.messages import Track
-from cmpsp_ros.nodes.common.clouds import cloud_of
+from cmpsp_ros.nodes.common.messages import cloud_of
 
 pytestmark = pytest.mark.integration
 

@@ -16,7 +16,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from cmpsp_ros.bags import Bag, Names
 from cmpsp_ros.bags.audit import CheckOutcome, audit
 from cmpsp_ros.bags.replay.replay import replay
-from cmpsp_ros.nodes.common.road_messages import path_of
+from cmpsp_ros.nodes.common.messages import path_of
 from cmpsp_ros.robots import arc_ends
 
 pytestmark = pytest.mark.integration

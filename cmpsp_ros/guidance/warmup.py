@@ -13,9 +13,9 @@ from cmpsp_ros.guidance.formulation.ocp_formulation import OcpFormulation
 from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
 from cmpsp_ros.guidance.horizon_functions import remaining
 from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.guidance.planning.homotopy.free_gaps import fill_blocked
+from cmpsp_ros.guidance.planning.homotopy.gaps import fill_blocked
+from cmpsp_ros.guidance.planning.homotopy.path_search import searched_line
 from cmpsp_ros.guidance.planning.homotopy.road_frame import frame_along
-from cmpsp_ros.guidance.planning.homotopy.searched_line import searched_line
 from cmpsp_ros.guidance.planning.initial_trajectories import along_road
 from cmpsp_ros.guidance.planning.planner import Planner
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext

@@ -18,7 +18,7 @@ from cmpsp_ros.guidance.horizon_functions import shift
 from cmpsp_ros.guidance.planning.alternative_pool import Alternative, AlternativePool
 from cmpsp_ros.guidance.planning.candidate import Candidate
 from cmpsp_ros.guidance.planning.guesses import Guesses
-from cmpsp_ros.guidance.planning.homotopy.homotopy_class import class_of, in_words
+from cmpsp_ros.guidance.planning.homotopy.path_search import class_of, in_words
 from cmpsp_ros.guidance.planning.planner import Planner
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 from cmpsp_ros.guidance.planning.ranking import Ranking

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cmpsp_ros.guidance import GuidanceLaw
-from cmpsp_ros.guidance.planning.homotopy.searched_line import searched_line
+from cmpsp_ros.guidance.planning.homotopy.path_search import searched_line
 from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 from cmpsp_ros.world import FreeSpace
 from cmpsp_ros.world.obstacles import Obstacle

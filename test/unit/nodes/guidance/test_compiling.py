@@ -8,10 +8,10 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from cmpsp_ros.mpsp.jit.compiled import compiled
-from cmpsp_ros.nodes.common.lifecycle import ACTIVE
-from cmpsp_ros.nodes.guidance.outputs.diagnostics import report_on
-from cmpsp_ros.nodes.timing import compiling
-from cmpsp_ros.nodes.timing.compiling import LateCompilations, prepare_aloud
+from cmpsp_ros.nodes.guidance import timing
+from cmpsp_ros.nodes.guidance.diagnostics import report_on
+from cmpsp_ros.nodes.guidance.lifecycle import ACTIVE
+from cmpsp_ros.nodes.guidance.timing import LateCompilations, prepare_aloud
 
 
 @pytest.fixture(autouse=True)
@@ -59,7 +59,7 @@ def test_a_kernel_compiled_while_active_is_an_error(fault):
 
 def test_what_is_compiled_before_is_told_of_with_names_and_how_many(monkeypatch):
     lines = []
-    monkeypatch.setattr(compiling, 'prepare', lambda settings: settings(1))
+    monkeypatch.setattr(timing, 'prepare', lambda settings: settings(1))
     prepare_aloud(kernel(), SimpleNamespace(info=lines.append))
     assert lines[:2] == [
         'compiling, once; `cmpsp warmup` does it beforehand',

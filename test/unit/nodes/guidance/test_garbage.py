@@ -7,7 +7,7 @@ import weakref
 
 import pytest
 
-from cmpsp_ros.nodes.timing.garbage import GarbageCollection
+from cmpsp_ros.nodes.guidance.timing import GarbageCollection
 
 STEPS = 300
 

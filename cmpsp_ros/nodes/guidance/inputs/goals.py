@@ -1,8 +1,7 @@
-"""Goals as Nav2's actions `navigate_to_pose` and `follow_path`, where `nav2_msgs` is installed."""
+"""Goals that are received: on a topic, and as Nav2's actions where `nav2_msgs` is installed."""
 
 from __future__ import annotations
 
-import math
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -14,6 +13,9 @@ from rclpy.task import Future
 
 from cmpsp_ros.guidance import NANOSECONDS, Goal, GoalError
 from cmpsp_ros.guidance.messages import TransformError
+from cmpsp_ros.nodes.common.messages import set_pose
+from cmpsp_ros.nodes.common.topic import Listener
+from cmpsp_ros.nodes.common.topics import GOAL_POSE
 from cmpsp_ros.robots import speeds_and_turns
 
 try:
@@ -27,13 +29,108 @@ if TYPE_CHECKING:
     from rclpy.action.server import ServerGoalHandle
     from rclpy.lifecycle import LifecycleNode
 
-    from cmpsp_ros.guidance import Decision
+    from cmpsp_ros.guidance import Decision, GuidanceLaw
+    from cmpsp_ros.nodes.guidance.inputs.course import RoadInput
+    from cmpsp_ros.nodes.guidance.inputs.transforms import TransformInput
 
 NAVIGATE, FOLLOW = 'navigate_to_pose', 'follow_path'
+
+_CANCELLED, _NONE_YET = 'The goal was cancelled.', 'No goal has come yet (goal.wait).'
 
 _CODES = {'': 0, 'unknown': 100, 'transform': 102, 'refused': 103, 'missed': 105}
 """Error codes of FollowPath in Jazzy: NONE, UNKNOWN, TF_ERROR, INVALID_PATH and
 FAILED_TO_MAKE_PROGRESS. NavigateToPose has none of its own there: Nav2 hands on those of a path."""
+
+
+class GoalInput(Listener):
+    """Gives received goals to the law.
+
+    Attributes:
+        cancelled: Reason to stand until the next goal; empty where there is none.
+    """
+
+    def __init__(
+        self,
+        node: LifecycleNode,
+        law: GuidanceLaw,
+        transforms: TransformInput,
+        road: RoadInput,
+        is_active: Callable[[], bool],
+        *,
+        waits: bool,
+    ) -> None:
+        """Open topic and actions.
+
+        Args:
+            node: The node.
+            law: Receives the goals.
+            transforms: Lead to the frame of the course.
+            road: May be changed by the path of an action.
+            is_active: Whether the robot is guided.
+            waits: Whether the robot stands until the first goal of a run.
+        """
+        super().__init__(node)
+        self._law, self._transforms, self._road = law, transforms, road
+        self._is_active, self._at_first = is_active, _NONE_YET if waits else ''
+        self.cancelled = self._at_first
+        self._subscriptions.append(GOAL_POSE.listen_on(node, self._on_message))
+        drives = {NAVIGATE: self._navigate, FOLLOW: self._follow}
+        frame = transforms.settings.frame_id
+        self._actions = GoalActions(node, frame, drives, self._rejection_reason, self._cancel)
+
+    def close(self) -> None:
+        """Close topic and actions."""
+        super().close()
+        self._actions.close()
+
+    def end(self, reason: str) -> None:
+        """End the run for a reason in a sentence."""
+        self.cancelled = self._at_first
+        self._actions.abort(reason)
+
+    def note(self, decision: Decision, pose: Sequence[float]) -> None:
+        """Report a decision, at a pose [m, m, rad], to the client of an action."""
+        self._actions.note(decision, pose, self._law.distance_to)
+
+    def _on_message(self, message: PoseStamped) -> None:
+        if why := self._rejection_reason(NAVIGATE):
+            self._node.get_logger().warning(f'goal_pose is not heard: {why}')
+            return
+        try:
+            self._set_goal(message)
+        except GoalError as error:
+            self._node.get_logger().warning(f'goal_pose is refused: {error}')
+        else:
+            self._actions.abort('Another goal came on goal_pose.')
+
+    def _set_goal(self, message: PoseStamped) -> Goal:
+        stamp, goal = self._transforms.goal_of(message)
+        self._law.tell(stamp, goal)
+        self.cancelled = ''
+        return goal
+
+    def _navigate(self, request: Any) -> Goal:
+        return self._set_goal(request.pose)
+
+    def _follow(self, request: Any) -> Goal:
+        """Make a path the road, and its end the goal."""
+        end = PoseStamped()
+        end.header.frame_id = self._transforms.settings.frame_id
+        try:
+            x, y = self._road.drive_along(request.path)
+        except ValueError as error:
+            reason = ' '.join(str(error).splitlines())
+            raise GoalError(f'The path is refused: {reason}.') from error.__cause__
+        end.pose.position.x, end.pose.position.y, end.pose.orientation.w = x, y, 0.0
+        return self._set_goal(end)
+
+    def _cancel(self) -> None:
+        self.cancelled = _CANCELLED
+
+    def _rejection_reason(self, name: str) -> str:
+        if not self._is_active():
+            return 'the node is inactive'
+        return 'the node is waiting for a road' if self._road.waits and name != FOLLOW else ''
 
 
 class _Running(NamedTuple):
@@ -49,7 +146,7 @@ class _Running(NamedTuple):
 class GoalActions:
     """Servers of both actions; one goal is driven to at a time, and the newest counts.
 
-    A goal is rejected where no goal is heard. One that is accepted and cannot be driven to is
+    A goal is rejected where no goal is accepted. One that is accepted and cannot be driven to is
     aborted, with the reason.
     """
 
@@ -58,7 +155,7 @@ class GoalActions:
         node: LifecycleNode,
         frame_id: str,
         drives: Mapping[str, Callable[[Any], Goal]],
-        deaf: Callable[[str], str],
+        rejection_reason: Callable[[str], str],
         cancel: Callable[[], None],
     ) -> None:
         """Offer the actions, where they can be.
@@ -67,24 +164,25 @@ class GoalActions:
             node: The node.
             frame_id: Frame of the course.
             drives: Takes a request of each action; raises GoalError.
-            deaf: Why requests of an action are not heard now; empty where they are.
+            rejection_reason: Reason to reject requests of an action now; empty for none.
             cancel: Stops the robot.
         """
-        self._node, self._frame_id, self._deaf, self._cancel = node, frame_id, deaf, cancel
+        self._node, self._frame_id, self._cancel = node, frame_id, cancel
+        self._rejection_reason = rejection_reason
         self._running: _Running | None = None
-        self._servers: list[ActionServer] = []
-        if NavigateToPose is not None:
-            self._servers = [
-                ActionServer(
-                    node,
-                    kind,
-                    name,
-                    partial(self._execute, name, kind, drives[name]),
-                    goal_callback=partial(self._on_request, name),
-                    cancel_callback=self._on_cancel,
-                )
-                for name, kind in ((NAVIGATE, NavigateToPose), (FOLLOW, FollowPath))
-            ]
+        kinds = ((NAVIGATE, NavigateToPose), (FOLLOW, FollowPath))
+        self._servers = [
+            ActionServer(
+                node,
+                kind,
+                name,
+                partial(self._execute, name, kind, drives[name]),
+                goal_callback=partial(self._on_request, name),
+                cancel_callback=self._on_cancel,
+            )
+            for name, kind in kinds
+            if kind is not None
+        ]
 
     def close(self) -> None:
         """Withdraw the actions."""
@@ -102,11 +200,11 @@ class GoalActions:
         pose: Sequence[float],
         distance: Callable[[Sequence[float], Goal], float],
     ) -> None:
-        """Tell the client what was decided, and end its goal where that is due.
+        """Report a decision to the client, and end its goal where that is due.
 
         Args:
             decision: The decision.
-            pose: Where the robot is (x, y, heading) [m, m, rad].
+            pose: Pose of the robot (x, y, heading) [m, m, rad].
             distance: From a pose to a goal [m].
         """
         running = self._running
@@ -127,7 +225,7 @@ class GoalActions:
             running.handle.publish_feedback(self._feedback(running, decision, pose, far))
 
     def _on_request(self, name: str, _request: Any) -> GoalResponse:
-        if why := self._deaf(name):
+        if why := self._rejection_reason(name):
             self._node.get_logger().warning(f'{name} is rejected: {why}')
             return GoalResponse.REJECT
         return GoalResponse.ACCEPT
@@ -165,15 +263,11 @@ class GoalActions:
         self, running: _Running, decision: Decision, pose: Sequence[float], far: float
     ) -> Any:
         if running.name == FOLLOW:
-            return FollowPath.Feedback(
-                distance_to_goal=far, speed=float(speeds_and_turns(decision.twist)[0])
-            )
+            speed = float(speeds_and_turns(decision.twist)[0])
+            return FollowPath.Feedback(distance_to_goal=far, speed=speed)
         here, now = PoseStamped(), self._node.get_clock().now()
         here.header.frame_id, here.header.stamp = self._frame_id, now.to_msg()
-        x, y, heading = pose
-        here.pose.position.x, here.pose.position.y = x, y
-        here.pose.orientation.z = math.sin(heading / 2.0)
-        here.pose.orientation.w = math.cos(heading / 2.0)
+        set_pose(here.pose, pose)
         return NavigateToPose.Feedback(
             current_pose=here,
             navigation_time=_duration((now.nanoseconds - running.begun) / NANOSECONDS),

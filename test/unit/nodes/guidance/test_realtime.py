@@ -9,13 +9,13 @@ import threading
 
 import pytest
 
-from cmpsp_ros.nodes.timing.realtime import Scheduling, check_cpu
+from cmpsp_ros.nodes.guidance.timing import Scheduling, check_cpu
 from cmpsp_ros.parameters import TABLE, ParameterError
 
 # Whoever runs the tests: without the right to a real-time priority in the child.
 POWERLESS = """
 import ctypes, os, resource, sys
-from cmpsp_ros.nodes.timing.realtime import Scheduling
+from cmpsp_ros.nodes.guidance.timing import Scheduling
 from cmpsp_ros.parameters.catalogue import TABLE
 
 resource.setrlimit(resource.RLIMIT_RTPRIO, (0, 0))

@@ -1,4 +1,4 @@
-"""Messages in other frames than the course's, led there by the transforms on `/tf`."""
+"""Messages in other frames, transformed to the frame of the course by `/tf`."""
 
 from __future__ import annotations
 
@@ -26,10 +26,9 @@ from cmpsp_ros.guidance.messages import (
     goal_of,
     tracks_of,
 )
-from cmpsp_ros.nodes.common.clouds import cloud_of
-from cmpsp_ros.nodes.common.road_messages import road_in
+from cmpsp_ros.nodes.common.messages import cloud_of, road_in, set_pose
+from cmpsp_ros.nodes.common.topic import Listener
 from cmpsp_ros.nodes.common.topics import OWN_GOAL_POSE, OWN_MOVING, OWN_ODOM
-from cmpsp_ros.nodes.timing.drain_queue import drain_queue
 from cmpsp_ros.parameters import ParameterError, Problem
 from cmpsp_ros.sensing import stamp_of
 
@@ -39,12 +38,8 @@ except ImportError:  # tf2 is not among the wheels
     TFMessage = None
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from geometry_msgs.msg import Pose
     from nav_msgs.msg import Path
     from rclpy.lifecycle import LifecycleNode
-    from rclpy.subscription import Subscription
     from sensor_msgs.msg import PointCloud2
 
     from cmpsp_ros.guidance import Goal, GuidanceSettings
@@ -54,42 +49,37 @@ if TYPE_CHECKING:
 _DEPTH = 500
 
 
-class TransformInput:
+class TransformInput(Listener):
     """Listens to transforms, which are read only where one is asked for.
 
-    What it has led to the frame of the course is published there, so that a bag has what decided
-    and needs no transforms.
+    Messages that it has transformed to the frame of the course are published there, so that a bag
+    has what decided and needs no transforms.
 
     Attributes:
         settings: All settings of the guidance law, as they are now.
     """
 
     def __init__(self, node: LifecycleNode, robot_frame: str, settings: GuidanceSettings) -> None:
-        """Open the topics.
-
-        Args:
-            node: The node.
-            robot_frame: Frame of the robot's centre; empty for the child frame of odometry.
-            settings: With the frame wanted.
-        """
-        self.settings = settings
-        self._node, self._robot_frame = node, robot_frame
+        """Open the topics; without a robot's frame its centre is that of odometry."""
+        super().__init__(node)
+        self.settings, self._robot_frame = settings, robot_frame
         self._transforms = Transforms()
         self._unread: deque[bytes] = deque(maxlen=_DEPTH)
         self._odometry = OWN_ODOM.publish_on(node)
         self._goals = OWN_GOAL_POSE.publish_on(node)
         self._moving = OWN_MOVING.publish_on(node)
-        self._subscriptions = []
-        if TFMessage is not None:
-            self._subscriptions = [
-                self._listen('/tf', DurabilityPolicy.VOLATILE, self._keep),
-                self._listen('/tf_static', DurabilityPolicy.TRANSIENT_LOCAL, self._hear_static),
-            ]
+        topics = (
+            ('/tf', DurabilityPolicy.VOLATILE, self._unread.append),
+            ('/tf_static', DurabilityPolicy.TRANSIENT_LOCAL, self._hear_static),
+        )
+        for topic, durability, hear in topics if TFMessage is not None else ():
+            qos = QoSProfile(depth=_DEPTH, durability=durability)
+            listen = node.create_subscription(TFMessage, topic, hear, qos, raw=True)
+            self._subscriptions.append(listen)
 
     def close(self) -> None:
         """Close the topics."""
-        for each in self._subscriptions:
-            self._node.destroy_subscription(each)
+        super().close()
         for publisher in (self._odometry, self._goals, self._moving):
             self._node.destroy_publisher(publisher)
 
@@ -123,7 +113,7 @@ class TransformInput:
         return pose, True
 
     def goal_of(self, message: PoseStamped) -> tuple[int, Goal]:
-        """Time stamp [ns] and goal of a message, which is published as it is meant.
+        """Time stamp [ns] and goal of a message, published in the frame of the course.
 
         Raises:
             GoalError: It cannot be used, or there is no transform.
@@ -133,12 +123,12 @@ class TransformInput:
             stamp, goal = goal_of(message, frame)
             there = self._in_frame('The goal is', frame, stamp, GoalError)
             message = PoseStamped(header=Header(stamp=message.header.stamp, frame_id=wanted))
-            _set_pose(message.pose, compose(there, np.array([*goal.position, goal.heading or 0.0])))
+            set_pose(message.pose, compose(there, np.array([*goal.position, goal.heading or 0.0])))
             if goal.heading is None:
                 message.pose.orientation.z = message.pose.orientation.w = 0.0
-        told = goal_of(message, wanted)
+        received = goal_of(message, wanted)
         self._goals.publish(message)
-        return told
+        return received
 
     def tracks_of(self, message: PointCloud2) -> list[Track]:
         """Moving obstacles in a message; their velocities are over ground, along its axes.
@@ -156,7 +146,7 @@ class TransformInput:
         return tracks
 
     def road_in(self, message: Path) -> dict[str, Any]:
-        """The parameters that a road is; it stays where it is by the latest transform.
+        """Parameters of a road, placed by the latest transform.
 
         Raises:
             ParameterError: It cannot be used, or there is no transform.
@@ -187,7 +177,7 @@ class TransformInput:
         """Publish odometry of the robot's centre, with covariances as they are."""
         message = deserialize_message(data, Odometry)
         message.header.frame_id, message.child_frame_id = self.settings.frame_id, center
-        _set_pose(message.pose.pose, pose)
+        set_pose(message.pose.pose, pose)
         twist = message.twist.twist
         x = twist.linear.x - twist.angular.z * float(upon[1])
         y = twist.linear.y + twist.angular.z * float(upon[0])
@@ -212,29 +202,13 @@ class TransformInput:
             return np.zeros(3)
         if TFMessage is None:
             raise TransformError('tf2_msgs, for a transform, is not installed')
-        for each in self._subscriptions:
-            drain_queue(each)
+        self.drain()
         while self._unread:
             self._transforms.add(deserialize_message(self._unread.popleft(), TFMessage))
         return self._transforms.look_up(target, source, stamp, self.settings.odom_timeout)
 
-    def _keep(self, data: bytes) -> None:
-        self._unread.append(data)
-
     def _hear_static(self, data: bytes) -> None:
         self._transforms.add(deserialize_message(data, TFMessage), is_static=True)
-
-    def _listen(
-        self, topic: str, durability: DurabilityPolicy, hear: Callable[[bytes], None]
-    ) -> Subscription:
-        qos = QoSProfile(depth=_DEPTH, durability=durability)
-        return self._node.create_subscription(TFMessage, topic, hear, qos, raw=True)
-
-
-def _set_pose(message: Pose, pose: Array) -> None:
-    x, y, heading = pose.tolist()
-    message.position.x, message.position.y = x, y
-    message.orientation.z, message.orientation.w = math.sin(heading / 2.0), math.cos(heading / 2.0)
 
 
 def _turned(x: float, y: float, angle: float) -> tuple[float, float]:

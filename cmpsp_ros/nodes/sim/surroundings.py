@@ -1,37 +1,65 @@
-"""The simulator's laser scanner: what surrounds it, and its scans as messages."""
+"""Surroundings of the simulated robot: moving obstacles, and scans of all shapes as messages."""
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from geometry_msgs.msg import Quaternion, TransformStamped
-from rclpy.time import Time
+from geometry_msgs.msg import TransformStamped
 from sensor_msgs.msg import LaserScan
 
+from cmpsp_ros.guidance import NANOSECONDS
+from cmpsp_ros.guidance.messages import Track
+from cmpsp_ros.nodes.common.messages import BASE, rotation_of, set_stamp
 from cmpsp_ros.nodes.common.topics import SIM_SCAN
 from cmpsp_ros.parameters import laser_settings, scenery
 from cmpsp_ros.simulator import Laser, discs_of, edges_of
 
 if TYPE_CHECKING:
-    from builtin_interfaces.msg import Time as TimeMessage
-
-    from cmpsp_ros.nodes.sim.moving_obstacles import Traffic
     from cmpsp_ros.nodes.sim.node import SimNode
     from cmpsp_ros.parameters import Values
     from cmpsp_ros.simulator import Motion
+
+
+class Traffic:
+    """Obstacles on straight paths, from the robot's first command on; at rest before it."""
+
+    def __init__(self, values: Values) -> None:
+        self._blocks = [
+            [values[f'moving_obstacles.{name}.{key}'] for key in ('center', 'velocity', 'radius')]
+            for name in values['moving_obstacles.names']
+        ]
+        self._moves_since: int | None = None
+
+    def __len__(self) -> int:
+        return len(self._blocks)
+
+    def begin(self, stamp_ns: int) -> None:
+        """Move from now on, unless they move already."""
+        if self._moves_since is None:
+            self._moves_since = stamp_ns
+
+    def reset(self) -> None:
+        """Return to the initial places, at rest."""
+        self._moves_since = None
+
+    def at(self, stamp_ns: int) -> list[Track]:
+        """The obstacles at an instant [ns]."""
+        moves, since = self._moves_since is not None, self._moves_since or 0
+        seconds = (stamp_ns - since) / NANOSECONDS if moves else 0.0
+        tracks = []
+        for number, ((x, y), (vx, vy), radius) in enumerate(self._blocks):
+            u, v = (vx, vy) if moves else (0.0, 0.0)
+            x_now, y_now = x + seconds * u, y + seconds * v
+            tracks.append(Track(number, stamp_ns, radius, x_now, y_now, u, v))
+        return tracks
 
 
 class Scanner:
     """A laser among the shapes of a course, those that only the simulator knows, and traffic."""
 
     def __init__(self, sim: SimNode, traffic: Traffic) -> None:
-        """Begin to scan.
-
-        Args:
-            sim: The simulator.
-            traffic: What moves.
+        """Start scanning.
 
         Raises:
             ParameterError: The parameters of the scanner do not fit together.
@@ -47,7 +75,7 @@ class Scanner:
         self.note(motion)
 
     def look_around(self, values: Values) -> None:
-        """Take in the shapes of a course."""
+        """Take over the shapes of a course."""
         shapes, lines = scenery(values)
         self._edges, self._discs = edges_of(shapes, lines), discs_of(shapes)
 
@@ -71,15 +99,14 @@ class Scanner:
         for each in self._complete:
             self._publisher.publish(each)
 
-    def transform(self, stamp: TimeMessage, base: str) -> TransformStamped:
-        """Where the scanner is on the robot."""
+    def transform(self, stamp_ns: int) -> TransformStamped:
+        """Pose of the scanner on the robot."""
         x, y, heading = self._settings.pose
         message = TransformStamped(child_frame_id=self._frame_id)
-        message.header.stamp, message.header.frame_id = stamp, base
+        set_stamp(message.header, stamp_ns)
+        message.header.frame_id = BASE
         message.transform.translation.x, message.transform.translation.y = x, y
-        message.transform.rotation = Quaternion(
-            x=0.0, y=0.0, z=math.sin(heading / 2.0), w=math.cos(heading / 2.0)
-        )
+        message.transform.rotation = rotation_of(heading)
         return message
 
     def _next(self) -> LaserScan:
@@ -100,6 +127,6 @@ class Scanner:
             range_max=settings.range_max,
             ranges=scan.ranges.astype(np.float32),
         )
-        message.header.stamp = Time(nanoseconds=scan.stamp_ns).to_msg()
+        set_stamp(message.header, scan.stamp_ns)
         message.header.frame_id = self._frame_id
         return message

@@ -1,11 +1,13 @@
-"""The heartbeat that Nav2's lifecycle manager wants of a node while it is active."""
+"""Lifecycle of the guidance node: invalid requests tolerated, and Nav2's heartbeat kept up."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 from uuid import uuid4
 
+from lifecycle_msgs.srv import ChangeState
 from rclpy.clock import Clock, ClockType
+from rclpy.impl.implementation_singleton import rclpy_implementation
 
 try:
     from bond.msg import Status
@@ -13,11 +15,43 @@ except ImportError:  # bond is not among the wheels
     Status = None
 
 if TYPE_CHECKING:
+    from rclpy.lifecycle import LifecycleNode
     from rclpy.node import Node
     from rclpy.timer import Timer
 
+UNCONFIGURED, INACTIVE, ACTIVE, FINALIZED = 'unconfigured', 'inactive', 'active', 'finalized'
+"""States of a lifecycle node."""
+
 _TOPIC, _DEPTH = 'bond', 10
 _PERIOD, _TIMEOUT = 0.1, 4.0
+
+
+def guard_change_state(node: LifecycleNode) -> None:
+    """Make `~/change_state` answer `success=False` to a transition that is not possible now.
+
+    rclpy raises an exception for such a request by id, which ends the process: any client could end
+    a moving robot's node by a mistyped number.
+
+    Args:
+        node: Lifecycle node with its communication interface enabled; call this once, in the
+            constructor.
+    """
+    service = next(each for each in node.services if each.srv_type is ChangeState)
+    change_state = service.callback
+
+    def guarded(
+        request: ChangeState.Request, response: ChangeState.Response
+    ) -> ChangeState.Response:
+        try:
+            return change_state(request, response)
+        except rclpy_implementation.RCLError as error:
+            wanted = request.transition.label or f'id {request.transition.id}'
+            reason = ' '.join(str(error).split())
+            node.get_logger().error(f'lifecycle transition {wanted} refused: {reason}')
+            response.success = False
+            return response
+
+    service.callback = guarded
 
 
 class LifecycleBond:

@@ -25,7 +25,7 @@ from bag_messages import (
 from pyarrow import parquet
 
 from cmpsp_ros.bags import BagError, BagWriter
-from cmpsp_ros.bags.export.files import export
+from cmpsp_ros.bags.export import export
 
 THIRD = 1 / 3
 
@@ -169,7 +169,7 @@ def test_parquet(bag, tmp_path):
 
 
 def test_many_rows(write, tmp_path, monkeypatch):
-    monkeypatch.setattr('cmpsp_ros.bags.export.files._BATCH', 3)
+    monkeypatch.setattr('cmpsp_ros.bags.export._BATCH', 3)
     written = write(*(('/odom', at(stamp, float(stamp))) for stamp in range(10)))
     assert [*export(written, tmp_path / 'csv').values()] == [10]
     assert [*export(written, tmp_path / 'parquet', 'parquet').values()] == [10]

@@ -62,7 +62,7 @@ class Driven:
         poses = np.array([each.pose for each in self.motions])
         twists = np.array([each.twist for each in self.motions])
         durations = np.diff([each.stamp_ns for each in self.motions]) / NANOSECONDS
-        return settings.clearance(poses[:-1], twists[:-1], durations)
+        return settings.world.clearance(settings, poses[:-1], twists[:-1], durations)
 
 
 class Computer:
@@ -104,7 +104,11 @@ def drive(task: Task) -> Driven:
     driven.end = to_nanoseconds(task.settings.final_time)
     instants, noted = OdometrySchedule(task.plant, 0), 0
     try:
-        law, computer, eyes = GuidanceLaw(task.settings), Computer(task), task.eyes()
+        law, computer, eyes = (
+            GuidanceLaw(task.settings, task.settings.world),
+            Computer(task),
+            task.eyes(),
+        )
         # At the very end the law may still put it off.
         while (stamp := instants.next_ns) < driven.end + int(task.settings.may_be_late):
             _hand_over(plant, driven, computer, stamp)
@@ -143,7 +147,7 @@ def _drive_foreign(task: Task, foreign: ForeignRobot) -> Driven:
     drive = ForeignDrive(foreign, task.settings.robot, task.scenario.pose)
     driven = Driven(task, drive.motions, drive.decisions)
     try:
-        drive.run(GuidanceLaw(task.settings), task.settings.control_period)
+        drive.run(GuidanceLaw(task.settings, task.settings.world), task.settings.control_period)
     except Exception as error:
         driven.exception = _in_words(error)
     driven.end = min(drive.end, drive.motions[-1].stamp_ns)
@@ -169,6 +173,7 @@ def _brake(plant: Plant, driven: Driven, law: GuidanceLaw, period: int) -> None:
 def outcome(driven: Driven) -> StudyOutcome:
     """The figures of a run."""
     task, settings = driven.task, driven.task.settings
+    space = task.truth.world.free_space(task.truth)
     final = driven.end
     clearance = driven.clearance()
     speeds = [each.wheel_speeds for each in driven.decisions]
@@ -183,7 +188,7 @@ def outcome(driven: Driven) -> StudyOutcome:
         miss=math.dist(driven.at(final)[:2], settings.goal),
         road_clearance=float(clearance[:, :_EDGES].min()),
         obstacle_clearance=float(clearance[:, _EDGES:].min()) if task.truth.obstacles else None,
-        began_outside=bool(task.truth.space().at(driven.motions[0].pose[None]).min() < 0.0),
+        began_outside=bool(space.at(driven.motions[0].pose[None]).min() < 0.0),
         max_wheel_speed=max(largest, default=0.0),
         too_fast=sum(each > limit for each in largest),
         over_limit=_over_limit(driven),

@@ -13,7 +13,7 @@ from nav_msgs.msg import Odometry
 from rclpy.action import ActionClient
 
 from cmpsp_ros.nodes import MODULES
-from cmpsp_ros.nodes.common.road_messages import path_of
+from cmpsp_ros.nodes.common.messages import path_of
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(300)]
 

@@ -11,7 +11,7 @@ from live import PERIOD_NS
 from sensor_msgs.msg import PointCloud2
 
 from cmpsp_ros.guidance.messages import Track
-from cmpsp_ros.nodes.common.clouds import cloud_of
+from cmpsp_ros.nodes.common.messages import cloud_of
 
 pytestmark = pytest.mark.integration
 

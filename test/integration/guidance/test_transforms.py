@@ -19,7 +19,7 @@ from cmpsp_ros.bags.audit import CheckOutcome, audit
 from cmpsp_ros.bags.report import write_report
 from cmpsp_ros.bags.runs.run import read_driven
 from cmpsp_ros.guidance.messages import Track, compose
-from cmpsp_ros.nodes.common.clouds import cloud_of
+from cmpsp_ros.nodes.common.messages import cloud_of
 from cmpsp_ros.robots import arc_ends
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(300)]

@@ -12,9 +12,10 @@ import os
 import re
 import tempfile
 import time
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
-from typing import IO, Any, Final
+from typing import Any, Final
 
 from numba.core import event
 
@@ -140,9 +141,9 @@ def _checksum(content: bytes) -> bytes:
 
 
 @cache
-def _locks(folder: Path) -> IO[bytes]:
+def _locks(folder: Path) -> int:
     """File of which each kernel locks one byte; a process that ends unlocks all of its own."""
-    return (folder / '.lock').open('ab')
+    return os.open(folder / '.lock', os.O_RDWR | os.O_CREAT, 0o600)
 
 
 def _byte(path: Path) -> int:
@@ -151,19 +152,15 @@ def _byte(path: Path) -> int:
 
 def _acquire(path: Path, dispatcher: Any) -> None:
     """Become the one process that compiles a kernel, if that can be done."""
-    try:
+    with suppress(OSError):
         locks, place = _locks(path.parent), (1, _byte(path))
         try:
             fcntl.lockf(locks, fcntl.LOCK_EX | fcntl.LOCK_NB, *place)
         except BlockingIOError:
             with event.trigger_event(WAITING, {'dispatcher': dispatcher}):
                 fcntl.lockf(locks, fcntl.LOCK_EX, *place)
-    except OSError:
-        pass
 
 
 def _release(path: Path) -> None:
-    try:
+    with suppress(OSError):
         fcntl.lockf(_locks(path.parent), fcntl.LOCK_UN, 1, _byte(path))
-    except OSError:
-        pass

@@ -92,7 +92,7 @@ def address_of(returned: type | None, function: Callable[..., Any], *arguments: 
     """Address of a compiled function's machine code, for arguments like these.
 
     Args:
-        returned: Type of its result: int, float or None.
+        returned: Type of its result: int (or an `IntEnum`), float or None.
         function: The function.
         arguments: Examples.
 
@@ -101,6 +101,8 @@ def address_of(returned: type | None, function: Callable[..., Any], *arguments: 
     """
     overload = _overload(function, arguments)
     found, wanted = types.unliteral(overload.signature.return_type), _RETURNED[returned]
+    if isinstance(found, types.IntEnumMember):
+        found = found.dtype
     if found != wanted:
         raise TypeError(f'{function.__name__}: found {found} returned, wanted {wanted}')
     return internals.address(overload)

@@ -16,7 +16,7 @@ from rosbags.interfaces import (
 )
 
 from cmpsp_ros.bags.definitions import jazzy
-from cmpsp_ros.guidance.messages import FLOATS
+from cmpsp_ros.guidance.messages import Track
 
 SECOND = 1_000_000_000
 ODOMETRY, JOINTS = 'nav_msgs/msg/Odometry', 'sensor_msgs/msg/JointState'
@@ -108,7 +108,7 @@ def path(stamp, places, frame_id='odom', stamps=None):
 def cloud(stamp, points, frame_id='odom'):
     """Moving obstacles: (id, x, y, vx, vy, radius) each."""
     field = jazzy().types['sensor_msgs/msg/PointField']
-    fields = [field(name, 8 * place, 8, 1) for place, name in enumerate(FLOATS)]
+    fields = [field(name, 8 * place, 8, 1) for place, name in enumerate(Track.FIELDS)]
     data = b''.join(struct.pack('<5di', *values, number) for number, *values in points)
     count = len(points)
     return make(

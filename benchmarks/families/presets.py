@@ -14,13 +14,8 @@ from benchmarks.quiet import collector_off
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance import Decision, GuidanceLaw, GuidanceSettings, to_nanoseconds
 from cmpsp_ros.guidance.messages import Track
-from cmpsp_ros.parameters import (
-    TABLE,
-    check_start,
-    guidance_settings,
-    load_parameter_file,
-    preset_names,
-)
+from cmpsp_ros.parameters import TABLE, check_start, guidance_settings, load_parameter_file
+from cmpsp_ros.parameters.files import preset_names
 from cmpsp_ros.studies.paper import table1, table2
 
 
@@ -138,7 +133,7 @@ def drive(
     Yields:
         Of each control step the computing time [ms], the decision, and the pose that it leads to.
     """
-    law, period = GuidanceLaw(settings), to_nanoseconds(settings.control_period)
+    law, period = GuidanceLaw(settings, settings.world), to_nanoseconds(settings.control_period)
     held = np.array([settings.control_period])
     with collector_off():
         for stamp in itertools.count(0, period):

@@ -12,9 +12,14 @@ from benchmarks.families.spread import Spread
 from benchmarks.quiet import collector_off
 from benchmarks.table import Table
 from cmpsp_ros.guidance import GuidanceLaw, to_nanoseconds
-from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file, plant_settings
-from cmpsp_ros.parameters.courses import shapes_of
-from cmpsp_ros.parameters.robots import OWN_OBSTACLES, laser_settings
+from cmpsp_ros.parameters import (
+    TABLE,
+    guidance_settings,
+    laser_settings,
+    load_parameter_file,
+    plant_settings,
+    shapes_of,
+)
 from cmpsp_ros.simulator import Plant
 from cmpsp_ros.studies.monte_carlo import Eyes
 from cmpsp_ros.world.grids import distance_field
@@ -73,8 +78,8 @@ def _steps(preset: str) -> Iterator[tuple[float, ...]]:
     """Of each control step: its time, those of scan, field, search [ms], and the grid's cells."""
     values = TABLE.resolve(load_parameter_file(preset))
     settings, of_plant = guidance_settings(values), plant_settings(values)
-    law, plant = GuidanceLaw(settings), Plant(of_plant)
-    eyes = Eyes(settings, laser_settings(values), shapes_of(values, OWN_OBSTACLES))
+    law, plant = GuidanceLaw(settings, settings.world), Plant(of_plant)
+    eyes = Eyes(settings, laser_settings(values), shapes_of(values))
     eyes.note(plant.motion)
     period = to_nanoseconds(1.0 / of_plant.odom_rate)
     with collector_off():

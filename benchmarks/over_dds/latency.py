@@ -17,7 +17,8 @@ from benchmarks.machine import resident
 from cmpsp_ros.arrays import Array, BoolArray
 from cmpsp_ros.demo import Child, DemoError, use_free_domain
 from cmpsp_ros.nodes import Observer
-from cmpsp_ros.parameters import TABLE, Values, load_parameter_file, write_parameter_file
+from cmpsp_ros.parameters import TABLE, Values, load_parameter_file
+from cmpsp_ros.parameters.files import write_parameter_file
 
 _ACTIVE = '[guidance]: active'
 

@@ -20,7 +20,7 @@ from cmpsp_ros.arrays import Array
 from cmpsp_ros.bags import DecisionRecord
 from cmpsp_ros.demo import Child, DemoError, Scenario, guide, load_scenario, started
 from cmpsp_ros.nodes import Seen
-from cmpsp_ros.parameters import write_fleet_file
+from cmpsp_ros.parameters.files import write_fleet_file
 
 _PRESET: Final = 'case3'
 _CHANGES: Final = ('odom_rate=20.0', 'final_time=15.0')

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from cmpsp_ros.guidance.messages import plan_topic
+from cmpsp_ros.guidance.messages import PeerTrajectory
 
 
 @dataclass(frozen=True)
@@ -54,6 +54,6 @@ class Names:
 
     def others(self, namespaces: Iterable[str]) -> dict[str, str]:
         """Namespaces of other robots by the topics of their plans; without this node's own."""
-        plans = {plan_topic(each): each for each in namespaces}
+        plans = {PeerTrajectory.topic(each): each for each in namespaces}
         plans.pop(self.path, None)
         return plans

@@ -74,7 +74,7 @@ def _loaded(
     preset: str, assignments: list[str], robot: str | None, *, lockstep: bool
 ) -> tuple[Scenario, ...]:
     """The robots of a preset; what there is to say of them is said."""
-    from cmpsp_ros.parameters import robots_in  # noqa: PLC0415 (starts faster without)
+    from cmpsp_ros.parameters.files import robots_in  # noqa: PLC0415 (starts faster without)
 
     if len(namespaces := robots_in(preset)) > 1:
         from cmpsp_ros.demo import load_fleet  # noqa: PLC0415 (loads kernels)

@@ -58,7 +58,8 @@ def _what_if(
 ) -> None:
     """Show what a changed guidance law decides."""
     from cmpsp_ros.bags.replay import Change, draw_what_if, what_if  # noqa: PLC0415 (loads kernels)
-    from cmpsp_ros.parameters import load_parameter_file, parse_assignment  # noqa: PLC0415 (starts faster without)
+    from cmpsp_ros.parameters import load_parameter_file  # noqa: PLC0415 (starts faster without)
+    from cmpsp_ros.parameters.files import parse_assignment  # noqa: PLC0415 (starts faster without)
 
     base = None if params_file is None else load_parameter_file(params_file)
     change = Change(base, dict(parse_assignment(each) for each in assignments))

@@ -16,7 +16,8 @@ from cmpsp_ros.demo.fleet_picture import draw_fleet
 from cmpsp_ros.demo.runner import driven
 from cmpsp_ros.demo.scenario import Scenario, load_scenario
 from cmpsp_ros.demo.summary import Summary, summarise, window
-from cmpsp_ros.parameters import ParameterError, Problem, write_fleet_file
+from cmpsp_ros.parameters import ParameterError, Problem
+from cmpsp_ros.parameters.files import write_fleet_file
 from cmpsp_ros.robots import placed
 
 

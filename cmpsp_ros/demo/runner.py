@@ -21,7 +21,7 @@ from cmpsp_ros.demo.guiding import START_TIMEOUT, guide
 from cmpsp_ros.demo.processes import Child, check_all, stop_all, use_free_domain
 from cmpsp_ros.demo.scenario import Scenario
 from cmpsp_ros.nodes.recording import Written
-from cmpsp_ros.parameters import write_parameter_file
+from cmpsp_ros.parameters.files import write_parameter_file
 
 if TYPE_CHECKING:
     from cmpsp_ros.demo.summary import Summary

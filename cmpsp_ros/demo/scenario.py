@@ -19,12 +19,10 @@ from cmpsp_ros.parameters import (
     check_start,
     guidance_settings,
     load_parameter_file,
-    load_robot,
-    parse_assignment,
     plausibility_warnings,
+    shapes_of,
 )
-from cmpsp_ros.parameters.courses import shapes_of, with_files
-from cmpsp_ros.parameters.robots import OWN_OBSTACLES
+from cmpsp_ros.parameters.files import load_robot, parse_assignment, with_files
 from cmpsp_ros.world.obstacles import Shape
 
 _PACE: Final = 0.8
@@ -57,7 +55,7 @@ class Scenario:
     @property
     def hidden(self) -> tuple[Shape, ...]:
         """Obstacles that only the simulator knows."""
-        return shapes_of(self.values, OWN_OBSTACLES)
+        return shapes_of(self.values)
 
     @property
     def truth(self) -> GuidanceSettings:
@@ -113,7 +111,10 @@ def load_scenario(
         raise ParameterError(Problem('final_time', '0.0 s', 'when to stop: a demo comes to an end'))
     check_start(values)
     check_pace(values)
-    remarks += [*plausibility_warnings(values), *infeasibility_warnings(settings, _start(values))]
+    remarks += [
+        *plausibility_warnings(values),
+        *infeasibility_warnings(settings, settings.world, _start(values)),
+    ]
     return Scenario(name, values, settings, tuple(remarks), namespace)
 
 
@@ -122,7 +123,7 @@ def _give_time(given: dict[str, Any]) -> list[str]:
     values = TABLE.resolve(given)
     settings = guidance_settings(values)
     # In whole seconds, which are a whole number of most control periods.
-    needed = float(math.ceil(shortest_time(settings, _start(values)) / _PACE))
+    needed = float(math.ceil(shortest_time(settings, settings.road, _start(values)) / _PACE))
     if needed <= settings.final_time:
         return []
     given['final_time'] = needed

@@ -12,7 +12,7 @@ import numpy as np
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.goals import Goal
 from cmpsp_ros.guidance.horizon import Horizon
-from cmpsp_ros.guidance.messages.peer_trajectories import Seen
+from cmpsp_ros.guidance.messages.tracks import MovingObject
 
 UNTIMED: Final[Mapping[str, float]] = MappingProxyType({})
 
@@ -145,7 +145,7 @@ class Decision(NamedTuple):
     skipped: bool = False
     run: int = 0
     revision: int = 0
-    tracks: tuple[Seen, ...] = ()
+    tracks: tuple[MovingObject, ...] = ()
     sighting: int | None = None
     goal: Goal | None = None
     heading_error: float | None = None

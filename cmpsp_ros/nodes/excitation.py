@@ -16,7 +16,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.bags import BagError, BagWriter
 from cmpsp_ros.bags.identify import RADIUS
-from cmpsp_ros.guidance.messages import OdometryError, pose_of
+from cmpsp_ros.guidance.messages import OdometryError, OdometryReading
 from cmpsp_ros.nodes.common.runtime import StartupError, run
 from cmpsp_ros.nodes.common.topics import COMMAND, GUIDANCE_ODOM
 
@@ -83,7 +83,7 @@ class Excitation(Node):
         self._bag.write(self._odom, time.time_ns(), raw)
         message = deserialize_message(raw, Odometry)
         try:
-            x, y, _ = pose_of(message, message.header.frame_id).tolist()
+            x, y, _ = OdometryReading.of(message).pose_in(message.header.frame_id).tolist()
         except OdometryError as error:
             self._finish(str(error))
             return

@@ -17,8 +17,8 @@ from typing import Any, Final
 
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.errors import ParameterError, Problem
+from cmpsp_ros.parameters.files import dump
 from cmpsp_ros.parameters.parameter import NAME, REQUIRED, Parameter, ParameterType
-from cmpsp_ros.parameters.ros_yaml import dump
 
 _HEAD: Final = '| Parameter | Default | Unit | Allowed | Live | Node | |' + '\n' + '|---' * 7 + '|'
 _DEFAULTS_HEAD: Final = """\

@@ -2,25 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from typing import NamedTuple, TypeVar
+
+T = TypeVar('T')
 
 
-@dataclass(frozen=True)
-class Problem:
-    """One problem.
-
-    Attributes:
-        where: The parameter's key, or the file and line.
-        found: The value found.
-        wanted: The value expected.
-    """
+class Problem(NamedTuple):
+    """One problem: the parameter's key, or file and line; the value found; the value wanted."""
 
     where: str
     found: str
     wanted: str
 
     def __str__(self) -> str:
-        """The problem in one line."""
         return f'{self.where}: found {self.found}, wanted {self.wanted}'
 
 
@@ -36,8 +31,28 @@ class ParameterError(ValueError):
         self.problems = problems
 
     def __str__(self) -> str:
-        """One line for each problem."""
-        return '\n'.join(str(problem) for problem in self.problems)
+        return '\n'.join(map(str, self.problems))
+
+
+class Problems(list[Problem]):
+    """Problems collected while the things that a set describes are made, each once."""
+
+    def attempt(self, make: Callable[[], T]) -> T | None:
+        """Make a thing; None where it cannot be made, which is noted."""
+        try:
+            return make()
+        except ParameterError as error:
+            self.extend(error.problems)
+            return None
+
+    def check(self) -> None:
+        """Refuse the set if there are any.
+
+        Raises:
+            ParameterError: With all problems.
+        """
+        if self:
+            raise ParameterError(*self)
 
 
 def describe(value: object) -> str:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import Final
 
-from cmpsp_ros.parameters.robots.footprints import footprint_of
+from cmpsp_ros.parameters.robots import footprint_of
 from cmpsp_ros.parameters.table import Values
 
 _LARGEST_LENGTHS: Final = {

@@ -1,16 +1,19 @@
-"""Settings of the guidance law and of the plant, built from a resolved set of parameters."""
+"""Settings of the guidance law and of the simulator, built from a resolved set of parameters."""
 
 from __future__ import annotations
 
 import math
 import re
 from collections.abc import Iterator
+from functools import partial
 from itertools import pairwise
 from typing import Any, Final
 
 import numpy as np
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance import (
+    SEEN,
     GuidanceSettings,
     InitialGuess,
     MovingObstacles,
@@ -20,23 +23,23 @@ from cmpsp_ros.guidance import (
 )
 from cmpsp_ros.mpsp import ProblemError
 from cmpsp_ros.mpsp.qp import available, backend
-from cmpsp_ros.parameters.courses.course import place_problems, start_problems
-from cmpsp_ros.parameters.courses.goals import (
+from cmpsp_ros.parameters.course import (
+    Course,
     follow_of,
     follow_problems,
     goal_problems,
     heading_of,
     waypoints_of,
 )
-from cmpsp_ros.parameters.courses.obstacles import obstacle_problems, obstacles_of
-from cmpsp_ros.parameters.courses.roads import road_of, road_problems
-from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
+from cmpsp_ros.parameters.errors import ParameterError, Problem, Problems, describe
+from cmpsp_ros.parameters.obstacles import obstacles_of, shapes_of
 from cmpsp_ros.parameters.parameter import fields_of
-from cmpsp_ros.parameters.robots.footprints import footprint_of, footprint_problems
-from cmpsp_ros.parameters.robots.models import robot_of, robot_problems
-from cmpsp_ros.parameters.robots.sensors import sight_of, sight_problems
+from cmpsp_ros.parameters.roads import road_of
+from cmpsp_ros.parameters.robots import footprint_of, robot_of, robot_problems
 from cmpsp_ros.parameters.table import Values
-from cmpsp_ros.simulator import OdometryErrors, Physics, PlantSettings
+from cmpsp_ros.sensing import Sensor, SightSettings
+from cmpsp_ros.simulator import LaserSettings, OdometryErrors, Physics, PlantSettings
+from cmpsp_ros.world.obstacles import Shape
 
 _MOST_STEPS: Final = 10_000
 """Control steps beyond which the horizon's matrices would fill the memory."""
@@ -44,7 +47,7 @@ _MOST_STEPS: Final = 10_000
 _LARGEST: Final = 1e9
 _SMALLEST: Final = 1e-6
 _DIVISORS: Final = ('robot.wheel_radius', 'robot.half_track', 'weights.control_change')
-"""What the law divides by, beside a wheel limit that is not 0."""
+"""Divisors of the law, beside a wheel limit that is not 0."""
 
 _NAMESPACE: Final = re.compile(r'(?:/[A-Za-z_]\w*)+', re.ASCII)
 
@@ -62,24 +65,29 @@ def guidance_settings(values: Values) -> GuidanceSettings:
             command, a followed road with an end, a QP back end that is not installed, an invalid
             namespace of another robot.
     """
-    _raise_if_any([*_size_problems(values), *footprint_problems(values)])
-    goals = follow_problems if values['follow.speed'] else goal_problems
-    groups = (
-        robot_problems,
-        _time_problems,
-        road_problems,
-        obstacle_problems,
-        sight_problems,
-        goals,
-        _solver_problems,
-        _others_problems,
-        start_problems,
+    problems = Problems(_size_problems(values))
+    problems.attempt(partial(footprint_of, values))
+    problems.check()
+    robot = problems.attempt(partial(robot_of, values))
+    if robot is not None:
+        problems += robot_problems(values, robot)
+    problems += _time_problems(values)
+    course = Course.of(values, problems)
+    problems += _sensor_problems(values)
+    problems += (follow_problems if values['follow.speed'] else goal_problems)(values, course)
+    problems += _solver_problems(values)
+    problems += _namespace_problems(values)
+    if len(pose := values['start.pose']) not in (0, 3):
+        problems.append(Problem('start.pose', describe(pose), 'x, y and heading, or none of them'))
+    problems.check()
+    assert robot is not None  # noqa: S101 (its absence is a problem)
+    sensors = tuple(
+        Sensor(name, **fields_of(Sensor, values, f'sensors.{name}.'))
+        for name in values['sensors.names']
     )
-    _raise_if_any([problem for group in groups for problem in group(values)])
-    footprint, radius = footprint_of(values)
     return GuidanceSettings(
-        robot=robot_of(values),
-        road=road_of(values),
+        robot=robot,
+        road=course.road,
         goal=tuple(values['goal.position']),
         goal_tolerance=values['goal.tolerance'],
         goal_heading=heading_of(values, 'goal.heading'),
@@ -96,11 +104,11 @@ def guidance_settings(values: Values) -> GuidanceSettings:
         delay_tolerance=values['command_delay_tolerance'],
         max_slip=values['max_wheel_slip'],
         max_lag=values['max_wheel_lag'],
-        obstacles=obstacles_of(values),
+        obstacles=course.obstacles,
         moving_obstacles=MovingObstacles(**fields_of(MovingObstacles, values, 'moving_obstacles.')),
-        sight=sight_of(values),
-        robot_radius=radius,
-        footprint=footprint,
+        sight=SightSettings(sensors, **fields_of(SightSettings, values, 'sight.')),
+        robot_radius=course.radius,
+        footprint=course.footprint,
         weights=Weights(**fields_of(Weights, values, 'weights.')),
         solver=SolverSettings(**fields_of(SolverSettings, values, 'solver.')),
         initial_guess=InitialGuess(**fields_of(InitialGuess, values, 'initial_guess.')),
@@ -130,26 +138,53 @@ def plant_settings(values: Values) -> PlantSettings:
     )
 
 
+def laser_settings(values: Values) -> LaserSettings:
+    """Settings of the simulated laser scanner.
+
+    Raises:
+        ParameterError: Its angles, ranges or times do not fit together, or one of the simulator's
+            own obstacles cannot be made.
+    """
+    problems = Problems(_scan_problems(values))
+    problems.attempt(partial(shapes_of, values))
+    problems.check()
+    return LaserSettings(**fields_of(LaserSettings, values, 'sim.scan.'), seed=values['noise.seed'])
+
+
+def scenery(values: Values) -> tuple[tuple[Shape, ...], list[Array]]:
+    """Obstacles and lines that the simulated scanner sees.
+
+    Raises:
+        ParameterError: One of them cannot be made.
+    """
+    lines = road_of(values).edges() if values['sim.scan.road_edges'] else []
+    return obstacles_of(values) + shapes_of(values), lines
+
+
 def check_start(values: Values) -> None:
-    """Refuses a start from which there is no lawful first step.
+    """Refuse a start from which there is no lawful first step.
 
     Raises:
         ParameterError: If the footprint or an obstacle cannot be made, or the initial pose is off
             the road or in an obstacle.
     """
-    _raise_if_any([*footprint_problems(values), *obstacle_problems(values)])
-    x, y, heading = values['initial_pose']
-    _raise_if_any(list(place_problems(values, 'initial_pose', (x, y), heading)))
+    problems, of_road = Problems(), Problems()
+    course = problems.attempt(lambda: Course.of(values, of_road))
+    if course is not None:
+        problems += [each for each in of_road if not each.where.startswith('road.')]
+        x, y, heading = values['initial_pose']
+        problems += course.place_problems('initial_pose', (x, y), heading)
+    problems.check()
 
 
 def check_pace(values: Values) -> None:
-    """Refuses a simulation whose times do not fit together.
+    """Refuse a simulation whose times do not fit together.
 
     Raises:
         ParameterError: If odometry or simulated time are too slow or too fast to be kept, or
             lockstep cannot work.
     """
-    problems = []
+    problems = Problems()
     rate, factor = values['odom_rate'], values['real_time_factor']
     if rate < 1e-3:
         problems.append(Problem('odom_rate', f'{rate} Hz', 'at least 0.001 Hz'))
@@ -181,7 +216,7 @@ def check_pace(values: Values) -> None:
         problems.append(Problem('noise.dropout_windows', found, wanted))
     if not 1e-3 <= factor <= 1e3:
         problems.append(Problem('real_time_factor', f'{factor}', 'from 0.001 to 1000'))
-    _raise_if_any(problems)
+    problems.check()
 
 
 def _meets_control_instants(values: Values) -> bool:
@@ -202,15 +237,9 @@ def _dropout_windows(values: Values) -> tuple[tuple[float, float], ...]:
 def _physics(values: Values) -> Physics | None:
     if values['plant'] != 'mujoco':
         return None
-    _raise_if_any(
-        [
-            Problem(
-                key, describe(values[key]), 'no slip: with plant mujoco it is friction that decides'
-            )
-            for key in ('wheel_slip', 'wheel_slip_stddev')
-            if np.any(values[key])
-        ]
-    )
+    wanted = 'no slip: with plant mujoco it is friction that decides'
+    slips = [each for each in ('wheel_slip', 'wheel_slip_stddev') if np.any(values[each])]
+    Problems(Problem(key, describe(values[key]), wanted) for key in slips).check()
     return Physics(**fields_of(Physics, values, 'physics.'))
 
 
@@ -258,13 +287,34 @@ def _solver_problems(values: Values) -> Iterator[Problem]:
         yield Problem('solver.qp', repr(name), f'one of {", ".join(available())}')
 
 
-def _others_problems(values: Values) -> Iterator[Problem]:
+def _namespace_problems(values: Values) -> Iterator[Problem]:
     for each in values['others.namespaces']:
         if not _NAMESPACE.fullmatch(each):
             wanted = 'namespaces of robots, as in /r1: letters, digits and _ after each /'
             yield Problem('others.namespaces', describe(each), wanted)
 
 
-def _raise_if_any(problems: list[Problem]) -> None:
-    if problems:
-        raise ParameterError(*problems)
+def _scan_problems(values: Values) -> Iterator[Problem]:
+    first, last = values['sim.scan.angle_min'], values['sim.scan.angle_max']
+    if not first < last <= first + math.tau + 1e-9:
+        wanted = f'more than sim.scan.angle_min = {first} rad, by a full turn at most'
+        yield Problem('sim.scan.angle_max', f'{last} rad', wanted)
+    nearest, farthest = values['sim.scan.range_min'], values['sim.scan.range_max']
+    if nearest >= farthest:
+        wanted = f'more than sim.scan.range_min = {nearest} m'
+        yield Problem('sim.scan.range_max', f'{farthest} m', wanted)
+    increment, period = values['sim.scan.time_increment'], 1.0 / values['sim.scan.rate']
+    longest = period / (values['sim.scan.count'] - 1)
+    if increment > longest * (1.0 + 1e-9):
+        wanted = f'at most {longest:.9g} s, for a scan within 1 / sim.scan.rate = {period:.9g} s'
+        yield Problem('sim.scan.time_increment', f'{increment} s', wanted)
+
+
+def _sensor_problems(values: Values) -> Iterator[Problem]:
+    for name in values['sensors.names']:
+        low, high = values[f'sensors.{name}.heights']
+        if low >= high:
+            key = f'sensors.{name}.heights'
+            yield Problem(key, describe([low, high]), 'the least z before the greatest')
+    if values['sensors.names'] and SEEN in values['obstacles.names']:
+        yield Problem('obstacles.names', repr(SEEN), 'another name: it is that of what is seen')

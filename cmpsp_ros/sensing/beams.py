@@ -1,4 +1,4 @@
-"""What a sensor has seen at an instant: straight beams from it to what they met."""
+"""Sensors, and the straight beams that they have measured."""
 
 from __future__ import annotations
 
@@ -10,25 +10,15 @@ import numpy as np
 from cmpsp_ros.arrays import Array, BoolArray, IntArray
 from cmpsp_ros.setting import NOT_NEGATIVE, POSITIVE, Range, setting
 
-Indices = IntArray
 Pose = tuple[float, float, float]
-
-_NS = 1_000_000_000
 
 
 class ScanError(ValueError):
-    """A message of a sensor that is unusable.
-
-    Attributes:
-        where: The sensor, and the field of its message.
-        found: What is there.
-        wanted: What would be right.
-    """
+    """Unusable message of a sensor."""
 
     def __init__(self, where: str, found: str, wanted: str) -> None:
-        """Say what is wrong, and what would be right."""
+        """Name the sensor and the field of its message, what it holds and what it should."""
         super().__init__(f'{where}: found {found}, wanted {wanted}')
-        self.where, self.found, self.wanted = where, found, wanted
 
 
 # fmt: off
@@ -53,11 +43,7 @@ class Sensor:
     # fmt: on
 
     def check_frame(self, message: Any) -> None:
-        """Refuse a message in another frame.
-
-        Raises:
-            ScanError: It is in another one.
-        """
+        """Raise `ScanError` for a message in another frame."""
         found = message.header.frame_id
         if found != self.frame_id:
             wanted = f'{self.frame_id!r} (sensors.{self.name}.frame_id)'
@@ -85,66 +71,47 @@ class SightSettings:
 
 @dataclass(frozen=True, eq=False)
 class Sight:
-    """Beams in the sensor's own frame, before it is known where the sensor was.
+    """Beams in the frame of the sensor.
 
     Attributes:
-        sensor: Where they come from.
-        stamp: When the last was measured [ns].
-        stamps: When each was measured, in ascending order, shape ``(B,)`` [ns].
-        begins: Where the part of each begins that shows free space, shape ``(B, 2)`` [m].
-        ends: Where each ends, shape ``(B, 2)`` [m].
-        hits: Whether there is something at its end, shape ``(B,)``.
-        is_sweep: Whether neighbours in the array are neighbours in space, so that what is between
-            two of them is seen as well, and whether beams see what is gone. A cloud of points has
-            beams at different heights: one may pass above what another one has met.
+        sensor: Their sensor.
+        stamp: Time of the last one [ns].
+        stamps: Time of each, ascending, shape ``(B,)`` [ns].
+        begins: First point of each that shows free space, shape ``(B, 2)`` [m].
+        ends: End of each, shape ``(B, 2)`` [m].
+        hits: Whether it ended at an obstacle, shape ``(B,)``.
+        is_sweep: Whether neighbours in the array are neighbours in space: then the space between
+            two of them is seen as well, and beams show that an obstacle is gone. The beams of a
+            cloud have several heights: one may pass above an obstacle that another one met.
     """
 
     sensor: Sensor
     stamp: int
-    stamps: Indices
+    stamps: IntArray
     begins: Array
     ends: Array
     hits: BoolArray
     is_sweep: bool
 
+    def projected(self, poses: Array) -> Beams:
+        """Beams in the frame of odometry, from the robot's pose at each stamp, ``(B, 3)``."""
+        ahead, left, turned = self.sensor.pose
+        places = poses[:, :2] + _turned(np.array([ahead, left]), poses[:, 2])
+        starts, ends = (
+            places + _turned(each, poses[:, 2] + turned) for each in (self.begins, self.ends)
+        )
+        return Beams(self.stamp, starts, ends, self.hits, self.is_sweep)
+
 
 @dataclass(frozen=True, eq=False)
 class Beams:
-    """Beams in the frame of odometry.
-
-    Attributes:
-        stamp: When the last was measured [ns].
-        starts: Where each begins to show free space, shape ``(B, 2)`` [m].
-        ends: As of `Sight`, shape ``(B, 2)`` [m].
-        hits: As of `Sight`, shape ``(B,)``.
-        is_sweep: As of `Sight`.
-    """
+    """Beams in the frame of odometry; attributes as of `Sight`."""
 
     stamp: int
     starts: Array
     ends: Array
     hits: BoolArray
     is_sweep: bool
-
-
-def project(sight: Sight, poses: Array) -> Beams:
-    """Beams from where the sensor was when each was measured.
-
-    Args:
-        sight: The beams.
-        poses: Of the robot at their stamps, shape ``(B, 3)`` [m, m, rad].
-    """
-    ahead, left, turned = sight.sensor.pose
-    places = poses[:, :2] + _turned(np.array([ahead, left]), poses[:, 2])
-    starts, ends = (
-        places + _turned(each, poses[:, 2] + turned) for each in (sight.begins, sight.ends)
-    )
-    return Beams(sight.stamp, starts, ends, sight.hits, sight.is_sweep)
-
-
-def stamp_of(message: Any) -> int:
-    """Time stamp of a message with a header [ns]."""
-    return int(message.header.stamp.sec) * _NS + int(message.header.stamp.nanosec)
 
 
 def _turned(points: Array, angles: Array) -> Array:

@@ -1,4 +1,8 @@
-"""What sensors have seen around the robot: a grid that goes along with it, cell by cell."""
+"""Memory of what sensors have seen: a grid that goes along with the robot, cell by cell.
+
+Kernels count coordinates in cells, from the grid's corner. A cell has its state, the time at which
+that was seen [ns], and where in it a beam ended.
+"""
 
 from __future__ import annotations
 
@@ -8,32 +12,42 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.arrays import Array
+from cmpsp_ros.arrays import Array, BoolArray, IntArray
+from cmpsp_ros.mpsp.jit import allocation_free, inner
 from cmpsp_ros.robots import contains
 from cmpsp_ros.sensing.beams import Beams
-from cmpsp_ros.sensing.grid_functions import clear, mark
 from cmpsp_ros.world.grids import Cell, OccupancyGrid
 
-_NEVER = np.iinfo(np.int64).min
+Cells = NDArray[np.uint8]
+Places = NDArray[np.float32]
 
-_BESIDE = 2.0
-"""Cells around the footprint that no beam need ever pass [cells]."""
+_NEVER = np.iinfo(np.int64).min
+_FREE, _OCCUPIED = int(Cell.FREE), int(Cell.OCCUPIED)
+
+_UNSEEN = 2.0
+"""Width of the strip around the footprint that no beam need ever pass [cells]."""
+
+_BESIDE = 0.25
+"""Distance from the end of an earlier beam at which another one shows that it is gone [cells]."""
+
+_BEYOND = 4.0
+"""Distance by which that beam must go on [cells]: one that grazes a wall does not."""
 
 
 class LocalGrid:
     """Cells around the robot, along the axes of the frame of odometry.
 
-    Cells are those of one lattice in the plane, which never moves: where the robot goes only
-    decides which of them are remembered, so that nothing drifts.
+    They belong to one lattice that never moves: the robot's position only decides which of them are
+    remembered, so that nothing drifts.
     """
 
     def __init__(self, size: float, resolution: float, memory: float) -> None:
-        """Know nothing.
+        """Make a square of unknown cells.
 
         Args:
-            size: Side of the square that is remembered [m].
+            size: Side of the square [m].
             resolution: Side of a cell [m].
-            memory: For how long what is out of sight is remembered [s].
+            memory: Time for which cells out of sight are remembered [s].
         """
         # As it is in a nav_msgs/OccupancyGrid, so that the grid in a bag is this one.
         self._resolution = resolution = float(np.float32(resolution))
@@ -46,7 +60,7 @@ class LocalGrid:
         self._hits = np.zeros((side, side, 2), dtype=np.float32)
 
     def center_on(self, x: float, y: float) -> None:
-        """Go along with the robot, by whole cells; what it leaves behind is forgotten."""
+        """Follow the robot by whole cells, and forget what it leaves behind."""
         half = len(self._cells) // 2
         column = math.floor(x / self._resolution) - half
         row = math.floor(y / self._resolution) - half
@@ -58,11 +72,7 @@ class LocalGrid:
             self._column, self._row = column, row
 
     def see(self, beams: Beams) -> None:
-        """Take beams in: they clear what they pass through, and mark where they end.
-
-        Args:
-            beams: Not older than those before.
-        """
+        """Free what beams pass through, and mark where they end; in the order of time."""
         arrays = self._cells, self._seen, self._hits
         corner = np.array([self._column, self._row], dtype=float)
         starts = beams.starts / self._resolution - corner
@@ -73,26 +83,26 @@ class LocalGrid:
     def stand_at(
         self, x: float, y: float, radius: float, stamp: int, corners: Array | None = None
     ) -> None:
-        """Know that nothing is where the robot is, or so near that it was never seen there.
+        """Free the cells under the robot, and unknown ones so near that they were never seen.
 
-        What was seen beside the footprint stays: no beam need meet it there again.
+        Obstacles that were seen beside the footprint stay: no beam need meet them there again.
 
         Args:
-            x: Where its centre is [m].
-            y: See `x`.
-            radius: Of its footprint, or of a disc that covers some of it [m].
-            stamp: When [ns].
-            corners: Of what of that is the robot itself, ``(C, 2)`` [m]; None for all of it.
+            x: Centre of its footprint, or of a disc that covers some of it [m].
+            y: Its other coordinate [m].
+            radius: Radius of that disc [m].
+            stamp: Present time [ns].
+            corners: Corners of the robot itself, ``(C, 2)`` [m]; None for the whole disc.
         """
         side, cell = len(self._cells), self._resolution
-        near = math.ceil(radius / cell + _BESIDE) + 1
+        near = math.ceil(radius / cell + _UNSEEN) + 1
         middle = np.array([math.floor(y / cell) - self._row, math.floor(x / cell) - self._column])
         low, high = np.clip([middle - near, middle + near], 0, side).tolist()
         rows = (self._row + np.arange(low[0], high[0]) + 0.5) * cell - y
         columns = (self._column + np.arange(low[1], high[1]) + 0.5) * cell - x
         squared = np.square(columns) + np.square(rows)[:, None]
         around = slice(low[0], high[0]), slice(low[1], high[1])
-        covered = squared <= (radius + _BESIDE * cell) ** 2
+        covered = squared <= (radius + _UNSEEN * cell) ** 2
         body = squared <= radius * radius
         if corners is not None:
             body = contains(corners - (x, y), np.dstack(np.meshgrid(columns, rows)))
@@ -101,14 +111,14 @@ class LocalGrid:
         self._seen[around][covered] = stamp
 
     def hits(self, stamp: int) -> Array:
-        """Where beams have ended in the cells that are occupied at a time [ns], ``(P, 2)`` [m]."""
+        """Ends of beams in the cells that are occupied at a time [ns], ``(P, 2)`` [m]."""
         is_known = self._seen >= stamp - self._memory
         rows, columns = np.nonzero((self._cells == Cell.OCCUPIED) & is_known)
         corners = np.column_stack([columns + self._column, rows + self._row])
         return np.asarray((corners + self._hits[rows, columns]) * self._resolution, dtype=float)
 
     def at(self, stamp: int) -> OccupancyGrid:
-        """What is known at a time [ns]; what was last seen too long before it is unknown."""
+        """The grid at a time [ns]; what was last seen too long before it is unknown."""
         cells = np.where(self._seen >= stamp - self._memory, self._cells, np.uint8(Cell.UNKNOWN))
         origin = self._column * self._resolution, self._row * self._resolution, 0.0
         return OccupancyGrid(origin, self._resolution, cells)
@@ -123,3 +133,119 @@ def _shifted(array: NDArray[Any], up: int, right: int, fill: float) -> NDArray[A
             max(up, 0) : high - max(-up, 0), max(right, 0) : wide - max(-right, 0)
         ]
     return shifted
+
+
+@allocation_free
+def clear(
+    cells: Cells,
+    seen: IntArray,
+    hits: Places,
+    starts: Array,
+    ends: Array,
+    is_hit: BoolArray,
+    stamp: int,
+    is_sweep: bool,
+) -> None:
+    """Free the cells that beams pass through, but for those at whose end is an obstacle.
+
+    A sweep frees an occupied cell only where a beam has passed close to the place that was hit, and
+    well beyond it: else those that graze a wall would open it. The space between two neighbours of
+    a sweep is seen as well, as far as the shorter one.
+    """
+    for i in range(starts.shape[0]):
+        x, y, end_x, end_y = starts[i, 0], starts[i, 1], ends[i, 0], ends[i, 1]
+        _clear_one(cells, seen, hits, x, y, end_x, end_y, is_hit[i], stamp, is_sweep)
+        if not is_sweep or i + 1 == starts.shape[0]:
+            continue
+        along_x, along_y = end_x - x, end_y - y
+        next_x, next_y = ends[i + 1, 0] - starts[i + 1, 0], ends[i + 1, 1] - starts[i + 1, 1]
+        length = math.sqrt(along_x * along_x + along_y * along_y)
+        next_length = math.sqrt(next_x * next_x + next_y * next_y)
+        shorter = min(length, next_length)
+        if shorter <= 0.0:
+            continue
+        along_x, along_y = along_x * shorter / length, along_y * shorter / length
+        next_x, next_y = next_x * shorter / next_length, next_y * shorter / next_length
+        apart = max(abs(next_x - along_x), abs(next_y - along_y))
+        between = int(min(math.ceil(apart), 16.0)) if apart < shorter else 0
+        for k in range(1, between):
+            part = k / between
+            from_x = x + part * (starts[i + 1, 0] - x)
+            from_y = y + part * (starts[i + 1, 1] - y)
+            to_x = from_x + along_x + part * (next_x - along_x)
+            to_y = from_y + along_y + part * (next_y - along_y)
+            # Nothing was measured along it: it frees what was unknown, and no more.
+            _clear_one(cells, seen, hits, from_x, from_y, to_x, to_y, True, stamp, False)
+
+
+@allocation_free
+def mark(
+    cells: Cells, seen: IntArray, hits: Places, ends: Array, is_hit: BoolArray, stamp: int
+) -> None:
+    """Occupy the cells in which beams have hit something."""
+    for i in range(ends.shape[0]):
+        column, row = math.floor(ends[i, 0]), math.floor(ends[i, 1])
+        if is_hit[i] and 0 <= row < cells.shape[0] and 0 <= column < cells.shape[1]:
+            cells[row, column], seen[row, column] = _OCCUPIED, stamp
+            hits[row, column, 0] = ends[i, 0] - column
+            hits[row, column, 1] = ends[i, 1] - row
+
+
+@inner
+def _clear_one(
+    cells: Cells,
+    seen: IntArray,
+    hits: Places,
+    x: float,
+    y: float,
+    end_x: float,
+    end_y: float,
+    is_hit: bool,
+    stamp: int,
+    sees_gone: bool,
+) -> None:
+    """Walk from cell to cell along a beam, within the grid (Amanatides and Woo 1987)."""
+    along_x, along_y = end_x - x, end_y - y
+    length = math.sqrt(along_x * along_x + along_y * along_y)
+    rows, columns = cells.shape
+    first, last = _inside(x, along_x, columns, 0.0, 1.0)
+    first, last = _inside(y, along_y, rows, first, last)
+    if not (first < last and length > 0.0):
+        return
+    column = min(max(math.floor(x + first * along_x), 0), columns - 1)
+    row = min(max(math.floor(y + first * along_y), 0), rows - 1)
+    right, up = (1 if along_x > 0.0 else -1), (1 if along_y > 0.0 else -1)
+    step_x = abs(1.0 / along_x) if along_x != 0.0 else math.inf
+    step_y = abs(1.0 / along_y) if along_y != 0.0 else math.inf
+    next_x = (column + (right > 0) - x) / along_x if along_x != 0.0 else math.inf
+    next_y = (row + (up > 0) - y) / along_y if along_y != 0.0 else math.inf
+    end_column, end_row = math.floor(end_x), math.floor(end_y)
+    for _ in range(rows + columns):
+        if is_hit and column == end_column and row == end_row:
+            return
+        if cells[row, column] != _OCCUPIED:
+            cells[row, column], seen[row, column] = _FREE, stamp
+        elif sees_gone:
+            to_x = column + hits[row, column, 0] - x
+            to_y = row + hits[row, column, 1] - y
+            beside = abs(along_x * to_y - along_y * to_x) / length
+            beyond = length - (along_x * to_x + along_y * to_y) / length
+            if beside <= _BESIDE and beyond >= _BEYOND:
+                cells[row, column], seen[row, column] = _FREE, stamp
+        if next_x < next_y:
+            column, after = column + right, next_x
+            next_x += step_x
+        else:
+            row, after = row + up, next_y
+            next_y += step_y
+        if after >= last or not (0 <= row < rows and 0 <= column < columns):
+            return
+
+
+@inner
+def _inside(start: float, along: float, size: int, first: float, last: float) -> Any:
+    """The part of a beam between two edges of the grid, and within another part of it."""
+    if along == 0.0:
+        return (first, last) if 0.0 <= start < size else (1.0, 0.0)
+    one, other = -start / along, (size - start) / along
+    return max(first, min(one, other)), min(last, max(one, other))

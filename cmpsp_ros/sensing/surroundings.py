@@ -1,104 +1,86 @@
-"""What all sensors together have shown, at the times at which odometry comes."""
+"""Surroundings of the robot: what all sensors together have shown, by odometry of their times."""
 
 from __future__ import annotations
 
+import math
+from bisect import bisect_left, bisect_right
 from dataclasses import dataclass
 
-from cmpsp_ros.arrays import Array
+import numpy as np
+
+from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.robots import DISC, Footprint, placed
-from cmpsp_ros.sensing.beams import Sight, SightSettings, project
+from cmpsp_ros.sensing.beams import Sight, SightSettings
 from cmpsp_ros.sensing.local_grid import LocalGrid
-from cmpsp_ros.sensing.pose_history import PoseHistory
 from cmpsp_ros.world.grids import OccupancyGrid
 
 _NS = 1_000_000_000
 _SPAN = 10 * _NS
-_MOST_PENDING = 100
+_MAX_PENDING = 100
 
 
 @dataclass(frozen=True, eq=False)
 class Sighting:
-    """What is known around the robot.
-
-    Attributes:
-        stamp: Time stamp of the odometry at which it was known first [ns].
-        grid: The cells.
-    """
+    """Grid of the surroundings, with the stamp of the odometry at which it was new [ns]."""
 
     stamp: int
     grid: OccupancyGrid
 
 
 class Surroundings:
-    """Puts together what sensors show, each by the odometry of its own time.
+    """Fuses what sensors show, each by the odometry of its own time.
 
-    In what order messages come makes no difference, as long as they come before the odometry that
-    is decided on.
+    The order in which messages arrive makes no difference, as long as they arrive before the
+    odometry that is decided on.
     """
 
     def __init__(
         self, settings: SightSettings, robot_radius: float, footprint: Footprint = DISC
     ) -> None:
-        """Know nothing.
-
-        Args:
-            settings: All of them.
-            robot_radius: Radius of the discs that cover the robot's footprint [m].
-            footprint: Where those are, and what they cover.
-        """
+        """Start with nothing seen; the radius [m] is that of the discs that cover the robot."""
         self._settings = settings
         self._robot_radius, self._footprint = robot_radius, footprint
         self.forget()
 
     def forget(self) -> None:
-        """Know nothing again."""
+        """Forget everything."""
         settings = self._settings
         self._grid = LocalGrid(settings.size, settings.resolution, settings.memory)
         self._poses = PoseHistory(_SPAN)
         self._pending: list[Sight] = []
         self._seen: dict[str, int] = {}
         self._sighting: Sighting | None = None
-        self._has_news = False
+        self._is_stale = False
 
-    def hear(self, sight: Sight) -> None:
-        """Take in what a sensor shows; too much of what odometry never follows is dropped."""
+    def add(self, sight: Sight) -> None:
+        """Keep a sight for the odometry after it; of too many the oldest are dropped."""
         self._pending.append(sight)
-        del self._pending[:-_MOST_PENDING]
+        del self._pending[:-_MAX_PENDING]
 
-    def note(self, stamp: int, pose: Array) -> None:
-        """Know where the robot is, and by that what sensors have shown until then.
-
-        Args:
-            stamp: When [ns].
-            pose: Shape ``(3,)`` [m, m, rad].
-        """
+    def update(self, stamp: int, pose: Array) -> None:
+        """Follow the robot to a pose ``(3,)`` [m, m, rad], and use all sights until then [ns]."""
         self._poses.add(stamp, pose)
         come = [each for each in self._pending if each.stamp <= stamp]
         self._pending = [each for each in self._pending if each.stamp > stamp]
         self._grid.center_on(float(pose[0]), float(pose[1]))
         for each in sorted(come, key=lambda each: (each.stamp, each.sensor.name)):
             if self._is_usable(each):
-                self._grid.see(project(each, self._poses.at(each.stamps)))
+                self._grid.see(each.projected(self._poses.at(each.stamps)))
                 self._seen[each.sensor.name] = each.stamp
-                self._has_news = True
+                self._is_stale = True
 
     def at(self, stamp: int, pose: Array) -> Sighting | None:
-        """What is known; the same as before where no sensor has shown more.
-
-        Args:
-            stamp: Time stamp of the odometry that was noted last [ns].
-            pose: Its pose, shape ``(3,)`` [m, m, rad].
-        """
-        if self._has_news:
+        """Sighting at the last update; the same as before where no sensor has shown more."""
+        if self._is_stale:
             corners = self._footprint.at(pose) if self._footprint.corners else None
             for x, y in placed(self._footprint.discs, pose).tolist():
                 self._grid.stand_at(x, y, self._robot_radius, stamp, corners)
             self._sighting = Sighting(stamp, self._grid.at(stamp))
-            self._has_news = False
+            self._is_stale = False
         return self._sighting
 
     def blindness(self, stamp: int) -> str:
-        """Which sensor has shown nothing for too long at a time [ns], in a sentence; or empty."""
+        """Sentence on a sensor that has shown nothing for too long at a time [ns], or empty."""
         timeout = self._settings.timeout
         for each in self._settings.sensors:
             seen = self._seen.get(each.name)
@@ -110,7 +92,44 @@ class Surroundings:
         return ''
 
     def _is_usable(self, sight: Sight) -> bool:
-        """Whether it is known where the robot was, and nothing newer of that sensor is known."""
+        """Whether poses reach back to its first beam, and no newer one of that sensor was used."""
         first = int(sight.stamps[0]) if len(sight.stamps) else sight.stamp
         newest = self._seen.get(sight.sensor.name)
         return not self._poses.is_after(first) and (newest is None or sight.stamp > newest)
+
+
+class PoseHistory:
+    """Odometry of the last seconds, interpolated."""
+
+    def __init__(self, span: int) -> None:
+        """Start without poses; each is remembered for a time [ns]."""
+        self._span = span
+        self._stamps: list[int] = []
+        self._poses: list[list[float]] = []
+
+    def add(self, stamp: int, pose: Array) -> None:
+        """Remember a pose ``(3,)`` [m, m, rad], unless its stamp [ns] is not the latest."""
+        if self._stamps and stamp <= self._stamps[-1]:
+            return
+        x, y, heading = pose.tolist()
+        if self._poses:
+            before = self._poses[-1][2]
+            heading = before + math.remainder(heading - before, math.tau)
+        self._stamps.append(stamp)
+        self._poses.append([x, y, heading])
+        old = max(bisect_right(self._stamps, stamp - self._span) - 1, 0)
+        del self._stamps[:old], self._poses[:old]
+
+    def is_after(self, stamp: int) -> bool:
+        """Whether the first pose is newer than a time [ns]."""
+        return bool(self._stamps) and self._stamps[0] > stamp
+
+    def at(self, stamps: IntArray) -> Array:
+        """Poses ``(K, 3)`` [m, m, rad] at times ``(K,)`` [ns] from the first to the last."""
+        low = max(bisect_right(self._stamps, stamps.min(initial=self._stamps[-1])) - 1, 0)
+        high = bisect_left(self._stamps, stamps.max(initial=self._stamps[0])) + 1
+        # An empty cloud has no stamps.
+        high, first = max(high, low + 1), self._stamps[low]
+        known = np.array(self._stamps[low:high]) - first
+        poses = np.array(self._poses[low:high])
+        return np.column_stack([np.interp(stamps - first, known, each) for each in poses.T])

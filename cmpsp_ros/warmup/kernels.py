@@ -23,13 +23,8 @@ from cmpsp_ros.mpsp.qp import CLARABEL, RICCATI_ACTIVE_SET
 from cmpsp_ros.mpsp.qp.active_set import correct, empty_active_set, empty_warm_start
 from cmpsp_ros.mpsp.qp.active_set import solve as solve_program
 from cmpsp_ros.mpsp.qp.riccati import empty_program
-from cmpsp_ros.parameters import (
-    TABLE,
-    guidance_settings,
-    load_parameter_file,
-    preset_names,
-    robots_in,
-)
+from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
+from cmpsp_ros.parameters.files import preset_names, robots_in
 from cmpsp_ros.sensing import Beams, LocalGrid
 from cmpsp_ros.simulator import cast
 from cmpsp_ros.warmup.process_pool import new_pool
@@ -178,7 +173,9 @@ def _drive(presets: Sequence[GuidanceSettings]) -> None:
 def _measure(settings: GuidanceSettings) -> None:
     """Find the clearance of a path driven, as is done of every run and of every bag."""
     pose = settings.road.middle()
-    settings.clearance(pose[None], np.zeros((1, 2)), np.array([settings.control_period]))
+    settings.world.clearance(
+        settings, pose[None], np.zeros((1, 2)), np.array([settings.control_period])
+    )
 
 
 def _scans() -> None:

@@ -14,7 +14,7 @@ from nav_msgs.msg import Odometry
 from cmpsp_ros.bags import Bag
 from cmpsp_ros.bags.identify import identify
 from cmpsp_ros.nodes import MODULES
-from cmpsp_ros.parameters import load_robot
+from cmpsp_ros.parameters.files import load_robot
 
 pytestmark = pytest.mark.integration
 

@@ -18,7 +18,8 @@ from benchmarks.over_dds import latency
 from benchmarks.over_dds.latency import measure_latency
 from cmpsp_ros.nodes.common import SIM_ODOM
 from cmpsp_ros.nodes.common.topics import DECISION
-from cmpsp_ros.parameters import load_parameter_file, write_parameter_file
+from cmpsp_ros.parameters import load_parameter_file
+from cmpsp_ros.parameters.files import write_parameter_file
 
 pytestmark = pytest.mark.integration
 

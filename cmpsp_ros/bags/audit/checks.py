@@ -11,7 +11,7 @@ from cmpsp_ros.bags.audit import change_checks, command_checks, fallback_checks,
 from cmpsp_ros.bags.audit.finding import Finding, Verdict, not_judged, skipped
 from cmpsp_ros.bags.audit.record import AuditRecord, read_record
 from cmpsp_ros.bags.audit.sources import Sources
-from cmpsp_ros.parameters.courses import road_keys
+from cmpsp_ros.parameters import road_keys
 
 _ROAD: Final = ('road',)
 """Stands for what describes a road of the type at hand."""

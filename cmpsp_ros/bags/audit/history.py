@@ -13,9 +13,7 @@ from cmpsp_ros.bags.names import Names
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.replay.node_parameters import EVENTS, NodeParameters, changes_in
 from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings
-from cmpsp_ros.parameters import TABLE, Values, guidance_settings, load_parameter_file
-from cmpsp_ros.parameters.courses import shapes_of
-from cmpsp_ros.parameters.robots import OWN_OBSTACLES
+from cmpsp_ros.parameters import TABLE, Values, guidance_settings, load_parameter_file, shapes_of
 from cmpsp_ros.world.obstacles import Shape
 
 
@@ -106,14 +104,14 @@ def _course(bag: Bag, node: str) -> Iterator[tuple[int, tuple[Shape, ...]]]:
     if node not in bag.parameters:
         return
     parameters = NodeParameters(bag, node)
-    yield 0, shapes_of(parameters.values, OWN_OBSTACLES)
+    yield 0, shapes_of(parameters.values)
     for received, stamp, changes in _changes(bag, node):
         while (since := parameters.restart(received)) is not None:
-            yield since, shapes_of(parameters.values, OWN_OBSTACLES)
+            yield since, shapes_of(parameters.values)
         parameters.change(received, changes, used=False)
-        yield stamp, shapes_of(parameters.values, OWN_OBSTACLES)
+        yield stamp, shapes_of(parameters.values)
     while (since := parameters.restart(bag.end)) is not None:
-        yield since, shapes_of(parameters.values, OWN_OBSTACLES)
+        yield since, shapes_of(parameters.values)
 
 
 def _with_course(history: History, bag: Bag, node: str) -> History:

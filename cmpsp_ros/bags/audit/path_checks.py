@@ -25,8 +25,7 @@ from cmpsp_ros.bags.audit.record import AuditRecord
 from cmpsp_ros.bags.decision_record import DecisionRecord
 from cmpsp_ros.bags.runs.encounters import Encounter
 from cmpsp_ros.bags.runs.goals import Passing
-from cmpsp_ros.bags.runs.holes import is_within
-from cmpsp_ros.bags.runs.odometry import interpolated, wrapped
+from cmpsp_ros.bags.runs.odometry import interpolated, is_within, wrapped
 from cmpsp_ros.bags.runs.seen import EXACT
 from cmpsp_ros.guidance import GOAL, NANOSECONDS, Goal, GuidanceSettings, to_nanoseconds
 from cmpsp_ros.guidance.messages import motion_limits
@@ -307,7 +306,7 @@ def _spare(
     settings: GuidanceSettings, pose: Array, twist: Array, period: float, near: float
 ) -> Array:
     """Clearance of an arc above the clearance required, ``(2 + M,)`` [m]."""
-    space = settings.space()
+    space = settings.world.free_space(settings)
     start, held = pose[None], np.array([period])
     floor = np.minimum(space.at(start, near)[0], 0.0)
     if settings.safety.between_samples:

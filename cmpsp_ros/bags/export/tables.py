@@ -9,7 +9,8 @@ from typing import Any, Literal
 from cmpsp_ros.bags.decision_record import ENTRIES, DecisionRecord, entries_of, status_of, truth
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.guidance.messages import TrackError, heading_of, stamp_of, tracks_of
+from cmpsp_ros.guidance.messages import TrackError, heading_of, tracks_of
+from cmpsp_ros.sensing import stamp_of
 
 Kind = Literal['int', 'float', 'bool', 'text']
 Cell = int | float | bool | str | None

@@ -22,7 +22,7 @@ from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.replay.node_parameters import NodeParameters
 from cmpsp_ros.bags.replay.recording import OdometrySample, Recording
 from cmpsp_ros.guidance import Goal
-from cmpsp_ros.guidance.messages import Seen
+from cmpsp_ros.guidance.messages import MovingObject
 from cmpsp_ros.parameters import Values
 from cmpsp_ros.sensing import Sighting
 
@@ -60,7 +60,7 @@ class OdometryReceived:
 
     odometry: OdometrySample
     decision: DecisionRecord | None
-    tracks: tuple[Seen, ...] = field(default=(), kw_only=True)
+    tracks: tuple[MovingObject, ...] = field(default=(), kw_only=True)
     sighting: Sighting | None = field(default=None, kw_only=True)
 
 

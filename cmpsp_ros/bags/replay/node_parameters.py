@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from cmpsp_ros.bags.custom_data import plain_values
 from cmpsp_ros.bags.errors import BagError
-from cmpsp_ros.bags.parameter_values import plain_values
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.parameters import TABLE, ParameterError, Values, is_of_ros
-from cmpsp_ros.parameters.courses import shapes_of
-from cmpsp_ros.parameters.robots import OWN_OBSTACLES
+from cmpsp_ros.parameters import TABLE, ParameterError, Values, is_of_ros, shapes_of
 from cmpsp_ros.world.obstacles import Shape
 
 EVENTS = '/parameter_events'
@@ -102,9 +100,9 @@ def hidden_obstacles(bag: Bag, node: str) -> tuple[Shape, ...]:
         ParameterError: One of the obstacles cannot be made.
     """
     sim = f'{node.rpartition("/")[0]}/sim'
-    if f'{OWN_OBSTACLES}.names' not in bag.parameters.get(sim, {}):
+    if 'sim.obstacles.names' not in bag.parameters.get(sim, {}):
         return ()
-    return shapes_of(NodeParameters(bag, sim).values, OWN_OBSTACLES)
+    return shapes_of(NodeParameters(bag, sim).values)
 
 
 def changes_in(event: Any, node: str) -> dict[str, Any] | None:

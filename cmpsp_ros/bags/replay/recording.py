@@ -16,17 +16,15 @@ from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.replay.node_parameters import EVENTS, changes_in
 from cmpsp_ros.guidance import Goal, GoalError
 from cmpsp_ros.guidance.messages import (
+    MovingObject,
     OdometryError,
-    Seen,
+    OdometryReading,
+    PeerTrajectory,
     TrackError,
     goal_of,
-    plan_of,
-    plan_topic,
-    pose_of,
-    stamp_of,
     tracks_of,
 )
-from cmpsp_ros.sensing import Sighting, grid_of
+from cmpsp_ros.sensing import Sighting, grid_of, stamp_of
 
 _SLACK = 1_000_000_000
 """By how much messages that belong together may lie apart in a bag [ns]."""
@@ -101,7 +99,7 @@ class Recording:
         self.goals: deque[tuple[int, int, Goal]] = deque(maxlen=_MOST)
         self._commands: deque[tuple[int, tuple[float, float, float]]] = deque(maxlen=_MOST)
         self._paths: dict[int, tuple[Waypoint, ...]] = {}
-        self._tracks: dict[tuple[int | str, int], Seen] = {}
+        self._tracks: dict[tuple[int | str, int], MovingObject] = {}
         self._sightings: dict[int, Sighting] = {}
         self._first = True
 
@@ -130,7 +128,7 @@ class Recording:
         while pending:
             yield self._complete(pending.popleft())
 
-    def tracks(self, decision: DecisionRecord) -> tuple[Seen, ...]:
+    def tracks(self, decision: DecisionRecord) -> tuple[MovingObject, ...]:
         """Obstacles that move, and plans of other robots, as they were known to a decision.
 
         Raises:
@@ -140,7 +138,7 @@ class Recording:
             if (number, stamp) not in self._tracks:
                 what, topic = f'obstacle {number} as it was seen', self._names.moving
                 if isinstance(number, str):
-                    what, topic = f'the plan that {number} made', plan_topic(number)
+                    what, topic = f'the plan that {number} made', PeerTrajectory.topic(number)
                 raise BagError(
                     f'{self._bag.path}: found a decision (stamp {decision.stamp}) on {what} at'
                     f' {stamp} ns, wanted that in {topic}'
@@ -168,7 +166,7 @@ class Recording:
     def _take(self, topic: str, received: int, message: Any) -> None:
         if topic == self._names.odom:
             try:
-                pose = pose_of(message, self._frame_id)
+                pose = OdometryReading.of(message).pose_in(self._frame_id)
             except OdometryError as error:
                 self.unusable = self.unusable or str(error)
             else:
@@ -185,7 +183,7 @@ class Recording:
             self._sightings[stamp] = Sighting(stamp, grid_of(message, self._frame_id))
         elif topic in self._others:
             with suppress(TrackError):
-                self._note([plan_of(message, self._others[topic], self._frame_id)])
+                self._note([PeerTrajectory.of(message, self._others[topic], self._frame_id)])
         elif topic == self._goal_pose:
             # What the node refuses at sight never reaches the law.
             with suppress(GoalError):
@@ -201,7 +199,7 @@ class Recording:
         elif (changed := changes_in(message, self._names.node)) is not None:
             self.changes.append((received, changed))
 
-    def _note(self, tracks: Iterable[Seen]) -> None:
+    def _note(self, tracks: Iterable[MovingObject]) -> None:
         """Keep a received message; the node refused invalid ones, too."""
         for each in tracks:
             self._tracks[each.key] = max(each, self._tracks.get(each.key, each))

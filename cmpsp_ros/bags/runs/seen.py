@@ -13,33 +13,19 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array, BoolArray, IntArray
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.runs.holes import Hole, holes, longest_interval
+from cmpsp_ros.bags.runs.odometry import Hole, holes, longest_interval
 from cmpsp_ros.bags.runs.run import Driven
-from cmpsp_ros.guidance import GuidanceSettings, to_nanoseconds
-from cmpsp_ros.guidance.messages import stamp_of
+from cmpsp_ros.guidance import SEEN, GuidanceSettings, to_nanoseconds
 from cmpsp_ros.robots import Footprint, contains, placed
-from cmpsp_ros.sensing import (
-    Beams,
-    LocalGrid,
-    ScanError,
-    Sensor,
-    grid_of,
-    laser_scan,
-    point_cloud,
-    project,
-)
-from cmpsp_ros.world.grids import Cell, GridError, OccupancyGrid
+from cmpsp_ros.sensing import Beams, LocalGrid, ScanError, Sensor, grid_of, sight_of, stamp_of
+from cmpsp_ros.world.grids import Cell, GridError, GridObstacle, OccupancyGrid
 
-Stamps = IntArray
 Window = tuple[float, float]
 
 EXACT: Final = 0.05
 """Error of ranges, odometry and cells together [m]."""
 
-_READERS: Final = {
-    ('scan', 'sensor_msgs/msg/LaserScan'): laser_scan.sight_of,
-    ('cloud', 'sensor_msgs/msg/PointCloud2'): point_cloud.sight_of,
-}
+_MESSAGES: Final = {'scan': 'sensor_msgs/msg/LaserScan', 'cloud': 'sensor_msgs/msg/PointCloud2'}
 _GRID: Final = 'nav_msgs/msg/OccupancyGrid'
 
 _RESTS: Final = 0.01
@@ -65,13 +51,13 @@ class Seen:
         tolerance: What the clearance may be off by [m].
     """
 
-    stamps: Stamps
+    stamps: IntArray
     poses: Array
     clearance: Array
-    looks: Stamps
+    looks: IntArray
     tolerance: float
 
-    def blind(self, looks: Stamps, settings: GuidanceSettings) -> tuple[Hole, ...]:
+    def blind(self, looks: IntArray, settings: GuidanceSettings) -> tuple[Hole, ...]:
         """When the robot drove on and nothing was seen for longer than `sight.timeout`.
 
         Args:
@@ -102,7 +88,8 @@ class Knowledge:
             self._seen, self._next = self._next[1], next(self._grids, None)
         if self._seen is None:
             return settings
-        return settings.seeing(self._seen)
+        seen = GridObstacle(SEEN, self._seen, unknown_is_free=True)
+        return replace(settings, obstacles=(*settings.obstacles, seen))
 
 
 def sightings(bag: Bag, topic: str, window: Window) -> Iterator[tuple[int, OccupancyGrid]]:
@@ -236,25 +223,25 @@ def _scans(
     sensors: dict[str, list[Sensor]] = {}
     for each in settings.sight.sensors:
         name = each.topic if each.topic.startswith('/') else f'{namespace}/{each.topic}'
-        if name in bag.topics and (each.type, bag.topics[name].msgtype) in _READERS:
+        if name in bag.topics and bag.topics[name].msgtype == _MESSAGES[each.type]:
             sensors.setdefault(name, []).append(each)
     for name, received, message in bag.together(list(sensors)) if sensors else ():
         for sensor in sensors[name] if window[0] <= received < window[1] else ():
-            beams = _beams(sensor, bag.topics[name].msgtype, message, paths)
+            beams = _beams(sensor, message, paths)
             if beams is not None:
                 yield beams
 
 
-def _beams(sensor: Sensor, kind: str, message: Any, paths: Sequence[Driven]) -> Beams | None:
+def _beams(sensor: Sensor, message: Any, paths: Sequence[Driven]) -> Beams | None:
     try:
-        sight = _READERS[sensor.type, kind](message, sensor)
+        sight = sight_of(message, sensor)
     except ScanError:
         # The node refuses it too.
         return None
     first = int(sight.stamps[0]) if len(sight.stamps) else sight.stamp
     for each in paths:
         if each.stamps[0] <= first and sight.stamp <= each.stamps[-1]:
-            return project(sight, each.at_all(sight.stamps))
+            return sight.projected(each.at_all(sight.stamps))
     return None
 
 

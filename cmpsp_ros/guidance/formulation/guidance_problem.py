@@ -11,12 +11,10 @@ import numpy as np
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.formulation import ocp_functions
 from cmpsp_ros.guidance.formulation.ocp_functions import (
-    EXACT,
-    GAUSS_NEWTON,
     HEADING_SCALE,
     N_EDGE_CONSTRAINTS,
     PARAMETERS,
-    PROJECTED,
+    CostHessian,
     GuidanceData,
     TerminalConstraint,
 )
@@ -25,12 +23,6 @@ from cmpsp_ros.mpsp.qp.active_set import derivatives_in
 from cmpsp_ros.mpsp.qp.riccati import row_type, stage_type
 from cmpsp_ros.robots import Robot
 from cmpsp_ros.world import FreeSpace
-
-_HESSIANS: dict[Hessian, int] = {
-    'gauss_newton': GAUSS_NEWTON,
-    'projected': PROJECTED,
-    'exact': EXACT,
-}
 
 
 @dataclass(frozen=True)
@@ -53,11 +45,7 @@ class GuidanceProblem(OptimalControlProblem):
     """Pass the goal at the end of the horizon, inside the road, clear of obstacles.
 
     States are poses ``(x, y, heading)``, controls those of the robot; the last one ``U_N`` moves
-    nothing. Constraints are distances, not their squares as in (92) and (93): their
-    linearisation then errs on the safe side of every convex obstacle.
-
-    Attributes:
-        data: The problem for compiled code.
+    nothing. `data` is the problem for compiled code.
     """
 
     data: GuidanceData
@@ -74,17 +62,17 @@ class GuidanceProblem(OptimalControlProblem):
         outputs: int = TerminalConstraint.POINT,
         progress: float = math.nan,
     ) -> None:
-        """Set the problem up from where the robot is.
+        """Set the problem up from the robot's pose.
 
         Args:
             robot: Kinematics and wheel-speed limit.
-            space: Where the robot's discs may be at the samples.
+            space: Free space of the robot's discs at the samples.
             cost: Weights of the cost.
             pose: Present pose, shape ``(3,)`` [m, m, rad].
             goal: Point to pass at the end, shape ``(2,)`` [m].
             durations: Length of every step, shape ``(N,)`` [s].
-            heading: As in `GuidanceData`; not used for a `TerminalConstraint.POINT` [rad].
-            outputs: What is to be met at the end: a `TerminalConstraint`.
+            heading: As in `PARAMETERS`; not used for a `TerminalConstraint.POINT` [rad].
+            outputs: A `TerminalConstraint`.
             progress: As in `GuidanceData` [m].
         """
         steps = len(durations)
@@ -121,7 +109,7 @@ class GuidanceProblem(OptimalControlProblem):
         N, sizes = self.size.horizon, (self.size.state, self.size.control)
         stages, row = np.zeros(N + 1, stage_type(*sizes)), row_type(*sizes)
         path, terminal = np.zeros((N + 1, self.size.path), row), np.zeros(self.size.output, row)
-        data = with_parameters(self.data, hessian=_HESSIANS[hessian])
+        data = with_parameters(self.data, hessian=CostHessian[hessian.upper()])
         ocp_functions.linearise(data, np.ascontiguousarray(X), U, stages, path, terminal)
         return derivatives_in(stages, path, terminal, self.size)
 
@@ -159,7 +147,7 @@ def guidance_data(
         road_center=cost.road_center,
         control_change=cost.control_change,
         control_effort=cost.control_effort,
-        hessian=_HESSIANS[hessian],
+        hessian=CostHessian[hessian.upper()],
     )
 
 
@@ -178,7 +166,7 @@ def begun_at(data: GuidanceData, pose: Array, durations: Array, progress: float)
 
 
 def target_of(goal: Array, heading: float, outputs: int) -> Array:
-    """What is wanted at the end, shape ``(outputs,)`` [m]; arguments as of `GuidanceProblem`."""
+    """Terminal output ``Y_N*``, shape ``(outputs,)`` [m]; arguments as of `GuidanceProblem`."""
     if outputs == TerminalConstraint.LINE:
         return np.array([math.cos(heading) * goal[0] + math.sin(heading) * goal[1]])
     return np.append(goal, HEADING_SCALE * heading) if outputs == TerminalConstraint.POSE else goal

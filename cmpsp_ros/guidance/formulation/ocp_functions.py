@@ -1,4 +1,16 @@
-"""The demonstrative example (91)-(95) as functions for compiled code, and their data."""
+"""Demonstrative example (91)-(95) of the paper as compiled functions, and their data.
+
+    minimise   J = 1/2 sum_k [ q e_k^2 + R |dU_k|^2 + w |U_k|^2 ]                          (95)
+    subject to X_k+1 = arc from X_k under U_k    (1), (91)
+               -d_inner <= e_k <= d_outer        (92)  two edges, for each disc of the robot
+               r_j - |X_k - O_j| <= 0            (93)  obstacles, for each disc of the robot
+               |U_k| <= largest wheel speed      (94)
+               Y_N = Y_N*                        (5)   goal
+
+with lateral error e_k, change dU_k between iterations, and controls U_k, whose weight w is 0 in the
+paper. Constraints are distances, not their squares as in (92) and (93): their linearisation then
+errs on the safe side of every convex obstacle.
+"""
 
 from __future__ import annotations
 
@@ -16,24 +28,25 @@ from cmpsp_ros.world.grids import Fields
 from cmpsp_ros.world.obstacles import away_from
 from cmpsp_ros.world.roads import RoadSpace, road_functions
 
-Indices = IntArray
 Records = NDArray[np.void]
 
 N_EDGE_CONSTRAINTS = 2
-"""Path constraints of the road, one an edge; the obstacles' and those of wheel speeds follow.
-
-Where several discs cover the robot each of them has both, one disc after the other."""
+"""Path constraints of a disc at the road's edges; those at obstacles follow, then wheel speeds."""
 
 WHEEL_ROUNDING: Final = 1e-6
-"""What plans keep from a limit of the wheels that is a constraint, for what a solver leaves over
-[rad/s]."""
+"""Distance of plans from a limit of wheel speeds that is a constraint, for rounding [rad/s]."""
 
-GAUSS_NEWTON, PROJECTED, EXACT = 0, 1, 2
-"""Which Hessian of the cost."""
+
+class CostHessian(IntEnum):
+    """Hessian of the squared lateral error."""
+
+    GAUSS_NEWTON = 0
+    PROJECTED = 1
+    EXACT = 2
 
 
 class TerminalConstraint(IntEnum):
-    """What the end of the horizon is to meet; the value is the number of outputs."""
+    """Terminal constraint; the value is the number of outputs."""
 
     LINE = 1
     POINT = 2
@@ -46,27 +59,21 @@ HEADING_SCALE: Final = 0.02
 
 PARAMETERS: Final = np.dtype(
     [
-        # Point to pass at the end [m].
-        ('goal', np.float64, (2,)),
-        # Heading to pass it with, where there are three outputs. Where there is one it is the line
-        # through the goal across this direction that is to be passed [rad].
-        ('heading', np.float64),
-        # Weights: q, on the squared distance to the centre line [1/m^2]; R, on the squared change
-        # between iterations, and the weight of the squared controls [s^2/rad^2].
-        ('road_center', np.float64),
-        ('control_change', np.float64),
-        ('control_effort', np.float64),
-        # `GAUSS_NEWTON`, `PROJECTED` or `EXACT`.
-        ('hessian', np.int64),
+        ('goal', np.float64, (2,)),  # point to pass at the end [m]
+        ('heading', np.float64),  # of a `POSE`, or across the line of a `LINE` [rad]
+        ('road_center', np.float64),  # q of (95) [1/m^2]
+        ('control_change', np.float64),  # R of (95) [s^2/rad^2]
+        ('control_effort', np.float64),  # weight of the squared controls [s^2/rad^2]
+        ('hessian', np.int64),  # a `CostHessian`
     ]
 )
-"""What stays the same from one control step to the next, except arrays."""
+"""Numbers that stay the same from one control step to the next."""
 
 
 class GuidanceData(NamedTuple):
-    """One robot's problem from where it is.
+    """The problem of one robot from its present pose.
 
-    Corners and radii are those of one clear space for all stages, or one for each: ``K``, for
+    Corners and radii are those of one free space for all stages, or one for each: ``K``, for
     either, is 1 or ``N + 1``.
 
     Attributes:
@@ -75,14 +82,13 @@ class GuidanceData(NamedTuple):
         durations: Length of every step, shape ``(N,)`` [s].
         parameters: One record of `PARAMETERS`, shape ``(1,)``, which is never written to.
         robot: The robot.
-        wheel_rows: How many path constraints limit its wheel speeds; the last ones of a stage, but
-            for those of a control rate.
-        road: Where on the road the centre of a disc may be.
-        fields: The distance fields of obstacles without corners.
-        corners: Of the obstacles, as `shape_functions` has them, shape ``(K, C, 2)`` [m].
-        first: Where the corners of each obstacle begin, shape ``(M + 1,)``.
-        radii: Least distances from the obstacles without their radii, ``-inf`` where there is
-            nothing to keep to, shape ``(K, M)`` [m].
+        wheel_rows: Number of path constraints that limit its wheel speeds; the last ones of a
+            stage, but for those of a control rate.
+        road: Free space of the centres of its discs on the road.
+        fields: Distance fields of obstacles without corners.
+        corners: Corners of obstacles, as in `shape_functions`, shape ``(K, C, 2)`` [m].
+        first: Index of the first corner of each obstacle, shape ``(M + 1,)``.
+        radii: Least distances from the corners, ``-inf`` for none, shape ``(K, M)`` [m].
         discs: Centres of the robot's discs, in its frame, shape ``(D, 2)`` [m].
     """
 
@@ -95,19 +101,16 @@ class GuidanceData(NamedTuple):
     road: RoadSpace
     fields: Fields
     corners: Array
-    first: Indices
+    first: IntArray
     radii: Array
     discs: Array
 
 
 @allocation_free
 def predict(data: GuidanceData, U: Array, X: Array) -> None:
-    """Roll out the dynamics (1): exact arcs under zero-order hold.
+    """Fill X ``(N + 1, n)`` by the dynamics (1): exact arcs under zero-order hold.
 
-    Args:
-        data: The problem.
-        U: Controls, shape ``(N + 1, r)``; this array and all below may be longer than that.
-        X: Filled with the poses, shape ``(N + 1, n)``.
+    This array and U ``(N + 1, r)``, and all below, may be longer than the horizon.
     """
     for i in range(3):
         X[0, i] = data.pose[i]
@@ -116,7 +119,7 @@ def predict(data: GuidanceData, U: Array, X: Array) -> None:
 
 @allocation_free
 def evaluate(data: GuidanceData, X: Array, U: Array, output_error: Array, g: Array) -> float:
-    """Value of (95) without its proximal term, terminal output (5) and path constraints (4).
+    """Cost J of (95) without its proximal term, terminal output (5) and path constraints (4).
 
     Args:
         data: The problem.
@@ -124,9 +127,6 @@ def evaluate(data: GuidanceData, X: Array, U: Array, output_error: Array, g: Arr
         U: Controls, shape ``(N + 1, r)``.
         output_error: Filled with ``Y_N - Y_N*``, shape ``(m,)``.
         g: Filled with the path constraints, ``-inf`` where one does not apply; ``(N + 1, l)``.
-
-    Returns:
-        ``J``.
     """
     p, cost = data.parameters[0], 0.0
     N, outputs = data.durations.shape[0], output_error.shape[0]
@@ -170,9 +170,9 @@ def linearise(
 ) -> None:
     """Analytic derivatives along a trajectory, for ``n`` states of which the pose is the first.
 
-    The second derivative of half the squared distance from the centre line is ``n n' + a t t'``
-    with unit vectors ``n`` across and ``t`` along the road. Gauss-Newton leaves the second term
-    out. Where ``a`` is negative, on the inner side of a curve, it is 0 in the projection.
+    Half the squared lateral error has the gradient ``e n`` and the Hessian ``n n' + a t t'``, with
+    unit vectors ``n`` across and ``t`` along the road. Gauss-Newton omits the second term; the
+    projection omits it where ``a`` is negative, on the inner side of a curve.
 
     Entries that are always 0 are not written.
 
@@ -197,9 +197,9 @@ def linearise(
         )
         gradients = road_functions.gradients(data.road, X[k, 0], X[k, 1], progress)
         x, y, along, _, _, _, _ = gradients
-        if p.hessian == GAUSS_NEWTON:
+        if p.hessian == CostHessian.GAUSS_NEWTON:
             along = 0.0
-        elif p.hessian == PROJECTED:
+        elif p.hessian == CostHessian.PROJECTED:
             along = max(along, 0.0)
         stage.L_X[0] = q * off_center * x
         stage.L_X[1] = q * off_center * y
@@ -224,7 +224,7 @@ def linearise(
                 )
                 slopes = road_functions.gradients(data.road, x, y, place)
             edge, other = path[k, i * rows], path[k, i * rows + 1]
-            # Where the robot is now it cannot be changed: no constraint applies there.
+            # The present pose cannot be changed: no constraint applies to it.
             edge.value, other.value = (over, over_other) if k > 0 else (-math.inf, -math.inf)
             _, _, _, edge.X[0], edge.X[1], other.X[0], other.X[1] = slopes
             if is_beside:
@@ -265,17 +265,14 @@ def _linearise_motion(data: GuidanceData, X: Array, U: Array, stages: Records) -
 
 @allocation_free
 def _disc_at(data: GuidanceData, X: Array, k: int, i: int) -> Any:
-    """Centre of a disc at a stage, and the way there from the reference point (x, y) [m]."""
+    """Centre of a disc at a stage, and its offset from the reference point [m]."""
     x, y = point_of(X[k, 0], X[k, 1], X[k, 2], data.discs, i)
     return x, y, x - X[k, 0], y - X[k, 1]
 
 
 @allocation_free
 def _over_limit(data: GuidanceData, U: Array, k: int, i: int) -> float:
-    """Constraint of a wheel in one direction of its turning: two for each, one after the other.
-
-    Speeds of the first wheels are controls, which have bounds instead.
-    """
+    """Constraint of a wheel in one direction; the controls, its first wheels, have bounds."""
     if k == data.durations.shape[0]:
         return -math.inf
     speed = _wheel_speed(data, U, k, U.shape[1] + i // 2)
@@ -292,7 +289,7 @@ def _wheel_speed(data: GuidanceData, U: Array, k: int, wheel: int) -> float:
 
 @allocation_free
 def _weigh_all_wheels(data: GuidanceData, U: Array, k: int, L_U: Array, L_UU: Array) -> None:
-    """Add the cost of wheels whose speeds are no controls: else a robot would favour one side."""
+    """Add the cost of wheels whose speeds are not controls: else a robot would favour one side."""
     p, wheels, r = data.parameters[0], data.robot.wheels, U.shape[1]
     for a in range(r):
         for b in range(r):
@@ -313,7 +310,7 @@ def _sign(i: int) -> float:
 
 @allocation_free
 def _terminal_error(p: Any, x: float, y: float, heading: float, outputs: int) -> Any:
-    """Error of the last pose; of its heading by the shorter way round."""
+    """Terminal output error Y_N - Y_N*; that of the heading is wrapped."""
     dx, dy = x - p.goal[0], y - p.goal[1]
     if outputs == TerminalConstraint.LINE:
         return math.cos(p.heading) * dx + math.sin(p.heading) * dy, 0.0, 0.0
@@ -323,9 +320,5 @@ def _terminal_error(p: Any, x: float, y: float, heading: float, outputs: int) ->
 
 @allocation_free
 def _keep_away(distance: float, least: float, k: int) -> float:
-    """Constraint (93) of an obstacle, not positive where met.
-
-    It is a distance, not its square: its linearisation then errs on the safe side of every convex
-    obstacle.
-    """
+    """Constraint (93) of an obstacle, not positive where met."""
     return least - distance if k > 0 and least > -math.inf else -math.inf

@@ -1,4 +1,4 @@
-"""Choice of the odometry that is used: in order of time, and only where wheels can lead."""
+"""Plausibility of odometry: in the order of time, and within what the wheels allow."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from typing import Any, Final
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
-from cmpsp_ros.guidance.messages.odometry import OdometryError, check_age
-from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.guidance.messages.poses import OdometryError, check_age
+from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.robots import Robot
 
 _OVERSPEED: Final = 1.25
@@ -20,7 +20,7 @@ _TURN_PER_METER: Final = 2.0
 
 
 class Arrival(Enum):
-    """Outcome of a message that is no fault."""
+    """Outcome of a message without a fault."""
 
     TAKEN = auto()
     IGNORED = auto()
@@ -34,13 +34,13 @@ class OdometryGate:
     consistent. That of two sources in turn never is.
 
     Attributes:
-        fault: The last fault, in a sentence; empty once the robot may go on.
+        fault: The last fault, a sentence; empty once the robot may go on.
         newest: Stamp of the newest odometry taken [ns]; None before the first.
-        counts: Messages that were refused, that came out of order, and that were repeated.
+        counts: Numbers of messages refused, out of order, and repeated.
     """
 
     def __init__(self) -> None:
-        """Begin without odometry and without a fault."""
+        """Start without odometry and without a fault."""
         self.fault = ''
         self.newest: int | None = None
         self.counts = {'refused': 0, 'out_of_order': 0, 'repeated': 0}
@@ -49,21 +49,21 @@ class OdometryGate:
         self._is_stopped = False
 
     def fail(self, reason: str) -> None:
-        """Note a fault, in a sentence."""
+        """Set the fault, a sentence."""
         self._is_stopped = self._is_stopped and bool(self.fault)
         self.fault, self._consistent_since = reason, None
 
     def note_stop(self) -> None:
-        """Note that the robot has been told to stop."""
+        """Record that a stop was commanded."""
         self._is_stopped = True
 
     def refuse(self, reason: str) -> None:
-        """Count a message that cannot be used, for a reason in a sentence: a fault."""
+        """Count an unusable message, which is a fault; the reason is a sentence."""
         self.counts['refused'] += 1
         self.fail(reason)
 
-    def reason(self, settings: GuidanceSettings) -> str:
-        """Why the robot must stand still, in sentences; empty where it may go on."""
+    def reason(self, settings: LawSettings) -> str:
+        """Reason to stop, in sentences; empty if there is none."""
         if not self.fault or self._consistent_since is None:
             return self.fault
         waits = (
@@ -72,17 +72,11 @@ class OdometryGate:
         )
         return f'{waits} {self.fault}'
 
-    def take(self, stamp: int, pose: Array, now: int, settings: GuidanceSettings) -> Arrival:
-        """Take odometry, unless it is older than the newest.
+    def take(self, stamp: int, pose: Array, now: int, settings: LawSettings) -> Arrival:
+        """Take a pose ``(3,)`` [m, m, rad] at a time [ns], unless it is older than the newest.
 
         Time has jumped back where the newest does not fit the clock any more. After a fault older
         odometry must be consistent as well.
-
-        Args:
-            stamp: Its time stamp [ns].
-            pose: Its pose, shape ``(3,)`` [m, m, rad].
-            now: Present time [ns].
-            settings: With robot and time-out.
 
         Raises:
             OdometryError: It does not fit the clock, or the wheels cannot have moved the robot to
@@ -99,7 +93,7 @@ class OdometryGate:
                     _check_motion(pose_before, pose, duration, settings)
                 return Arrival.IGNORED
             arrival = Arrival.TIME_JUMPED_BACK
-        check_age(stamp, now, settings.odom_timeout)
+        check_age('Odometry is', 'odom_timeout', stamp, now, settings.odom_timeout, OdometryError)
         self.counts['repeated'] += stamp == self.newest
         self.newest, self._pose = stamp, pose
         if arrival is Arrival.TIME_JUMPED_BACK:
@@ -115,18 +109,18 @@ class OdometryGate:
 
 
 def motion_limits(robot: Robot, duration: Any, max_jump: float) -> tuple[Any, Any]:
-    """Distance and turn that odometry may show between two messages [m, rad].
+    """Distance and turn that odometry may show within a time, of any shape [m, rad].
 
     Args:
-        robot: With a limit of its wheel speeds.
-        duration: Time between the messages, a number or of any shape [s].
+        robot: A robot with a limit of its wheel speeds.
+        duration: Time between the messages [s].
         max_jump: Tolerated jump, `safety.max_odom_jump` [m].
     """
     distance = _OVERSPEED * robot.max_speed * duration
     return distance + max_jump, distance / robot.half_track + _TURN_PER_METER * max_jump
 
 
-def _check_motion(before: Array, after: Array, duration: float, settings: GuidanceSettings) -> None:
+def _check_motion(before: Array, after: Array, duration: float, settings: LawSettings) -> None:
     max_jump, robot = settings.safety.max_odom_jump, settings.robot
     if not max_jump or not math.isfinite(robot.max_speed):
         return

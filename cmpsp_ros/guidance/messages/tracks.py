@@ -1,7 +1,9 @@
-"""Moving obstacles as messages: one message, one instant, any number.
+"""Moving obstacles and other robots as messages report them.
 
-They come as `sensor_msgs/PointCloud2`, a point each, as trackers and radars publish them: fields
-``x`` and ``y`` [m], ``vx`` and ``vy`` [m/s], ``radius`` [m] and ``id``, a whole number.
+Obstacles arrive as `sensor_msgs/PointCloud2`, a point each, as trackers and radars publish them:
+fields ``x`` and ``y`` [m], ``vx`` and ``vy`` [m/s], ``radius`` [m] and ``id``, a whole number.
+Another robot publishes its plan as `nav_msgs/Path`, each pose with the time when it should be
+there, as `~/predicted_path` is; at rest it publishes one pose.
 """
 
 from __future__ import annotations
@@ -10,41 +12,44 @@ import math
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any, Final, Generic, Protocol, TypeVar
+from itertools import pairwise
+from typing import Any, ClassVar, Final, Generic, TypeVar
 
+import numpy as np
+
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.horizon import NANOSECONDS
-from cmpsp_ros.guidance.messages import checks
-from cmpsp_ros.guidance.messages.checks import FARTHEST, check_frame
-from cmpsp_ros.guidance.messages.odometry import stamp_of
-from cmpsp_ros.sensing import ScanError, points_of
+from cmpsp_ros.guidance.messages.poses import check_age, check_frame
+from cmpsp_ros.sensing import FARTHEST, ScanError, is_place, points_of, stamp_of
 
-FLOATS: Final = ('x', 'y', 'vx', 'vy', 'radius')
-"""Fields of a message that are floats of either length; `id` is an integer of any."""
-
-MOST: Final = 1000
+_MAX_TRACKS: Final = 1000
 """Points in a message; more are not obstacles but a scan."""
-
+_MAX_POSES: Final = 10_000
+"""Poses of a plan; nobody makes a longer one every control period."""
 _FASTEST: Final = 1e4
 _KEY: Final = re.compile(r'(-?\d{1,10}|(?:/\w+)+)@(\d{1,19})', re.ASCII)
 
 
 class TrackError(ValueError):
-    """A message on obstacles that is unusable; the message says why."""
+    """Unusable message on moving obstacles; it says why."""
 
 
 @dataclass(frozen=True, order=True)
 class Track:
-    """One moving obstacle, as it was seen; of two at one time the greater counts.
+    """A moving obstacle as it was seen; of two at one time the greater counts.
 
     Attributes:
         id: Its number, the same in each message.
-        stamp: When it was seen [ns].
-        radius: Its radius [m].
-        x: Where its centre was [m].
-        y: See `x`.
-        vx: Its velocity [m/s].
-        vy: See `vx`.
+        stamp: Time at which it was seen [ns].
+        radius: Radius [m].
+        x: Centre [m].
+        y: Centre [m].
+        vx: Velocity [m/s].
+        vy: Velocity [m/s].
     """
+
+    FIELDS: ClassVar = ('x', 'y', 'vx', 'vy', 'radius')
+    """Fields of a message that are floats of either length."""
 
     id: int
     stamp: int
@@ -56,102 +61,127 @@ class Track:
 
     @property
     def name(self) -> str:
-        """What messages call it."""
+        """Name in messages."""
         return f'moving obstacle {self.id}'
 
     @property
     def key(self) -> tuple[int, int]:
-        """What of it a decision says: it was seen then."""
+        """Number and stamp, by which a decision refers to it."""
         return self.id, self.stamp
 
     def is_older(self, stamp: int) -> bool:
-        """Whether it was seen before an instant [ns]."""
+        """Whether it was seen before a time [ns]."""
         return self.stamp < stamp
 
 
-class TimedRecord(Protocol):
-    """What is known of something that moves; of two at one time the greater counts."""
+@dataclass(frozen=True, order=True)
+class PeerTrajectory:
+    """Plan of another robot.
+
+    Attributes:
+        id: Its namespace, as in `/r2`.
+        stamp: Time at which the plan was made [ns].
+        stamps: Increasing times [ns].
+        places: Positions then (x, y) [m], at least one; it stays at the last.
+    """
+
+    id: str
+    stamp: int
+    stamps: tuple[int, ...]
+    places: tuple[tuple[float, float], ...]
+
+    @classmethod
+    def of(cls, message: Any, namespace: str, frame_id: str) -> PeerTrajectory:
+        """The plan in a `nav_msgs/Path` of the robot with this namespace.
+
+        Raises:
+            TrackError: It is in another frame, has no pose, or one that is not finite or no place
+                on Earth, or times that do not increase.
+        """
+        whose = f'The plan of {namespace}'
+        check_frame(f'{whose} is', message.header.frame_id, frame_id, TrackError)
+        if not 1 <= len(message.poses) <= _MAX_POSES:
+            raise TrackError(
+                f'{whose} has {len(message.poses)} poses, wanted from 1 to {_MAX_POSES}.'
+            )
+        positions = [each.pose.position for each in message.poses]
+        places = [(float(each.x), float(each.y)) for each in positions]
+        for number, (x, y) in enumerate(places):
+            if not is_place(x, y):
+                raise TrackError(
+                    f'{whose} has pose {number} at {x:.3g}, {y:.3g} m, wanted one on Earth.'
+                )
+        stamp, stamps = stamp_of(message), [stamp_of(each) for each in message.poses]
+        if any(after <= before for before, after in pairwise(stamps)) or stamps[0] < stamp:
+            raise TrackError(f'{whose} has times that do not increase.')
+        if stamps[0] > stamp and len(stamps) > 1:
+            # It begins when its command takes effect; until then the motion is extrapolated.
+            part = (stamps[0] - stamp) / (stamps[1] - stamps[0])
+            (x, y), (next_x, next_y) = places[:2]
+            stamps.insert(0, stamp)
+            places.insert(0, (x - part * (next_x - x), y - part * (next_y - y)))
+        return cls(namespace, stamp, tuple(stamps), tuple(places))
+
+    @staticmethod
+    def topic(namespace: str) -> str:
+        """Topic on which a robot publishes its plans."""
+        return f'{namespace}/guidance/predicted_path'
 
     @property
-    def id(self) -> Any:
-        """Which one: of a type that can be sorted."""
+    def name(self) -> str:
+        """Name in messages."""
+        return f'robot {self.id}'
 
     @property
-    def stamp(self) -> int:
-        """When this was so [ns]."""
+    def key(self) -> tuple[str, int]:
+        """Namespace and stamp, by which a decision refers to it."""
+        return self.id, self.stamp
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether the robot reports that it is at rest."""
+        return len(self.places) == 1
 
     def is_older(self, stamp: int) -> bool:
-        """Whether it is to be forgotten when all is that was seen before an instant [ns]."""
+        """Whether it was made before a time [ns]; a robot at rest stays so until it reports."""
+        return not self.at_rest and self.stamp < stamp
 
-    def __lt__(self, other: Any, /) -> bool:
-        """Whether it counts less than another at the same time."""
+    def path(self, stamp: int) -> Array:
+        """Times since an instant [ns] and positions (t, x, y), shape ``(J, 3)`` [s, m, m]."""
+        seconds = np.array([each - stamp for each in self.stamps]) / NANOSECONDS
+        return np.column_stack([seconds, np.array(self.places)])
 
-
-Item = TypeVar('Item', bound=TimedRecord)
-
-
-def tracks_of(message: Any, frame_id: str) -> list[Track]:
-    """The obstacles in a message.
-
-    Args:
-        message: A `sensor_msgs/PointCloud2`.
-        frame_id: Frame in which positions and velocities are wanted.
-
-    Raises:
-        TrackError: It is in another frame, lacks a field, does not fit its own sizes, has two
-            obstacles of one number, or one that is not finite, farther or faster than anything on
-            Earth, or of negative radius; nothing of it is used then.
-    """
-    check_frame('Obstacles are', message, frame_id, TrackError)
-    rows, stamp = _rows(message), stamp_of(message)
-    tracks = []
-    for number, row in enumerate(rows.tolist()):
-        track = Track(row[5], stamp, row[4], row[0], row[1], row[2], row[3])
-        if problem := _problem(track):
-            raise TrackError(f'Obstacle {track.id} (point {number}) has {problem}.')
-        tracks.append(track)
-    numbers = [each.id for each in tracks]
-    if len(set(numbers)) < len(numbers):
-        twice = next(each for each in numbers if numbers.count(each) > 1)
-        raise TrackError(f'Obstacle {twice} is there twice, wanted a number of its own for each.')
-    return tracks
+    def position(self, stamp: int) -> tuple[float, float]:
+        """Position at an instant [ns] by its plan [m]."""
+        seconds, *places = self.path(stamp).T
+        x, y = (float(np.interp(0.0, seconds, each)) for each in places)
+        return x, y
 
 
-def check_age(stamp: int, now: int, timeout: float, what: str = 'Obstacles are') -> None:
-    """Refuse a message that does not fit the clock.
+MovingObject = Track | PeerTrajectory
+"""A report on something that moves."""
 
-    Args:
-        stamp: Its time stamp [ns].
-        now: Present time [ns].
-        timeout: `moving_obstacles.timeout` [s].
-        what: What it is about, and the verb.
-
-    Raises:
-        TrackError: It is too old, or as far ahead.
-    """
-    checks.check_age(what, 'moving_obstacles.timeout', stamp, now, timeout, TrackError)
+Report = TypeVar('Report', Track, PeerTrajectory)
 
 
-class Tracks(Generic[Item]):
-    """The reports on moving obstacles, ordered by their stamps, not by their arrival."""
+class Tracks(Generic[Report]):
+    """Reports on moving objects, ordered by their stamps, not by their arrival."""
 
     def __init__(self) -> None:
-        """Know of none."""
-        self._known: dict[Any, list[Item]] = {}
+        """Start without reports."""
+        self._known: dict[Any, list[Report]] = {}
 
-    def hear(self, tracks: Iterable[Item]) -> None:
-        """Take a message in."""
-        for each in tracks:
+    def add(self, reports: Iterable[Report]) -> None:
+        """Add the reports of a message."""
+        for each in reports:
             known = self._known.setdefault(each.id, [])
             known.append(each)
             known.sort()
 
-    def at(self, stamp: int, timeout: float) -> tuple[Item, ...]:
-        """The latest on each obstacle at a time, in the order of their numbers.
+    def at(self, stamp: int, timeout: float) -> tuple[Report, ...]:
+        """The latest report on each object at a time [ns], in the order of their ids.
 
-        Args:
-            stamp: The time [ns]; what was seen later does not count yet.
-            timeout: Age at which one that was not seen again is forgotten [s].
+        Later reports do not count yet; those older than the time-out [s] are dropped.
         """
         oldest, latest = stamp - round(timeout * NANOSECONDS), []
         for number, known in sorted(self._known.items()):
@@ -166,7 +196,7 @@ class Tracks(Generic[Item]):
         return tuple(latest)
 
     def forget_after(self, stamp: int) -> None:
-        """Forget what was seen later than an instant [ns], to which time has jumped back."""
+        """Forget reports later than an instant [ns], to which time has jumped back."""
         kept = {
             number: [each for each in known if each.stamp <= stamp]
             for number, known in self._known.items()
@@ -174,13 +204,48 @@ class Tracks(Generic[Item]):
         self._known = {number: known for number, known in kept.items() if known}
 
 
-def track_keys(tracks: Iterable[TimedRecord]) -> str:
-    """Which tracks, as text."""
+def tracks_of(message: Any, frame_id: str) -> list[Track]:
+    """The obstacles in a `sensor_msgs/PointCloud2`.
+
+    Raises:
+        TrackError: It is in another frame, lacks a field, does not fit its own sizes, has two
+            obstacles of one number, or one that is not finite, farther or faster than anything on
+            Earth, or of negative radius; nothing of it is used then.
+    """
+    check_frame('Obstacles are', message.header.frame_id, frame_id, TrackError)
+    count, stamp = int(message.width) * int(message.height), stamp_of(message)
+    if count > _MAX_TRACKS:
+        raise TrackError(f'There are {count} obstacles, wanted {_MAX_TRACKS} at most.')
+    try:
+        rows = points_of(message, Track.FIELDS, ('id',), 'moving_obstacles')
+    except ScanError as error:
+        raise TrackError(f'Obstacles cannot be read: {error}.') from error
+    tracks: list[Track] = []
+    for place, (x, y, vx, vy, radius, number) in enumerate(rows.tolist()):
+        track = Track(number, stamp, radius, x, y, vx, vy)
+        if problem := _problem(track):
+            raise TrackError(f'Obstacle {number} (point {place}) has {problem}.')
+        tracks.append(track)
+    numbers = [each.id for each in tracks]
+    if len(set(numbers)) < len(numbers):
+        twice = next(each for each in numbers if numbers.count(each) > 1)
+        raise TrackError(f'Obstacle {twice} is there twice, wanted a number of its own for each.')
+    return tracks
+
+
+def check_track_age(message: Any, now: int, timeout: float, subject: str) -> None:
+    """Raise `TrackError` for a message whose stamp does not fit the clock [ns, s]."""
+    key = 'moving_obstacles.timeout'
+    check_age(subject, key, stamp_of(message), now, timeout, TrackError)
+
+
+def track_keys(tracks: Iterable[MovingObject]) -> str:
+    """Keys of tracks as text."""
     return ' '.join(f'{each.id}@{each.stamp}' for each in tracks)
 
 
 def read_keys(text: str) -> list[tuple[int | str, int]]:
-    """Numbers or namespaces, and stamps, of what `track_keys` wrote.
+    """Keys (number or namespace, stamp) written by `track_keys`.
 
     Raises:
         ValueError: It did not write this.
@@ -193,17 +258,6 @@ def read_keys(text: str) -> list[tuple[int | str, int]]:
         for each in found
         if each is not None
     ]
-
-
-def _rows(message: Any) -> Any:
-    """The points, with the fields in the order of `FLOATS`, then the number."""
-    count = int(message.width) * int(message.height)
-    if count > MOST:
-        raise TrackError(f'There are {count} obstacles, wanted {MOST} at most.')
-    try:
-        return points_of(message, FLOATS, ('id',), 'moving_obstacles')
-    except ScanError as error:
-        raise TrackError(f'Obstacles cannot be read: {error}.') from error
 
 
 def _problem(track: Track) -> str:

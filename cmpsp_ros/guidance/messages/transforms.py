@@ -1,4 +1,4 @@
-"""Poses of frames relative to one another, as `/tf` and `/tf_static` tell them, in the plane."""
+"""Transforms between frames in the plane, from `/tf` and `/tf_static`."""
 
 from __future__ import annotations
 
@@ -12,18 +12,19 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.horizon import NANOSECONDS
-from cmpsp_ros.guidance.messages.odometry import heading_of, stamp_of
+from cmpsp_ros.guidance.messages.poses import heading_of
+from cmpsp_ros.sensing import stamp_of
 
-_KEPT: Final = 1000
-"""Transforms that are remembered of a frame."""
+_MAX_KEPT: Final = 1000
+"""Transforms of a frame that are remembered."""
 
 
 class TransformError(ValueError):
-    """There is no transform; the message says between which frames, and why."""
+    """A transform is not known; the message names the frames, and says why."""
 
 
 class _Known(NamedTuple):
-    """Pose of a frame in its parent, at some instants [ns]; always the same where it is static."""
+    """Poses of a frame in its parent at some instants [ns]."""
 
     parent: str
     is_static: bool
@@ -32,16 +33,16 @@ class _Known(NamedTuple):
 
 
 class Transforms:
-    """Remembers transforms, and finds that from one frame to another."""
+    """Buffer of transforms."""
 
     def __init__(self) -> None:
-        """Nothing is known."""
+        """Start empty."""
         self._known: dict[str, _Known] = {}
 
-    def hear(self, message: Any, *, is_static: bool = False) -> None:
-        """Remember a `tf2_msgs/TFMessage`, but for what is not finite.
+    def add(self, message: Any, *, is_static: bool = False) -> None:
+        """Add a `tf2_msgs/TFMessage`, but for transforms that are not finite.
 
-        One that is older than before has later ones forgotten: time has jumped back.
+        Later ones than those are forgotten: time has jumped back.
         """
         for each in message.transforms:
             parent, child, stamp = each.header.frame_id, each.child_frame_id, stamp_of(each)
@@ -49,7 +50,7 @@ class Transforms:
             pose = np.array([moved.x, moved.y, heading_of(turned)])
             known = self._known.get(child)
             if known is None or (known.parent, known.is_static) != (parent, is_static):
-                known = _Known(parent, is_static, deque(maxlen=_KEPT), deque(maxlen=_KEPT))
+                known = _Known(parent, is_static, deque(maxlen=_MAX_KEPT), deque(maxlen=_MAX_KEPT))
                 self._known[child] = known
             if np.isfinite(pose).all():
                 while known.stamps and known.stamps[-1] >= stamp:
@@ -59,15 +60,15 @@ class Transforms:
                 known.poses.append(pose)
 
     def look_up(self, target: str, source: str, stamp: int, timeout: float) -> Array:
-        """Pose of a frame in another one, shape ``(3,)`` [m, m, rad].
+        """Pose of the source frame in the target frame, shape ``(3,)`` [m, m, rad].
 
         Between two instants it is interpolated; before the first and after the last that one holds.
 
         Args:
-            target: The frame in which it is wanted.
-            source: The frame that is wanted.
-            stamp: When [ns]; 0 for the latest that is known.
-            timeout: How far before or after that the nearest transform may be [s].
+            target: Frame in which the pose is given.
+            source: Frame whose pose it is.
+            stamp: Time [ns]; 0 for the latest.
+            timeout: Largest distance of the nearest transform from that time [s].
 
         Raises:
             TransformError: It is not known for that time.
@@ -89,7 +90,7 @@ class Transforms:
         return compose(_inverse(to_target), to_source)
 
     def _ancestors(self, frame: str) -> list[str]:
-        """A frame, its parent, and so on up to the root of its tree."""
+        """Frames from this one up to the root of its tree."""
         chain = [frame]
         while (known := self._known.get(chain[-1])) is not None and known.stamps:
             if known.parent in chain:

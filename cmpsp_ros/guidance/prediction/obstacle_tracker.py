@@ -8,7 +8,7 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.horizon import NANOSECONDS
-from cmpsp_ros.guidance.messages.peer_trajectories import PeerTrajectory, Seen
+from cmpsp_ros.guidance.messages.tracks import MovingObject, PeerTrajectory
 from cmpsp_ros.guidance.solver_settings import MovingObstacles
 from cmpsp_ros.world.obstacles import NOTHING_MOVES, MovingDiscs
 
@@ -29,7 +29,7 @@ class ObstacleTracker:
         self.new_obstacle_seen = False
 
     def update(
-        self, stamp: int, pose: Array, tracks: Sequence[Seen], settings: MovingObstacles
+        self, stamp: int, pose: Array, tracks: Sequence[MovingObject], settings: MovingObstacles
     ) -> MovingDiscs:
         """Where moving obstacles are at an instant.
 
@@ -49,7 +49,7 @@ class ObstacleTracker:
         self.new_obstacle_seen, self._numbers = not numbers <= self._numbers, numbers
         states = np.array([_state(each, stamp, settings) for each in tracks])
         ways = {
-            index: each.way(stamp)
+            index: each.path(stamp)
             for index, each in enumerate(tracks)
             if isinstance(each, PeerTrajectory)
         }
@@ -69,12 +69,12 @@ class ObstacleTracker:
         self._slots = {each: kept[each] if each in kept else next(free) for each in numbers}
 
 
-def _state(seen: Seen, stamp: int, settings: MovingObstacles) -> tuple[float, ...]:
+def _state(seen: MovingObject, stamp: int, settings: MovingObstacles) -> tuple[float, ...]:
     """Centre, velocity and radius of what was seen, at an instant [ns]."""
     age = (stamp - seen.stamp) / NANOSECONDS
     if isinstance(seen, PeerTrajectory):
         # A robot that stands is where it said, however long ago.
-        grown = 0.0 if seen.stands else settings.growth * age
-        return (*seen.place(stamp), 0.0, 0.0, settings.others_radius + grown)
+        grown = 0.0 if seen.at_rest else settings.growth * age
+        return (*seen.position(stamp), 0.0, 0.0, settings.others_radius + grown)
     x, y = seen.x + age * seen.vx, seen.y + age * seen.vy
     return x, y, seen.vx, seen.vy, seen.radius + settings.growth * age

@@ -8,8 +8,8 @@ from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescri
 from rclpy.parameter import Parameter
 
 from cmpsp_ros.nodes.common.runtime import overrides
-from cmpsp_ros.parameters import ParameterType, config_directory
-from cmpsp_ros.parameters.courses import with_files
+from cmpsp_ros.parameters import TABLE, ParameterType, config_directory
+from cmpsp_ros.parameters.files import with_files
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from cmpsp_ros.parameters import Node as NodeName
     from cmpsp_ros.parameters import Parameter as Row
-    from cmpsp_ros.parameters import ParameterTable, Values
+    from cmpsp_ros.parameters import Values
 
 _UNBOUNDED = 1e9
 """Beyond what any parameter may hold."""
@@ -33,7 +33,7 @@ _TYPES = {
 }
 
 
-def declare(node: Node, table: ParameterTable, which: NodeName) -> Values:
+def declare(node: Node, which: NodeName) -> Values:
     """Read everything the node was started with, and declare what it uses.
 
     Both nodes read one file: parameters of the other one are checked as well, but not declared.
@@ -41,7 +41,6 @@ def declare(node: Node, table: ParameterTable, which: NodeName) -> Values:
     Args:
         node: A node made with or without `automatically_declare_parameters_from_overrides`; prefer
             without, because with it rclpy cannot construct a node that is given an empty list.
-        table: The parameters of both nodes.
         which: The node's name in the table.
 
     Returns:
@@ -52,8 +51,8 @@ def declare(node: Node, table: ParameterTable, which: NodeName) -> Values:
             the set, and before anything is declared.
     """
     # ROS does not say which file a parameter is from: relative paths are those of our presets.
-    values = table.resolve(with_files(overrides(node), config_directory()))
-    for key, row in table.keys(values):
+    values = TABLE.resolve(with_files(overrides(node), config_directory()))
+    for key, row in TABLE.keys(values):
         if which in row.nodes:
             _declare(node, key, row, values[key])
     return values

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
 from rclpy.parameter import Parameter
 
-from cmpsp_ros.bags.storage import Form
-from cmpsp_ros.guidance.messages import plan_topic
+from cmpsp_ros.bags import Form
+from cmpsp_ros.guidance.messages import PeerTrajectory
 from cmpsp_ros.nodes.common.runtime import StartupError
 from cmpsp_ros.nodes.common.topics import TOPICS
 
@@ -65,7 +65,7 @@ class Options:
         if name in self.excluded:
             return False
         if self.chosen:
-            own = self.own and (name in of_nodes or name.endswith(plan_topic('')))
+            own = self.own and (name in of_nodes or name.endswith(PeerTrajectory.topic('')))
             return own or name in self.chosen or _PARAMETERS in types
         return not any(part.startswith('_') for part in name.split('/'))
 

@@ -62,7 +62,7 @@ class Eyes:
         """Scan as often as is due by an instant [ns]."""
         while self._laser.is_due(stamp):
             scan = self._laser.scan(self._edges, self._discs)
-            self._surroundings.hear(sight_of(self._message(scan), self._sensor))
+            self._surroundings.add(sight_of(self._message(scan), self._sensor))
 
     def see(self, stamp: int, pose: Array) -> Sighting | None:
         """What is known of the scans by now.
@@ -71,7 +71,7 @@ class Eyes:
             stamp: Of odometry [ns].
             pose: Of odometry, shape ``(3,)`` [m, m, rad].
         """
-        self._surroundings.note(stamp, pose)
+        self._surroundings.update(stamp, pose)
         return self._surroundings.at(stamp, pose)
 
     def _message(self, scan: Scan) -> SimpleNamespace:

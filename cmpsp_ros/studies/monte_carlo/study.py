@@ -14,14 +14,14 @@ from cmpsp_ros.guidance import GuidanceSettings, SolverSettings
 from cmpsp_ros.parameters import (
     TABLE,
     guidance_settings,
+    laser_settings,
     load_parameter_file,
-    load_robot,
-    parse_assignment,
     plant_settings,
+    robot_of,
 )
-from cmpsp_ros.parameters.robots import laser_settings, robot_of
+from cmpsp_ros.parameters.files import load_robot, parse_assignment
 from cmpsp_ros.simulator import LaserSettings, PlantSettings
-from cmpsp_ros.studies.errors import StudyError
+from cmpsp_ros.studies.common import StudyError
 from cmpsp_ros.studies.monte_carlo.courses.robot_courses import in_proportion, robot_scenario
 from cmpsp_ros.studies.monte_carlo.courses.scenario import FROM_EDGE, GAP, WIDTH, Scenario
 from cmpsp_ros.studies.monte_carlo.eyes import Eyes, map_of

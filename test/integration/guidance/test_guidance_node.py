@@ -8,19 +8,16 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PolygonStamped, TwistStamped
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from live import LATCHED, MS, PERIOD_NS
 from rclpy.time import Time
 from visualization_msgs.msg import Marker, MarkerArray
 
 from cmpsp_ros.guidance import GuidanceLaw
-from cmpsp_ros.guidance.messages import pose_of
+from cmpsp_ros.guidance.messages import OdometryReading
 from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 
 pytestmark = pytest.mark.integration
 
-MS = 1_000_000
-PERIOD_NS = 200 * MS
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 # Odometry is stamped ahead of time here, and the test may be slow between two messages.
 PATIENT = {'odom_timeout': 60.0}
@@ -30,7 +27,8 @@ PATIENT = {'odom_timeout': 60.0}
 def law():
     """The law itself, with the settings of the node under test."""
     values = TABLE.resolve({**load_parameter_file('case3'), **PATIENT})
-    return GuidanceLaw(guidance_settings(values))
+    settings = guidance_settings(values)
+    return GuidanceLaw(settings, settings.world)
 
 
 @pytest.mark.smoke
@@ -106,17 +104,15 @@ def test_a_node_that_was_shut_down_shows_it(start_node, client):
 
 
 def test_one_command_at_each_control_instant_as_the_law_says(
-    start_node, client, law, make_odometry
+    start_active, client, law, make_odometry
 ):
-    start_node('guidance_node', PATIENT)
-    client.connect()
-    client.until_health(state='active')
+    start_active(PATIENT)
     robot, pose, begun = guidance_settings(TABLE.resolve({})).robot, [0.0, -9.25, 0.0], client.now()
     stamps = [begun, begun + 250 * MS, *(begun + k * PERIOD_NS for k in range(2, 6))]
     for step, stamp in enumerate(stamps):
         message = make_odometry(stamp, pose)
         decision, command = client.decide(message)
-        wanted = law.update(stamp, pose_of(message, 'odom'))
+        wanted = law.update(stamp, OdometryReading.of(message).pose_in('odom'))
         assert command == tuple(wanted.twist.tolist())
         assert len(client.commands) == len(client.decisions) == step + 1
         assert decision['reason'] == wanted.reason
@@ -266,7 +262,10 @@ def test_parameters_change_while_it_drives_as_one_valid_set_or_not_at_all(start_
         ),
         ({'obstacles.names': '[a, b, rock]'}, ['obstacles.rock.center:', 'found nothing']),
         ({'road.inner_radius': 11.0}, ['road.inner_radius:', 'found 11.0 m', 'less than']),
-        ({'goal.position': '[5.0, 0.0]'}, ['goal.position:', '5 m from road.center']),
+        (
+            {'goal.position': '[5.0, 0.0]'},
+            ['goal.position:', '4 m inside or beyond the inner road edge'],
+        ),
     ],
 )
 def test_what_it_cannot_be_started_with_is_said_and_nothing_is_commanded(

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from benchmarks.families.presets import Preset, chosen, measure
-from cmpsp_ros.parameters import ParameterError, preset_names
+from cmpsp_ros.parameters import ParameterError
+from cmpsp_ros.parameters.files import preset_names
 
 
 def test_every_step_of_every_run_is_timed():

@@ -18,7 +18,7 @@ class Robot:
     """A robot that drives exactly, with its law."""
 
     def __init__(self, name, given, start, offset=0):
-        self.name, self.given, self.law = name, given, GuidanceLaw(given)
+        self.name, self.given, self.law = name, given, GuidanceLaw(given, given.world)
         self.pose, self.offset = np.array(start), offset
         self.known, self.decisions = Tracks(), []
 
@@ -56,7 +56,7 @@ def drive(robots, seconds, late=0):
         for _, plan in arrived:
             for each in robots:
                 if each.name != plan.id:
-                    each.known.hear([plan])
+                    each.known.add([plan])
         for each in robots:
             if stamp >= each.offset and (stamp - each.offset) % PERIOD == 0:
                 on_the_way.append((stamp + late, each.decide(stamp)))

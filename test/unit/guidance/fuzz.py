@@ -19,10 +19,11 @@ from hypothesis import HealthCheck, Phase, given
 from hypothesis import strategies as st
 from nav_msgs.msg import Odometry
 from rclpy.time import Time
-from scenarios import FIRST, PAPER, ROAD, SECOND, START, settings
+from scenarios import FIRST, PAPER, ROAD, SECOND, START, reconfigure, settings
 
 from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw, Safety, Weights
-from cmpsp_ros.guidance.messages import Arrival, OdometryError, OdometryGate, pose_of, stamp_of
+from cmpsp_ros.guidance.messages import Arrival, OdometryError, OdometryGate, OdometryReading
+from cmpsp_ros.sensing import stamp_of
 
 SECOND_NS = 1_000_000_000
 PIECES = 50
@@ -109,7 +110,7 @@ class Drive:
 
     def __init__(self, number):
         self.given = SETTINGS[number]
-        self.law, self.gate = GuidanceLaw(self.given), OdometryGate()
+        self.law, self.gate = GuidanceLaw(self.given, self.given.world), OdometryGate()
         self.pose, self.held = np.array(START), np.zeros(2)
         self.now, self.outcomes = 100 * SECOND_NS, Counter()
 
@@ -125,13 +126,13 @@ class Drive:
             self.gate = OdometryGate()
         elif event.what == 'reconfigure':
             self.given = replace(self.given, obstacles=self.given.obstacles[:1])
-            self.law.reconfigure(self.given)
+            reconfigure(self.law, self.given)
         else:
             self.hear(message_of(event, self.pose, max(0, self.now - event.age)))
 
     def hear(self, message):
         try:
-            pose, stamp = pose_of(message, 'odom'), stamp_of(message)
+            pose, stamp = OdometryReading.of(message).pose_in('odom'), stamp_of(message)
             arrival = self.gate.take(stamp, pose, self.now, self.given)
         except OdometryError as error:
             self.outcomes['refused'] += 1

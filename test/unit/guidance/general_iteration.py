@@ -14,9 +14,13 @@ from cmpsp_ros.robots import within_ramp
 
 
 def improve(settings, pose, held, guess, horizon):
-    formulation, solver, durations = OcpFormulation(settings), settings.solver, horizon.durations
+    formulation, solver, durations = (
+        OcpFormulation(settings, settings.world),
+        settings.solver,
+        horizon.durations,
+    )
     target = settings.target
-    space = formulation.space(guess, durations, target, pose)
+    space = formulation.space(formulation.world, guess, durations, target, pose)
     goal, outputs = np.array(target.position), terminal_constraint(target)
     heading = np.nan if target.heading is None else target.heading
     problem = GuidanceProblem(
@@ -24,8 +28,8 @@ def improve(settings, pose, held, guess, horizon):
     )
     if formulation.remembers_control:
         weight, limit = settings.weights.control_rate, settings.max_wheel_change
-        problem = ControlRateProblem(problem, weight, held, limit, settings.robot.changes)
-        guess = within_ramp(guess, durations, held, limit, settings.robot.paced)
+        problem = ControlRateProblem(problem, weight, held, limit, settings.robot.rate_limits)
+        guess = within_ramp(guess, durations, held, limit, settings.robot.time_scaling)
     trust_radius = np.full(problem.size.state, np.inf)
     trust_radius[2] = formulation.heading_trust_region
     options = Options(

@@ -8,10 +8,16 @@ from types import SimpleNamespace
 import numpy as np
 
 from cmpsp_ros.guidance import GuidanceLaw
-from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file, plant_settings
-from cmpsp_ros.parameters.courses import obstacles_of, shapes_of
-from cmpsp_ros.parameters.robots import OWN_OBSTACLES, laser_settings
-from cmpsp_ros.sensing import Surroundings, laser_scan, point_cloud
+from cmpsp_ros.parameters import (
+    TABLE,
+    guidance_settings,
+    laser_settings,
+    load_parameter_file,
+    plant_settings,
+    shapes_of,
+)
+from cmpsp_ros.parameters.obstacles import obstacles_of
+from cmpsp_ros.sensing import Surroundings, sight_of
 from cmpsp_ros.simulator import Laser, Plant, discs_of, edges_of
 from cmpsp_ros.world import FreeSpace
 from cmpsp_ros.world.map_line import _lengths
@@ -84,16 +90,16 @@ class Drive:
 
     def __init__(self, preset='unknown', end=None, appears=0.0, sees_floor=True, **changes):
         given = load_parameter_file(preset)
-        if f'{OWN_OBSTACLES}.names' in changes:
-            given = {key: value for key, value in given.items() if OWN_OBSTACLES not in key}
+        if 'sim.obstacles.names' in changes:
+            given = {key: value for key, value in given.items() if 'sim.obstacles' not in key}
         values = TABLE.resolve({**given, **changes})
         self.settings = settings = guidance_settings(values)
-        self.law, self.decisions, self.searches = GuidanceLaw(settings), [], []
+        self.law, self.decisions, self.searches = GuidanceLaw(settings, settings.world), [], []
         plant, lidar = Plant(plant_settings(values)), laser_settings(values)
         laser, surroundings = Laser(lidar, 0), Surroundings(settings.sight, settings.robot_radius)
         laser.note(plant.motion)
         (sensor,) = settings.sight.sensors
-        shapes = obstacles_of(values) + shapes_of(values, OWN_OBSTACLES)
+        shapes = obstacles_of(values) + shapes_of(values)
         self.clearance = math.inf
         space = FreeSpace.of(OpenFloor(), shapes, settings.robot_radius)
         there, none = (edges_of(shapes), discs_of(shapes)), (edges_of(()), discs_of(()))
@@ -113,12 +119,11 @@ class Drive:
                 scan = laser.scan(*(there if is_there else none))
                 if sensor.type == 'cloud':
                     message = cloud_of(scan, lidar, sensor.frame_id, sees_floor)
-                    surroundings.hear(point_cloud.sight_of(message, sensor))
                 else:
                     message = message_of(scan, lidar, sensor.frame_id)
-                    surroundings.hear(laser_scan.sight_of(message, sensor))
+                surroundings.add(sight_of(message, sensor))
             pose = plant.measure()
-            surroundings.note(stamp, pose)
+            surroundings.update(stamp, pose)
             assert surroundings.blindness(stamp) == ''
             if self.law.is_due(stamp):
                 sighting = surroundings.at(stamp, pose)

@@ -5,14 +5,9 @@ import sys
 
 import pytest
 
-from cmpsp_ros.parameters import (
-    TABLE,
-    config_directory,
-    documentation,
-    load_parameter_file,
-    preset_names,
-)
+from cmpsp_ros.parameters import TABLE, config_directory, documentation, load_parameter_file
 from cmpsp_ros.parameters.documentation import defaults_file, json_schema, markdown_table
+from cmpsp_ros.parameters.files import preset_names
 
 README = '# T\n<!-- parameters:begin -->\nold\n<!-- parameters:end -->\nrest\n'
 PROJECT = config_directory().parent

@@ -11,9 +11,9 @@ from cmpsp_ros.parameters import (
     check_start,
     guidance_settings,
     load_parameter_file,
-    parse_assignment,
     plausibility_warnings,
 )
+from cmpsp_ros.parameters.files import parse_assignment
 
 BOX = '[[-0.2, -0.15], [0.1, -0.15], [0.1, 0.15], [-0.2, 0.15]]'
 

@@ -37,7 +37,7 @@ FOLLOWED = {'follow.speed': 1.0}
     ('given', 'changes', 'said'),
     [
         (WAYPOINTS, {'waypoints.a.position': [7.0, -4.0]},
-         'waypoints.a.position: found 8.06225775 m'),
+         'waypoints.a.position: found 0.938 m inside or beyond the inner road edge'),
         (WAYPOINTS, {'waypoints.a.time': 0.1},
          'waypoints.a.time: found 0.1 s, wanted 0 + control_period'),
         (WAYPOINTS, {'waypoints.b.time': 4.1},

@@ -15,10 +15,11 @@ from cmpsp_ros.parameters import (
     config_directory,
     guidance_settings,
     load_parameter_file,
+    text_of,
 )
-from cmpsp_ros.parameters.courses import text_of, with_files
-from cmpsp_ros.parameters.courses.map_files import read_map
-from cmpsp_ros.parameters.courses.maps import map_of
+from cmpsp_ros.parameters.files import with_files
+from cmpsp_ros.parameters.files.map_files import read_map
+from cmpsp_ros.parameters.obstacles import map_of
 from cmpsp_ros.world.grids import Cell, OccupancyGrid
 
 FREE, OCCUPIED, UNKNOWN = map(int, Cell)

@@ -3,7 +3,7 @@
 import pytest
 
 from cmpsp_ros.parameters import TABLE, ParameterError, check_start, guidance_settings
-from cmpsp_ros.parameters.courses import obstacles_of
+from cmpsp_ros.parameters.obstacles import obstacles_of
 from cmpsp_ros.world.obstacles import Capsule, Obstacle
 from cmpsp_ros.world.obstacles.shapes import Polygon
 
@@ -90,5 +90,6 @@ def test_no_goal_and_no_start_in_a_polygon():
     with pytest.raises(ParameterError) as caught:
         guidance_settings(values)
     assert str(caught.value) == (
-        'goal.position: found -0.5 m from obstacle a, wanted 0 m or more (robot.radius)'
+        'goal.position: found 0.5 m inside or beyond obstacle a, wanted a place where robot.radius'
+        ' is clear'
     )

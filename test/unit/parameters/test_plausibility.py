@@ -2,14 +2,8 @@
 
 import pytest
 
-from cmpsp_ros.parameters import (
-    TABLE,
-    load_parameter_file,
-    load_robot,
-    plausibility_warnings,
-    preset_names,
-    robot_names,
-)
+from cmpsp_ros.parameters import TABLE, load_parameter_file, plausibility_warnings
+from cmpsp_ros.parameters.files import load_robot, preset_names, robot_names
 
 
 @pytest.mark.parametrize('name', preset_names())

@@ -15,15 +15,17 @@ from cmpsp_ros.parameters import (
     config_directory,
     guidance_settings,
     load_parameter_file,
-    parse_assignment,
     plant_settings,
+    road_keys,
+)
+from cmpsp_ros.parameters.files import (
+    parse_assignment,
     preset_names,
     presets,
     robots_in,
     write_fleet_file,
     write_parameter_file,
 )
-from cmpsp_ros.parameters.courses import road_keys
 
 MERGED = """
 guidance:

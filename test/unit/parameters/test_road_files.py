@@ -5,8 +5,8 @@ import json
 import pytest
 
 from cmpsp_ros.parameters import TABLE, ParameterError, load_parameter_file
-from cmpsp_ros.parameters.courses import road_of
-from cmpsp_ros.parameters.courses.road_files import with_road_file
+from cmpsp_ros.parameters.files.road_files import with_road_file
+from cmpsp_ros.parameters.roads import road_of
 
 LINE = [[0.0, 0.0], [3.0, 0.5], [6.0, 0.0]]
 RING = [[5.0, 0.0], [0.0, 5.0], [-5.0, 0.0], [0.0, -5.0], [5.0, 0.0]]

@@ -11,7 +11,7 @@ from cmpsp_ros.parameters import (
     load_parameter_file,
     plant_settings,
 )
-from cmpsp_ros.parameters.robots.models import MODELS
+from cmpsp_ros.parameters.robots import MODELS
 from cmpsp_ros.robots import DifferentialDrive
 
 MECANUM = {

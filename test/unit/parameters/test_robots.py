@@ -9,9 +9,8 @@ from cmpsp_ros.parameters import (
     config_directory,
     guidance_settings,
     load_parameter_file,
-    load_robot,
-    robot_names,
 )
+from cmpsp_ros.parameters.files import load_robot, robot_names
 
 # The makers' figures: speed [m/s], distance of the wheels [m]; of mecanum wheels of both axes.
 MAKERS = {

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cmpsp_ros.parameters import ParameterError, ros_yaml
+from cmpsp_ros.parameters import ParameterError
+from cmpsp_ros.parameters.files import ros_yaml
 
 
 # What rcl_yaml_param_parser of ROS 2 Jazzy was seen to make of each.

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from cmpsp_ros.parameters import TABLE, ParameterError
-from cmpsp_ros.parameters.courses import obstacles_of, shapes_of
-from cmpsp_ros.parameters.robots import OWN_OBSTACLES, laser_settings
+from cmpsp_ros.parameters import TABLE, ParameterError, laser_settings, shapes_of
+from cmpsp_ros.parameters.obstacles import obstacles_of
 from cmpsp_ros.simulator import LaserSettings
 from cmpsp_ros.world.obstacles import Capsule
 
@@ -29,7 +28,7 @@ def test_obstacles_of_the_simulator_are_no_others():
             **{f'sim.obstacles.wall.{k}': v for k, v in block.items()},
         }
     )
-    assert shapes_of(values, OWN_OBSTACLES) == (Capsule('wall', (0.0, 0.0), (1.0, 0.0), 0.1),)
+    assert shapes_of(values) == (Capsule('wall', (0.0, 0.0), (1.0, 0.0), 0.1),)
     assert obstacles_of(values) == ()
 
 

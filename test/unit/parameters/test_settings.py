@@ -32,7 +32,9 @@ def refusal(build, values):
 
 def test_defaults_of_table_and_settings_agree():
     robot = DifferentialDrive(max_wheel_speed=51.0)
-    assert guidance_settings(TABLE.resolve({})) == GuidanceSettings(robot, Annulus(), (10.0, 0.0))
+    assert guidance_settings(TABLE.resolve({})) == GuidanceSettings(
+        robot, (10.0, 0.0), road=Annulus()
+    )
     assert plant_settings(TABLE.resolve({})) == PlantSettings(robot, (0.0, -9.25, 0.0))
 
 
@@ -96,13 +98,13 @@ def test_every_parameter_reaches_its_place():
         ),
         (
             {'goal.position': [10.8, 0.0], 'robot.radius': 0.25},
-            'goal.position: found 10.8 m from road.center, wanted 9.25 to 10.75 m '
-            '(road.inner_radius + robot.radius to road.outer_radius - robot.radius)',
+            'goal.position: found 0.05 m inside or beyond the outer road edge, wanted a place '
+            'where robot.radius is clear',
         ),
         (
             {**DISC, 'robot.radius': 0.2},
-            'goal.position: found 0.5 m from the centre of obstacle a, wanted 0.6 m or more '
-            '(obstacles.a.radius + robot.radius)',
+            'goal.position: found 0.1 m inside or beyond obstacle a, wanted a place where '
+            'robot.radius is clear',
         ),
         ({'final_time': 0.1}, 'final_time: found 0.1 s, wanted at least control_period = 0.2 s'),
         (
@@ -139,13 +141,13 @@ def test_goal_exactly_on_the_edge_is_allowed():
     [
         (
             {'initial_pose': [0.0, -8.0, 0.0]},
-            'initial_pose: found 8 m from road.center, wanted 9 to 11 m '
-            '(road.inner_radius + robot.radius to road.outer_radius - robot.radius)',
+            'initial_pose: found 1 m inside or beyond the inner road edge, wanted a place where '
+            'robot.radius is clear',
         ),
         (
             {**DISC, 'initial_pose': [10.0, 0.75, 0.0], 'robot.radius': 0.1},
-            'initial_pose: found 0.25 m from the centre of obstacle a, wanted 0.5 m or more '
-            '(obstacles.a.radius + robot.radius)',
+            'initial_pose: found 0.25 m inside or beyond obstacle a, wanted a place where '
+            'robot.radius is clear',
         ),
     ],
 )

@@ -8,8 +8,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cmpsp_ros.sensing import ScanError, Sensor, project, sight_of
-from cmpsp_ros.sensing.pose_history import PoseHistory
+from cmpsp_ros.sensing import ScanError, Sensor, sight_of
+from cmpsp_ros.sensing.surroundings import PoseHistory
 from cmpsp_ros.simulator import Laser, LaserSettings, Motion
 
 SENSOR = Sensor('front', 'base_scan', (0.3, -0.1, 0.5), reach=9.0)
@@ -110,12 +110,12 @@ def test_beams_end_on_walls_while_the_robot_moves():
         angle_increment=0.01, time_increment=4e-4, range_min=0.1,
     )  # fmt: skip
     sight = sight_of(message, SENSOR)
-    beams = project(sight, history.at(sight.stamps))
+    beams = sight.projected(history.at(sight.stamps))
     ends = beams.ends[beams.hits]
     assert len(ends) > 200
     from_walls = np.minimum(np.abs(ends[:, 0] - 3.0), np.abs(ends[:, 0] + 4.0))
     from_walls = np.minimum(from_walls, np.abs(ends[:, 1] - 3.0))
     # An arc of 20 ms strays 50 um from its chord.
     assert from_walls.max() < 1e-3
-    still = project(sight, history.at(np.full(401, seen.stamp_ns)))
+    still = sight.projected(history.at(np.full(401, seen.stamp_ns)))
     assert np.abs(still.ends - beams.ends).max() > 0.3

@@ -9,11 +9,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cmpsp_ros.sensing import ScanError, Sensor
-from cmpsp_ros.sensing.point_cloud import sight_of
+from cmpsp_ros.sensing import ScanError, Sensor, sight_of
 
 KINDS = {'i4': 5, 'f4': 7, 'f8': 8}
-SENSOR = Sensor('depth', 'camera', reach=5.0, heights=(-0.5, 1.0))
+SENSOR = Sensor('depth', 'camera', reach=5.0, heights=(-0.5, 1.0), type='cloud')
 POINTS = [
     (1.0, 2.0, 0.0),
     (1.5, 0.0, 1.0),
@@ -30,14 +29,9 @@ def cloud(points=POINTS, kinds='fff', *, big=False, pad=0, height=1, tail=0, **c
     kind = {'f': 'f4', 'd': 'f8', 'i': 'i4'}
     formats = [('>' if big else '<') + kind[each] for each in kinds]
     offsets = np.cumsum([pad, *(np.dtype(each).itemsize + pad for each in formats[:-1])]).tolist()
-    layout = np.dtype(
-        {
-            'names': ['x', 'y', 'z'],
-            'formats': formats,
-            'offsets': offsets,
-            'itemsize': offsets[-1] + np.dtype(formats[-1]).itemsize + pad,
-        }
-    )
+    size = offsets[-1] + np.dtype(formats[-1]).itemsize + pad
+    names = ['x', 'y', 'z']
+    layout = np.dtype({'names': names, 'formats': formats, 'offsets': offsets, 'itemsize': size})
     wide = len(points) // height
     rows = np.array(points, dtype=layout).reshape(height, wide)
     message = SimpleNamespace(
@@ -97,10 +91,9 @@ def test_of_beams_that_end_side_by_side_one_frees_the_cells():
     assert sight_of(cloud([*floor, *wall]), SENSOR).hits.tolist() == [True] * 10 + [False]
 
 
-@pytest.mark.parametrize('height', [1, 2])
-def test_where_no_point_is_nothing_is_known(height):
+def test_where_no_point_is_nothing_is_known():
     points = [(math.nan, math.nan, math.nan), (math.inf, 0.0, 0.0), (2.0, 0.0, 0.0)] * 2
-    sight = sight_of(cloud(points, height=height), SENSOR)
+    sight = sight_of(cloud(points), SENSOR)
     assert sight.ends.tolist() == [[2.0, 0.0]] * 2
     assert sight.hits.all()
     assert sight_of(cloud([]), SENSOR).ends.shape == (0, 2)

@@ -1,11 +1,13 @@
-"""What sensors show, put together by the odometry of its own time."""
+"""Fusion of sensors by the odometry of their own times, and its interpolation."""
 
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from cmpsp_ros.robots import Footprint
 from cmpsp_ros.sensing import Sensor, Sight, SightSettings, Surroundings
+from cmpsp_ros.sensing.surroundings import PoseHistory
 from cmpsp_ros.world.grids import Cell
 
 MS = 1_000_000
@@ -28,14 +30,14 @@ def drive(known, until, step=20):
     """At 1 m/s along x, with odometry until a time [ms]; what is known then."""
     for milliseconds in range(0, until + 1, step):
         stamp, pose = milliseconds * MS, np.array([1e-3 * milliseconds, 0.0, 0.0])
-        known.note(stamp, pose)
+        known.update(stamp, pose)
     return known.at(stamp, pose)
 
 
 def test_beams_are_those_of_where_the_robot_was():
     known = surroundings()
     # Half way between two odometry messages.
-    known.hear(seen(FRONT, 90, (1.0, 0.0)))
+    known.add(seen(FRONT, 90, (1.0, 0.0)))
     sighting = drive(known, 400)
     assert sighting.stamp == 400 * MS
     points = np.array([[1.09, 0.05], [1.45, 0.05], [0.7, 0.05]])
@@ -44,9 +46,9 @@ def test_beams_are_those_of_where_the_robot_was():
 
 def test_what_odometry_has_not_caught_up_with_waits():
     known = surroundings()
-    known.hear(seen(FRONT, 300, (1.0, 0.0)))
+    known.add(seen(FRONT, 300, (1.0, 0.0)))
     assert drive(known, 280) is None
-    known.note(300 * MS, np.array([0.3, 0.0, 0.0]))
+    known.update(300 * MS, np.array([0.3, 0.0, 0.0]))
     sighting = known.at(300 * MS, np.array([0.3, 0.0, 0.0]))
     assert sighting.grid.at(np.array([1.3, 0.05])) == Cell.OCCUPIED
 
@@ -62,7 +64,7 @@ def test_the_order_in_which_messages_come_makes_no_difference():
     for order in (messages, messages[::-1], [messages[k] for k in (3, 1, 5, 0, 4, 2)]):
         known = surroundings()
         for each in order:
-            known.hear(each)
+            known.add(each)
         grids.append(drive(known, 200).grid)
     for each in grids[1:]:
         assert np.array_equal(each.cells, grids[0].cells)
@@ -71,18 +73,18 @@ def test_the_order_in_which_messages_come_makes_no_difference():
 
 def test_a_message_older_than_one_before_it_or_than_odometry_is_left_out():
     known = surroundings()
-    known.hear(seen(FRONT, -10, (1.0, 0.0)))
+    known.add(seen(FRONT, -10, (1.0, 0.0)))
     assert drive(known, 100) is None
-    known.hear(seen(FRONT, 100, (1.0, 0.0)))
+    known.add(seen(FRONT, 100, (1.0, 0.0)))
     first = drive(known, 100)
-    known.hear(seen(FRONT, 60, (0.5, 0.0)))
+    known.add(seen(FRONT, 60, (0.5, 0.0)))
     assert drive(known, 120) is first
 
 
 def test_the_robot_stands_on_free_ground_and_sensors_agree():
     known = surroundings()
-    known.hear(seen(FRONT, 0, (1.05, 0.0)))
-    known.hear(seen(REAR, 0, (1.05, 0.0)))
+    known.add(seen(FRONT, 0, (1.05, 0.0)))
+    known.add(seen(REAR, 0, (1.05, 0.0)))
     grid = drive(known, 0).grid
     points = np.array([[1.05, 0.05], [-1.05, 0.05], [0.0, 0.3], [0.0, -0.3], [0.0, 0.55]])
     assert grid.at(points).tolist() == [
@@ -97,10 +99,10 @@ def test_the_robot_stands_on_free_ground_and_sensors_agree():
 def test_a_sensor_that_shows_nothing():
     known = surroundings()
     assert known.blindness(0) == 'Waiting for the first usable message of sensor front.'
-    known.hear(seen(FRONT, 0, (1.0, 0.0)))
+    known.add(seen(FRONT, 0, (1.0, 0.0)))
     drive(known, 20)
     assert known.blindness(20 * MS) == 'Waiting for the first usable message of sensor rear.'
-    known.hear(seen(REAR, 20, (1.0, 0.0)))
+    known.add(seen(REAR, 20, (1.0, 0.0)))
     drive(known, 40)
     assert known.blindness(500 * MS) == ''
     assert known.blindness(501 * MS) == (
@@ -110,10 +112,10 @@ def test_a_sensor_that_shows_nothing():
 
 def test_the_same_is_known_until_a_sensor_shows_more():
     known = surroundings()
-    known.hear(seen(FRONT, 0, (1.0, 0.0)))
+    known.add(seen(FRONT, 0, (1.0, 0.0)))
     first = drive(known, 20)
     assert drive(known, 200) is first
-    known.hear(seen(FRONT, 210, (1.0, 0.0)))
+    known.add(seen(FRONT, 210, (1.0, 0.0)))
     assert drive(known, 220).stamp == 220 * MS
     known.forget()
     assert known.at(0, np.zeros(3)) is None
@@ -128,9 +130,9 @@ NORTH = np.array([0.0, 0.0, np.pi / 2.0])
 def around(footprint):
     """What is known under a robot that faces north, when two things were seen there."""
     known = Surroundings(SETTINGS, 0.2, footprint)
-    known.note(0, NORTH)
-    known.hear(seen(FRONT, 0, (0.51, 0.01), (0.51, 0.16), (0.51, 0.34), (0.51, -2.0)))
-    known.note(20 * MS, NORTH)
+    known.update(0, NORTH)
+    known.add(seen(FRONT, 0, (0.51, 0.01), (0.51, 0.16), (0.51, 0.34), (0.51, -2.0)))
+    known.update(20 * MS, NORTH)
     points = np.array([[0.01, 0.51], [-0.16, 0.51], [-0.34, 0.51], [0.01, 0.65], [0.71, 0.01]])
     return known.at(20 * MS, NORTH).grid.at(points).tolist()
 
@@ -145,3 +147,44 @@ def test_what_is_seen_in_a_disc_but_beside_the_corners_stays():
     footprint = Footprint(WEDGE, LONG.centers)
     expected = [Cell.FREE, Cell.OCCUPIED, Cell.OCCUPIED, Cell.FREE, Cell.UNKNOWN]
     assert around(footprint) == expected
+
+
+def history(*poses, span=1000):
+    known = PoseHistory(span)
+    for stamp, *pose in poses:
+        known.add(stamp, np.array(pose, dtype=float))
+    return known
+
+
+def test_poses_between_two_of_them():
+    known = history((100, 0.0, 0.0, 0.0), (200, 1.0, 2.0, 0.5))
+    assert known.at(np.array([100, 150, 200])).tolist() == [
+        [0.0, 0.0, 0.0],
+        [0.5, 1.0, 0.25],
+        [1.0, 2.0, 0.5],
+    ]
+
+
+def test_headings_go_the_short_way():
+    known = history((0, 0.0, 0.0, 3.0), (100, 0.0, 0.0, -3.0), (200, 0.0, 0.0, 3.0))
+    turned = known.at(np.array([50, 150]))[:, 2]
+    assert turned == pytest.approx([np.pi, np.pi])
+
+
+def test_old_poses_are_forgotten_but_for_the_last_one_before_the_span():
+    known = history(*((100 * k, k, 0, 0) for k in range(20)), span=250)
+    assert known.is_after(1599)
+    assert not known.is_after(1600)
+    assert not history().is_after(0)
+    assert known.at(np.array([1650]))[0, 0] == 16.5
+
+
+def test_a_pose_that_is_not_newer_is_left_out():
+    known = history((100, 1, 0, 0), (100, 2, 0, 0), (50, 3, 0, 0))
+    assert known.at(np.array([100]))[0, 0] == 1.0
+
+
+@pytest.mark.parametrize('count', [1, 2, 5])
+def test_no_instants_have_no_poses(count):
+    known = history(*((100 * k, k, 0, 0) for k in range(count)))
+    assert known.at(np.array([], dtype=np.int64)).shape == (0, 3)

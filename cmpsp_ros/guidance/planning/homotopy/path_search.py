@@ -1,23 +1,27 @@
-"""The search for homotopy classes: on which side each obstacle may be passed, and a guess each.
+"""Homotopy classes of paths past the obstacles, and an initial trajectory for each.
 
-The side is a discrete choice that no iteration revisits: a plan that leads to the middle of an
-obstacle stays there, where both sides pull alike. So the choices are found by a search, over what
-the obstacles leave free of the road at stations along its arc, and each becomes a guess of its own.
+The side on which an obstacle is passed is a discrete choice that no iteration revisits: a plan that
+leads to the middle of an obstacle stays there, where both sides pull alike. So a search over the
+gaps at stations along the road finds the choices, and each becomes an initial trajectory.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Sequence
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.goals import Target
-from cmpsp_ros.guidance.planning.homotopy.free_gaps import between_samples, free_gaps
-from cmpsp_ros.guidance.planning.homotopy.gaps import HomotopyClass, search, stretches_of
-from cmpsp_ros.guidance.planning.homotopy.homotopy_class import class_of
+from cmpsp_ros.guidance.planning.homotopy.gaps import (
+    HomotopyClass,
+    between_samples,
+    free_gaps,
+    search,
+    stretches_of,
+)
 from cmpsp_ros.guidance.planning.homotopy.lateral_profile import (
     elastic_band,
     follow_profile,
@@ -28,11 +32,11 @@ from cmpsp_ros.guidance.planning.homotopy.road_frame import (
     SPACING,
     RoadFrame,
     frame_along,
+    locate,
     point_at,
     road_frame,
     stretch_at,
 )
-from cmpsp_ros.guidance.planning.homotopy.searched_line import searched_line
 from cmpsp_ros.guidance.planning.initial_trajectories import (
     SHORTEST_LOOKAHEAD,
     free_turn_rate,
@@ -40,32 +44,40 @@ from cmpsp_ros.guidance.planning.initial_trajectories import (
     wrapped,
 )
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
-from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.guidance.settings import LawSettings
+from cmpsp_ros.mpsp.jit import allocation_free
 from cmpsp_ros.robots import Robot
 from cmpsp_ros.world import FreeSpace
+from cmpsp_ros.world.grids import NARROW, cells_from, costs_of, evenly_spaced, lengths_to
 
-MAX_CLASSES = 8
+MAX_CLASSES: Final = 8
 
-# Kept from the bounds of a gap [m], at most so great a fraction of its width.
-_CLEARANCE = 0.08
-_CLEARANCE_FRACTION = 0.25
-# Cost of a path that is too long for the time left, for every metre too much [m^2].
-_TOO_LONG = 100.0
-# A path on a grid is longer than it need be by less than this.
-_ROUGHLY = 1.1
+_CLEARANCE: Final = 0.08
+_CLEARANCE_FRACTION: Final = 0.25
+"""Distance kept from the bounds of a gap [m], and its limit as a fraction of the gap's width."""
+_TOO_LONG: Final = 100.0
+"""Cost of a path that is too long for the time left, for every metre too much [m^2]."""
+_ROUGHLY: Final = 1.1
+"""Bound on the length of a path on a grid, relative to the shortest path."""
+_NAMED: Final = 6
+"""Number of sides in a message, the last of which may stand for the rest."""
+_CELL: Final = 0.1
+_MAX_CELLS: Final = 160
+_AROUND: Final = 1.0
+"""Cells of a searched grid: size [m], number along either side, width around all shapes [m]."""
+_SMOOTHINGS: Final = 6
 
 
-@dataclass(frozen=True)
-class GuidePath:
+class GuidePath(NamedTuple):
     """A path past the obstacles ahead, one for a homotopy class.
 
     Attributes:
-        homotopy_class: On which side it passes each obstacle.
+        homotopy_class: Side on which it passes each obstacle.
         guess: Controls that follow it, shape ``(N + 1, r)``.
-        frame: Road coordinates of its way.
-        profile: Its lateral positions at their stations, shape ``(K,)`` [m].
-        cost: Squared distance to the centre line along it, and what it is too long even as the
-            shortest path [m^3].
+        frame: Its road coordinates.
+        profile: Lateral positions at their stations, shape ``(K,)`` [m].
+        cost: Squared distance to the centre line along it, and a penalty on the length by which it
+            is too long even as the shortest path [m^3].
     """
 
     homotopy_class: HomotopyClass
@@ -76,7 +88,7 @@ class GuidePath:
 
 
 def guide_paths(
-    settings: GuidanceSettings,
+    settings: LawSettings,
     space: FreeSpace,
     start: PlanStart,
     target: Target,
@@ -84,12 +96,11 @@ def guide_paths(
     limit: int = MAX_CLASSES,
     without: Collection[HomotopyClass] = (),
 ) -> list[GuidePath]:
-    """The most promising paths from a pose to the goal, best first.
+    """The most promising paths from a pose to the goal, one for a homotopy class, best first.
 
     Args:
         settings: All settings of the guidance law.
-        space: What the samples of a plan keep to; where it changes along the horizon, its median
-            counts.
+        space: Free space of the samples of a plan.
         start: Where they begin.
         target: Where they end.
         durations: Length of every step, shape ``(N,)`` [s].
@@ -111,7 +122,7 @@ def guide_paths(
         return [path for path in found if path.homotopy_class not in without]
     if not trails:
         # From a pocket, such as between an obstacle and an edge, the path leads back and around.
-        stretches[0] = replace(stretches[0], gaps=gaps[0])
+        stretches[0] = stretches[0]._replace(gaps=gaps[0])
         trails = search(frame, stretches, lateral)
     if not trails:
         return []
@@ -128,7 +139,7 @@ def guide_paths(
     reach = start.robot.max_speed * float(durations.sum())
     # Where time is scarce the centre line does not matter, nor where there is none.
     scarce = lengths(frame, profiles).sum(axis=1) > reach
-    scarce |= not settings.road.has_center_line
+    scarce |= not start.world.road.has_center_line
     if scarce.any():
         profiles[scarce] = shortest_path(frame, low[scarce], high[scarce], ends)
     costs = _costs(frame, profiles, reach)
@@ -148,16 +159,16 @@ def guide_paths(
 
 
 def searched_paths(
-    settings: GuidanceSettings, space: FreeSpace, start: PlanStart, target: Target, durations: Array
+    settings: LawSettings, space: FreeSpace, start: PlanStart, target: Target, durations: Array
 ) -> list[GuidePath]:
-    """The path out of a dead end, or into one, if there is any that the time is enough for.
+    """The path out of a dead end, or into one, if there is one short enough for the time.
 
     In polar coordinates none is searched. Arguments as of `guide_paths`.
     """
     frame = road_frame(settings, start, target)
     if frame.polar:
         return []
-    if (search := settings.map_search) is not None:
+    if (search := start.world.map_search(settings)) is not None:
         points = search.line(start.pose[:2], target.position, SPACING)
     else:
         around = between_samples(space, 0.0)
@@ -175,16 +186,40 @@ def searched_paths(
     return [GuidePath(homotopy_class, guess, line, profile, line.length)]
 
 
+def searched_line(space: FreeSpace, start: Array, goal: Array) -> Array:
+    """Evenly spaced points ``(K, 2)`` of the shortest clear line on a grid [m]; (0, 2) for none.
+
+    A robot in a dead end has to turn back first, and one whose goal is in a dead end to go beyond
+    it, where no path leads ahead station by station.
+    """
+    reached = np.repeat(space.reaches + space.radii, 2).reshape(-1, 2)
+    marks = np.vstack([start, goal, space.centers - reached, space.centers + reached])
+    low, high = np.nanmin(marks, axis=0) - _AROUND, np.nanmax(marks, axis=0) + _AROUND
+    cell = max(_CELL, float((high - low).max()) / _MAX_CELLS)
+    across, up = (np.arange(low[axis], high[axis], cell) for axis in range(2))
+    points = np.stack(np.meshgrid(across, up, indexing='ij'), axis=-1)
+    poses = np.column_stack([points.reshape(-1, 2), np.full(points[..., 0].size, math.nan)])
+    clearance = space.at(poses).min(axis=1).reshape(points.shape[:2])
+    # Where half a cell is longer than `_AROUND`, an end may round to beyond the last node.
+    ends = (np.round((each - low) / cell).astype(np.int64) for each in (start, goal))
+    first, last = (np.minimum(each, np.array(clearance.shape) - 1) for each in ends)
+    costs = costs_of(clearance)
+    # The ends are given; the search does not judge them.
+    for place in (first, last):
+        costs[tuple(place)] = min(costs[tuple(place)], 1.0 + NARROW)
+    places = cells_from(lengths_to(costs, last), first)
+    if not len(places):
+        return np.empty((0, 2))
+    inner = points[tuple(places[1:-1].T)]
+    return evenly_spaced(np.vstack([start, inner, goal]), SPACING, _SMOOTHINGS)
+
+
 def turning_first(
-    settings: GuidanceSettings, path: GuidePath, start: PlanStart, durations: Array
+    settings: LawSettings, path: GuidePath, start: PlanStart, durations: Array
 ) -> Array:
-    """A guess that turns on the spot towards where a path leads, and follows it from there.
+    """A guess ``(N + 1, 2)`` [rad/s] that turns on the spot first, and then follows a path.
 
-    `GuidePath.guess` turns while it drives, and needs space for that. Arguments as of
-    `guide_paths`.
-
-    Returns:
-        Wheel speeds, shape ``(N + 1, 2)`` [rad/s].
+    `GuidePath.guess` turns while it drives, and needs space for that.
     """
     robot, frame, pose = start.robot, path.frame, start.pose
     if settings.max_wheel_change < math.inf:
@@ -206,8 +241,8 @@ def turning_first(
     return np.concatenate([np.tile([rim, -rim], (steps, 1)), rest])
 
 
-def _straddled(settings: GuidanceSettings, robot: Robot) -> float:
-    """How far from the nearest sample a path may pass an obstacle: it may do so between two [m]."""
+def _straddled(settings: LawSettings, robot: Robot) -> float:
+    """Distance from the nearest sample at which a path may pass an obstacle between two [m]."""
     if not settings.safety.between_samples or math.isinf(robot.max_speed):
         return 0.0
     return robot.max_speed * settings.control_period / 2.0
@@ -220,3 +255,54 @@ def _costs(frame: RoadFrame, profiles: Array, reach: float) -> list[float]:
         squares * frame.spacing + _TOO_LONG * np.maximum(0.0, length - reach)
     ).tolist()
     return costs
+
+
+def class_of(frame: RoadFrame, centers: tuple[Array, Array], poses: Array) -> HomotopyClass:
+    """Homotopy class of a path: the side of each obstacle that it passes on its way to the goal.
+
+    Args:
+        frame: Road coordinates from the beginning of the path to the goal.
+        centers: Centres of the obstacles, by `RoadFrame.coordinates`.
+        poses: Poses along the path, shape ``(N + 1, 3)`` [m, m, rad].
+    """
+    if not len(centers[0]):
+        return ()
+    sides, path = np.zeros(len(centers[0])), np.empty((len(poses), 2))
+    _locate_all(path, frame, np.ascontiguousarray(poses))
+    _find_sides(sides, *centers, path, frame.stations.item(-1), frame.left)
+    return tuple(int(side) for side in sides.tolist())
+
+
+def in_words(sides: HomotopyClass, names: Sequence[str]) -> str:
+    """A homotopy class for messages, which names the first few; empty if nothing is passed."""
+    words = {1: 'left', -1: 'right'}
+    parts = [f'{words[side]} of {name}' for side, name in zip(sides, names, strict=True) if side]
+    if len(parts) > _NAMED:
+        parts[_NAMED - 1 :] = [f'past {len(parts) - _NAMED + 1} more']
+    return ' and '.join(filter(None, [', '.join(parts[:-1]), *parts[-1:]]))
+
+
+@allocation_free
+def _locate_all(path: Array, frame: RoadFrame, poses: Array) -> None:
+    """Station and lateral position of each pose, the first one at station 0."""
+    at, bearing = 0.0, frame.begin
+    for k in range(poses.shape[0]):
+        at, path[k, 1], bearing = locate(frame, poses[k, 0], poses[k, 1], at, bearing)
+        path[k, 0] = at
+
+
+@allocation_free
+def _find_sides(
+    sides: Array, stations: Array, lateral: Array, path: Array, end: float, left: float
+) -> None:
+    """Side of each obstacle, by the lateral position of the path beside its centre."""
+    for j in range(stations.shape[0]):
+        at = stations[j]
+        if not 0.0 < at <= end:
+            continue
+        for k in range(path.shape[0] - 1):
+            if path[k, 0] < at <= path[k + 1, 0]:
+                here, there = path[k, 1], path[k + 1, 1]
+                part = (at - path[k, 0]) / (path[k + 1, 0] - path[k, 0])
+                sides[j] = left if here + part * (there - here) > lateral[j] else -left
+                break

@@ -19,10 +19,10 @@ from cmpsp_ros.parameters import (
     TABLE,
     ParameterError,
     guidance_settings,
+    laser_settings,
     load_parameter_file,
     plant_settings,
 )
-from cmpsp_ros.parameters.robots import laser_settings
 from cmpsp_ros.robots import arc_ends
 from cmpsp_ros.sensing import Surroundings, sight_of
 from cmpsp_ros.simulator import Laser, Plant, discs_of, edges_of
@@ -143,7 +143,7 @@ def drive(given, *, sees=True, **lied):
     """
     values = TABLE.resolve(given)
     settings, recorder = guidance_settings(values), _Recorder()
-    plant, law = Plant(plant_settings(values)), GuidanceLaw(settings)
+    plant, law = Plant(plant_settings(values)), GuidanceLaw(settings, settings.world)
     hidden = values['sim.obstacles.names']
     discs = [_disc(values, f'obstacles.{each}') for each in values['obstacles.names']]
     unknown = [_disc(values, f'sim.obstacles.{each}') for each in hidden]
@@ -192,8 +192,8 @@ class _Eyes:
             scan = self.laser.scan(*self.around)
             message = self._message(scan)
             recorder.write('/scan', stamp, 0.5, message)
-            self.surroundings.hear(sight_of(message, self.sensor))
-        self.surroundings.note(START + stamp, pose)
+            self.surroundings.add(sight_of(message, self.sensor))
+        self.surroundings.update(START + stamp, pose)
         return self.surroundings.at(START + stamp, pose)
 
     def publish(self, sighting, recorder):

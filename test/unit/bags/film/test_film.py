@@ -102,7 +102,7 @@ FRAME = """
 import numpy as np
 from cmpsp_ros.bags.film import render
 from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.presets import load_parameter_file
+from cmpsp_ros.parameters import load_parameter_file
 from cmpsp_ros.parameters.settings import guidance_settings
 
 settings = guidance_settings(TABLE.resolve(load_parameter_file('parking')))

@@ -15,7 +15,7 @@ from hidden_robots import START, Hidden, commands_of, drawn, truth_of, write_bag
 from cmpsp_ros.bags import BagError
 from cmpsp_ros.bags.identify import Sources, identify, write_parameters
 from cmpsp_ros.demo import load_scenario
-from cmpsp_ros.parameters import load_robot
+from cmpsp_ros.parameters.files import load_robot
 
 RECORDED = Path(__file__).parents[1] / 'recorded'
 RESPONSE = 'delay', 'lag', 'together', 'command_delay', 'linear_scale', 'angular_scale'

@@ -49,7 +49,7 @@ class Encounter(Drive):
             self.bag.write(self.topic, self.now + 500, raw(message('map')))
             self.bag.write(self.topic, self.now + 600, raw(message('odom')))
             if self.count % 15:
-                self.known.hear([seen])
+                self.known.add([seen])
         self.count += 1
         self.say(odometry(stamp, self.pose))
         if self.law.is_due(stamp):

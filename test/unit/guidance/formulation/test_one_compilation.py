@@ -39,7 +39,7 @@ from cmpsp_ros.guidance.planning.initial_trajectories import along_road
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.warmup import run_kernels
 from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.presets import load_parameter_file
+from cmpsp_ros.parameters import load_parameter_file
 from cmpsp_ros.parameters.settings import guidance_settings
 from cmpsp_ros.world.free_space import FreeSpace
 from cmpsp_ros.world.roads.corridor import Corridor
@@ -72,9 +72,10 @@ for road in (Annulus(), line, OpenFloor()):
         space.for_samples_of(controls[:3], 0.2).at(poses)
         space.along(poses[:3], controls[:3], durations)
         discs.along(poses[:3], controls[:3], durations, times)
-        start = PlanStart(pose, given.robot)
+        start = PlanStart(pose, given.robot, given.world)
         Audit(given).check(start, controls, durations)
-        Audit(given).check(PlanStart(pose, given.robot, discs, 1.0), controls, durations)
+        beside = PlanStart(pose, given.robot, given.world, discs, 1.0)
+        Audit(given).check(beside, controls, durations)
         along_road(given, start, given.target, durations)
         remaining_arc_length(road, poses, given.goal, None)
         arc_length_to(road, pose, given.goal, 0.5)

@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 from nav_msgs.msg import Odometry
 from rclpy.time import Time
 
-from cmpsp_ros.guidance.messages import OdometryError, pose_of, stamp_of
-from cmpsp_ros.guidance.messages.odometry import check_age
+from cmpsp_ros.guidance.messages import OdometryError, OdometryReading
+from cmpsp_ros.guidance.messages.poses import check_age
+from cmpsp_ros.sensing import stamp_of
 
 SECOND = 1_000_000_000
 
@@ -26,13 +27,17 @@ def odometry(x=1.0, y=2.0, quaternion=(0.0, 0.0, 0.0, 1.0), frame_id='odom'):
     return message
 
 
+def pose_of(message):
+    return OdometryReading.of(message).pose_in('odom')
+
+
 def yaw(heading, scale=1.0):
     return 0.0, 0.0, scale * math.sin(heading / 2.0), scale * math.cos(heading / 2.0)
 
 
 @given(heading=st.floats(-1e3, 1e3), x=st.floats(-1e6, 1e6), y=st.floats(-1e6, 1e6))
 def test_a_pose_is_read_with_its_heading_wrapped(heading, x, y):
-    pose = pose_of(odometry(x, y, yaw(heading)), 'odom')
+    pose = pose_of(odometry(x, y, yaw(heading)))
     assert pose[:2].tolist() == [x, y]
     assert -math.pi <= pose[2] <= math.pi
     assert math.cos(pose[2] - heading) == pytest.approx(1.0)
@@ -42,16 +47,16 @@ def test_a_pose_is_read_with_its_heading_wrapped(heading, x, y):
 @given(heading=st.floats(-3.1, 3.1), tilt=st.floats(-1.0, 1.0))
 def test_a_quaternion_may_be_negated_or_tilted(heading, tilt):
     turn = np.array(yaw(heading))
-    assert pose_of(odometry(quaternion=(-turn).tolist()), 'odom')[2] == pytest.approx(heading)
+    assert pose_of(odometry(quaternion=(-turn).tolist()))[2] == pytest.approx(heading)
     z, w = turn[2:]
     sine, cosine = math.sin(tilt / 2.0), math.cos(tilt / 2.0)
     rolled = w * sine, z * sine, z * cosine, w * cosine
-    assert pose_of(odometry(quaternion=rolled), 'odom')[2] == pytest.approx(heading)
+    assert pose_of(odometry(quaternion=rolled))[2] == pytest.approx(heading)
 
 
 @given(heading=st.floats(-3.1, 3.1), scale=st.floats(0.991, 1.009))
 def test_a_quaternion_accepted_with_rounding_has_the_same_heading(heading, scale):
-    pose = pose_of(odometry(quaternion=yaw(heading, scale)), 'odom')
+    pose = pose_of(odometry(quaternion=yaw(heading, scale)))
     assert pose[2] == pytest.approx(heading, abs=1e-9)
 
 
@@ -72,7 +77,7 @@ def test_a_quaternion_accepted_with_rounding_has_the_same_heading(heading, scale
 )
 def test_odometry_that_cannot_be_used_is_refused_with_what_was_found(message, said):
     with pytest.raises(OdometryError, match=said):
-        pose_of(message, 'odom')
+        pose_of(message)
 
 
 @pytest.mark.parametrize('stamp', [0, 1_700_000_000_123_456_789])
@@ -88,9 +93,9 @@ def test_a_stamp_is_read_to_the_nanosecond(stamp):
 )
 def test_odometry_of_another_time_is_refused(now, said):
     with pytest.raises(OdometryError, match=said):
-        check_age(10 * SECOND, int(now * SECOND), 0.5)
+        check_age('Odometry is', 'odom_timeout', 10 * SECOND, int(now * SECOND), 0.5, OdometryError)
 
 
 @pytest.mark.parametrize('now', [9.6, 10.0, 10.4, 0.0])
 def test_odometry_of_this_time_passes_and_any_before_the_clock_runs(now):
-    check_age(10 * SECOND, int(now * SECOND), 0.5)
+    check_age('Odometry is', 'odom_timeout', 10 * SECOND, int(now * SECOND), 0.5, OdometryError)

@@ -9,7 +9,14 @@ import numpy as np
 import pytest
 
 from cmpsp_ros.guidance import NANOSECONDS, MovingObstacles
-from cmpsp_ros.guidance.messages import Track, TrackError, Tracks, check_age, read_keys, tracks_of
+from cmpsp_ros.guidance.messages import (
+    Track,
+    TrackError,
+    Tracks,
+    check_track_age,
+    read_keys,
+    tracks_of,
+)
 from cmpsp_ros.guidance.messages.tracks import track_keys
 from cmpsp_ros.guidance.prediction.obstacle_tracker import ObstacleTracker
 
@@ -128,12 +135,13 @@ def test_messages_of_other_things_are_refused_in_words(fault):
 
 
 def test_age():
-    check_age(NANOSECONDS, 2 * NANOSECONDS, 1.0)
-    check_age(NANOSECONDS, 0, 0.1)
-    with pytest.raises(TrackError, match=r'1\.500 s old'):
-        check_age(NANOSECONDS, 2_500_000_000, 1.0)
+    early, late = cloud(stamp=1.0), cloud(stamp=2.5)
+    check_track_age(early, 2 * NANOSECONDS, 1.0, 'Obstacles are')
+    check_track_age(early, 0, 0.1, 'Obstacles are')
+    with pytest.raises(TrackError, match=r'Obstacles are 1\.500 s old \(moving_obstacles.timeout'):
+        check_track_age(early, 2_500_000_000, 1.0, 'Obstacles are')
     with pytest.raises(TrackError, match=r'1\.500 s ahead of the clock'):
-        check_age(2_500_000_000, NANOSECONDS, 1.0)
+        check_track_age(late, NANOSECONDS, 1.0, 'Obstacles are')
 
 
 def seen(number, seconds, x=0.0):
@@ -149,7 +157,7 @@ def test_what_is_known_goes_by_stamps_not_by_arrival():
     for order in ((0, 1, 2, 3), (3, 2, 1, 0), (1, 3, 0, 2)):
         tracks = Tracks()
         for index in order:
-            tracks.hear([messages[index]])
+            tracks.add([messages[index]])
         assert at(tracks, 0.9) == ()
         assert at(tracks, 1.0) == (seen(1, 1.0),)
         assert at(tracks, 1.3) == (seen(1, 1.2), seen(2, 1.1))
@@ -161,13 +169,13 @@ def test_what_is_known_goes_by_stamps_not_by_arrival():
 def test_of_two_at_one_time_the_greater_counts():
     for pair in ((0.2, 0.3), (0.3, 0.2)):
         tracks = Tracks()
-        tracks.hear([Track(1, 5, radius, 0.0, 0.0, 0.0, 0.0) for radius in pair])
+        tracks.add([Track(1, 5, radius, 0.0, 0.0, 0.0, 0.0) for radius in pair])
         assert tracks.at(5, 1.0)[0].radius == 0.3
 
 
 def test_time_that_jumps_back():
     tracks = Tracks()
-    tracks.hear([seen(1, 1.0), seen(2, 9.0)])
+    tracks.add([seen(1, 1.0), seen(2, 9.0)])
     tracks.forget_after(2 * NANOSECONDS)
     assert at(tracks, 9.5, 100.0) == (seen(1, 1.0),)
 

@@ -35,9 +35,9 @@ def transforms():
     """A robot in `odom`, which drifts in `map`, and a scanner upon it."""
     known = Transforms()
     for second, (x, y, heading) in enumerate([(1.0, 2.0, 3.1), (2.0, 4.0, -3.1)]):
-        known.hear(message(10 * SECOND + second * SECOND, 'map', 'odom', x, y, heading))
-    known.hear(message(10 * SECOND, 'odom', 'base_link', 5.0, 0.0, math.pi / 2.0))
-    known.hear(message(0, 'base_link', 'scanner', 0.2, 0.0, math.pi), is_static=True)
+        known.add(message(10 * SECOND + second * SECOND, 'map', 'odom', x, y, heading))
+    known.add(message(10 * SECOND, 'odom', 'base_link', 5.0, 0.0, math.pi / 2.0))
+    known.add(message(0, 'base_link', 'scanner', 0.2, 0.0, math.pi), is_static=True)
     return known
 
 
@@ -70,7 +70,7 @@ def test_the_last_one_holds_for_a_while_and_a_static_one_for_ever(transforms):
 
 
 def test_time_that_has_jumped_back_has_what_came_later_forgotten(transforms):
-    transforms.hear(message(2 * SECOND, 'map', 'odom', 7.0, 0.0, 0.0))
+    transforms.add(message(2 * SECOND, 'map', 'odom', 7.0, 0.0, 0.0))
     np.testing.assert_allclose(
         transforms.look_up('map', 'odom', 2 * SECOND, 0.5), (7.0, 0.0, 0.0), atol=1e-12
     )
@@ -91,10 +91,10 @@ def test_what_is_not_known_is_said(transforms, target, source):
 
 
 def test_a_circle_and_numbers_that_are_none_are_no_transforms(transforms):
-    transforms.hear(message(12 * SECOND, 'map', 'odom', math.nan, 0.0, 0.0))
+    transforms.add(message(12 * SECOND, 'map', 'odom', math.nan, 0.0, 0.0))
     np.testing.assert_allclose(
         transforms.look_up('map', 'odom', 11 * SECOND, 0.5), (2.0, 4.0, -3.1), atol=1e-12
     )
-    transforms.hear(message(10 * SECOND, 'scanner', 'map', 0.0, 0.0, 0.0))
+    transforms.add(message(10 * SECOND, 'scanner', 'map', 0.0, 0.0, 0.0))
     with pytest.raises(TransformError, match='in a circle'):
         transforms.look_up('map', 'odom', 10 * SECOND, 0.5)

@@ -6,13 +6,8 @@ import numpy as np
 import pytest
 
 from cmpsp_ros.guidance.mission import reason_not_to_begin
-from cmpsp_ros.parameters import (
-    TABLE,
-    ParameterError,
-    guidance_settings,
-    load_parameter_file,
-    preset_names,
-)
+from cmpsp_ros.parameters import TABLE, ParameterError, guidance_settings, load_parameter_file
+from cmpsp_ros.parameters.files import preset_names
 
 ORIGIN = np.zeros(3)
 

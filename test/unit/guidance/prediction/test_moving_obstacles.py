@@ -38,7 +38,7 @@ def told(movers, stamp, since=0):
 
 def drive(given_, movers, tell=told, start=START, steps=51):
     """Decisions of a closed loop, and the least clearance from the movers while it moved."""
-    law, pose, decisions, least = GuidanceLaw(given_), np.array(start), [], []
+    law, pose, decisions, least = GuidanceLaw(given_, given_.world), np.array(start), [], []
     parts = np.full(PIECES, 0.2 / PIECES)
     for step in range(steps):
         stamp = step * PERIOD
@@ -114,7 +114,7 @@ def test_more_than_there_is_room_for_are_audited_all_the_same(fault):
 def test_what_is_not_told_of_again_is_forgotten(fault):
     """It is missed for as long as it is believed in, ever wider, and no longer."""
     known = Tracks()
-    known.hear(told([CROSSING], 0))
+    known.add(told([CROSSING], 0))
 
     def once(movers, stamp):
         return known.at(stamp, ROOM.timeout)

@@ -12,14 +12,7 @@ from fleet import Robot, among, drive
 from scenarios import ROAD, SETTLED, settings
 
 from cmpsp_ros.guidance import NANOSECONDS, Horizon, MovingObstacles, Plan
-from cmpsp_ros.guidance.messages import (
-    PeerTrajectory,
-    Track,
-    TrackError,
-    Tracks,
-    plan_of,
-    read_keys,
-)
+from cmpsp_ros.guidance.messages import PeerTrajectory, Track, TrackError, Tracks, read_keys
 from cmpsp_ros.guidance.messages.tracks import track_keys
 from cmpsp_ros.guidance.prediction.obstacle_tracker import ObstacleTracker
 from cmpsp_ros.world.roads import Annulus, OpenFloor
@@ -47,10 +40,10 @@ def path(*points, stamp=0, frame='odom'):
 
 
 def test_a_plan_is_read():
-    plan = plan_of(path((100, 1.0, 2.0), (300, 3.0, 2.0), stamp=100), '/r2', 'odom')
+    plan = PeerTrajectory.of(path((100, 1.0, 2.0), (300, 3.0, 2.0), stamp=100), '/r2', 'odom')
     assert plan == PeerTrajectory('/r2', 100, (100, 300), ((1.0, 2.0), (3.0, 2.0)))
-    assert (plan.name, plan.key, plan.stands) == ('robot /r2', ('/r2', 100), False)
-    assert [plan.place(at) for at in (0, 100, 200, 900)] == [
+    assert (plan.name, plan.key, plan.at_rest) == ('robot /r2', ('/r2', 100), False)
+    assert [plan.position(at) for at in (0, 100, 200, 900)] == [
         (1.0, 2.0),
         (1.0, 2.0),
         (2.0, 2.0),
@@ -59,7 +52,7 @@ def test_a_plan_is_read():
 
 
 def test_until_a_delayed_command_takes_effect_it_drives_as_it_will_then():
-    plan = plan_of(path((100, 1.0, 2.0), (300, 3.0, 2.0), stamp=50), '/r2', 'odom')
+    plan = PeerTrajectory.of(path((100, 1.0, 2.0), (300, 3.0, 2.0), stamp=50), '/r2', 'odom')
     assert (plan.stamps, plan.places[0]) == ((50, 100, 300), (0.5, 2.0))
 
 
@@ -77,12 +70,12 @@ def test_until_a_delayed_command_takes_effect_it_drives_as_it_will_then():
 )
 def test_what_cannot_be_used_is_refused_by_name(message, said):
     with pytest.raises(TrackError, match=said) as caught:
-        plan_of(message, '/r2', 'odom')
+        PeerTrajectory.of(message, '/r2', 'odom')
     assert str(caught.value).startswith('The plan of /r2')
 
 
 def test_keys_are_read_as_they_were_written():
-    plan = plan_of(path((7, 0.0, 0.0), stamp=7), '/a/b', 'odom')
+    plan = PeerTrajectory.of(path((7, 0.0, 0.0), stamp=7), '/a/b', 'odom')
     known = [Track(-3, 5, 0.1, 0.0, 0.0, 0.0, 0.0), plan]
     assert read_keys(track_keys(known)) == [(-3, 5), ('/a/b', 7)]
     for bad in ('/a@', 'a@5', '/@5', '/a b@5'):
@@ -94,13 +87,13 @@ def test_a_plan_grows_old_and_a_robot_that_stands_does_not():
     known = Tracks()
     driving = PeerTrajectory('/r2', 0, (0, 10), ((0.0, 0.0), (1.0, 0.0)))
     standing = PeerTrajectory('/r3', 0, (0,), ((5.0, 0.0),))
-    known.hear([driving, standing])
+    known.add([driving, standing])
     assert known.at(NANOSECONDS, 1.0) == (driving, standing)
     assert known.at(NANOSECONDS + 1, 1.0) == (standing,)
     assert known.at(3600 * NANOSECONDS, 1.0) == (standing,)
     # It says otherwise.
     again = replace(driving, id='/r3', stamp=3600 * NANOSECONDS)
-    known.hear([again])
+    known.add([again])
     assert known.at(3601 * NANOSECONDS, 1.0) == (again,)
 
 
@@ -188,7 +181,7 @@ def test_ways_that_all_cross_at_one_place(count, offset):
 def test_a_robot_that_stands_in_the_way_is_passed():
     robots = crossing(2, 0)
     known = robots[0].known
-    known.hear([PeerTrajectory('/r9', 0, (0,), ((0.0, 0.0),))])
+    known.add([PeerTrajectory('/r9', 0, (0,), ((0.0, 0.0),))])
     known_to = replace(robots[0].given.moving_obstacles, others=('/r9',))
     robots[0] = Robot('/r0', replace(robots[0].given, moving_obstacles=known_to), robots[0].pose)
     robots[0].known = known

@@ -8,7 +8,7 @@ import pytest
 from robot_runs import assert_same, driver_for, improve, iterates, robot_options, robot_problem
 
 from cmpsp_ros.guidance.formulation.guidance_problem import with_parameters
-from cmpsp_ros.guidance.formulation.ocp_functions import EXACT, GAUSS_NEWTON, PROJECTED
+from cmpsp_ros.guidance.formulation.ocp_functions import CostHessian
 from cmpsp_ros.guidance.planning import FUNCTIONS
 from cmpsp_ros.mpsp import SLACK_TOLERANCE
 from cmpsp_ros.mpsp.models import CONTROL_RATE, ControlRateData, ControlRateProblem
@@ -19,8 +19,6 @@ from cmpsp_ros.world.obstacles import Obstacle
 
 # What they call takes long to compile: by one worker.
 pytestmark = [pytest.mark.timeout(600), pytest.mark.xdist_group('riccati')]
-
-HESSIANS = {'gauss_newton': GAUSS_NEWTON, 'projected': PROJECTED, 'exact': EXACT}
 
 
 def guesses(steps, size=0.0, seed=0):
@@ -34,7 +32,7 @@ def follow(problem, options, guess, iterations=8):
     The driver is warm from the second on, in memory that is longer than the horizon.
     """
     run = iterates(problem, options, guess, iterations)
-    data = with_parameters(problem.data, hessian=HESSIANS[options.hessian])
+    data = with_parameters(problem.data, hessian=CostHessian[options.hessian.upper()])
     driver = driver_for(problem, options, problem.size.horizon + 3)
     for iterate in run[1:]:
         assert_same(improve(driver, data, guess, iterate.index, over=0), iterate)
@@ -138,7 +136,9 @@ def test_the_lightest_constraints_are_relaxed_first_and_alone(limit, obstacles):
 
 def test_without_curvature_the_run_ends():
     problem = robot_problem(10)
-    data = with_parameters(problem.data, hessian=EXACT, road_center=1e4, control_change=1e-3)
+    data = with_parameters(
+        problem.data, hessian=CostHessian.EXACT, road_center=1e4, control_change=1e-3
+    )
     guess = guesses(10, 15.0, 1)
     driver = driver_for(problem, robot_options(problem))
     ws = improve(driver, data, guess, 5)

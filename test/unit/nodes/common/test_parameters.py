@@ -34,7 +34,7 @@ def make_node(monkeypatch, tmp_path):
 @pytest.mark.parametrize('which', ['guidance', 'sim'])
 def test_a_node_declares_what_it_uses_with_words_and_units(make_node, which, automatic):
     node = make_node(*OBSTACLE, automatically_declare_parameters_from_overrides=automatic)
-    values = declare(node, TABLE, which)
+    values = declare(node, which)
     for key, row in TABLE.keys(values):
         if which in row.nodes:
             assert node.get_parameter(key).value == values[key]
@@ -52,7 +52,7 @@ def test_a_node_declares_what_it_uses_with_words_and_units(make_node, which, aut
 
 def test_what_is_given_comes_in_the_type_of_the_table(make_node):
     node = make_node(*OBSTACLE, 'final_time:=12', 'road.center:=[1, 2]')
-    values = declare(node, TABLE, 'guidance')
+    values = declare(node, 'guidance')
     assert values['road.center'] == [1.0, 2.0]
     assert node.get_parameter('final_time').type_ == Parameter.Type.DOUBLE
     assert node.get_parameter('road.center').type_ == Parameter.Type.DOUBLE_ARRAY
@@ -61,14 +61,14 @@ def test_what_is_given_comes_in_the_type_of_the_table(make_node):
 
 def test_an_empty_list_is_a_list_of_strings(make_node):
     node = make_node('obstacles.names:=[]')
-    assert declare(node, TABLE, 'sim')['obstacles.names'] == []
+    assert declare(node, 'sim')['obstacles.names'] == []
     assert node.get_parameter('obstacles.names').type_ == Parameter.Type.STRING_ARRAY
 
 
 def test_what_is_misspelt_or_wrong_is_named_and_nothing_declared(make_node):
     node = make_node('final_tme:=12.0', 'solver.qp:=3', 'initial_pose:=[1.0]')
     with pytest.raises(ParameterError) as caught:
-        declare(node, TABLE, 'guidance')
+        declare(node, 'guidance')
     assert [problem.where for problem in caught.value.problems] == [
         'solver.qp', 'initial_pose', 'final_tme',
     ]  # fmt: skip

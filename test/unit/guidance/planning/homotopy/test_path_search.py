@@ -14,8 +14,13 @@ from scenarios import FIRST, ROAD, SECOND, START, clearance, settings, start_of
 from cmpsp_ros.guidance import Safety
 from cmpsp_ros.guidance.formulation import OcpFormulation
 from cmpsp_ros.guidance.planning import along_road
-from cmpsp_ros.guidance.planning.homotopy.homotopy_class import class_of, in_words
-from cmpsp_ros.guidance.planning.homotopy.path_search import MAX_CLASSES, guide_paths, turning_first
+from cmpsp_ros.guidance.planning.homotopy.path_search import (
+    MAX_CLASSES,
+    class_of,
+    guide_paths,
+    in_words,
+    turning_first,
+)
 from cmpsp_ros.world.obstacles import Obstacle
 
 # What is kept from the bounds of a gap, and cut where a bend is too sharp for the limit [m].
@@ -27,7 +32,7 @@ DURATIONS = np.full(50, 0.2)
 def search(given, start=START, limit=MAX_CLASSES):
     pose, begin, target = np.array(start), start_of(given, start), given.target
     guess = along_road(given, begin, target, DURATIONS)
-    space = OcpFormulation(given).space(guess, DURATIONS, target)
+    space = OcpFormulation(given, given.world).space(given.world, guess, DURATIONS, target)
     ways = guide_paths(given, space, begin, target, DURATIONS, limit)
     paths = [given.robot.roll_out(pose, way.guess, DURATIONS) for way in ways]
     return space, ways, paths

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scenarios import ROAD, settings, start_of
 
-from cmpsp_ros.guidance.planning.homotopy.free_gaps import free_gaps
-from cmpsp_ros.guidance.planning.homotopy.homotopy_class import class_of
+from cmpsp_ros.guidance.planning.homotopy.gaps import free_gaps
+from cmpsp_ros.guidance.planning.homotopy.path_search import class_of
 from cmpsp_ros.guidance.planning.homotopy.road_frame import RoadFrame, locate, point_at, road_frame
 from cmpsp_ros.world import FreeSpace
 from cmpsp_ros.world.obstacles import Capsule, Obstacle

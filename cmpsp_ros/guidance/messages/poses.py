@@ -1,0 +1,128 @@
+"""Poses in messages: odometry and goals, and the checks that all messages share."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.guidance.goals import Goal, GoalError
+from cmpsp_ros.guidance.horizon import NANOSECONDS
+from cmpsp_ros.sensing import is_place, stamp_of
+
+RECEIVED: Final = 'goal_pose'
+"""Name of a goal that is received during a run."""
+
+
+class OdometryError(ValueError):
+    """Unusable odometry; the message says why."""
+
+
+class OdometryReading(NamedTuple):
+    """A `nav_msgs/Odometry` as far as it is used (REP-105).
+
+    Attributes:
+        stamp: Time stamp [ns].
+        frame_id: Frame of the pose.
+        child_frame_id: Frame whose pose it is.
+        position: Position (x, y) [m].
+        orientation: Quaternion (x, y, z, w).
+    """
+
+    stamp: int
+    frame_id: str
+    child_frame_id: str
+    position: tuple[float, float]
+    orientation: tuple[float, float, float, float]
+
+    @classmethod
+    def of(cls, message: Any) -> OdometryReading:
+        """The reading in a message."""
+        position, q = message.pose.pose.position, message.pose.pose.orientation
+        frames = message.header.frame_id, message.child_frame_id
+        return cls(stamp_of(message), *frames, (position.x, position.y), (q.x, q.y, q.z, q.w))
+
+    def pose_in(self, frame_id: str) -> Array:
+        """Planar pose ``(x, y, heading)`` [m, m, rad] in the frame that it must be in.
+
+        Raises:
+            OdometryError: It is in another frame, is not finite, has no orientation, or is no
+                place on Earth.
+        """
+        check_frame('Odometry is', self.frame_id, frame_id, OdometryError)
+        (x, y), length = self.position, math.sqrt(sum(each * each for each in self.orientation))
+        if abs(length - 1.0) > 0.01:
+            raise OdometryError(f'Odometry has an orientation of length {length:.3g}, wanted 1.')
+        pose = (x, y, _heading(*self.orientation))
+        if not all(map(math.isfinite, pose)):
+            raise OdometryError(f'Odometry has a pose that is not finite: {list(pose)}.')
+        if not is_place(x, y):
+            raise OdometryError(
+                f'Odometry has a position of {x:.3g}, {y:.3g} m, wanted one on Earth.'
+            )
+        return np.array(pose)
+
+
+def goal_of(message: Any, frame_id: str) -> tuple[int, Goal]:
+    """Time stamp [ns] and goal of a PoseStamped; the time to pass it is not known yet.
+
+    An orientation of zeros means any heading.
+
+    Raises:
+        GoalError: It is in another frame, is not finite, or has an orientation that is none.
+    """
+    check_frame('The goal is', message.header.frame_id, frame_id, GoalError)
+    position, q = message.pose.position, message.pose.orientation
+    length = math.hypot(q.x, q.y, q.z, q.w)
+    heading = None if length == 0.0 else heading_of(q)
+    values = (position.x, position.y, heading or 0.0, length)
+    if not all(map(math.isfinite, values)):
+        raise GoalError(f'The goal is not finite: {[position.x, position.y, heading]}.')
+    if not is_place(position.x, position.y):
+        raise GoalError(
+            f'The goal is at {position.x:.3g}, {position.y:.3g} m, wanted one on Earth.'
+        )
+    if heading is not None and abs(length - 1.0) > 0.01:
+        raise GoalError(
+            f'The goal has an orientation of length {length:.3g}, wanted 1, or 0 for any.'
+        )
+    return stamp_of(message), Goal((position.x, position.y), 0.0, heading, RECEIVED)
+
+
+def heading_of(orientation: Any) -> float:
+    """Heading of a quaternion of any length but 0 [rad]."""
+    return _heading(orientation.x, orientation.y, orientation.z, orientation.w)
+
+
+def _heading(x: float, y: float, z: float, w: float) -> float:
+    return math.atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
+
+
+def check_frame(subject: str, found: str, wanted: str, error: type[ValueError]) -> None:
+    """Raise an error for a message in another frame; the subject includes the verb."""
+    if found != wanted:
+        raise error(f'{subject} in frame {found!r}, wanted {wanted!r} (frame_id).')
+
+
+def check_age(
+    subject: str, key: str, stamp: int, now: int, timeout: float, error: type[ValueError]
+) -> None:
+    """Raise an error for a message whose stamp does not fit the clock.
+
+    Args:
+        subject: Subject of the sentence, with its verb.
+        key: Parameter that is the time-out.
+        stamp: Time stamp [ns].
+        now: Present time [ns]; 0 in simulated time until the first /clock comes.
+        timeout: Largest age, and distance into the future [s].
+        error: Class of the error.
+    """
+    age = (now - stamp) / NANOSECONDS
+    if age > timeout:
+        raise error(f'{subject} {age:.3f} s old ({key} {timeout} s); is use_sim_time right?')
+    if now > 0 and -age > timeout:
+        raise error(
+            f'{subject} {-age:.3f} s ahead of the clock ({key} {timeout} s); is use_sim_time right?'
+        )

@@ -1,0 +1,137 @@
+"""The road from parameters."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
+from cmpsp_ros.parameters.table import Values
+from cmpsp_ros.world.roads import Annulus, Corridor, OpenFloor, Road, RoadError
+
+
+def lacks_road(values: Values) -> bool:
+    """Whether the road has not been received yet, on the topic `road`."""
+    return values['road.source'] == 'topic' and not values['road.points']
+
+
+def road_of(values: Values, kept: float = 0.0) -> Road:
+    """The road.
+
+    Args:
+        values: A set resolved by the table.
+        kept: Distance from its edges that a placeholder leaves room for [m].
+
+    Returns:
+        The road. Until one is received, a placeholder of the same type, for compiling code; no
+        robot drives on it.
+
+    Raises:
+        ParameterError: A corridor's lists do not match, or its points are not a road; names the
+            point.
+    """
+    return _placeholder(kept) if lacks_road(values) else _KINDS[values['road.type']].make(values)
+
+
+def road_problems(values: Values, road: Road, kept: float, wanted: str) -> Iterator[Problem]:
+    """Problems of a road that is too narrow, or cannot be received.
+
+    Args:
+        values: A set resolved by the table.
+        road: Its road.
+        kept: Distance that the robot's centre keeps from the edges [m].
+        wanted: Description of that distance.
+    """
+    kind = values['road.type']
+    if values['road.source'] == 'topic' and kind != 'corridor':
+        yield Problem('road.source', 'topic', f'parameters with road.type {kind}')
+    if not lacks_road(values):
+        yield from _KINDS[kind].narrow(road, kept, wanted)
+
+
+def road_keys(values: Values) -> tuple[str, ...]:
+    """Parameters that the checks of a road of that type need."""
+    return _KINDS[values['road.type']].keys
+
+
+def _annulus(values: Values) -> Annulus:
+    center = tuple(values['road.center'])
+    return Annulus(center, values['road.inner_radius'], values['road.outer_radius'])
+
+
+def _narrow_annulus(road: Annulus, kept: float, wanted: str) -> Iterator[Problem]:
+    if road.width <= 0.0:
+        less = f'less than road.outer_radius = {road.outer_radius} m'
+        yield Problem('road.inner_radius', f'{road.inner_radius} m', less)
+    elif road.width / 2.0 <= kept:
+        where = 'road.inner_radius, road.outer_radius'
+        yield Problem(where, f'a road of half width {road.width / 2.0:.9g} m', wanted)
+
+
+def _corridor(values: Values) -> Corridor:
+    numbers = values['road.points']
+    if len(numbers) % 2 or not numbers:
+        wanted = 'x and y of each point of the centre line'
+        raise ParameterError(Problem('road.points', describe(numbers), wanted))
+    points = tuple(zip(numbers[::2], numbers[1::2], strict=True))
+    left, right = (_widths(values, side, len(points)) for side in ('left', 'right'))
+    try:
+        return Corridor(points, left, right, values['road.closed'])
+    except RoadError as error:
+        found = f'at point {error.point} (from 0) {error.found}'
+        raise ParameterError(Problem('road.points', found, error.wanted)) from error
+
+
+def _widths(values: Values, side: str, count: int) -> tuple[float, ...]:
+    """Width to one side at each point; the common width if it is not given for this side."""
+    own = f'road.{side}_width'
+    key = own if values[own] else 'road.half_width'
+    widths = values[key]
+    if len(widths) not in (1, count):
+        found = f'{len(widths)} widths'
+        raise ParameterError(Problem(key, found, f'one, or one for each of {count} points'))
+    return tuple(widths) if len(widths) == count else (widths[0],) * count
+
+
+def _narrow_corridor(road: Corridor, kept: float, wanted: str) -> Iterator[Problem]:
+    for key, widths in (('left', road.left), ('right', road.right)):
+        narrowest = int(np.argmin(widths))
+        if widths[narrowest] <= kept:
+            found = f'{widths[narrowest]:.9g} m to the {key} of point {narrowest}'
+            yield Problem('road.half_width', found, wanted)
+
+
+def _placeholder(kept: float) -> Corridor:
+    """A ring with room for the robot."""
+    half = 1.0 + kept
+    radius, count = 10.0 * half, 16
+    angles = [math.tau * k / count for k in range(count)]
+    points = tuple((radius * math.cos(angle), radius * math.sin(angle)) for angle in angles)
+    return Corridor(points, (half,) * count, (half,) * count, closed=True)
+
+
+class _Kind(NamedTuple):
+    """A type of road.
+
+    Attributes:
+        make: Makes the road of a set of values.
+        keys: Parameters that the checks need.
+        narrow: Problems of a road that is too narrow; arguments as of `road_problems`.
+    """
+
+    make: Callable[[Values], Road]
+    keys: tuple[str, ...]
+    narrow: Callable[[Any, float, str], Iterator[Problem]]
+
+
+_KINDS: Final = {
+    'annulus': _Kind(
+        _annulus, ('road.center', 'road.inner_radius', 'road.outer_radius'), _narrow_annulus
+    ),
+    'corridor': _Kind(_corridor, ('road.type', 'road.points'), _narrow_corridor),
+    'none': _Kind(lambda _: OpenFloor(), ('road.type',), lambda *_: iter(())),
+}
+"""Types of roads, by their names in `road.type`."""

@@ -59,6 +59,11 @@ class WarmStart(NamedTuple):
     rows: Records
     proof: Records
 
+    @property
+    def count(self) -> int:
+        """Number of rows in it."""
+        return int(self.head['rows'][0])
+
     def clear(self) -> None:
         """Begin without anything that is known."""
         self.head['rows'] = 0

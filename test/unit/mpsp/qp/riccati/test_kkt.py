@@ -117,7 +117,7 @@ def test_many_held_bounds_have_their_multipliers():
     p.stages['bounds'][k, a] *= -1.0
     assert kkt_residual(p) > 1e-4
     assert (
-        place(qp, 'bound', k, a, held[k, a]) in found.warm.rows['row'][: found.warm.head['rows'][0]]
+        place(qp, 'bound', k, a, held[k, a]) in found.warm.rows['row'][: found.warm.count]
     )
 
 

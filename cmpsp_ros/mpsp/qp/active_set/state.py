@@ -60,7 +60,7 @@ class WarmStart(NamedTuple):
     proof: Records
 
     @property
-    def count(self) -> int:
+    def size(self) -> int:
         """Number of rows in it."""
         return int(self.head['rows'][0])
 

@@ -123,7 +123,7 @@ def test_more_active_bounds_than_there_is_capacity_for(asked):
         assert np.count_nonzero(solution.bounds) > CAPACITY
         assert kkt_residual(subproblem, solution, None) < 1e-8
         np.testing.assert_allclose(solution.dU[:-2], 1.0, atol=1e-10)
-        assert warm.count == np.count_nonzero(solution.bounds)
+        assert warm.size == np.count_nonzero(solution.bounds)
     assert asked == []
 
 
@@ -143,7 +143,7 @@ def test_more_other_rows_than_there_is_capacity_for(asked):
     assert solution.status is QPStatus.SOLVED
     np.testing.assert_allclose(solution.dU[:-2], 1.0, atol=1e-7)
     assert len(asked) == 1
-    assert warm.count == 0
+    assert warm.size == 0
 
 
 def test_without_curvature_neither_is_of_use(asked):

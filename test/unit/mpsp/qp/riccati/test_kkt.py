@@ -116,7 +116,7 @@ def test_many_held_bounds_have_their_multipliers():
     k, a = np.argwhere(held)[7]
     p.stages['bounds'][k, a] *= -1.0
     assert kkt_residual(p) > 1e-4
-    assert place(qp, 'bound', k, a, held[k, a]) in found.warm.rows['row'][: found.warm.count]
+    assert place(qp, 'bound', k, a, held[k, a]) in found.warm.rows['row'][: found.warm.size]
 
 
 @pytest.mark.parametrize(

@@ -56,46 +56,22 @@ def stage_type(n: int, r: int) -> RecordType:
     ``L_X' dX + L_U' dU + 1/2 dX' L_XX dX + dU' L_UX dX + 1/2 dU' L_UU dU`` along
     ``dX_(k+1) = A dX_k + B dU_k`` with ``dX_0 = 0``, subject to its rows (see `row_type`),
     ``lower <= dU <= upper``, and ``|dX_k| <= trust_radius`` for ``k >= 1``.
-
-    Args:
-        n: States.
-        r: Controls.
     """
     return _record(
         # What one sweep needs is side by side. The program first; `A` and `B` of the last stage are
         # not used.
-        A=(n, n),
-        B=(n, r),
-        L_X=(n,),
-        L_U=(r,),
-        L_XX=(n, n),
-        L_UX=(r, n),
-        L_UU=(r, r),
+        A=(n, n), B=(n, r), L_X=(n,), L_U=(r,), L_XX=(n, n), L_UX=(r, n), L_UU=(r, r),
         # Its Riccati factorisation, dU = L_inv' v - K dX.
-        optimum=(r,),
-        K=(r, n),
-        L_inv=(r, r),
-        A_cl=(n, n),
-        B_cl=(n, r),
+        optimum=(r,), K=(r, n), L_inv=(r, r), A_cl=(n, n), B_cl=(n, r),
         # Its solution, and limits.
-        dU=(r,),
-        dX=(n,),
-        lower=(r,),
-        upper=(r,),
-        bounds=(r,),
-        trust=(n,),
+        dU=(r,), dX=(n,), lower=(r,), upper=(r,), bounds=(r,), trust=(n,),
         # Controls that are held at a bound (1 at the upper one, -1 at the lower one) are taken out
         # of the factorisation: they move the states by `drift`, and `origin_U`, `origin_X` is the
         # step at v = 0.
-        fixed=(r,),
-        drift=(n,),
-        origin_U=(r,),
-        origin_X=(n,),
-        covariance=(n, n),
+        fixed=(r,), drift=(n,), origin_U=(r,), origin_X=(n,), covariance=(n, n),
         # Second-order correction of the step.
-        correction_U=(r,),
-        correction_X=(n,),
-    )
+        correction_U=(r,), correction_X=(n,),
+    )  # fmt: skip
 
 
 @cache
@@ -105,44 +81,22 @@ def row_type(n: int, r: int) -> RecordType:
     A path constraint that does not apply has the value ``-inf``. `penalty` is the largest
     multiplier in force, infinite where the row is hard; `weight` that of the relaxation, and
     `merit` the weight in the merit function.
-
-    Args:
-        n: States.
-        r: Controls.
     """
     return _record(value=(), X=(n,), U=(r,), multiplier=(), penalty=(), weight=(), merit=())
 
 
 @cache
 def head_type(n: int, r: int) -> RecordType:
-    """What there is once for a whole program: horizon, counters, and the row that is looked at.
+    """Record of a whole program: horizon, counters, and the row that is looked at.
 
     `begun` numbers the stage at which the horizon begins, for warm starts of a later one.
-
-    Args:
-        n: States.
-        r: Controls.
     """
-    whole = [
-        (name, np.int64)
-        for name in (
-            'horizon',
-            'begun',
-            'iterations',
-            'active',
-            'saturated',
-            'implied',
-            'conflicting',
-            'fixed',
-            'has_covariance',
-            'is_factorised',
-            'is_proved',
-            'work',
-            'work_limit',
-        )
-    ]
+    counters = (
+        'horizon', 'begun', 'iterations', 'active', 'saturated', 'implied', 'conflicting', 'fixed',
+        'has_covariance', 'is_factorised', 'is_proved', 'work', 'work_limit',
+    )  # fmt: skip
     row = _record(trust_radius=(n,), X=(n,), U=(r,))
-    return np.dtype([*whole, *row.descr])
+    return np.dtype([*((name, np.int64) for name in counters), *row.descr])
 
 
 def _record(**shapes: tuple[int, ...]) -> RecordType:
@@ -184,20 +138,20 @@ def empty_program(N: int, n: int, r: int, m: int, l: int) -> Program:  # noqa: E
 
 @allocation_free
 def rows_per_stage(p: Program) -> int:
-    """How many inequalities each stage has."""
+    """Number of inequalities of each stage."""
     n, r = p.stages[0].B.shape
     return p.path.shape[1] + 2 * r + 2 * n
 
 
 @allocation_free
 def count_rows(p: Program) -> int:
-    """How many rows there are on the present horizon."""
+    """Number of rows on the present horizon."""
     return p.terminal.shape[0] + (p.head[0].horizon + 1) * rows_per_stage(p)
 
 
 @allocation_free
 def locate(p: Program, row: int) -> Any:
-    """Where an inequality stands: kind, stage, component, and -1 for a lower limit, else 1."""
+    """Kind, stage and component of an inequality, and -1 for a lower limit, else 1."""
     r = p.stages[0].B.shape[1]
     width, path = rows_per_stage(p), p.path.shape[1]
     k = (row - p.terminal.shape[0]) // width
@@ -213,7 +167,7 @@ def locate(p: Program, row: int) -> Any:
 
 @allocation_free
 def is_bound(p: Program, row: int) -> bool:
-    """Whether a row is the bound of a control."""
+    """True for the bound of a control."""
     if row < p.terminal.shape[0]:
         return False
     kind, _, _, _ = locate(p, row)

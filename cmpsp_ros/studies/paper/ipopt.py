@@ -98,8 +98,8 @@ def reference_solution(settings: GuidanceSettings, pose: Array, start: Path) -> 
         text = 'casadi: not installed, wanted for the judge; pip install casadi'
         raise StudyError(text) from error
     steps = round(settings.final_time / settings.control_period)
-    robot, space = settings.robot, sample_space(settings)
-    end = goal_space(settings, settings.target) or space
+    robot, space = settings.robot, sample_space(settings, settings.world)
+    end = goal_space(settings, settings.world, settings.target) or space
     stopping = _stopping_steps(settings)
     start = _braked(start, steps, stopping)
     opti = casadi.Opti()

@@ -60,7 +60,7 @@ def follow(experiment: Experiment, recipe: Recipe, *, between_samples: bool = Fa
     pose = np.array(experiment.pose)
     period, final = to_nanoseconds(settings.control_period), to_nanoseconds(settings.final_time)
     horizon = remaining(0, period, final)
-    start = PlanStart(pose, settings.robot)
+    start = PlanStart(pose, settings.robot, settings.world)
     plan = initial_guess(settings, start, settings.target, horizon.durations)
     driven = []
     for now in range(0, final, period):
@@ -222,7 +222,7 @@ def measure_conditions(path: Path) -> Conditions:
     settings, weights = path.settings, path.settings.weights
     problem = GuidanceProblem(
         settings.robot,
-        sample_space(settings),
+        sample_space(settings, settings.world),
         Cost(weights.road_center, weights.control_change, 0.0),
         path.poses[0],
         np.array(settings.goal),
@@ -255,7 +255,9 @@ def _improve(
     weights, goal = settings.weights, np.array(settings.goal)
     cost = Cost(weights.road_center, weights.control_change, weights.control_effort)
     kind = SquaredConstraints if recipe is Recipe.AS_WRITTEN else GuidanceProblem
-    problem = kind(settings.robot, sample_space(settings), cost, pose, goal, durations)
+    problem = kind(
+        settings.robot, sample_space(settings, settings.world), cost, pose, goal, durations
+    )
     obstacles = [PENALTIES['obstacle']] * len(settings.obstacles)
     terminal = np.full(2, PENALTIES['terminal_error'])
     path = np.array([PENALTIES['edge']] * N_EDGE_CONSTRAINTS + obstacles)
@@ -294,10 +296,10 @@ def _condensed_hessian(problem: GuidanceProblem, path: Path, U: Array) -> Array:
     """Hessian (45) of the first term, with the exact second derivative of the stage cost."""
     settings = path.settings
     linear = problem.linearise(path.poses, U)
-    out = path.poses[:, :2] - settings.annulus.center
+    out = path.poses[:, :2] - settings.world.annulus.center
     radius = np.linalg.norm(out, axis=1)
     along = np.column_stack([-out[:, 1], out[:, 0]]) / radius[:, None]
-    bend = (settings.annulus.center_radius / radius)[:, None, None]
+    bend = (settings.world.annulus.center_radius / radius)[:, None, None]
     L_XX = np.zeros_like(linear.L_XX)
     L_XX[:, :2, :2] = np.eye(2) - bend * along[:, :, None] * along[:, None, :]
     L_XX *= settings.weights.road_center

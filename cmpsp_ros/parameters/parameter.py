@@ -9,12 +9,14 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import Enum
 from types import SimpleNamespace
-from typing import Any, Final, Literal, get_args, get_origin, get_type_hints
+from typing import Any, Final, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 import numpy as np
 
 from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
 from cmpsp_ros.setting import ANY, Range, settings_of
+
+T = TypeVar('T')
 
 Node = Literal['guidance', 'sim']
 
@@ -236,12 +238,12 @@ class Group:
                 )
 
 
-def fields_of(kind: type, values: Mapping[str, Any], prefix: str = '') -> dict[str, Any]:
-    """Values for the settings that a dataclass declares, by field; lists as tuples."""
+def build(kind: type[T], values: Mapping[str, Any], prefix: str = '', **rest: Any) -> T:
+    """A dataclass with the settings that it declares from values by key, and other fields."""
     found = {
         name: values[each.key or f'{prefix}{name}'] for name, each in settings_of(kind).items()
     }
-    return {k: tuple(v) if isinstance(v, list) else v for k, v in found.items()}
+    return kind(**{k: tuple(v) if isinstance(v, list) else v for k, v in found.items()}, **rest)
 
 
 def _annotations(kind: type, names: Iterable[str]) -> dict[str, Any]:

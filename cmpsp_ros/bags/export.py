@@ -1,31 +1,33 @@
-"""The contents of a bag as tables: one per kind of topic, with named columns and units."""
+"""Bags as tables for pandas and spreadsheets: CSV or Parquet, one file per kind of topic."""
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
 from typing import Any, Literal
 
-from cmpsp_ros.bags.decision_record import ENTRIES, DecisionRecord, entries_of, status_of, truth
+from cmpsp_ros.bags.decision_record import DecisionRecord, entries_of, status_of
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.guidance import DECISION_KEYS, truth
 from cmpsp_ros.guidance.messages import TrackError, heading_of, tracks_of
 from cmpsp_ros.sensing import stamp_of
 
+Format = Literal['csv', 'parquet']
 Kind = Literal['int', 'float', 'bool', 'text']
 Cell = int | float | bool | str | None
 Row = tuple[Cell, ...]
 
+_BATCH = 10_000
+"""Rows held at a time."""
+
 
 @dataclass(frozen=True)
 class Column:
-    """One column.
-
-    Attributes:
-        name: Its name.
-        kind: Type of its values; any value may be missing.
-        unit: Unit, empty where there is none.
-    """
+    """One column: its name, type of its values, any of which may be missing, and its unit."""
 
     name: str
     kind: Kind
@@ -34,63 +36,74 @@ class Column:
 
 @dataclass(frozen=True)
 class Table:
-    """One table, whose rows are read on demand.
-
-    Attributes:
-        name: Its name.
-        columns: Its columns.
-        rows: Iterates over the rows, in order of reception.
-    """
+    """One table, whose rows are read on demand, in order of reception."""
 
     name: str
     columns: tuple[Column, ...]
     rows: Callable[[], Iterator[Row]]
 
 
+Rows = Callable[[Any, tuple[Column, ...]], Iterator[Row]]
+"""Rows of a message, for the columns of its table; without time of reception and topic."""
+
+Columns = tuple[Column, ...] | Callable[[Bag, list[str]], tuple[Column, ...]]
+"""Columns of a table, or how to find them in the topics of a bag."""
+
+
+def _floats(names: str) -> tuple[Column, ...]:
+    """Columns of floats from `name unit`, separated by commas."""
+    return tuple(Column(name, 'float', unit) for name, unit in map(str.split, names.split(',')))
+
+
 _WHERE = (Column('received', 'int', 'ns'), Column('topic', 'text'), Column('stamp', 'int', 'ns'))
-_POSE = (Column('x', 'float', 'm'), Column('y', 'float', 'm'), Column('heading', 'float', 'rad'))
-_TWIST = (
-    Column('speed', 'float', 'm/s'),
-    Column('turn_rate', 'float', 'rad/s'),
-    Column('side_speed', 'float', 'm/s'),
-)
+_FRAME, _POINT = Column('frame', 'text'), Column('point', 'int')
+_POSE = _floats('x m, y m, heading rad')
+_TWIST = _floats('speed m/s, turn_rate rad/s, side_speed m/s')
+_MOTION = _floats('x m, y m, vx m/s, vy m/s, radius m')
 
-_ODOMETRY = (*_WHERE, Column('frame', 'text'), *_POSE, *_TWIST)
-_COMMANDS = (*_WHERE, *_TWIST)
-_GOALS = (*_WHERE, Column('frame', 'text'), *_POSE)
-_MOVING = (
-    *_WHERE,
-    Column('frame', 'text'),
-    Column('id', 'int'),
-    Column('x', 'float', 'm'),
-    Column('y', 'float', 'm'),
-    Column('vx', 'float', 'm/s'),
-    Column('vy', 'float', 'm/s'),
-    Column('radius', 'float', 'm'),
-)
-_ROAD = (
-    *_WHERE,
-    Column('frame', 'text'),
-    Column('point', 'int'),
-    Column('x', 'float', 'm'),
-    Column('y', 'float', 'm'),
-)
-_PLAN = (*_WHERE, Column('point', 'int'), Column('at', 'int', 'ns'), *_POSE)
-
-_BEFORE_ENTRIES = (
-    Column('received', 'int', 'ns'),
-    Column('topic', 'text'),
-    Column('reason', 'text'),
-)
+_BEFORE_ENTRIES = (*_WHERE[:2], Column('reason', 'text'))
 
 _TWO_WHEELS = 'right', 'left'
-
-_OF_DECISIONS = ('diagnostic_msgs/msg/DiagnosticArray', 'diagnostic_msgs/msg/DiagnosticStatus')
-"""As they are published, and as they were before."""
 
 _MAX_KEYS = 200
 
 _KINDS: dict[object, Kind] = {int: 'int', float: 'float', truth: 'bool', str: 'text'}
+
+
+def export(bag_path: Path, folder: Path, form: Format = 'csv') -> dict[Path, int]:
+    """Write the tables of a bag.
+
+    A CSV file names its columns with their units, as in `x [m]`, and writes floats so that they
+    read back bit for bit. A Parquet file keeps the unit of a column in its field's metadata, under
+    `unit`. What is missing in a row is empty.
+
+    Args:
+        bag_path: The bag.
+        folder: New folder for the files; missing parents are made.
+        form: Format of the files.
+
+    Returns:
+        Number of rows of each file.
+
+    Raises:
+        BagError: Not a bag, nothing in it makes a table, the folder exists, pyarrow is not
+            installed, or the disk refuses.
+    """
+    write = _write_csv if form == 'csv' else _parquet_writer()
+    with Bag(bag_path) as bag:
+        chosen = tables(bag)
+        try:
+            folder.mkdir(parents=True)
+            return {
+                path: write(table, path)
+                for table in chosen
+                for path in [folder / f'{table.name}.{form}']
+            }
+        except FileExistsError as error:
+            msg = f'{folder}: exists already, tables need a folder that does not exist'
+            raise BagError(msg) from error
+        except OSError as error:
+            raise BagError(f'{folder}: cannot write the tables: {error}') from error
 
 
 def tables(bag: Bag) -> list[Table]:
@@ -103,22 +116,7 @@ def tables(bag: Bag) -> list[Table]:
         BagError: There is none, or the bag is damaged.
     """
     found = []
-    for name, types, ending, columns, rows in (
-        ('odometry', ('nav_msgs/msg/Odometry',), '', _ODOMETRY, _odometry),
-        (
-            'commands',
-            ('geometry_msgs/msg/Twist', 'geometry_msgs/msg/TwistStamped'),
-            '',
-            _COMMANDS,
-            _commands,
-        ),
-        ('wheel_speeds', ('sensor_msgs/msg/JointState',), '/wheel_speeds', _wheel_columns, _wheels),
-        ('decisions', _OF_DECISIONS, '/decision', _decision_columns, _decisions),
-        ('plan', ('nav_msgs/msg/Path',), '/predicted_path', _PLAN, _plan),
-        ('goals', ('geometry_msgs/msg/PoseStamped',), '/goal_pose', _GOALS, _goals),
-        ('moving', ('sensor_msgs/msg/PointCloud2',), '/moving_obstacles', _MOVING, _moving),
-        ('road', ('nav_msgs/msg/Path',), '/road', _ROAD, _road),
-    ):
+    for name, types, ending, columns, rows in _TABLES:
         topics = [
             topic
             for topic, about in sorted(bag.topics.items())
@@ -134,10 +132,7 @@ def tables(bag: Bag) -> list[Table]:
 
 
 def _reading(
-    bag: Bag,
-    topics: list[str],
-    columns: tuple[Column, ...],
-    rows: Callable[[Any, tuple[Column, ...]], Iterator[Row]],
+    bag: Bag, topics: list[str], columns: tuple[Column, ...], rows: Rows
 ) -> Callable[[], Iterator[Row]]:
     def read() -> Iterator[Row]:
         for topic, received, message in bag.together(topics):
@@ -236,9 +231,10 @@ def _decision_columns(bag: Bag, topics: list[str]) -> tuple[Column, ...]:
 def _entry_column(key: str) -> Column:
     if key.endswith('_ms'):
         return Column(f'{key.removesuffix("_ms")}_time', 'float', 'ms')
-    if key not in ENTRIES:
+    if key not in DECISION_KEYS:
         return Column(key, 'text')
-    return Column(key, _KINDS.get(ENTRIES[key].parse, 'text'), ENTRIES[key].unit)
+    parse, unit = DECISION_KEYS[key]
+    return Column(key, _KINDS.get(parse, 'text'), unit)
 
 
 def _key(column: Column) -> str:
@@ -247,3 +243,89 @@ def _key(column: Column) -> str:
 
 def _pose(pose: Any) -> tuple[float, float, float]:
     return pose.position.x, pose.position.y, heading_of(pose.orientation)
+
+
+def _write_csv(table: Table, path: Path) -> int:
+    with path.open('x', newline='', encoding='utf-8') as file:
+        writer = csv.writer(file)
+        writer.writerow([_title(each) for each in table.columns])
+        count = 0
+        for batch in _batches(table.rows()):
+            writer.writerows(batch)
+            count += len(batch)
+    return count
+
+
+def _parquet_writer() -> Callable[[Table, Path], int]:
+    try:
+        import pyarrow as pa  # type: ignore[import-untyped]  # noqa: PLC0415 (not all need it)
+        from pyarrow import parquet  # noqa: PLC0415
+    except ImportError as error:
+        raise BagError('Parquet needs pyarrow: pip install pyarrow') from error
+
+    types = {'int': pa.int64(), 'float': pa.float64(), 'bool': pa.bool_(), 'text': pa.string()}
+
+    def write(table: Table, path: Path) -> int:
+        schema = pa.schema(
+            pa.field(each.name, types[each.kind], metadata={'unit': each.unit} if each.unit else {})
+            for each in table.columns
+        )
+        count = 0
+        with parquet.ParquetWriter(path, schema) as writer:
+            for batch in _batches(table.rows()):
+                columns = [
+                    pa.array(cells, each.type)
+                    for cells, each in zip(zip(*batch, strict=True), schema, strict=True)
+                ]
+                writer.write_table(pa.Table.from_arrays(columns, schema=schema))
+                count += len(batch)
+        return count
+
+    return write
+
+
+def _batches(rows: Iterator[Row]) -> Iterator[list[Row]]:
+    while batch := list(islice(rows, _BATCH)):
+        yield batch
+
+
+def _title(column: Column) -> str:
+    return f'{column.name} [{column.unit}]' if column.unit else column.name
+
+
+_TABLES: tuple[tuple[str, tuple[str, ...], str, Columns, Rows], ...] = (
+    ('odometry', ('nav_msgs/msg/Odometry',), '', (*_WHERE, _FRAME, *_POSE, *_TWIST), _odometry),
+    (
+        'commands',
+        ('geometry_msgs/msg/Twist', 'geometry_msgs/msg/TwistStamped'),
+        '',
+        (*_WHERE, *_TWIST),
+        _commands,
+    ),
+    ('wheel_speeds', ('sensor_msgs/msg/JointState',), '/wheel_speeds', _wheel_columns, _wheels),
+    (
+        'decisions',
+        # As they are published, and as they were before.
+        ('diagnostic_msgs/msg/DiagnosticArray', 'diagnostic_msgs/msg/DiagnosticStatus'),
+        '/decision',
+        _decision_columns,
+        _decisions,
+    ),
+    (
+        'plan',
+        ('nav_msgs/msg/Path',),
+        '/predicted_path',
+        (*_WHERE, _POINT, Column('at', 'int', 'ns'), *_POSE),
+        _plan,
+    ),
+    ('goals', ('geometry_msgs/msg/PoseStamped',), '/goal_pose', (*_WHERE, _FRAME, *_POSE), _goals),
+    (
+        'moving',
+        ('sensor_msgs/msg/PointCloud2',),
+        '/moving_obstacles',
+        (*_WHERE, _FRAME, Column('id', 'int'), *_MOTION),
+        _moving,
+    ),
+    ('road', ('nav_msgs/msg/Path',), '/road', (*_WHERE, _FRAME, _POINT, *_POSE[:2]), _road),
+)
+"""Name of each table, types of its topics, how their names end, its columns and its rows."""

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import os
+import select
 import signal
+import sys
+import termios
 import time
+import tty
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
@@ -18,18 +24,16 @@ from cmpsp_ros.nodes.common.message_types import message_class
 from cmpsp_ros.nodes.common.qos import offering
 from cmpsp_ros.nodes.common.runtime import run
 from cmpsp_ros.nodes.common.topics import CLOCK
-from cmpsp_ros.nodes.playback.keyboard import Keyboard
-from cmpsp_ros.nodes.playback.playback_rate import PlaybackRate
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
     from pathlib import Path
 
 _CLOCK_PERIOD = 10_000_000
-"""Longest time for which the clock is not heard of [ns]."""
+"""Maximum time between two messages of the clock [ns]."""
 
-_SHORTEST_WAIT = 100_000
-"""Between two looks at the bag [ns]."""
+_MIN_WAIT = 100_000
+"""Minimum time between two looks at the bag [ns]."""
 
 _BATCH = 1000
 """Messages published before the services are looked after again."""
@@ -37,7 +41,7 @@ _BATCH = 1000
 _KEY_PERIOD = 0.05
 
 _OF_OTHERS = frozenset(('/rosout', '/parameter_events'))
-"""What tells of nodes that are not there: played only when asked for by name."""
+"""Topics about nodes that are not there: played only when asked for by name."""
 
 
 @dataclass(frozen=True)
@@ -61,22 +65,85 @@ class Playback:
     topics: tuple[str, ...] = ()
 
 
+class PlaybackRate:
+    """Bag time from the time of a clock that never jumps, `now` [ns]; paused at first.
+
+    Args:
+        rate: Seconds of bag time per second; positive.
+    """
+
+    def __init__(self, rate: float) -> None:
+        self._rate, self._stamp = rate, 0
+        self._since: int | None = None
+
+    @property
+    def paused(self) -> bool:
+        """True while bag time is paused."""
+        return self._since is None
+
+    def go_to(self, stamp: int, now: int) -> None:
+        """Jump to a bag time [ns]."""
+        self._stamp = stamp
+        if self._since is not None:
+            self._since = now
+
+    def pause(self, now: int) -> None:
+        """Pause."""
+        self._stamp, self._since = self.stamp(now), None
+
+    def resume(self, now: int) -> None:
+        """Resume."""
+        self._stamp, self._since = self.stamp(now), now
+
+    def stamp(self, now: int) -> int:
+        """Bag time [ns]."""
+        since = now if self._since is None else self._since
+        return self._stamp + int((now - since) * self._rate)
+
+    def until(self, stamp: int, now: int) -> int:
+        """Time to wait for a bag time, if it is not paused [ns]; 0 when it is over."""
+        return max(0, int((stamp - self.stamp(now)) / self._rate))
+
+
+class _Keyboard:
+    """Single keys of the terminal; none without a terminal or in the background."""
+
+    def __init__(self) -> None:
+        self._before: list[Any] | None = None
+        try:
+            is_ours = sys.stdin.isatty() and os.tcgetpgrp(sys.stdin.fileno()) == os.getpgrp()
+        except (OSError, ValueError, AttributeError):
+            is_ours = False
+        if is_ours:
+            self._before = termios.tcgetattr(sys.stdin)
+            tty.setcbreak(sys.stdin)
+
+    def pressed(self) -> str:
+        """Keys pressed since the last call."""
+        keys = ''
+        while self._before is not None and select.select([sys.stdin], [], [], 0.0)[0]:
+            key = os.read(sys.stdin.fileno(), 1).decode(errors='replace')
+            if not key:
+                self.close()
+            keys += key
+        return keys
+
+    def close(self) -> None:
+        """Restore the terminal; may be called twice."""
+        if self._before is not None:
+            termios.tcsetattr(sys.stdin, termios.TCSADRAIN, self._before)
+            self._before = None
+
+
 class Player(Node):
-    """Publishes serialised messages as they were recorded, with `/clock`.
+    """Publishes serialised messages of an open bag as they were recorded, with `/clock`.
 
     The clock is the recorded one if there is one; else the time of reception.
     """
 
     def __init__(self, bag: Bag, topics: Sequence[str], playback: Playback) -> None:
-        """Create the publishers, and begin unless paused.
-
-        Args:
-            bag: An open bag.
-            topics: What to play.
-            playback: How.
-        """
         super().__init__('player')
-        self._bag, self._playback, self._topics_played = bag, playback, topics
+        self._bag, self._playback = bag, playback
         self._outputs = {
             name: self.create_publisher(
                 message_class(bag.topics[name].msgtype),
@@ -87,43 +154,41 @@ class Player(Node):
         }
         self._clock_output = None if CLOCK.name in topics else CLOCK.publish_on(self)
         self._playback_rate = PlaybackRate(playback.rate)
-        self._keyboard, self._count = Keyboard(), 0
-        for name, answer in (
+        self._keyboard, self._count = _Keyboard(), 0
+        for name, change in (
             ('pause', self._pause),
             ('resume', self._resume),
             ('toggle_paused', self._toggle),
         ):
-            self.create_service(Trigger, f'~/{name}', self._service(answer))
+            self.create_service(Trigger, f'~/{name}', partial(_answer, change))
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._timer = self.create_timer(_SHORTEST_WAIT / 1e9, self._go_on, clock=steady)
-        self.create_timer(_KEY_PERIOD, self._listen, clock=steady)
+        self._timer = self.create_timer(_MIN_WAIT / 1e9, self._publish_due, clock=steady)
+        self.create_timer(_KEY_PERIOD, self._on_keys, clock=steady)
         self._rewind()
-        if playback.paused:
-            self._pause()
-        else:
+        if not playback.paused:
             self._resume()
 
     def stop(self) -> None:
-        """Give the terminal back."""
+        """Restore the terminal."""
         self._keyboard.close()
         self.get_logger().info(f'{self._count} messages of {len(self._outputs)} topics played')
 
     def _rewind(self) -> None:
-        self._begin = self._bag.start + round(self._playback.start_offset * 1e9)
+        begin = self._bag.start + round(self._playback.start_offset * 1e9)
         length = self._playback.duration
-        self._end = self._bag.end if length is None else self._begin + round(length * 1e9)
-        self._messages = self._chosen()
+        self._end = self._bag.end if length is None else begin + round(length * 1e9)
+        self._messages = self._between(begin, self._end)
         self._next = next(self._messages, None)
-        self._playback_rate.go_to(self._begin, time.monotonic_ns())
+        self._playback_rate.go_to(begin, time.monotonic_ns())
 
-    def _chosen(self) -> Iterator[tuple[str, int, bytes]]:
-        for topic, stamp, raw in self._bag.raw_together(self._topics_played):
-            if stamp > self._end:
+    def _between(self, begin: int, end: int) -> Iterator[tuple[str, int, bytes]]:
+        for topic, stamp, raw in self._bag.raw_together([*self._outputs]):
+            if stamp > end:
                 return
-            if stamp >= self._begin:
+            if stamp >= begin:
                 yield topic, stamp, raw
 
-    def _go_on(self) -> None:
+    def _publish_due(self) -> None:
         """Publish the messages that are due, and schedule the next call."""
         now = time.monotonic_ns()
         if self._playback_rate.paused:
@@ -133,35 +198,31 @@ class Player(Node):
             if self._next is None or self._next[1] > reached:
                 break
             topic, stamp, raw = self._next
-            self._tell_time(stamp)
+            self._publish_clock(stamp)
             self._outputs[topic].publish(raw)
             self._count += 1
             self._next = next(self._messages, None)
-        if self._next is None and reached >= self._end:
-            self._finish()
-            return
-        coming = self._end if self._next is None else self._next[1]
-        self._tell_time(min(reached, coming))
-        self._look_again(min(self._playback_rate.until(coming, now), _CLOCK_PERIOD))
+        if self._next is not None or reached < self._end:
+            coming = self._end if self._next is None else self._next[1]
+            self._publish_clock(min(reached, coming))
+            self._schedule(min(self._playback_rate.until(coming, now), _CLOCK_PERIOD))
+        elif self._playback.loop:
+            self._rewind()
+            self._schedule(0)
+        else:
+            self._timer.cancel()
+            # Shutting down by a signal delivers what was published last.
+            signal.raise_signal(signal.SIGINT)
 
-    def _look_again(self, wait: int) -> None:
-        self._timer.timer_period_ns = max(wait, _SHORTEST_WAIT)
+    def _schedule(self, wait: int) -> None:
+        self._timer.timer_period_ns = max(wait, _MIN_WAIT)
         self._timer.reset()
 
-    def _tell_time(self, stamp: int) -> None:
+    def _publish_clock(self, stamp: int) -> None:
         if self._clock_output is not None:
             self._clock_output.publish(ClockMessage(clock=Time(nanoseconds=stamp).to_msg()))
 
-    def _finish(self) -> None:
-        if self._playback.loop:
-            self._rewind()
-            self._look_again(0)
-            return
-        self._timer.cancel()
-        # The way out that delivers what was published last.
-        signal.raise_signal(signal.SIGINT)
-
-    def _listen(self) -> None:
+    def _on_keys(self) -> None:
         if self._keyboard.pressed().count(' ') % 2:
             self.get_logger().info(self._toggle())
 
@@ -172,21 +233,18 @@ class Player(Node):
     def _resume(self) -> str:
         if self._playback_rate.paused:
             self._playback_rate.resume(time.monotonic_ns())
-            self._look_again(0)
+            self._schedule(0)
         return 'playing'
 
     def _toggle(self) -> str:
         return self._resume() if self._playback_rate.paused else self._pause()
 
-    @staticmethod
-    def _service(
-        change: Callable[[], str],
-    ) -> Callable[[Trigger.Request, Trigger.Response], Trigger.Response]:
-        def answer(_request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-            response.success, response.message = True, change()
-            return response
 
-        return answer
+def _answer(
+    change: Callable[[], str], _request: Trigger.Request, response: Trigger.Response
+) -> Trigger.Response:
+    response.success, response.message = True, change()
+    return response
 
 
 def play(path: Path, playback: Playback, remappings: Sequence[str] = ()) -> int:
@@ -215,22 +273,14 @@ def play(path: Path, playback: Playback, remappings: Sequence[str] = ()) -> int:
 
 
 def chosen_topics(bag: Bag, wanted: Sequence[str]) -> list[str]:
-    """Which topics of a bag to play.
-
-    Args:
-        bag: An open bag.
-        wanted: By name; empty for all but those of other nodes' own affairs.
-
-    Returns:
-        Those whose type is installed here.
+    """Topics of a bag to play, whose types are installed here; by default not `_OF_OTHERS`.
 
     Raises:
         BagError: One that is wanted is not there, or not of a type that is installed here.
 
     """
-    names = list(dict.fromkeys(wanted)) or sorted(bag.topics.keys() - _OF_OTHERS)
     chosen = []
-    for name in names:
+    for name in list(dict.fromkeys(wanted)) or sorted(bag.topics.keys() - _OF_OTHERS):
         if name not in bag.topics:
             there = ', '.join(sorted(bag.topics)) or 'no topic at all'
             raise BagError(f'{bag.path}: no topic {name}; there is {there}')
@@ -240,6 +290,7 @@ def chosen_topics(bag: Bag, wanted: Sequence[str]) -> list[str]:
             if wanted:
                 raise BagError(f'{bag.path}: topic {name}: {error}') from error
             continue
-        chosen.append(name)
-    # A clock that was recorded without a message is no clock.
-    return [name for name in chosen if name != CLOCK.name or bag.topics[name].count]
+        # A clock that was recorded without a message is no clock.
+        if name != CLOCK.name or bag.topics[name].count:
+            chosen.append(name)
+    return chosen

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from cmpsp_ros.nodes.playback.playback_rate import PlaybackRate
+from cmpsp_ros.nodes.playback import PlaybackRate
 
 
 @pytest.mark.parametrize('rate', [0.5, 1.0, 4.0])

@@ -30,6 +30,7 @@ _POINT: Final = {'length': 2}
 # fmt: off
 def _parameters() -> Iterator[Parameter]:
     guidance_only = {'nodes': ('guidance',)}
+    of_task = Group('Task', 'guidance')
 
     task = Group('Task', 'guidance', 'sim')
     yield from task.of(TaskSettings, only=('frame_id', 'control_period'))
@@ -38,11 +39,11 @@ def _parameters() -> Iterator[Parameter]:
         'point: transformed with `/tf`. Empty: the child frame of odometry.',
         **_FIXED, **guidance_only)
     delays = 'command_delay', 'max_command_delay', 'delay_tolerance', 'max_lag', 'max_slip'
-    yield from task.of(TaskSettings, only=delays, **guidance_only)
+    yield from of_task.of(TaskSettings, only=delays)
     yield task('final_time', _DOUBLE, 10.0, 's',
         'Time at which to pass the goal, counted from the first odometry; 10 s in the paper. With '
         '`follow.speed`: time at which to stop; 0: never.', range=NOT_NEGATIVE, **_FIXED)
-    yield from task.of(TaskSettings, only=('start_tolerance',), **guidance_only)
+    yield from of_task.of(TaskSettings, only=('start_tolerance',))
     yield task('start.pose', _DOUBLES, [], 'm, m, rad',
         'Pose at which a run should begin (x, y, heading); only the position is checked. Empty: '
         'anywhere on the road.', **guidance_only)
@@ -51,7 +52,7 @@ def _parameters() -> Iterator[Parameter]:
     yield task('goal.heading', _DOUBLES, [], 'rad',
         'Heading at the goal: one number, or empty for any.', **guidance_only)
     goal = 'goal_tolerance', 'heading_tolerance', 'may_be_late', 'hold', 'nominal_speed'
-    yield from task.of(TaskSettings, only=goal, **guidance_only)
+    yield from of_task.of(TaskSettings, only=goal)
     yield task('goal.wait', _BOOL, False, '',
         'Whether the robot waits until a goal is received, instead of driving to `goal.position`.',
         **_FIXED, **guidance_only)

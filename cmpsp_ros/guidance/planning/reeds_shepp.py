@@ -7,35 +7,27 @@ formulas are theirs. Lengths are in turning radii.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import product
 from typing import Final, NamedTuple
 
 LEFT, STRAIGHT, RIGHT = 1, 0, -1
 
+_TURNS: Final = {'L': LEFT, 'S': STRAIGHT, 'R': RIGHT}
 _QUARTER: Final = math.pi / 2.0
+
+Solutions = Iterator[tuple[float, ...]]
 
 
 class Segment(NamedTuple):
-    """A part of a path.
-
-    Attributes:
-        turn: `LEFT`, `STRAIGHT` or `RIGHT`.
-        length: Negative where it is driven backward.
-    """
+    """A part of a path: its turn, and its length, negative where it is driven backward."""
 
     turn: int
     length: float
 
 
 def shortest_paths(x: float, y: float, heading: float) -> list[tuple[Segment, ...]]:
-    """Paths from the origin to a pose, the shortest of every word, in the order of their length.
-
-    Args:
-        x: Ahead.
-        y: To the left.
-        heading: There [rad].
-    """
+    """Paths from the origin to a pose, the shortest of every word, by ascending length."""
     found = []
     for gear, side in product((1, -1), repeat=2):
         # Driven in the other direction, or mirrored, a word leads to another pose.
@@ -54,32 +46,15 @@ def length_of(path: tuple[Segment, ...]) -> float:
 
 
 def _words(x: float, y: float, phi: float) -> Iterator[list[tuple[int, float]]]:
-    """Paths that begin with a turn to the left, forward, for those words that there are."""
+    """Paths that begin with a turn to the left, forward, for those words that have a solution."""
     back = x * math.cos(phi) + y * math.sin(phi), x * math.sin(phi) - y * math.cos(phi)
-    a, b, c = LEFT, STRAIGHT, RIGHT
-    for t, u, v in _left_straight_left(x, y, phi):
-        yield [(a, t), (b, u), (a, v)]
-    for t, u, v in _left_straight_right(x, y, phi):
-        yield [(a, t), (b, u), (c, v)]
-    for t, u, v in _three_turns(x, y, phi):
-        yield [(a, t), (c, u), (a, v)]
-    for t, u, v in _three_turns(*back, phi):
-        yield [(a, v), (c, u), (a, t)]
-    for t, u, w, v in _four_turns(x, y, phi):
-        yield [(a, t), (c, u), (a, w), (c, v)]
-    for t, u, v in _quarter_then_left(x, y, phi):
-        yield [(a, t), (c, -_QUARTER), (b, u), (a, v)]
-    for t, u, v in _quarter_then_right(x, y, phi):
-        yield [(a, t), (c, -_QUARTER), (b, u), (c, v)]
-    for t, u, v in _quarter_then_left(*back, phi):
-        yield [(a, v), (b, u), (c, -_QUARTER), (a, t)]
-    for t, u, v in _quarter_then_right(*back, phi):
-        yield [(c, v), (b, u), (c, -_QUARTER), (a, t)]
-    for t, u, v in _two_quarters(x, y, phi):
-        yield [(a, t), (c, -_QUARTER), (b, u), (a, -_QUARTER), (c, v)]
+    for formula, is_reversed, turns, lengths in _WORDS:
+        for t, u, *w, v in formula(*(back if is_reversed else (x, y)), phi):
+            known = {'t': t, 'u': u, 'v': v, 'w': w[0] if w else 0.0, 'q': -_QUARTER}
+            yield [(_TURNS[turn], known[each]) for turn, each in zip(turns, lengths, strict=True)]
 
 
-def _left_straight_left(x: float, y: float, phi: float) -> Iterator[tuple[float, float, float]]:
+def _left_straight_left(x: float, y: float, phi: float) -> Solutions:
     """Formula 8.1."""
     u, t = _polar(x - math.sin(phi), y - 1.0 + math.cos(phi))
     v = _wrapped(phi - t)
@@ -87,7 +62,7 @@ def _left_straight_left(x: float, y: float, phi: float) -> Iterator[tuple[float,
         yield t, u, v
 
 
-def _left_straight_right(x: float, y: float, phi: float) -> Iterator[tuple[float, float, float]]:
+def _left_straight_right(x: float, y: float, phi: float) -> Solutions:
     """Formula 8.2."""
     rho, theta = _polar(x + math.sin(phi), y - 1.0 - math.cos(phi))
     if rho >= 2.0:
@@ -98,7 +73,7 @@ def _left_straight_right(x: float, y: float, phi: float) -> Iterator[tuple[float
             yield t, u, v
 
 
-def _three_turns(x: float, y: float, phi: float) -> Iterator[tuple[float, float, float]]:
+def _three_turns(x: float, y: float, phi: float) -> Solutions:
     """Formulas 8.3 and 8.4."""
     rho, theta = _polar(x - math.sin(phi), y - 1.0 + math.cos(phi))
     if rho <= 4.0:
@@ -108,7 +83,7 @@ def _three_turns(x: float, y: float, phi: float) -> Iterator[tuple[float, float,
             yield t, u, _wrapped(phi - t + u)
 
 
-def _four_turns(x: float, y: float, phi: float) -> Iterator[tuple[float, float, float, float]]:
+def _four_turns(x: float, y: float, phi: float) -> Solutions:
     """Formulas 8.7 and 8.8."""
     xi, eta = x + math.sin(phi), y - 1.0 - math.cos(phi)
     rho = (2.0 + math.hypot(xi, eta)) / 4.0
@@ -134,7 +109,7 @@ def _outer_turns(u: float, v: float, xi: float, eta: float, phi: float) -> tuple
     return tau, _wrapped(tau - u + v - phi)
 
 
-def _quarter_then_left(x: float, y: float, phi: float) -> Iterator[tuple[float, float, float]]:
+def _quarter_then_left(x: float, y: float, phi: float) -> Solutions:
     """Formula 8.9."""
     rho, theta = _polar(x - math.sin(phi), y - 1.0 + math.cos(phi))
     if rho >= 2.0:
@@ -145,7 +120,7 @@ def _quarter_then_left(x: float, y: float, phi: float) -> Iterator[tuple[float, 
             yield t, u, v
 
 
-def _quarter_then_right(x: float, y: float, phi: float) -> Iterator[tuple[float, float, float]]:
+def _quarter_then_right(x: float, y: float, phi: float) -> Solutions:
     """Formula 8.10."""
     rho, t = _polar(1.0 + math.cos(phi) - y, x + math.sin(phi))
     if rho >= 2.0:
@@ -154,7 +129,7 @@ def _quarter_then_right(x: float, y: float, phi: float) -> Iterator[tuple[float,
             yield t, u, v
 
 
-def _two_quarters(x: float, y: float, phi: float) -> Iterator[tuple[float, float, float]]:
+def _two_quarters(x: float, y: float, phi: float) -> Solutions:
     """Formula 8.11."""
     xi, eta = x + math.sin(phi), y - 1.0 - math.cos(phi)
     rho, _ = _polar(xi, eta)
@@ -164,6 +139,21 @@ def _two_quarters(x: float, y: float, phi: float) -> Iterator[tuple[float, float
         v = _wrapped(t - phi)
         if u <= 0.0 <= t and v >= 0.0:
             yield t, u, v
+
+
+_WORDS: Final[tuple[tuple[Callable[..., Solutions], bool, str, str], ...]] = (
+    (_left_straight_left, False, 'LSL', 'tuv'),
+    (_left_straight_right, False, 'LSR', 'tuv'),
+    (_three_turns, False, 'LRL', 'tuv'),
+    (_three_turns, True, 'LRL', 'vut'),
+    (_four_turns, False, 'LRLR', 'tuwv'),
+    (_quarter_then_left, False, 'LRSL', 'tquv'),
+    (_quarter_then_right, False, 'LRSR', 'tquv'),
+    (_quarter_then_left, True, 'LSRL', 'vuqt'),
+    (_quarter_then_right, True, 'RSRL', 'vuqt'),
+    (_two_quarters, False, 'LRSLR', 'tquqv'),
+)
+"""Formula, whether it is for the reversed path, turns, and lengths; q is a quarter backward."""
 
 
 def _polar(x: float, y: float) -> tuple[float, float]:

@@ -45,10 +45,10 @@ def robot_of(values: Values) -> Robot:
     model = values['robot.model']
     if model in MODELS:
         return MODELS[model](values)
-    from cmpsp_ros.robots.own import ModelError, own_robot  # noqa: PLC0415 (few need it)
+    from cmpsp_ros.robots import ModelError, custom_robot  # noqa: PLC0415 (few need it)
 
     try:
-        return own_robot(model, values)
+        return custom_robot(model, values)
     except ModelError as error:
         raise ParameterError(Problem('robot.model', *error.args)) from error
 

@@ -21,25 +21,21 @@ if TYPE_CHECKING:
         speeds_and_turns,
         with_side,
     )
+    from cmpsp_ros.robots.custom import CustomRobot
+    from cmpsp_ros.robots.custom_loading import ModelError, custom_model, custom_robot
     from cmpsp_ros.robots.differential_drive import DifferentialDrive
     from cmpsp_ros.robots.footprint import DISC, Bodies, Footprint, Point, contains, covered, placed
     from cmpsp_ros.robots.kinematics import (
-        ACKERMANN,
-        DIFFERENTIAL_DRIVE,
-        OMNIDIRECTIONAL,
-        OWN,
-        OWN_SIDEWAYS,
         Kinematics,
-    )
-    from cmpsp_ros.robots.omnidirectional import Omnidirectional, mecanum, on_omni_wheels
-    from cmpsp_ros.robots.robot import Robot, Signal
-    from cmpsp_ros.robots.robot_functions import (
         arc_of,
         drive,
         fastest_wheel,
         put_gradients,
         roll_out,
+        steer,
+        within_limits,
     )
-    from cmpsp_ros.robots.twist_limits import TwistLimits
+    from cmpsp_ros.robots.omnidirectional import Omnidirectional, mecanum, on_omni_wheels
+    from cmpsp_ros.robots.robot import Robot, Signal, TwistLimits
 
 __getattr__, __all__ = lazy_exports(__name__, __file__)

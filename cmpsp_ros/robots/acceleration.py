@@ -1,4 +1,4 @@
-"""What a limit of the wheels' acceleration makes of commands: the ramp, and braking."""
+"""Commands under a limit of the wheels' acceleration: ramps, braking, lag."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ _REST: Final = 1e-9
 """Speed of a wheel that rounding may leave of none [rad/s]."""
 
 NO_RAMP: Array = np.zeros((0, 2))
-"""That of a robot at rest, and of one that stops at once."""
+"""The ramp of a robot at rest, and of one that stops at once."""
 
 
-class Paced(NamedTuple):
-    """How the controls of a robot are slowed down.
+class TimeScaling(NamedTuple):
+    """Time scaling of a plan: the same path, driven more slowly.
 
     Attributes:
         wheels: Wheel speeds of a control, as a matrix ``(W, r)``.
-        scaled: How many of the controls, the first, are scaled to drive an arc more slowly.
-        steering: By how much the others may change while a wheel changes by 1 rad/s.
+        scaled: How many of the controls, the first, are scaled.
+        steering: Largest change of the others while a wheel changes by 1 rad/s.
     """
 
     wheels: Array
@@ -31,12 +31,15 @@ class Paced(NamedTuple):
     steering: float = math.inf
 
 
-_BOTH_WHEELS: Final = Paced(np.eye(2), 2)
-"""Of a robot whose controls are its wheel speeds."""
+_BOTH_WHEELS: Final = TimeScaling(np.eye(2), 2)
 
 
 def within_ramp(
-    plan: Array, durations: Array, previous: Array, max_change: float, paced: Paced = _BOTH_WHEELS
+    plan: Array,
+    durations: Array,
+    previous: Array,
+    max_change: float,
+    scaling: TimeScaling = _BOTH_WHEELS,
 ) -> Array:
     """A plan that the wheels can follow: the same path, driven more slowly where they cannot.
 
@@ -44,9 +47,9 @@ def within_ramp(
         plan: Controls wanted ``(N + 1, r)``, of which the last moves nothing.
         durations: Length of its steps, shape ``(N,)`` [s].
         previous: The command before it, shape ``(r,)``.
-        max_change: Largest change of a wheel from one command to the next; infinite for none
+        max_change: Largest change of a wheel from one command to the next, infinite for none
             [rad/s].
-        paced: How the robot's controls are slowed down.
+        scaling: Time scaling of the robot.
 
     Returns:
         Controls, shape ``(N + 1, r)``.
@@ -54,7 +57,7 @@ def within_ramp(
     if max_change == math.inf:
         return plan
     commands, steps = plan.copy(), len(durations)
-    pace = commands[:-1], plan, durations, durations, -1, previous, paced, max_change, steps
+    pace = commands[:-1], plan, durations, durations, -1, previous, scaling, max_change, steps
     _pace(*pace, brakes=False)
     return commands
 
@@ -64,45 +67,40 @@ def braking(
     durations: Array,
     period: float,
     max_change: float,
-    paced: Paced = _BOTH_WHEELS,
+    scaling: TimeScaling = _BOTH_WHEELS,
     *,
     along: bool,
 ) -> Array:
     """Commands that bring a robot to rest once the first command of a plan has been held.
 
     Args:
-        plan: As in `within_ramp`.
+        plan: As in `within_ramp`, and so are `durations`, `max_change` and `scaling`.
         durations: See `plan`.
         period: How long each command of the result is held [s].
-        max_change: Largest change of a wheel from one command to the next [rad/s].
-        paced: As in `within_ramp`.
+        max_change: See `plan`.
+        scaling: See `plan`.
         along: Whether to brake along the plan, as far as the wheels can follow it so; else along
             the curvature of its first command.
 
     Returns:
         Shape ``(K, r)``; the last is 0, and there is none for a robot at rest.
     """
-    fastest = math.ceil(float(np.abs(plan @ paced.wheels.T).max()) / max_change)
+    fastest = math.ceil(float(np.abs(plan @ scaling.wheels.T).max()) / max_change)
     following = 2 * fastest if along else 0
     ramp = np.zeros((following + fastest + 1, plan.shape[1]))
     held = np.full(len(ramp), period)
-    pace = ramp, plan, durations, held, 0, plan[0], paced, max_change, following
-    count = _pace(*pace, brakes=True)
-    return ramp[:count]
+    pace = ramp, plan, durations, held, 0, plan[0], scaling, max_change, following
+    return ramp[: _pace(*pace, brakes=True)]
 
 
 def least_scale(
-    command: Array, previous: Array, max_change: float, paced: Paced = _BOTH_WHEELS
+    command: Array, previous: Array, max_change: float, scaling: TimeScaling = _BOTH_WHEELS
 ) -> float:
-    """The least factor of a command that the wheels can follow, which could follow it itself.
+    """Least factor of a command ``(r,)`` that can follow a previous one, as the command itself can.
 
-    Args:
-        command: Control, shape ``(r,)``.
-        previous: The command before it, shape ``(r,)``.
-        max_change: As in `within_ramp`.
-        paced: As in `within_ramp`.
+    `max_change` and `scaling` are those of `within_ramp`.
     """
-    speeds = (paced.wheels @ each for each in (command, previous))
+    speeds = (scaling.wheels @ each for each in (command, previous))
     wheels = zip(*(each.tolist() for each in speeds), strict=True)
     least = [
         (math.copysign(before, before * to) - max_change) / abs(to) for to, before in wheels if to
@@ -113,14 +111,14 @@ def least_scale(
 def with_lag(
     controls: Array, commands: Array, held: Array, time_constant: float, slices: int
 ) -> tuple[Array, Array]:
-    """What wheels do that follow commands with a first-order lag, in slices of constant speeds.
+    """Controls of wheels that follow commands with a first-order lag, in slices of constant speed.
 
     Args:
         controls: In effect at first, shape ``(r,)``; those in the end are written here.
         commands: Shape ``(K, r)``.
         held: How long each holds, shape ``(K,)`` [s].
-        time_constant: Of the lag, positive [s].
-        slices: How many there are of each.
+        time_constant: Time constant of the lag, positive [s].
+        slices: Number of slices of each command.
 
     Returns:
         Controls in effect, shape ``(K * slices, r)``, and how long each holds [s].
@@ -153,7 +151,7 @@ def _pace(
     held: Array,
     step: int,
     before: Array,
-    paced: Paced,
+    scaling: TimeScaling,
     max_change: float,
     following: int,
     brakes: bool,
@@ -168,7 +166,7 @@ def _pace(
         How many commands there are; fewer than fit in where the robot is at rest before.
     """
     last, end, most = durations.shape[0] - 1, 0.0, int(commands.shape[0])
-    scale, reached, wheels = 1.0, 0.0, paced.wheels
+    scale, reached, wheels = 1.0, 0.0, scaling.wheels
     for count in range(most):
         fastest = _fastest(wheels, before)
         if brakes and fastest == 0.0:
@@ -183,19 +181,19 @@ def _pace(
         now = commands[count]
         if count < following and low <= high:
             scale = low if brakes else high
-            for a in range(paced.scaled):
+            for a in range(scaling.scaled):
                 now[a] = scale * plan[step, a]
-            for a in range(paced.scaled, plan.shape[1]):
-                most_steered = max_change * paced.steering
+            for a in range(scaling.scaled, plan.shape[1]):
+                most_steered = max_change * scaling.steering
                 change = plan[step, a] - before[a]
                 now[a] = before[a] + min(max(change, -most_steered), most_steered)
         else:
             slower = max(0.0, 1.0 - max_change / fastest)
             scale *= slower
             for a in range(plan.shape[1]):
-                now[a] = slower * before[a] if a < paced.scaled else before[a]
+                now[a] = slower * before[a] if a < scaling.scaled else before[a]
         if brakes and _fastest(wheels, now) < _REST:
-            for a in range(paced.scaled):
+            for a in range(scaling.scaled):
                 now[a] = 0.0
         before = now
         reached += scale * held[count]
@@ -220,7 +218,7 @@ def _fastest(wheels: Array, control: Array) -> float:
 
 @allocation_free
 def _scales(wanted: float, before: float, max_change: float, low: float, high: float) -> Any:
-    """Of some factors of a wheel's speed, the least and the largest that a limit allows."""
+    """Range of factors of a wheel's speed that a limit allows, within another range."""
     if wanted == 0.0:
         return low, high if abs(before) <= max_change else -1.0
     one, other = (before - max_change) / wanted, (before + max_change) / wanted

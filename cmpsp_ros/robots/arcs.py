@@ -19,15 +19,9 @@ _STRAIGHT = 1e-10
 
 
 def arc_ends(poses: Array, twists: Array, durations: Array) -> Array:
-    """Pose at the end of each arc.
+    """Poses ``(N, 3)`` at the ends of arcs that begin at poses ``(N, 3)``; headings not wrapped.
 
-    Args:
-        poses: Pose at the start of each arc, shape ``(N, 3)`` [m, m, rad].
-        twists: Along it, shape ``(N, 2)`` or ``(N, 3)``; see `Robot`.
-        durations: Shape ``(N,)`` [s].
-
-    Returns:
-        Shape ``(N, 3)``; headings are not wrapped.
+    `twists` have the shape ``(N, 2)`` or ``(N, 3)``, see `Robot`, `durations` ``(N,)`` [s].
     """
     x, y, heading = poses.T
     turn = twists[:, -1] * durations
@@ -60,19 +54,10 @@ def speeds_and_turns(twists: Array) -> Array:
 
 
 class Arc(NamedTuple):
-    """One arc for compiled code.
+    """One arc for compiled code: its ends [m] with cosine and sine of the course there.
 
-    Attributes:
-        x: Where it starts [m].
-        y: See `x`.
-        cosine: Of the heading there.
-        sine: See `cosine`.
-        length: Along the path, negative when driven backward [m].
-        turn: Change of the heading [rad].
-        end_x: Where it ends [m].
-        end_y: See `end_x`.
-        end_cosine: Of the heading there.
-        end_sine: See `end_cosine`.
+    The length along it [m] is negative when driven backward; `turn` is the change of the course
+    [rad].
     """
 
     x: float
@@ -121,13 +106,9 @@ def point_of(x: float, y: float, heading: float, points: Array, i: int) -> Any:
 
 @allocation_free
 def arc_of_point(arc: Arc, heading: float, points: Array, i: int) -> Arc:
-    """The arc of a point of the robot, about the same centre; points as of `point_of`.
+    """The arc of point ``i`` of the robot, see `point_of`, from that of its reference point.
 
-    Args:
-        arc: That of the robot's reference point.
-        heading: Of the robot at its beginning [rad].
-        points: The points.
-        i: Which one.
+    `heading` is the robot's at the beginning [rad].
     """
     if points[i, 0] == 0.0 and points[i, 1] == 0.0:
         return arc

@@ -2,86 +2,64 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import ClassVar, Final
+from dataclasses import dataclass
 
 import numpy as np
 
-from cmpsp_ros.arrays import Array
-from cmpsp_ros.robots.kinematics import DIFFERENTIAL_DRIVE, Kinematics
-from cmpsp_ros.robots.robot import Robot
-from cmpsp_ros.robots.twist_limits import TwistLimits
-
-RIGHT, LEFT = 0, 1
-"""Places of the two wheels in a control vector ``U = [w_r, w_l]``."""
-
-_WHEELS: Final = np.eye(2)
+from cmpsp_ros.arrays import Array, IntArray
+from cmpsp_ros.mpsp.jit import inner
+from cmpsp_ros.robots.kinematics import addresses
+from cmpsp_ros.robots.robot import Robot, TwistLimits
 
 
 @dataclass(frozen=True, kw_only=True)
 class DifferentialDrive(Robot):
-    """A robot on two driven wheels, steered by their difference in speed.
+    """A robot on two driven wheels, steered by their difference in speed: ``U = [w_r, w_l]``.
 
     Attributes:
         half_track: Distance from a wheel to the robot's centre, the paper's ``L`` [m].
     """
 
-    n_controls: ClassVar[int] = 2
-
     half_track: float = 0.055
 
-    @cached_property
-    def kinematics(self) -> Kinematics:
-        """The robot for compiled code."""
-        return Kinematics(
-            DIFFERENTIAL_DRIVE,
-            float(self.wheel_radius),
-            float(self.half_track),
-            _WHEELS,
-            float(self.max_wheel_speed),
-            float(self.max_speed),
-        )
+    @property
+    def constants(self) -> tuple[float, ...]:
+        """The half track."""
+        return (self.half_track,)
 
-    def slipping(self, slip: float) -> DifferentialDrive:
-        """The same robot with wheels that move it by a fraction ``1 - slip`` of their turning."""
-        return replace(self, wheel_radius=(1.0 - slip) * self.wheel_radius) if slip else self
+    def functions(self) -> IntArray:
+        """Addresses of the functions below."""
+        return addresses(_displace, _differentiate, _steer)
+
+    @property
+    def wheels(self) -> Array:
+        """The controls."""
+        return np.eye(2)
 
     def twist_limits(self) -> TwistLimits:
-        """Twists that the wheel-speed limit allows.
-
-        Raises:
-            ValueError: There is no wheel-speed limit.
-        """
+        """Twists that the wheel-speed limit allows."""
         return TwistLimits(self.max_speed, self.max_speed / self.half_track, self.half_track)
 
     def twist(self, controls: Array) -> Array:
         """Body twists ``(..., 2)`` [m/s, rad/s] of wheel speeds ``(..., 2)`` [rad/s], by (91)."""
+        right, left = controls.tolist() if controls.ndim == 1 else np.moveaxis(controls, -1, 0)
+        speed = (right + left) * (self.wheel_radius / 2.0)
+        turn_rate = (right - left) * (self.wheel_radius / (2.0 * self.half_track))
         if controls.ndim == 1:
             # The same operations on numbers take a fraction of the time.
-            right, left = controls.tolist()
-            speed = (right + left) * (self.wheel_radius / 2.0)
-            return np.array([speed, (right - left) * (self.wheel_radius / (2.0 * self.half_track))])
-        right, left = controls[..., RIGHT], controls[..., LEFT]
-        twist = np.empty_like(controls, dtype=float)
-        twist[..., 0] = (right + left) * (self.wheel_radius / 2.0)
-        twist[..., 1] = (right - left) * (self.wheel_radius / (2.0 * self.half_track))
-        return twist
+            return np.array([speed, turn_rate])
+        return np.stack([speed, turn_rate], axis=-1)
 
     def controls(self, twist: Array) -> Array:
-        """Wheel speeds, which are the controls; see `wheel_speeds`."""
-        return self.wheel_speeds(twist)
-
-    def wheel_speeds(self, twist: Array) -> Array:
         """Wheel speeds ``(..., 2)`` [rad/s] of body twists; a speed to the side is left out."""
         speed, rim = twist[..., 0], twist[..., -1] * self.half_track
         return np.stack([speed + rim, speed - rim], axis=-1) / self.wheel_radius
 
-    def twist_of_wheels(self, wheel_speeds: Array) -> Array:
-        """Body twists of wheel speeds; see `twist`."""
-        return self.twist(wheel_speeds)
+    def speeds_of(self, controls: Array) -> Array:
+        """The controls themselves."""
+        return controls
 
-    def gripping(self, controls: Array, grip: Array) -> Array:
+    def with_slip(self, controls: Array, grip: Array) -> Array:
         """Each wheel moves the robot by its own part."""
         return controls * grip
 
@@ -91,6 +69,30 @@ class DifferentialDrive(Robot):
         speeds: Array = np.array([length + rim, length - rim]) / time / self.wheel_radius
         return speeds
 
-    def speeds_of(self, controls: Array) -> Array:
-        """The controls themselves."""
-        return controls
+
+# Written out, not derived from a twist: in this order of operations recorded drives replay bit for
+# bit.
+@inner
+def _displace(values: Array, out: Array, right: float, left: float, _w: float, time: float) -> None:
+    out[0, 0] = (right + left) * values[0] / 2.0 * time
+    out[0, 1] = 0.0
+    out[0, 2] = (right - left) * values[0] / (2.0 * values[1]) * time
+
+
+@inner
+def _differentiate(
+    values: Array, out: Array, right: float, left: float, _w: float, time: float
+) -> None:
+    length, turn = values[0] / 2.0 * time, values[0] / (2.0 * values[1]) * time
+    out[0, 0], out[0, 1], out[0, 2] = (right + left) * length, 0.0, (right - left) * turn
+    out[1, 0], out[1, 1] = length, length
+    out[2, 0], out[2, 1] = 0.0, 0.0
+    out[3, 0], out[3, 1] = turn, -turn
+
+
+@inner
+def _steer(
+    values: Array, out: Array, forward: float, _left: float, turn_rate: float, _curvature: float
+) -> None:
+    rim = turn_rate * values[1]
+    out[0, 0], out[0, 1] = (forward + rim) / values[0], (forward - rim) / values[0]

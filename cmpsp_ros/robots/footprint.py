@@ -1,4 +1,4 @@
-"""What of the floor a robot takes up: a disc, or a polygon that a few discs cover."""
+"""Footprints: a disc, or a polygon that a few discs cover."""
 
 from __future__ import annotations
 
@@ -13,8 +13,7 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array, BoolArray
 from cmpsp_ros.robots.arcs import speeds_and_turns, with_side
-from cmpsp_ros.robots.robot import Robot
-from cmpsp_ros.robots.twist_limits import TwistLimits
+from cmpsp_ros.robots.robot import Robot, TwistLimits
 
 Point = tuple[float, float]
 Bodies = Sequence[tuple[Array, float]]
@@ -22,15 +21,15 @@ Bodies = Sequence[tuple[Array, float]]
 
 _MOST: Final = 5
 _TOLERANCE: Final = 0.125
-"""By how much of half the width across their row discs may reach beyond a footprint on the side."""
+"""Fraction of half the width by which discs may reach beyond a footprint at the side."""
 
 _WIDE: Final = 2.0
-"""Width in lengths from which on the discs stand side by side, and not one behind the other."""
+"""Width, in lengths, from which the discs stand side by side."""
 
 _ROUNDING: Final = 1e-9
 
 _POINTS: Final = 400
-"""How many points an outline has, about."""
+"""Number of points of an outline, about."""
 
 
 @dataclass(frozen=True)

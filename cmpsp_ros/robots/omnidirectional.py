@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations, product
-from typing import ClassVar, Final
+from typing import Any, ClassVar, Final
 
 import numpy as np
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.robots.arcs import with_side
-from cmpsp_ros.robots.kinematics import OMNIDIRECTIONAL, Kinematics
-from cmpsp_ros.robots.robot import Robot
-from cmpsp_ros.robots.twist_limits import TwistLimits
+from cmpsp_ros.robots.robot import DerivedRobot, TwistLimits
 
 Rim = tuple[float, float, float]
 
@@ -29,7 +27,7 @@ _ALL: Final = 1.0 + 1e-9
 
 
 @dataclass(frozen=True, kw_only=True)
-class Omnidirectional(Robot):
+class Omnidirectional(DerivedRobot):
     """A robot whose controls are the speeds of three of its wheels.
 
     They are the three that depend on each other least; limits of all others are constraints.
@@ -37,18 +35,41 @@ class Omnidirectional(Robot):
     Attributes:
         rims: For each wheel, the speed of its rim for a unit of forward speed, of speed to the
             left, and of turn rate, the last one in metres.
-        grip: Fraction of their turning by which its wheels move it.
     """
 
     n_controls: ClassVar[int] = 3
+    n_speeds: ClassVar[int] = 3
     drives_sideways: ClassVar[bool] = True
 
     rims: tuple[Rim, ...]
-    grip: float = 1.0
+
+    @cached_property
+    def constants(self) -> tuple[float, ...]:
+        """Twist of a control, as a matrix, and its inverse, for a wheel radius of 1."""
+        driven = np.array(self.rims)[self.driven]
+        return (*np.linalg.inv(driven).ravel().tolist(), *driven.ravel().tolist())
+
+    @staticmethod
+    def motion(constants: Any, a: Any, b: Any, c: Any) -> tuple[Any, Any, Any]:
+        """Twist of three wheel speeds."""
+        return (
+            constants[0] * a + constants[1] * b + constants[2] * c,
+            constants[3] * a + constants[4] * b + constants[5] * c,
+            constants[6] * a + constants[7] * b + constants[8] * c,
+        )
+
+    @staticmethod
+    def steer(constants: Any, forward: float, left: float, turn_rate: float) -> tuple[float, ...]:
+        """Speeds of three wheels."""
+        return (
+            constants[9] * forward + constants[10] * left + constants[11] * turn_rate,
+            constants[12] * forward + constants[13] * left + constants[14] * turn_rate,
+            constants[15] * forward + constants[16] * left + constants[17] * turn_rate,
+        )
 
     @property
     def wheel_names(self) -> tuple[str, ...]:
-        """What pictures call the wheels."""
+        """Names of the wheels in pictures."""
         count = len(self.rims)
         return _MECANUM if self.rims[0][0] else tuple(f'{k + 1}.' for k in range(count))
 
@@ -60,18 +81,18 @@ class Omnidirectional(Robot):
     @property
     def max_speed(self) -> float:
         """Largest speed of all directions [m/s]."""
-        return self.grip * self.wheel_radius * self.max_wheel_speed * self._reach[0]
+        return self.wheel_radius * self.max_wheel_speed * self._reach[0]
 
     @property
     def max_acceleration(self) -> float:
         """Largest acceleration of all directions [m/s^2]."""
-        return self.grip * self.wheel_radius * self.max_wheel_acceleration * self._reach[0]
+        return self.wheel_radius * self.max_wheel_acceleration * self._reach[0]
 
     @property
     def braking(self) -> float:
         """Deceleration in the direction in which it is least [m/s^2]."""
         steepest = max(math.hypot(forward, left) for forward, left, _ in self.rims)
-        return self.grip * self.wheel_radius * self.max_wheel_acceleration / steepest
+        return self.wheel_radius * self.max_wheel_acceleration / steepest
 
     @cached_property
     def driven(self) -> list[int]:
@@ -81,43 +102,21 @@ class Omnidirectional(Robot):
         return list(max(threes, key=lambda three: abs(np.linalg.det(rims[list(three)]))))
 
     @cached_property
-    def kinematics(self) -> Kinematics:
-        """The robot for compiled code."""
+    def wheels(self) -> Array:
+        """Wheel speeds of a control, as a matrix ``(W, 3)``, those of the controls first."""
         rest = [wheel for wheel in range(len(self.rims)) if wheel not in self.driven]
-        return Kinematics(
-            OMNIDIRECTIONAL,
-            float(self.wheel_radius),
-            float(self.half_track),
-            np.concatenate([np.eye(3), self._wheels[rest]]),
-            float(self.max_wheel_speed),
-            float(self.max_speed),
-            twists=self._twists,
-            of_twists=self._turning[self.driven],
-        )
+        return np.concatenate([np.eye(3), self._wheels[rest]])
 
     @property
     def limit_rows(self) -> int:
         """Two for each wheel that is no control, where there is a limit."""
         return 2 * (len(self.rims) - 3) if self.max_wheel_speed < math.inf else 0
 
-    def slipping(self, slip: float) -> Omnidirectional:
-        """The same robot with wheels that move it by a fraction ``1 - slip`` of their turning."""
-        return replace(self, grip=(1.0 - slip) * self.grip) if slip else self
-
     def twist_limits(self) -> TwistLimits:
-        """Twists that the wheel-speed limit allows, and some more.
-
-        Raises:
-            ValueError: There is no wheel-speed limit.
-        """
+        """Twists that the wheel-speed limit allows, and some more."""
         speed, turn_rate, arm = self._reach
-        rim = _ALL * self.grip * self.wheel_radius * self.max_wheel_speed
+        rim = _ALL * self.wheel_radius * self.max_wheel_speed
         return TwistLimits(speed * rim, turn_rate * rim, arm)
-
-    def twist(self, controls: Array) -> Array:
-        """Twists ``(..., 3)`` of controls ``(..., 3)``."""
-        twists: Array = controls @ self._twists.T
-        return twists
 
     def controls(self, twist: Array) -> Array:
         """Controls ``(..., 3)`` of twists, of either form."""
@@ -125,7 +124,7 @@ class Omnidirectional(Robot):
         return controls
 
     def wheel_speeds(self, twist: Array) -> Array:
-        """Wheel speeds ``(..., W)`` [rad/s] of twists, of either form."""
+        """Wheel speeds ``(..., W)`` [rad/s] of twists, of all wheels at once."""
         speeds: Array = with_side(twist) @ self._turning.T
         return speeds
 
@@ -139,10 +138,6 @@ class Omnidirectional(Robot):
         speeds: Array = controls @ self._wheels.T
         return speeds
 
-    def gripping(self, controls: Array, grip: Array) -> Array:
-        """All wheels move the robot by their part on average."""
-        return controls * float(np.mean(grip))
-
     def limited(self, controls: Array) -> Array:
         """A control, slowed down along its arc until no wheel exceeds its limit by a bit."""
         slowed = super().limited(controls)
@@ -153,24 +148,20 @@ class Omnidirectional(Robot):
     @cached_property
     def _turning(self) -> Array:
         """Wheel speeds of a twist, as a matrix ``(W, 3)``."""
-        turning: Array = np.array(self.rims) / (self.grip * self.wheel_radius)
+        turning: Array = np.array(self.rims) / self.wheel_radius
         return turning
 
     @cached_property
-    def _twists(self) -> Array:
-        """Twist of a control, as a matrix ``(3, 3)``."""
-        return np.asarray(np.linalg.inv(self._turning[self.driven]), float)
-
-    @cached_property
     def _wheels(self) -> Array:
-        """Wheel speeds of a control, as a matrix ``(W, 3)``."""
-        wheels: Array = self._turning @ self._twists
+        """Wheel speeds of a control, as a matrix ``(W, 3)``, in the order of the wheels."""
+        rims = np.array(self.rims)
+        wheels: Array = rims @ np.linalg.inv(rims[self.driven])
         wheels[self.driven] = np.eye(3)
         return wheels
 
     @cached_property
     def _reach(self) -> tuple[float, float, float]:
-        """Of rims with a speed of at most 1: largest speed, turn rate, and arm of the limits.
+        """Largest speed and turn rate, and arm of the limits, for rims with a speed of at most 1.
 
         The twists are those inside a polyhedron; a speed is largest in one of its corners, and so
         is what a turn rate takes from it.
@@ -191,13 +182,8 @@ class Omnidirectional(Robot):
 def mecanum(half_track: float, half_wheel_base: float, **of_wheels: float) -> Omnidirectional:
     """A robot on four mecanum wheels with rollers at 45 degrees, as `mecanum_drive_controller`.
 
-    Args:
-        half_track: Half the distance between right and left wheels [m].
-        half_wheel_base: Half the distance between front and rear wheels [m].
-        of_wheels: Radius and limits, as of a `Robot`.
-
-    Returns:
-        Its wheels are front left, front right, rear right, rear left.
+    Its wheels are front left, front right, rear right, rear left: `half_track` [m] to the side and
+    `half_wheel_base` [m] ahead or behind. `of_wheels` are radius and limits, as of a `Robot`.
     """
     arm = half_track + half_wheel_base
     rims = ((1.0, -1.0, -arm), (1.0, 1.0, arm), (1.0, -1.0, arm), (1.0, 1.0, -arm))
@@ -207,12 +193,10 @@ def mecanum(half_track: float, half_wheel_base: float, **of_wheels: float) -> Om
 def on_omni_wheels(
     distance: float, bearings: Iterable[float], **of_wheels: float
 ) -> Omnidirectional:
-    """A robot on omni wheels, each of which rolls around the robot's centre.
+    """A robot on three or more omni wheels, each of which rolls around the robot's centre.
 
-    Args:
-        distance: Of every wheel from the robot's centre [m].
-        bearings: Where the wheels are, from ahead to the left, three or more [rad].
-        of_wheels: Radius and limits, as of a `Robot`.
+    They are at one distance [m] from it, at bearings from ahead to the left [rad]. `of_wheels` are
+    radius and limits, as of a `Robot`.
     """
     rims = tuple((-math.sin(each), math.cos(each), distance) for each in bearings)
     return Omnidirectional(rims=rims, **of_wheels)

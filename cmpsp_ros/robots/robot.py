@@ -1,29 +1,27 @@
-"""What a model of a robot gives to all the rest."""
+"""What every model of a robot offers: motion, limits, slowing down."""
 
 from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
-from typing import ClassVar, NamedTuple, Self
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 
-from cmpsp_ros.arrays import Array
-from cmpsp_ros.robots import robot_functions
-from cmpsp_ros.robots.acceleration import Paced
-from cmpsp_ros.robots.kinematics import Kinematics
-from cmpsp_ros.robots.twist_limits import TwistLimits
+from cmpsp_ros.arrays import Array, IntArray
+from cmpsp_ros.robots import kinematics
+from cmpsp_ros.robots.acceleration import TimeScaling
+from cmpsp_ros.robots.arcs import with_side
+from cmpsp_ros.robots.kinematics import Kinematics, addresses, displacement, steering
 
 
 class Signal(NamedTuple):
     """A wheel speed or another control over time, as pictures show it.
 
-    Attributes:
-        name: Its name, as in `right wheel`.
-        axis: Quantity with its unit, as in `wheel speed [rad/s]`.
-        values: Shape ``(N,)``.
-        limit: Limit of its magnitude; infinite for none.
+    `axis` is the quantity with its unit, as in `wheel speed [rad/s]`; `values` have the shape
+    ``(N,)``; `limit` is that of their magnitude, infinite for none.
     """
 
     name: str
@@ -37,15 +35,44 @@ class Signal(NamedTuple):
         return self.axis.partition(' [')[2].rstrip(']')
 
 
+@dataclass(frozen=True)
+class TwistLimits:
+    """Bounds on the twists that can be driven: ``|v| + half_track |w| <= speed``.
+
+    Attributes:
+        speed: Largest speed, reached when driving straight [m/s].
+        turn_rate: Largest turn rate [rad/s].
+        half_track: Speed lost to a unit turn rate [m]; with wheel limits (94) the paper's ``L``,
+            by (91), and ``turn_rate`` is ``speed / half_track``. Negative for a point of the robot
+            that is faster in turns.
+    """
+
+    speed: float
+    turn_rate: float
+    half_track: float = 0.0
+
+    def __post_init__(self) -> None:
+        bounds = (self.speed, self.turn_rate, self.half_track)
+        if not np.isfinite(bounds).all() or min(bounds[:2]) < 0.0:
+            wanted = 'finite numbers, speed and turn rate >= 0'
+            raise ValueError(f'twist limits: found {bounds}, wanted {wanted}')
+
+    @property
+    def top_speed(self) -> float:
+        """Largest speed at any turn rate [m/s]."""
+        return max(self.speed, self.speed - self.half_track * self.turn_rate)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Robot(ABC):
     """A robot on wheels that drives an arc of a circle under a control that is held.
 
     Twists are ``(speed, turn rate)`` [m/s, rad/s]; of a robot whose reference point also moves
-    sideways ``(forward, to the left, turn rate)`` [m/s, m/s, rad/s].
+    sideways ``(forward, to the left, turn rate)``.
 
     Attributes:
         n_controls: Number of controls, ``r``.
+        n_speeds: How many of them, the first, are 0 at rest; the others are angles.
         drives_sideways: Whether it moves in every direction without turning first.
         turns_on_the_spot: Whether it turns without moving.
         wheel_radius: Of every wheel, the paper's ``r`` [m].
@@ -53,7 +80,8 @@ class Robot(ABC):
         max_wheel_acceleration: Limit of every wheel [rad/s^2]; infinite when there is none.
     """
 
-    n_controls: ClassVar[int]
+    n_controls: ClassVar[int] = 2
+    n_speeds: ClassVar[int] = 2
     drives_sideways: ClassVar[bool] = False
     turns_on_the_spot: ClassVar[bool] = True
 
@@ -62,19 +90,28 @@ class Robot(ABC):
     max_wheel_acceleration: float = math.inf
 
     @property
+    @abstractmethod
+    def constants(self) -> tuple[float, ...]:
+        """Numbers that the model's functions are given, after the wheel radius."""
+
+    @abstractmethod
+    def functions(self) -> IntArray:
+        """Addresses, in this process, of the model's functions; see `kinematics.addresses`."""
+
+    @property
     def twist_parts(self) -> int:
         """Two or three."""
         return 3 if self.drives_sideways else 2
 
     @property
-    def wheel_names(self) -> tuple[str, ...]:
-        """What pictures call the wheels."""
-        return 'right', 'left'
-
-    @property
     @abstractmethod
     def half_track(self) -> float:
-        """Speed at the wheels of a unit turn rate [m]."""
+        """Speed at the wheels of a unit turn rate, or the smallest radius of a turn [m]."""
+
+    @property
+    def max_curvature(self) -> float:
+        """Largest curvature of its path; infinite for a robot that turns on the spot [1/m]."""
+        return math.inf if self.turns_on_the_spot else 1.0 / self.half_track
 
     @property
     def max_speed(self) -> float:
@@ -91,28 +128,48 @@ class Robot(ABC):
         """Deceleration that it is capable of along any arc, in any direction [m/s^2]."""
         return self.max_acceleration
 
-    @property
-    @abstractmethod
+    @cached_property
     def kinematics(self) -> Kinematics:
         """The robot for compiled code."""
+        return Kinematics(
+            functions=self.functions(),
+            values=np.array([self.wheel_radius, *self.constants], dtype=float),
+            scratch=np.zeros((4, 3)),
+            wheels=self.wheels,
+            bounds=self.bounds.astype(float),
+            n_speeds=self.n_speeds,
+            max_wheel_speed=float(self.max_wheel_speed),
+            max_speed=float(self.max_speed),
+            max_curvature=self.max_curvature,
+            drives_sideways=self.drives_sideways,
+        )
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without addresses, which another process does not have."""
+        return {key: value for key, value in self.__dict__.items() if key != 'kinematics'}
 
     @property
+    @abstractmethod
     def wheels(self) -> Array:
         """Wheel speeds of a control, as a matrix ``(W, r)``: limits hold for each of its rows."""
-        return self.kinematics.wheels
 
     @property
-    def paced(self) -> Paced:
-        """How its controls are slowed down."""
-        return Paced(self.wheels, self.n_controls)
+    def wheel_names(self) -> tuple[str, ...]:
+        """Names of the wheels in pictures."""
+        return 'right', 'left'
 
     @property
-    def changes(self) -> Array:
-        """What the limit of acceleration is of, as linear functions of the control ``(q, r)``."""
+    def time_scaling(self) -> TimeScaling:
+        """How its controls are slowed down along a path."""
+        return TimeScaling(self.wheels, self.n_speeds)
+
+    @property
+    def rate_limits(self) -> Array:
+        """Linear functions of the control that the acceleration limit holds for, ``(q, r)``."""
         return self.wheels
 
-    def changing(self, wheel_speeds: Array) -> Array:
-        """What the limit of acceleration is of, of wheel speeds ``(..., W)``."""
+    def rates(self, wheel_speeds: Array) -> Array:
+        """Values of `rate_limits` at wheel speeds ``(..., W)``."""
         return wheel_speeds
 
     @property
@@ -135,9 +192,9 @@ class Robot(ABC):
         """The control of a robot at rest, shape ``(r,)``."""
         return np.zeros(self.n_controls)
 
-    @abstractmethod
     def slipping(self, slip: float) -> Self:
         """The same robot with wheels that move it by a fraction ``1 - slip`` of their turning."""
+        return replace(self, wheel_radius=(1.0 - slip) * self.wheel_radius) if slip else self
 
     @abstractmethod
     def twist_limits(self) -> TwistLimits:
@@ -155,14 +212,23 @@ class Robot(ABC):
     def controls(self, twist: Array) -> Array:
         """Controls ``(..., r)`` of twists, of either form."""
 
+    def speeds_of(self, controls: Array) -> Array:
+        """Wheel speeds ``(..., W)`` [rad/s] of controls ``(..., r)``."""
+        speeds: Array = controls @ self.wheels.T
+        return speeds
+
+    def wheel_speeds(self, twist: Array) -> Array:
+        """Wheel speeds ``(..., W)`` [rad/s] of twists, of either form."""
+        return self.speeds_of(self.controls(twist))
+
+    def twist_of_wheels(self, wheel_speeds: Array) -> Array:
+        """Twists of wheel speeds ``(..., W)`` [rad/s], for a car with steering angles behind."""
+        return self.twist(wheel_speeds)
+
     def wheel_differences(self, twists: Array, others: Array) -> Array:
         """By how much a wheel is faster or slower under some twists than others, ``(N,)``."""
         largest: Array = np.abs(self.wheel_speeds(twists) - self.wheel_speeds(others)).max(axis=1)
         return largest
-
-    @abstractmethod
-    def wheel_speeds(self, twist: Array) -> Array:
-        """Wheel speeds ``(..., W)`` [rad/s] of twists, of either form."""
 
     def signals(self, twists: Array) -> list[Signal]:
         """The speed of each wheel under twists ``(N, 2)`` or ``(N, 3)``."""
@@ -172,32 +238,16 @@ class Robot(ABC):
             for name, values in speeds
         ]
 
-    @abstractmethod
-    def twist_of_wheels(self, wheel_speeds: Array) -> Array:
-        """Twists of wheel speeds ``(..., W)`` [rad/s]."""
+    def with_slip(self, controls: Array, grip: Array) -> Array:
+        """Controls that move a robot without slip as these ``(..., r)`` move it with slip.
 
-    @abstractmethod
-    def gripping(self, controls: Array, grip: Array) -> Array:
-        """Controls that move a robot without slip as these move it.
-
-        Args:
-            controls: Shape ``(..., r)``.
-            grip: Part of its turning by which a wheel moves the robot, right and left.
+        `grip` is the fraction of its turning by which a wheel moves the robot, right and left.
         """
+        return self.slowed(controls, float(np.mean(grip)))
 
     def straight_or_turning(self, length: float, turn: float, time: float) -> Array:
-        """Control, shape ``(r,)``, that drives straight, or turns on the spot, in some time.
-
-        Args:
-            length: How far ahead, or 0 [m].
-            turn: By how much, or 0 [rad].
-            time: How long it takes [s].
-        """
+        """Control ``(r,)`` that drives a length [m], or turns on the spot [rad], in a time [s]."""
         return self.controls(np.array([length, turn]) / time)
-
-    def speeds_of(self, controls: Array) -> Array:
-        """Wheel speeds ``(..., W)`` [rad/s] of controls ``(..., r)``."""
-        return self.wheel_speeds(self.twist(controls))
 
     def steering_of(self, control: Array) -> float | None:  # noqa: ARG002
         """Steering angle of a control, shape ``(r,)``; None for a robot that has none [rad]."""
@@ -205,74 +255,92 @@ class Robot(ABC):
 
     def slowed(self, controls: Array, fraction: float) -> Array:
         """Controls ``(..., r)`` that drive the same arcs at a fraction of the speed."""
-        return fraction * controls
+        slowed = controls.copy()
+        slowed[..., : self.n_speeds] *= fraction
+        return slowed
 
-    def stopped(self, _control: Array) -> Array:
+    def stopped(self, control: Array) -> Array:
         """The control, shape ``(r,)``, of a robot that comes to rest after another one."""
-        return self.at_rest
+        return np.where(np.arange(self.n_controls) < self.n_speeds, 0.0, control)
 
     def over_limit(self, _controls: Array) -> str:
-        """What of some controls, beside the speed of wheels, is beyond its limit, in a sentence.
-
-        Args:
-            controls: Shape ``(N, r)``.
-
-        Returns:
-            Empty where nothing is.
-        """
+        """A sentence about controls ``(N, r)`` beyond a limit that is not of wheels, or nothing."""
         return ''
 
     def limited(self, controls: Array) -> Array:
         """A control, shape ``(r,)``, slowed down along its arc to what the wheels can do."""
-        fastest = float(np.abs(self.speeds_of(controls)).max())
-        if fastest <= self.max_wheel_speed:
-            return controls
-        # Divided first: the fastest wheel of a differential drive then has exactly the limit, and
-        # rounding cannot lift the other above it.
-        slowed: Array = controls / fastest * self.max_wheel_speed
-        return slowed
+        limited, speeds = controls.copy(), slice(self.n_speeds)
+        fastest = float(np.abs(self.wheels[:, speeds] @ controls[speeds]).max())
+        if fastest > self.max_wheel_speed:
+            # Divided first: the fastest wheel of a differential drive then has exactly the limit,
+            # and rounding cannot lift the other above it.
+            limited[speeds] = controls[speeds] / fastest * self.max_wheel_speed
+        angles = slice(self.n_speeds, None)
+        limited[angles] = np.clip(controls[angles], -self.bounds[angles], self.bounds[angles])
+        return limited
 
     def all_limited(self, controls: Array, spare: float) -> Array:
-        """Controls, shape ``(N, r)``, each slowed down along its arc to what the wheels can do.
-
-        Args:
-            controls: The controls.
-            spare: What is kept from the limit [rad/s].
-        """
+        """Controls, shape ``(N, r)``, each slowed down to the wheels' limit less some [rad/s]."""
         fastest = np.abs(self.speeds_of(controls)).max(axis=1)
         limit = self.max_wheel_speed - spare
         slowed: Array = controls * np.minimum(1.0, limit / np.maximum(fastest, limit))[:, None]
         return slowed
 
     def roll_out(self, pose: Array, controls: Array, durations: Array) -> Array:
-        """Poses along the path driven, exactly, each control held for its duration.
+        """Poses ``(N + 1, 3)`` [m, m, rad] along the path driven, exactly, from a pose on.
 
-        Args:
-            pose: First pose, shape ``(3,)`` [m, m, rad].
-            controls: Shape ``(N, r)``.
-            durations: Shape ``(N,)`` [s].
-
-        Returns:
-            Poses ``(N + 1, 3)`` [m, m, rad]; the heading is not wrapped.
+        Each of the controls ``(N, r)`` is held for its duration ``(N,)`` [s]. The heading is not
+        wrapped.
         """
         poses = np.empty((len(durations) + 1, 3))
         poses[0] = pose
-        robot_functions.roll_out(poses, controls, durations, self.kinematics)
+        kinematics.roll_out(poses, controls, durations, self.kinematics)
         return poses
 
     def jacobians(self, poses: Array, controls: Array, durations: Array) -> tuple[Array, Array]:
         """Derivatives of every step of `roll_out` by its pose and by its control.
 
-        Args:
-            poses: Shape ``(N + 1, 3)``, as returned by `roll_out`.
-            controls: Shape ``(N, r)``.
-            durations: Shape ``(N,)`` [s].
-
-        Returns:
-            ``A (N, 3, 3)`` and ``B (N, 3, r)``: the transposes of the paper's ``dF_k/dX_k`` and
-            ``dF_k/dU_k``, which it writes with the derivative along rows.
+        They are ``A (N, 3, 3)`` and ``B (N, 3, r)``: the transposes of the paper's ``dF_k/dX_k``
+        and ``dF_k/dU_k``, which it writes with the derivative along rows.
         """
         A = np.zeros((len(durations), 3, 3))
         B = np.zeros((len(durations), 3, self.n_controls))
-        robot_functions.put_jacobians(A, B, poses, controls, durations, self.kinematics)
+        kinematics.put_jacobians(A, B, poses, controls, durations, self.kinematics)
         return A, B
+
+
+class DerivedRobot(Robot):
+    """A model that is its motion and its steering, from which all else is derived.
+
+    Both are for a wheel radius of 1, and are given `constants` first.
+    """
+
+    @staticmethod
+    @abstractmethod
+    def motion(constants: Any, *controls: Any) -> tuple[Any, Any, Any]:
+        """Speed forward and to the left, and turn rate [m/s, m/s, rad/s]; by numpy's functions."""
+
+    @staticmethod
+    @abstractmethod
+    def steer(constants: Any, forward: float, left: float, turn_rate: float) -> tuple[float, ...]:
+        """The controls of a twist, or those that come near to it."""
+
+    def functions(self) -> IntArray:
+        """Addresses of what is compiled from `motion` and `steer`."""
+        moves = displacement(self.motion, self.n_controls)
+        return addresses(*moves, steering(self.steer, self.n_controls))
+
+    def twist(self, controls: Array) -> Array:
+        """Twists ``(..., 2)``, or ``(..., 3)`` of a robot that moves sideways, of controls."""
+        twists = self._twists(controls)
+        return twists if self.twist_parts > 2 else twists[..., ::2]
+
+    def _twists(self, controls: Array) -> Array:
+        found = self.motion(self.constants, *np.moveaxis(controls, -1, 0))
+        return self.wheel_radius * np.stack(np.broadcast_arrays(*found), axis=-1)
+
+    def controls(self, twist: Array) -> Array:
+        """Controls ``(..., r)`` of twists, of either form."""
+        rows = with_side(twist / self.wheel_radius).reshape(-1, 3).tolist()
+        found = np.array([self.steer(self.constants, *row) for row in rows], dtype=float)
+        return found.reshape(*twist.shape[:-1], self.n_controls)

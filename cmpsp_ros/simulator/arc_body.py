@@ -58,7 +58,7 @@ class ArcBody:
         controls = self._lagged.means(first, last + 1)
         durations = np.full(last - first, SLICE_NS / _NS)
         durations[0] = (stamps[0] - self._from_ns) / _NS
-        ground = self._robot.gripping(controls, self._grip)
+        ground = self._robot.with_slip(controls, self._grip)
         poses = self._robot.roll_out(self._from_pose, ground[:-1], durations)
         self._slice, self._control = last, controls[-1]
         self._from_pose, self._from_ns = poses[-1].copy(), stamps[-1]
@@ -67,7 +67,7 @@ class ArcBody:
 
     def motion(self, stamp_ns: int) -> Motion:
         """Pose and speeds on the arc under way."""
-        twist = self._robot.twist(self._robot.gripping(self._control, self._grip))
+        twist = self._robot.twist(self._robot.with_slip(self._control, self._grip))
         speeds = self._robot.speeds_of(self._control.copy())
         return Motion(stamp_ns, self._pose(stamp_ns), speeds, twist)
 
@@ -89,6 +89,6 @@ class ArcBody:
 
     def _pose(self, stamp_ns: int) -> Array:
         duration = (stamp_ns - self._from_ns) / _NS
-        ground = self._robot.gripping(self._control, self._grip)[None]
+        ground = self._robot.with_slip(self._control, self._grip)[None]
         pose: Array = self._robot.roll_out(self._from_pose, ground, np.array([duration]))[1]
         return pose

@@ -79,7 +79,7 @@ def _changing(record: AuditRecord) -> Array:
     decided = wheel_speeds(record.decisions[pairs.decisions :][: pairs.count])
     at_rest = ~record.commands.moving[pairs.commands :][: len(decided)]
     wheels[pairs.commands :][: len(decided)][at_rest] = decided[at_rest, : wheels.shape[1]]
-    return robot.changing(wheels)
+    return robot.rates(wheels)
 
 
 def _steering_angles(record: AuditRecord) -> Array:

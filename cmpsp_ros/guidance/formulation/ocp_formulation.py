@@ -45,7 +45,7 @@ class OcpFormulation:
         self._slots = settings.moving_obstacles.slots
         obstacles = len(settings.obstacles) + self._slots
         # What exceeds its limits the robot cannot do: that is never relaxed.
-        changes = rate_rows(settings.max_wheel_change, settings.robot.changes)
+        changes = rate_rows(settings.max_wheel_change, settings.robot.rate_limits)
         self.penalty_path = np.array(
             len(settings.footprint.centers)
             * ([PENALTIES['edge']] * N_EDGE_CONSTRAINTS + [PENALTIES['obstacle']] * obstacles)

@@ -12,16 +12,8 @@ from cmpsp_ros.guidance.goals import Target
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.mpsp.jit import allocation_free
-from cmpsp_ros.robots import (
-    ACKERMANN,
-    OMNIDIRECTIONAL,
-    OWN,
-    OWN_SIDEWAYS,
-    Kinematics,
-    drive,
-    fastest_wheel,
-)
-from cmpsp_ros.robots.own import steer as steer_own
+from cmpsp_ros.robots import Kinematics, drive, fastest_wheel, within_limits
+from cmpsp_ros.robots import steer as steer_by
 from cmpsp_ros.world.roads import RoadSpace, road_functions
 
 _LOOKAHEAD = 1.0
@@ -193,7 +185,7 @@ def steer(
     distance = max(math.hypot(offset_x, offset_y), SHORTEST_LOOKAHEAD)
     angle = wrapped(math.atan2(offset_y, offset_x) - poses[k, 2])
     trusted = max_turn / duration
-    if robot.model == OMNIDIRECTIONAL:
+    if robot.drives_sideways:
         is_free = math.isnan(free_turn_rate)
         turn_rate = 0.0 if is_free else min(max(free_turn_rate, -trusted), trusted)
         _drive_sideways(controls, k, duration, angle, speed, robot, turn_rate)
@@ -201,57 +193,21 @@ def steer(
             # Sideways it cannot go as fast as ahead: it turns to where it goes.
             turn_rate = min(max(angle / duration, -trusted), trusted)
             _drive_sideways(controls, k, duration, angle, speed, robot, turn_rate)
-    elif robot.model == ACKERMANN:
-        # As far as it goes towards what is beside or behind.
-        bend = 2.0 * math.sin(angle) / distance if abs(angle) < math.pi / 2.0 else math.inf
-        tightest = min(math.tan(robot.max_steering_angle) / robot.arm, trusted / max(speed, 1e-12))
-        bend = math.copysign(min(abs(bend), tightest), angle)
-        steering = min(math.atan(abs(bend) * robot.arm), robot.max_steering_angle)
-        controls[k, 0], controls[k, 1] = speed / robot.gain, math.copysign(steering, bend)
-    elif robot.model >= OWN:
-        _steer_own(controls, k, duration, angle, distance, speed, robot, trusted, free_turn_rate)
-        drive(poses, controls, k, duration, robot)
-        return
     else:
-        bend = math.sin(angle) if abs(angle) < math.pi / 2.0 else math.copysign(1.0, angle)
-        turn_rate = 2.0 * speed * bend / distance
-        rim = min(max(turn_rate, -trusted), trusted) * robot.arm
-        controls[k, 0], controls[k, 1] = (speed + rim) / robot.gain, (speed - rim) / robot.gain
-    # All wheels are slowed alike where one would exceed its limit.
-    slowed = min(1.0, robot.max_wheel_speed / max(fastest_wheel(controls, k, robot), 1e-12))
-    for a in range(controls.shape[1] if robot.model != ACKERMANN else 1):
-        controls[k, a] *= slowed
+        is_ahead = abs(angle) < math.pi / 2.0
+        if robot.max_curvature == math.inf:
+            bend = math.sin(angle) if is_ahead else math.copysign(1.0, angle)
+            turn_rate = min(max(2.0 * speed * bend / distance, -trusted), trusted)
+            curvature = 0.0
+        else:
+            # As far as it goes towards what is beside or behind.
+            wanted = 2.0 * math.sin(abs(angle)) / distance if is_ahead else math.inf
+            tightest = min(robot.max_curvature, trusted / max(speed, 1e-12))
+            curvature = math.copysign(min(wanted, tightest), angle)
+            turn_rate = speed * curvature
+        steer_by(controls, k, speed, 0.0, turn_rate, curvature, robot)
+    within_limits(controls, k, robot)
     drive(poses, controls, k, duration, robot)
-
-
-@allocation_free
-def _steer_own(
-    controls: Array,
-    k: int,
-    duration: float,
-    angle: float,
-    distance: float,
-    speed: float,
-    robot: Kinematics,
-    trusted: float,
-    free_turn_rate: float,
-) -> None:
-    """Fill control ``k`` of a model of one's own, each control within its limit."""
-    if robot.model == OWN_SIDEWAYS:
-        free = 0.0 if math.isnan(free_turn_rate) else free_turn_rate
-        turn_rate = min(max(free, -trusted), trusted)
-        course = angle - turn_rate * duration / 2.0
-        steer_own(controls, k, speed * math.cos(course), speed * math.sin(course), turn_rate, robot)
-    else:
-        bend = 2.0 * math.sin(angle) / distance if abs(angle) < math.pi / 2.0 else math.inf
-        tightest = trusted / max(speed, 1e-12)
-        if robot.arm > 0.0:
-            tightest = min(tightest, 1.0 / robot.arm)
-        bend = math.copysign(min(abs(bend), tightest), angle)
-        steer_own(controls, k, speed, 0.0, speed * bend, robot)
-    for a in range(controls.shape[1]):
-        most = robot.max_wheel_speed / robot.wheels[a, a]
-        controls[k, a] = min(max(controls[k, a], -most), most)
 
 
 @allocation_free
@@ -264,12 +220,10 @@ def _drive_sideways(
     robot: Kinematics,
     turn_rate: float,
 ) -> None:
-    """Fill the control of an omnidirectional robot that goes at an angle while it turns."""
+    """Fill the control of a robot that goes at an angle while it turns."""
     course = angle - turn_rate * duration / 2.0
     forward, left = speed * math.cos(course), speed * math.sin(course)
-    for a in range(3):
-        of_twists = robot.of_twists[a]
-        controls[k, a] = of_twists[0] * forward + of_twists[1] * left + of_twists[2] * turn_rate
+    steer_by(controls, k, forward, left, turn_rate, 0.0, robot)
 
 
 @allocation_free

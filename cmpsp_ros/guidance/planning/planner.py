@@ -112,7 +112,7 @@ class Planner:
         robot = context.start.robot
         if robot.limit_rows:
             guess = robot.all_limited(guess, WHEEL_ROUNDING)
-        guess = within_ramp(guess, durations, previous, self._max_change, robot.paced)
+        guess = within_ramp(guess, durations, previous, self._max_change, robot.time_scaling)
         self._ws.trial.U[: steps + 1] = guess
         self._limit[0], self._work_limit[0] = limit, work_limit
         self._bound_speeds(self._driver, context)
@@ -175,7 +175,7 @@ class Planner:
                 self._rate,
                 previous,
                 self._max_change,
-                robot.changes,
+                robot.rate_limits,
                 self._inner,
             )
         return data

@@ -225,7 +225,7 @@ class Approach:
     def scaled(self, plan: Plan, start: PlanStart, scale: float) -> Plan:
         """A plan with all its commands scaled alike, as far as the wheels can follow."""
         limit = self._settings.max_wheel_change
-        paced = start.robot.paced
+        paced = start.robot.time_scaling
         scale = max(scale, least_scale(plan.controls[0], start.previous_control, limit, paced))
         controls = start.robot.slowed(plan.controls, scale)
         poses = start.robot.roll_out(start.pose, controls, plan.horizon.durations)
@@ -301,7 +301,7 @@ class Approach:
         if limit == math.inf:
             yield controls, durations
             return
-        late, paced = np.array([settings.safety.stopping_time]), settings.robot.paced
+        late, paced = np.array([settings.safety.stopping_time]), settings.robot.time_scaling
         ramp = braking(plan.controls[-2:], late, period, limit, paced, along=False)
         yield self._ending(plan, ramp)
         if settings.road.has_center_line:

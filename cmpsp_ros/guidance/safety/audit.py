@@ -158,7 +158,7 @@ class Audit:
     def _ramp(self, start: PlanStart, controls: Array, durations: Array) -> tuple[str, Array]:
         """How the robot can stop after the first command; or why not, or why not even follow."""
         commands = np.vstack([start.previous_control, controls[: len(durations)]])
-        changes = start.robot.changes
+        changes = start.robot.rate_limits
         change = float(np.abs(np.diff(commands, axis=0) @ changes.T).max())
         if not change <= self._max_change + CHANGE_ROUNDING:
             reason = (
@@ -182,7 +182,7 @@ class Audit:
         """Commands that stop it along the plan, along its curvature, and along the road."""
         limits = self._period, self._max_change
         for along in (True, False):
-            yield braking(controls, durations, *limits, start.robot.paced, along=along)
+            yield braking(controls, durations, *limits, start.robot.time_scaling, along=along)
         if self._road.has_center_line:
             held = durations.item(0)
             yield from brakings_on_road(self._road, start, controls[0], held, *limits)
@@ -199,7 +199,7 @@ class Audit:
         if self._max_change == math.inf:
             return NO_RAMP
         held = np.stack([start.previous_control, start.previous_control])
-        period, paced = np.array([self._period]), start.robot.paced
+        period, paced = np.array([self._period]), start.robot.time_scaling
         ramp = braking(held, period, self._period, self._max_change, paced, along=False)
         shortfall = self._swept(start, ramp, np.full(len(ramp), self._period), len(ramp))[4]
         return NO_RAMP if shortfall > _ROUNDING else ramp

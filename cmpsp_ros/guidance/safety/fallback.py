@@ -52,7 +52,11 @@ class Fallback:
             return None
         controls = shift(plan.controls, plan.horizon, horizon)
         controls = within_ramp(
-            controls, horizon.durations, start.previous_control, self._max_change, start.robot.paced
+            controls,
+            horizon.durations,
+            start.previous_control,
+            self._max_change,
+            start.robot.time_scaling,
         )
         verdict = self._audit.check(start, controls, horizon.durations, pending)
         if not verdict.passed:

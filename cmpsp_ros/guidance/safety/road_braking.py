@@ -68,4 +68,4 @@ def braking_on_road(
         pose = robot.roll_out(pose, controls[-1][None], np.array([period]))[-1]
     plan = np.array([*controls, robot.stopped(controls[-1])])
     durations = np.append(held, np.full(len(controls) - 1, period))
-    return braking(plan, durations, period, max_change, robot.paced, along=True)
+    return braking(plan, durations, period, max_change, robot.time_scaling, along=True)

@@ -213,7 +213,7 @@ def _over_limit(driven: Driven) -> int:
         return 0
     robot = settings.robot
     before = np.vstack([robot.at_rest, controls])
-    changes = np.abs(np.diff(before, axis=0) @ robot.changes.T).max(axis=1)
+    changes = np.abs(np.diff(before, axis=0) @ robot.rate_limits.T).max(axis=1)
     sudden = changes > settings.max_wheel_change + CHANGE_ROUNDING
     return int(sum(sudden | [bool(robot.over_limit(each[None])) for each in controls]))
 

@@ -82,7 +82,7 @@ def judge(settings: GuidanceSettings, pose: Array, start: Path) -> Judgement:
     opti.subject_to(X[:2, steps] == np.array(settings.goal))
     limit(casadi, opti, robot, U, settings.control_period)
     if stopping:
-        opti.subject_to(U[: robot.paced.scaled, -1] == 0.0)
+        opti.subject_to(U[: robot.time_scaling.scaled, -1] == 0.0)
     cost = 0.5 * settings.weights.road_center * cost
     # Without a centre line the least turning of the wheels.
     opti.minimize(cost if settings.road.has_center_line else casadi.sumsqr(U))

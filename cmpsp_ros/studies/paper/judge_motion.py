@@ -12,8 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.robots import Ackermann, DifferentialDrive, Omnidirectional, Robot
-from cmpsp_ros.robots.own import OwnRobot
+from cmpsp_ros.robots import Ackermann, CustomRobot, DifferentialDrive, Omnidirectional, Robot
 from cmpsp_ros.studies.errors import StudyError
 
 
@@ -37,7 +36,7 @@ def limits_of(robot: Robot) -> Limits:
     if isinstance(robot, Ackermann):
         largest = np.array([speed, robot.max_steering_angle])
         return Limits(np.eye(2), largest, np.array([acceleration, robot.max_steering_rate]))
-    if isinstance(robot, OwnRobot):
+    if isinstance(robot, CustomRobot):
         return Limits(np.eye(robot.n_controls), robot.bounds, np.array(robot.change_limits))
     rows = np.eye(2)
     if isinstance(robot, Omnidirectional):
@@ -67,13 +66,13 @@ def moved(casadi: Any, robot: Robot, heading: Any, control: Any, duration: float
         ahead = control[0] * robot.wheel_radius
         turn_rate = ahead * casadi.tan(control[1]) / robot.wheel_base
     elif isinstance(robot, Omnidirectional):
-        rims = np.array(robot.rims)[robot.driven] / (robot.wheel_radius * robot.grip)
+        rims = np.array(robot.rims)[robot.driven] / robot.wheel_radius
         twist = casadi.DM(np.linalg.inv(rims)) @ control
         ahead, aside, turn_rate = twist[0], twist[1], twist[2]
-    elif isinstance(robot, OwnRobot):
+    elif isinstance(robot, CustomRobot):
         given = (control[k] for k in range(robot.n_controls))
         found = robot.motion(robot.constants, *given)
-        ahead, aside, turn_rate = (robot.grip * each for each in found)
+        ahead, aside, turn_rate = (robot.wheel_radius * each for each in found)
     else:
         name = type(robot).__name__
         raise StudyError(f'robot.model: found {name}, wanted one that the judge knows')

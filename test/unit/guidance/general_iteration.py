@@ -24,8 +24,8 @@ def improve(settings, pose, held, guess, horizon):
     )
     if formulation.remembers_control:
         weight, limit = settings.weights.control_rate, settings.max_wheel_change
-        problem = ControlRateProblem(problem, weight, held, limit, settings.robot.changes)
-        guess = within_ramp(guess, durations, held, limit, settings.robot.paced)
+        problem = ControlRateProblem(problem, weight, held, limit, settings.robot.rate_limits)
+        guess = within_ramp(guess, durations, held, limit, settings.robot.time_scaling)
     trust_radius = np.full(problem.size.state, np.inf)
     trust_radius[2] = formulation.heading_trust_region
     options = Options(

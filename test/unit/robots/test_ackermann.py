@@ -79,7 +79,7 @@ def test_slower_and_at_rest_it_steers_as_before():
 def test_braking_keeps_to_the_arc_and_ends_at_rest():
     plan = np.tile([20.0, 0.4], (6, 1))
     for along in (True, False):
-        ramp = braking(plan, np.full(5, 0.2), 0.2, 2.0, CAR.paced, along=along)
+        ramp = braking(plan, np.full(5, 0.2), 0.2, 2.0, CAR.time_scaling, along=along)
         changes = np.diff(np.vstack([plan[:1], ramp]), axis=0)
         assert np.abs(changes[:, 0]).max() <= 2.0 + 1e-9
         assert (ramp[:, 1] == 0.4).all()
@@ -88,7 +88,7 @@ def test_braking_keeps_to_the_arc_and_ends_at_rest():
 
 def test_a_ramp_steers_no_faster_than_it_can():
     plan = np.tile([20.0, 0.5], (11, 1))
-    commands = within_ramp(plan, np.full(10, 0.2), np.zeros(2), 2.0, CAR.paced)[:-1]
+    commands = within_ramp(plan, np.full(10, 0.2), np.zeros(2), 2.0, CAR.time_scaling)[:-1]
     changes = np.abs(np.diff(np.vstack([np.zeros(2), commands]), axis=0))
     np.testing.assert_allclose(changes[:, 0], 2.0)
     assert changes[:, 1].max() <= 0.4 * 0.2 + 1e-12
@@ -97,4 +97,4 @@ def test_a_ramp_steers_no_faster_than_it_can():
 
 def test_the_limits_of_changes_are_of_one_size():
     at_limit = np.array([[10.0 * 0.2, 0.0], [0.0, 0.4 * 0.2]])
-    np.testing.assert_allclose(np.abs(at_limit @ CAR.changes.T).max(axis=1), 2.0)
+    np.testing.assert_allclose(np.abs(at_limit @ CAR.rate_limits.T).max(axis=1), 2.0)

@@ -9,8 +9,8 @@ from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
 from cmpsp_ros.robots import DifferentialDrive
-from cmpsp_ros.robots.differential_drive import LEFT, RIGHT
 
+RIGHT, LEFT = 0, 1
 unhurried = hypothesis_settings(deadline=None, max_examples=60)
 ROBOT = DifferentialDrive(max_wheel_speed=51.0)
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(40)

@@ -18,7 +18,8 @@ from cmpsp_ros.guidance.planning.initial_trajectories import (
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.mpsp.jit import allocation_free
-from cmpsp_ros.robots import DIFFERENTIAL_DRIVE, Kinematics, drive
+from cmpsp_ros.robots import DifferentialDrive, Kinematics, drive
+from cmpsp_ros.robots import steer as steer_by
 
 # Length over which a path that was pushed aside comes back to the centre line [m].
 _RETURN = 1.5
@@ -103,9 +104,10 @@ def follow_profile(
     """
     left = np.zeros(len(profile))
     left[:-1] = np.cumsum(lengths(frame, profile)[::-1])[::-1]
-    robot, change = start.robot.kinematics, math.inf
-    if robot.model == DIFFERENTIAL_DRIVE:
+    change = turn_change = math.inf
+    if isinstance(start.robot, DifferentialDrive):
         change = settings.max_wheel_change
+        turn_change = change * start.robot.wheel_radius / start.robot.half_track
     turns_first = change < math.inf and not start.previous_control.any()
     controls, poses = guess_arrays(start, durations)
     _follow(
@@ -115,11 +117,12 @@ def follow_profile(
         frame,
         np.ascontiguousarray(profile),
         left,
-        robot,
+        start.robot.kinematics,
         largest_turn(settings),
         free_turn_rate,
         np.ascontiguousarray(start.previous_control, dtype=np.float64),
         float(change),
+        float(turn_change),
         _SPOT if turns_first else math.inf,
     )
     return controls
@@ -159,6 +162,7 @@ def _follow(
     free_turn_rate: float,
     previous: Array,
     max_change: float,
+    max_turn_change: float,
     spot: float,
 ) -> None:
     """Fill the controls, step by step along the poses that they lead to."""
@@ -191,10 +195,9 @@ def _follow(
             )
         else:
             # The wheels brake as they have set out: by half of the angle each.
-            change = max_change * robot.gain / robot.arm
-            turn = min(abs(angle), max_turn, math.sqrt(change * durations[k] * abs(angle)))
-            rim = math.copysign(turn, angle) / durations[k] * robot.arm / robot.gain
-            controls[k, 0], controls[k, 1] = rim, -rim
+            most = math.sqrt(max_turn_change * durations[k] * abs(angle))
+            turn = math.copysign(min(abs(angle), max_turn, most), angle)
+            steer_by(controls, k, 0.0, 0.0, turn / durations[k], 0.0, robot)
         if max_change < math.inf:
             for side in range(2):
                 before = previous[side] if k == 0 else controls[k - 1, side]

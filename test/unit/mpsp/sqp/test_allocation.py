@@ -15,12 +15,7 @@ from cmpsp_ros.guidance.planning import FUNCTIONS
 from cmpsp_ros.mpsp import sqp
 from cmpsp_ros.mpsp.jit import allocation_free
 from cmpsp_ros.mpsp.qp import active_set, riccati
-from cmpsp_ros.robots import (
-    ackermann_functions,
-    differential_drive_functions,
-    omnidirectional_functions,
-    robot_functions,
-)
+from cmpsp_ros.robots import differential_drive, kinematics
 
 # What they call takes long to compile: by one worker.
 pytestmark = pytest.mark.xdist_group('riccati')
@@ -38,8 +33,7 @@ def test_a_kernel_that_would_make_an_array_is_refused():
 
 
 def test_every_kernel_is_compiled_to_make_none():
-    models = [ackermann_functions, differential_drive_functions, omnidirectional_functions]
-    modules, kernels = [*models, robot_functions, ocp_functions], 0
+    modules, kernels = [differential_drive, kinematics, ocp_functions], 0
     for package in (sqp, active_set, riccati):
         modules += [
             import_module(f'{package.__name__}.{each.name}')

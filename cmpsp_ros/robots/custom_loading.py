@@ -1,4 +1,4 @@
-"""Finds the class that a model of one's own is, and checks what it says of itself."""
+"""Custom models: finding the class, and checking that its parts fit together."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.robots.arcs import with_side
-from cmpsp_ros.robots.own.robot import OwnRobot
+from cmpsp_ros.robots.custom import CustomRobot
 
 _NUMBERS: Final = 2, 3
 _PARTS: Final = (0.5, 0.3, -0.2), (0.9, -0.6, 0.4), (0.2, 0.1, 0.7)
@@ -33,12 +33,8 @@ class ModelError(ValueError):
     """A model cannot be used; its arguments are what was found, and what is wanted."""
 
 
-def own_model(name: str) -> type[OwnRobot]:
-    """The class of a name such as `my_package.my_module:MyRobot`.
-
-    Raises:
-        ModelError: There is no such class, or it is not derived from `OwnRobot`.
-    """
+def custom_model(name: str) -> type[CustomRobot]:
+    """The class of a name such as `my_package.my_module:MyRobot`, or a `ModelError`."""
     module, colon, wanted = name.partition(':')
     if not colon or not module or not wanted:
         raise ModelError(repr(name), _MODELS)
@@ -48,31 +44,31 @@ def own_model(name: str) -> type[OwnRobot]:
         raise ModelError(f'{module!r}, which cannot be imported: {error}', 'a module') from error
     except AttributeError:
         raise ModelError(f'no {wanted!r} in {module}', 'a class in that module') from None
-    if not isinstance(found, type) or not issubclass(found, OwnRobot):
-        raise ModelError(repr(name), 'a class derived from cmpsp_ros.robots.own.robot.OwnRobot')
+    if not isinstance(found, type) or not issubclass(found, CustomRobot):
+        raise ModelError(repr(name), 'a class derived from cmpsp_ros.robots.CustomRobot')
     return found
 
 
-def own_robot(name: str, parameters: Mapping[str, Any]) -> OwnRobot:
-    """The robot of a class of one's own.
+def custom_robot(name: str, parameters: Mapping[str, Any]) -> CustomRobot:
+    """The robot of a custom class, once its parts are known to fit together.
 
     Raises:
-        ModelError: There is no such class, or what it says cannot be or does not fit together.
+        ModelError: They do not, or there is no such class.
     """
     try:
-        robot = own_model(name).of(parameters)
+        robot = custom_model(name).of(parameters)
         _check(name, robot)
     except ModelError:
         raise
     except Exception as error:
-        # A class of one's own may raise anything.
+        # A custom class may raise anything.
         said = str(error).strip().partition('\n')[0]
         found = f'{name}, which raises {type(error).__name__}: {said}'
         raise ModelError(found, 'a model as in doc/user/your_model.md') from error
     return robot
 
 
-def _check(name: str, robot: OwnRobot) -> None:
+def _check(name: str, robot: CustomRobot) -> None:
     r = robot.n_controls
     if r not in _NUMBERS or not 1 <= robot.n_speeds <= r:
         found = f'{name} with n_controls {r} and n_speeds {robot.n_speeds}'
@@ -98,7 +94,7 @@ def _check(name: str, robot: OwnRobot) -> None:
 
 
 def _check_limits(
-    name: str, robot: OwnRobot, what: str, highest: Sequence[float], range_: str
+    name: str, robot: CustomRobot, what: str, highest: Sequence[float], range_: str
 ) -> None:
     given = getattr(robot, what)
     if (
@@ -110,7 +106,7 @@ def _check_limits(
         raise ModelError(f'{name} with {what} {given}', wanted)
 
 
-def _check_steering(name: str, robot: OwnRobot, controls: Array) -> None:
+def _check_steering(name: str, robot: CustomRobot, controls: Array) -> None:
     twist = robot.twist(controls)
     given = robot.steer(robot.constants, *with_side(twist).tolist())
     if np.shape(given) != (robot.n_controls,):
@@ -122,7 +118,7 @@ def _check_steering(name: str, robot: OwnRobot, controls: Array) -> None:
         raise ModelError(found, 'the controls of that twist')
 
 
-def _check_slopes(name: str, robot: OwnRobot, controls: Array) -> None:
+def _check_slopes(name: str, robot: CustomRobot, controls: Array) -> None:
     """Compiled code takes derivatives by an imaginary step, which not every function survives."""
     twist = robot.motion(robot.constants, *controls.tolist())
     if np.shape(twist) != (len(_TWIST),):

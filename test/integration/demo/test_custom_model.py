@@ -1,4 +1,4 @@
-"""A run of a class of one's own: it ends with wheels that stay steered, replays, and is audited."""
+"""A run of a custom model: it ends with wheels that stay steered, replays, and is audited."""
 
 from __future__ import annotations
 

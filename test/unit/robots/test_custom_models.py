@@ -1,4 +1,4 @@
-"""Models of one's own: the example of doc/user/your_model.md, and what cannot be used."""
+"""Custom models: the example of doc/user/your_model.md, and what cannot be used."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class Bike(ForkLift):
         return forward, math.atan(constants[0] * turn_rate / forward) if forward != 0.0 else 0.0
 
 
-class Platform(OwnRobot):
+class Platform(CustomRobot):
     n_controls, n_speeds = 3, 3
     drives_sideways = True
     constants = ()
@@ -68,12 +68,12 @@ class Platform(OwnRobot):
 """
 
 WRONG = """
-from forklift import ForkLift, OwnRobot, math, np
+from forklift import ForkLift, CustomRobot, math, np
 
 class NoBase:
     pass
 
-class NoMotion(OwnRobot):
+class NoMotion(CustomRobot):
     n_controls = 2
     limits = change_limits = 1.0, 1.0
     constants = ()
@@ -243,7 +243,7 @@ def test_models_that_are_there_are_driven_alike(modules):
         ('hovercraft', "found 'hovercraft', wanted differential_drive, mecanum"),
         ('no_such_module:Robot', 'no_such_module'),
         ('forklift:Missing', "no 'Missing' in forklift"),
-        ('wrong:NoBase', 'derived from cmpsp_ros.robots.own.robot.OwnRobot'),
+        ('wrong:NoBase', 'derived from cmpsp_ros.robots.CustomRobot'),
         ('wrong:NoMotion', 'abstract'),
         ('wrong:NoLimit', r'limits \(1.5, 0.0\), wanted 2 numbers above 0'),
         ('wrong:OneLimit', r'limits \(1.5,\)'),
@@ -280,20 +280,20 @@ import numpy as np
 from models import assert_arrives, assert_the_same, drive
 from cmpsp_ros.mpsp.jit.watch import compilations
 
-OWN = 'put_twist', 'put_derivatives', 'put_controls', 'motion', 'steer'
+ITS = 'displace', 'differentiate', 'put_controls', 'motion', 'steer'
 given = 'robot.model=forklift:{model}', 'initial_guess.type=road', 'robot.radius=0.4'
-own = 'robot.max_wheel_speed=1.5', 'final_time=15.0', 'solver.work_share=0.3'
+limits = 'robot.max_wheel_speed=1.5', 'final_time=15.0', 'solver.work_share=0.3'
 three = ['robot.joint_names=[a, b, c]'] * ('{model}' == 'Platform')
-run = drive('case3_wide', *given, *own, *three)
+run = drive('case3_wide', *given, *limits, *three)
 assert_arrives(*run)
 with compilations() as compiled:
-    assert_the_same(run, drive('case3_wide', *given, *own, *three))
+    assert_the_same(run, drive('case3_wide', *given, *limits, *three))
 assert compiled == [], compiled
 if '{model}' == 'ForkLift':
     # Another model compiles what is its own, and nothing else.
     with compilations() as compiled:
-        drive('case3_wide', 'robot.model=forklift:Car', *given[1:], *own)
-    others = [each for each in compiled if each.rpartition('.')[2] not in OWN]
+        drive('case3_wide', 'robot.model=forklift:Car', *given[1:], *limits)
+    others = [each for each in compiled if each.rpartition('.')[2] not in ITS]
     assert others == [], compiled
 settings, decisions = run[:2]
 parts = np.array([each.wheel_speeds for each in decisions])

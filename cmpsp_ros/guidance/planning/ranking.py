@@ -12,7 +12,7 @@ from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.formulation.priorities import BY_PRIORITY
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.planning.candidate import Candidate
-from cmpsp_ros.guidance.planning.initial_trajectories import wrapped
+from cmpsp_ros.guidance.planning.homotopy.road_frame import wrapped
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.mpsp.jit import allocation_free
 from cmpsp_ros.robots import Kinematics, fastest_wheel

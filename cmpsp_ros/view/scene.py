@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.guidance import MAP, GuidanceSettings
+from cmpsp_ros.guidance import GuidanceSettings
 from cmpsp_ros.guidance.formulation import sample_space
 from cmpsp_ros.robots import placed
 from cmpsp_ros.view.palette import EDGE, MARGIN, MOVING, OBSTACLE, ROAD, SEEN, TEXT
@@ -113,7 +113,9 @@ def course(
 
 def kept_clear(settings: GuidanceSettings) -> Part:
     """Closest that the centres of the robot's discs may come to each obstacle at samples."""
-    radii = zip(settings.obstacles, sample_space(settings).radii.tolist(), strict=True)
+    radii = zip(
+        settings.obstacles, sample_space(settings, settings.world).radii.tolist(), strict=True
+    )
     return Part('kept clear', tuple(line for each, r in radii for line in outlines(each, r)))
 
 
@@ -179,7 +181,7 @@ def frame(points: Sequence[Array], shapes: Iterable[Shape], room: float) -> tupl
 
 def map_corners(settings: GuidanceSettings) -> Array:
     """Corners of the map ``(4, 2)`` [m]; none if it is so large that a path would be lost on it."""
-    known = settings.grid(MAP)
+    known = settings.world.map
     if known is None or max(known.grid.size) > _WHOLE_MAP:
         return np.empty((0, 2))
     return known.grid.ends

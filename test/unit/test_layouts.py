@@ -88,12 +88,12 @@ def test_rviz_asks_for_no_more_than_the_nodes_offer(rviz, topics):
 def test_rviz_knows_the_namespaces_of_the_markers_and_the_frame(rviz):
     goals = guidance_settings(TABLE.resolve(load_parameter_file('goals')))
     settings = guidance_settings(TABLE.resolve(load_parameter_file('case3')))
-    decision = GuidanceLaw(settings).halt(1, 'No odometry.')
+    decision = GuidanceLaw(settings, settings.world).halt(1, 'No odometry.')
     decision = decision._replace(tracks=(Track(7, 1, 0.3, 5.0, -9.0, -0.5, 0.25),))
     scenery = [
         each
         for course in (settings, goals)
-        for each in marker_array(course, Time(nanoseconds=1).to_msg()).markers
+        for each in marker_array(course, course.world, Time(nanoseconds=1).to_msg()).markers
     ]
     listed = {
         display['Topic']['Value']: set(display['Namespaces'])

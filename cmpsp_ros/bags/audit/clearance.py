@@ -75,6 +75,6 @@ def sweep(
             settings = epoch.course
             obstacles = (f'obstacle {each.name}' for each in settings.obstacles)
             names = (*settings.road.edge_names, *obstacles)
-            clearance = settings.clearance(*arcs)
+            clearance = settings.world.clearance(settings, *arcs)
             clearance[:, EDGES:][:, epoch.of_hidden] += off
             yield Sweep(settings, begins[index], clearance, names, by, tolerance)

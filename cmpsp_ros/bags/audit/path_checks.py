@@ -307,7 +307,7 @@ def _spare(
     settings: GuidanceSettings, pose: Array, twist: Array, period: float, near: float
 ) -> Array:
     """Clearance of an arc above the clearance required, ``(2 + M,)`` [m]."""
-    space = settings.space()
+    space = settings.world.free_space(settings)
     start, held = pose[None], np.array([period])
     floor = np.minimum(space.at(start, near)[0], 0.0)
     if settings.safety.between_samples:

@@ -18,7 +18,7 @@ from cmpsp_ros.guidance.planning.homotopy.road_frame import (
     wrapped,
 )
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
-from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.mpsp.jit import allocation_free
 from cmpsp_ros.robots import DifferentialDrive, Kinematics, drive, fastest_wheel, within_limits
 from cmpsp_ros.robots import steer as steer_by
@@ -48,7 +48,7 @@ class Pursuit(NamedTuple):
 
 
 def initial_guess(
-    settings: GuidanceSettings, start: PlanStart, target: Target, durations: Array
+    settings: LawSettings, start: PlanStart, target: Target, durations: Array
 ) -> Array:
     """The first control history ``(N + 1, r)``, as `settings.initial_guess` says.
 
@@ -65,15 +65,13 @@ def initial_guess(
     return along_road(settings, start, target, durations)
 
 
-def along_road(
-    settings: GuidanceSettings, start: PlanStart, target: Target, durations: Array
-) -> Array:
+def along_road(settings: LawSettings, start: PlanStart, target: Target, durations: Array) -> Array:
     """Pursuit of a point ahead on the centre line, paced to be at the goal in time.
 
     Arguments and result as in `initial_guess`.
     """
     controls, poses = _empty(start, durations)
-    road, heading = settings.road.space(0.0), target.heading
+    road, heading = start.world.road_space, target.heading
     pursuit = Pursuit(
         start.robot.kinematics, largest_turn(settings), free_turn_rate(start, target, durations)
     )
@@ -84,7 +82,7 @@ def along_road(
 
 
 def follow_profile(
-    settings: GuidanceSettings,
+    settings: LawSettings,
     start: PlanStart,
     durations: Array,
     frame: RoadFrame,
@@ -140,7 +138,7 @@ def free_turn_rate(start: PlanStart, target: Target, durations: Array) -> float:
     return wrapped(target.heading - float(start.pose[2])) / float(durations.sum())
 
 
-def largest_turn(settings: GuidanceSettings) -> float:
+def largest_turn(settings: LawSettings) -> float:
     """Largest turn of a guess in one step [rad]."""
     return settings.solver.heading_trust_region or math.pi / 2.0
 

@@ -69,7 +69,7 @@ class GuidanceLoop:
         """
         self._node, self._settings, self._garbage = node, settings, garbage
         self.active, self._in_lockstep = False, values['lockstep']
-        self._law = GuidanceLaw(settings, time.perf_counter_ns)
+        self._law = GuidanceLaw(settings, settings.world, time.perf_counter_ns)
         self._outputs = GuidanceOutputs(node, values, settings)
         self._transforms = TransformInput(node, values['robot_frame'], settings)
         self._obstacles = ObstacleInput(node, settings, self._transforms)
@@ -119,7 +119,7 @@ class GuidanceLoop:
     def take(self, settings: GuidanceSettings) -> None:
         """Take other settings, from the next control step on."""
         self._settings = settings
-        self._law.reconfigure(settings)
+        self._law.reconfigure(settings, settings.world)
         self._obstacles.settings = self._transforms.settings = settings
         self._scenery_changed = True
         if not self.active:
@@ -129,7 +129,7 @@ class GuidanceLoop:
         """Send road, obstacles and goals; before a road came there is none to be seen."""
         if not self.road.waits:
             ahead = None if self.decision is None else self.decision.goal
-            self._outputs.show(self._law.task, ahead)
+            self._outputs.show(self._law.task, self._law.world, ahead)
         self._scenery_changed = self.road.waits
 
     def rest(self, reason: str) -> None:

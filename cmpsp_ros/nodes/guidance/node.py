@@ -113,7 +113,9 @@ class GuidanceNode(LifecycleNode):
             return self._refuse(str(error) or type(error).__name__, 'configure')
         self._refusal = ''
         start = settings.start_pose
-        self._foretold = [] if start is None else infeasibility_warnings(settings, start[:2])
+        self._foretold = []
+        if start is not None:
+            self._foretold = infeasibility_warnings(settings, settings.world, start[:2])
         self._arbiter = CommandArbiter(self, self._give_way)
         self._scheduling = Scheduling(self._values)
         self._parameters_out = PARAMETERS.publish_on(self)

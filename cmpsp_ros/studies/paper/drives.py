@@ -50,7 +50,7 @@ class Path:
     @property
     def off_center(self) -> Array:
         """Distance outward from the centre line at each instant, shape ``(N + 1,)`` [m]."""
-        road = self.settings.annulus
+        road = self.settings.world.annulus
         off: Array = np.linalg.norm(self.poses[:, :2] - road.center, axis=1) - road.center_radius
         return off
 
@@ -63,7 +63,7 @@ class Path:
     def clearance(self, *, between_samples: bool) -> Array:
         """Least clearance from outer edge, inner edge and obstacles, shape ``(2 + M,)`` [m]."""
         settings = self.settings
-        space = settings.space()
+        space = settings.world.free_space(settings)
         if between_samples:
             twists = settings.robot.twist(self.controls)
             clearance = space.along(self.poses[:-1], twists, self.durations)

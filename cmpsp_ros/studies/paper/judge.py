@@ -62,8 +62,8 @@ def judge(settings: GuidanceSettings, pose: Array, start: Path) -> Judgement:
             'casadi: not installed, wanted for the judge; pip install casadi'
         ) from error
     steps = round(settings.final_time / settings.control_period)
-    robot, space = settings.robot, sample_space(settings)
-    end = goal_space(settings, settings.target) or space
+    robot, space = settings.robot, sample_space(settings, settings.world)
+    end = goal_space(settings, settings.world, settings.target) or space
     stopping = _stopping(settings)
     start = _braked(start, steps, stopping)
     opti = casadi.Opti()

@@ -138,7 +138,7 @@ def key_above(axes: Axes, lines: Sequence[Artist], columns: int) -> None:
 
 def _draw_place(axes: Axes, drives: Sequence[Drive]) -> None:
     """The quarter of the road that is driven, and every obstacle that any of the runs has."""
-    road = drives[0].path.settings.annulus
+    road = drives[0].path.settings.world.annulus
     draw_road(axes, road, _ROAD, _EDGE)
     shapes = {each.name: each for drive in drives for each in drive.path.settings.obstacles}
     draw_obstacles(axes, shapes.values(), **_OBSTACLE)

@@ -86,7 +86,10 @@ def follow(experiment: Experiment, recipe: Recipe, *, between_samples: bool = Fa
     period, final = to_nanoseconds(settings.control_period), to_nanoseconds(settings.final_time)
     horizon = remaining(0, period, final)
     plan = initial_guess(
-        settings, PlanStart(pose, settings.robot), settings.target, horizon.durations
+        settings,
+        PlanStart(pose, settings.robot, settings.world),
+        settings.target,
+        horizon.durations,
     )
     driven = []
     for now in range(0, final, period):
@@ -104,7 +107,9 @@ def _improve(
     weights, goal = settings.weights, np.array(settings.goal)
     cost = Cost(weights.road_center, weights.control_change, weights.control_effort)
     kind = SquaredConstraints if recipe is Recipe.AS_WRITTEN else GuidanceProblem
-    problem = kind(settings.robot, sample_space(settings), cost, pose, goal, durations)
+    problem = kind(
+        settings.robot, sample_space(settings, settings.world), cost, pose, goal, durations
+    )
     obstacles = [PENALTIES['obstacle']] * len(settings.obstacles)
     adds = recipe is Recipe.ONE_PLAN
     options = Options(

@@ -44,7 +44,8 @@ def test_a_goal_is_driven_to_and_one_in_another_frame_refused(
     fault, start_node, client, make_odometry
 ):
     values = TABLE.resolve({**load_parameter_file('case3'), **PATIENT})
-    law, shown = GuidanceLaw(guidance_settings(values)), []
+    settings = guidance_settings(values)
+    law, shown = GuidanceLaw(settings, settings.world), []
     running = start_node('guidance_node', PATIENT)
     client.node.create_subscription(MarkerArray, '/guidance/markers', shown.append, LATCHED)
     goals = client.node.create_publisher(PoseStamped, 'goal_pose', 10)

@@ -30,7 +30,8 @@ PATIENT = {'odom_timeout': 60.0}
 def law():
     """The law itself, with the settings of the node under test."""
     values = TABLE.resolve({**load_parameter_file('case3'), **PATIENT})
-    return GuidanceLaw(guidance_settings(values))
+    settings = guidance_settings(values)
+    return GuidanceLaw(settings, settings.world)
 
 
 @pytest.mark.smoke

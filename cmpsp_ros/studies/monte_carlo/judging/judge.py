@@ -134,7 +134,7 @@ def _starts(settings: GuidanceSettings, pose: Array) -> Iterator[Path]:
             if len(points):
                 yield at_constant_speed(settings, pose, points)
         return
-    road = settings.annulus
+    road = settings.world.annulus
     half = (road.outer_radius - road.inner_radius) / 2.0
     steps = round(settings.final_time / settings.control_period)
     durations = np.full(steps, settings.control_period)
@@ -145,11 +145,11 @@ def _starts(settings: GuidanceSettings, pose: Array) -> Iterator[Path]:
             inner_radius=road.inner_radius + offset * half,
             outer_radius=road.outer_radius + offset * half,
         )
-        other, start = replace(settings, road=shifted), PlanStart(pose, settings.robot)
-        controls = along_road(other, start, settings.target, durations)
+        start = PlanStart(pose, settings.robot, replace(settings.world, road=shifted))
+        controls = along_road(settings, start, settings.target, durations)
         yield _driven(settings, pose, controls[:-1])
     if not settings.robot.turns_on_the_spot:
-        start = PlanStart(pose, settings.robot)
+        start = PlanStart(pose, settings.robot, settings.world)
         for controls in manoeuvres(settings, start, settings.target, durations):
             yield _driven(settings, pose, controls[:-1])
 

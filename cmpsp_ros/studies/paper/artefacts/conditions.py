@@ -51,7 +51,7 @@ def measure(path: Path) -> Conditions:
     weights = settings.weights
     problem = GuidanceProblem(
         settings.robot,
-        sample_space(settings),
+        sample_space(settings, settings.world),
         Cost(weights.road_center, weights.control_change, 0.0),
         path.poses[0],
         np.array(settings.goal),
@@ -94,10 +94,10 @@ def _condensed_hessian(problem: GuidanceProblem, path: Path, U: Array) -> Array:
     """Hessian (45) of the first term, with the exact second derivative of the stage cost."""
     settings = path.settings
     linear = problem.linearise(path.poses, U)
-    out = path.poses[:, :2] - settings.annulus.center
+    out = path.poses[:, :2] - settings.world.annulus.center
     radius = np.linalg.norm(out, axis=1)
     along = np.column_stack([-out[:, 1], out[:, 0]]) / radius[:, None]
-    bend = (settings.annulus.center_radius / radius)[:, None, None]
+    bend = (settings.world.annulus.center_radius / radius)[:, None, None]
     L_XX = np.zeros_like(linear.L_XX)
     L_XX[:, :2, :2] = np.eye(2) - bend * along[:, :, None] * along[:, None, :]
     L_XX *= settings.weights.road_center

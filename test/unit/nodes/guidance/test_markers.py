@@ -103,17 +103,19 @@ def test_the_goal_has_its_tolerance_and_can_be_seen():
     assert (goal.pose.position.x, goal.pose.position.y) == (10.0, 0.0)
     assert goal.scale.x == 0.2
     wide = settings(**{'goal.tolerance': 0.5})
-    (goal,) = of(marker_array(wide, STAMP).markers, 'goal')
+    (goal,) = of(marker_array(wide, wide.world, STAMP).markers, 'goal')
     assert goal.scale.x == 1.0
 
 
 def test_goals_show_their_headings_and_those_that_are_passed_are_paler():
     course = settings('goals')
-    made = marker_array(course, STAMP).markers
+    made = marker_array(course, course.world, STAMP).markers
     goals = of(made, 'goal')
     assert len(goals) == len(course.goals) == 6
     assert len({each.color.a for each in goals}) == 1
-    markers = marker_array(course, STAMP, replace(course.goals[2], heading=0.5)).markers
+    markers = marker_array(
+        course, course.world, STAMP, replace(course.goals[2], heading=0.5)
+    ).markers
     alphas = [each.color.a for each in of(markers, 'goal')]
     assert alphas[0] == alphas[1] < alphas[2] == alphas[5] == goals[0].color.a
     # Only the second has a heading.

@@ -34,7 +34,7 @@ def test_courses_are_in_proportion_and_in_reach(robot):
     for number in range(30):
         task = study(robot).run(number)
         settings, obstacles = task.settings, task.scenario.obstacles
-        road = settings.annulus
+        road = settings.world.annulus
         scale = (road.outer_radius - road.inner_radius) / WIDTH
         assert settings.goal == pytest.approx((10.0 * scale, 0.0))
         assert is_open(road, obstacles, scale * GAP + 2.0 * settings.robot_radius)

@@ -108,7 +108,7 @@ def test_an_independent_solver_finds_every_layout_feasible(each, between_samples
     from cmpsp_ros.studies.paper.judge import judge
 
     settings, pose = each.with_bound(between_samples), np.array(each.pose)
-    start = PlanStart(pose, settings.robot)
+    start = PlanStart(pose, settings.robot, settings.world)
     guess = along_road(settings, start, settings.target, np.full(50, 0.2))[:-1]
     verdict = judge(settings, pose, drive_open(settings, pose, guess))
     assert verdict.feasible, verdict.status

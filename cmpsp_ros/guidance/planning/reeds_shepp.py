@@ -1,20 +1,44 @@
-"""Shortest paths of a car that drives forward and backward.
+"""Initial trajectories of a robot that has to drive in order to turn: back and forth.
 
-Reeds and Shepp, Optimal paths for a car that goes both forwards and backwards, 1990; the numbers of
-formulas are theirs. Lengths are in turning radii.
+Shortest paths of a car that drives forward and backward: Reeds and Shepp, Optimal paths for a car
+that goes both forwards and backwards, 1990; the numbers of formulas are theirs. Their lengths are
+in turning radii.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from itertools import product
+from itertools import pairwise, product
 from typing import Final, NamedTuple
+
+import numpy as np
+
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.guidance.goals import Target
+from cmpsp_ros.guidance.planning.initial_trajectories import along_road
+from cmpsp_ros.guidance.prediction.plan_start import PlanStart
+from cmpsp_ros.guidance.settings import LawSettings
+from cmpsp_ros.robots import Robot
+from cmpsp_ros.world.roads import arc_length_to, lookahead_points
 
 LEFT, STRAIGHT, RIGHT = 1, 0, -1
 
 _TURNS: Final = {'L': LEFT, 'S': STRAIGHT, 'R': RIGHT}
 _QUARTER: Final = math.pi / 2.0
+_WIDER: Final = 1.1
+"""Turning radius of a guess, relative to the smallest: the steering needs time."""
+_NEAR: Final = 8.0
+"""Distance along the road from which a robot turns to the goal, else to the road half as far."""
+_STRAIGHT_IN: Final = (0.0, 2.0, -2.0)
+"""Straight ends of paths to a pose: a bay is entered along its heading."""
+_REVERSAL: Final = 1.0
+"""Cost of a change of direction."""
+_OF_PACE: Final = 0.6
+"""Speed of a guess before it reaches the road, relative to the pace."""
+_PIECE: Final = 0.2
+"""Length of the pieces that are checked for collisions."""
+_MAX_GUESSES: Final = 4
 
 Solutions = Iterator[tuple[float, ...]]
 
@@ -26,7 +50,121 @@ class Segment(NamedTuple):
     length: float
 
 
-def shortest_paths(x: float, y: float, heading: float) -> list[tuple[Segment, ...]]:
+Path = tuple[Segment, ...]
+
+
+def has_to_turn(start: PlanStart, target: Target) -> bool:
+    """Whether a robot that cannot turn on the spot faces away, or is near a goal with a heading."""
+    if start.robot.turns_on_the_spot or target.is_line:
+        return False
+    ahead, radius = _ahead(start, target), _radius(start.robot)
+    if target.heading is not None and abs(ahead) <= _NEAR * radius:
+        return True
+    x, y = _points(start, target, math.copysign(radius, ahead))[0]
+    bearing = math.atan2(y - start.pose[1], x - start.pose[0])
+    return abs(math.remainder(bearing - float(start.pose[2]), math.tau)) > math.pi / 2.0
+
+
+def manoeuvres(
+    settings: LawSettings, start: PlanStart, target: Target, durations: Array
+) -> list[Array]:
+    """Controls ``(N + 1, r)`` that turn to the goal, or to the road, by the shortest clear paths.
+
+    Those for which the time is too short are left out. Arguments as of `along_road`.
+    """
+    space = start.world.free_space(settings, settings.safety.margin)
+    scored = []
+    for path in _paths(start, target):
+        poses = _poses(start, path)
+        depth = max(0.0, -float(space.at(poses).min()))
+        reversals = sum(one.length * other.length < 0.0 for one, other in pairwise(path))
+        scored.append((round(depth, 1), length_of(path) + _REVERSAL * reversals, path))
+    best = sorted(scored)[:_MAX_GUESSES]
+    made = (_paced(settings, start, target, durations, path) for *_, path in best)
+    return [each for each in made if each is not None]
+
+
+def _radius(robot: Robot) -> float:
+    """Turning radius of guesses [m]."""
+    return _WIDER * robot.half_track
+
+
+def _ahead(start: PlanStart, target: Target) -> float:
+    """Arc length along the road to the goal, negative against its direction [m]."""
+    return arc_length_to(start.world.road, start.pose, target.position, target.heading)
+
+
+def _points(start: PlanStart, target: Target, *lengths: float) -> Array:
+    return lookahead_points(start.world.road, start.pose, np.array(lengths), target.position)
+
+
+def _paths(start: PlanStart, target: Target) -> Iterator[Path]:
+    """Paths to a goal that is near, else to the road ahead."""
+    ahead, radius = _ahead(start, target), _radius(start.robot)
+    near = abs(ahead) <= _NEAR * radius
+    there = ahead if near else math.copysign(_NEAR / 2.0 * radius, ahead)
+    before, place = _points(start, target, 0.9 * there, there)
+    heading = math.atan2(*(place - before)[::-1])
+    straight: tuple[float, ...] = (0.0,)
+    if near:
+        place = np.array(target.position)
+        if target.heading is not None:
+            heading, straight = target.heading, _STRAIGHT_IN
+    for last in straight:
+        x, y = place - start.pose[:2] - last * radius * np.array(_direction(heading))
+        cosine, sine = _direction(float(start.pose[2]))
+        ahead, left = (cosine * x + sine * y) / radius, (cosine * y - sine * x) / radius
+        for path in shortest_paths(ahead, left, heading - float(start.pose[2])):
+            yield (*path, Segment(STRAIGHT, last)) if last else path
+
+
+def _poses(start: PlanStart, path: Path) -> Array:
+    """Poses along a path, shape ``(K, 3)`` [m, m, rad]."""
+    pieces = [
+        Segment(turn, length / count)
+        for turn, length in path
+        for count in [math.ceil(abs(length) / _PIECE)]
+        for _ in range(count)
+    ]
+    controls = np.array([_control(start.robot, each, 1.0) for each in pieces])
+    return start.robot.roll_out(start.pose, controls, np.ones(len(pieces)))[1:]
+
+
+def _control(robot: Robot, segment: Segment, time: float) -> Array:
+    """Control ``(r,)`` that drives a segment in some time [s]."""
+    turn, length = segment
+    return robot.controls(np.array([_radius(robot) * length, turn * length]) / time)
+
+
+def _paced(
+    settings: LawSettings, start: PlanStart, target: Target, durations: Array, path: Path
+) -> Array | None:
+    """A path as controls ``(N + 1, r)``: to the goal in all the time, else before the road."""
+    robot, period, lengths = start.robot, settings.control_period, [abs(s.length) for s in path]
+    radius, steps = _radius(robot), len(durations)
+    near = abs(_ahead(start, target)) <= _NEAR * radius
+    if near:
+        counts = [max(1, int(each / sum(lengths) * steps)) for each in lengths]
+        counts[int(np.argmax(lengths))] += steps - sum(counts)
+    else:
+        step = _OF_PACE * settings.pace * period / radius
+        counts = [math.ceil(each / step) for each in lengths]
+    if min(counts) < 1 or sum(counts) > steps:
+        return None
+    moves = [[_control(robot, s, n * period)] * n for s, n in zip(path, counts, strict=True)]
+    controls = np.concatenate(moves)
+    if len(controls) == steps:
+        return np.vstack([controls, controls[-1:]])
+    there = robot.roll_out(start.pose, controls, durations[: len(controls)])[-1]
+    later = start._replace(pose=there)
+    return np.vstack([controls, along_road(settings, later, target, durations[len(controls) :])])
+
+
+def _direction(heading: float) -> tuple[float, float]:
+    return math.cos(heading), math.sin(heading)
+
+
+def shortest_paths(x: float, y: float, heading: float) -> list[Path]:
     """Paths from the origin to a pose, the shortest of every word, by ascending length."""
     found = []
     for gear, side in product((1, -1), repeat=2):
@@ -40,7 +178,7 @@ def shortest_paths(x: float, y: float, heading: float) -> list[tuple[Segment, ..
     return sorted(found, key=length_of)
 
 
-def length_of(path: tuple[Segment, ...]) -> float:
+def length_of(path: Path) -> float:
     """Length of a path."""
     return sum(abs(length) for _, length in path)
 

@@ -17,7 +17,6 @@ from cmpsp_ros.guidance import GuidanceSettings, remaining, shift, to_nanosecond
 from cmpsp_ros.guidance.formulation import (
     N_EDGE_CONSTRAINTS,
     PENALTIES,
-    Cost,
     GuidanceProblem,
     sample_space,
 )
@@ -104,12 +103,10 @@ def follow(experiment: Experiment, recipe: Recipe, *, between_samples: bool = Fa
 def _improve(
     settings: GuidanceSettings, recipe: Recipe, pose: Array, guess: Array, durations: Array
 ) -> Array:
-    weights, goal = settings.weights, np.array(settings.goal)
-    cost = Cost(weights.road_center, weights.control_change, weights.control_effort)
+    goal = np.array(settings.goal)
     kind = SquaredConstraints if recipe is Recipe.AS_WRITTEN else GuidanceProblem
-    problem = kind(
-        settings.robot, sample_space(settings, settings.world), cost, pose, goal, durations
-    )
+    space = sample_space(settings, settings.world)
+    problem = kind(settings.robot, space, settings.weights, pose, goal, durations)
     obstacles = [PENALTIES['obstacle']] * len(settings.obstacles)
     adds = recipe is Recipe.ONE_PLAN
     options = Options(

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.guidance.formulation import Cost, GuidanceProblem, sample_space
+from cmpsp_ros.guidance.formulation import GuidanceProblem, sample_space
 from cmpsp_ros.mpsp.qp.dense import CondensedQP, condense
 from cmpsp_ros.studies.paper.drives import Path
 
@@ -52,7 +52,7 @@ def measure(path: Path) -> Conditions:
     problem = GuidanceProblem(
         settings.robot,
         sample_space(settings, settings.world),
-        Cost(weights.road_center, weights.control_change, 0.0),
+        replace(weights, control_effort=0.0),
         path.poses[0],
         np.array(settings.goal),
         path.durations,

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.guidance.formulation import N_EDGE_CONSTRAINTS, Cost, GuidanceProblem
+from cmpsp_ros.guidance.formulation import N_EDGE_CONSTRAINTS, GuidanceProblem
 from cmpsp_ros.mpsp import Options
 from cmpsp_ros.mpsp.sqp import CMPSP
 from cmpsp_ros.studies.paper.experiments import Experiment
@@ -89,7 +89,7 @@ def converge(
     problem = GuidanceProblem(
         settings.robot,
         nowhere,
-        Cost(road_center, settings.weights.control_change, 0.0),
+        replace(settings.weights, road_center=road_center, control_effort=0.0),
         np.array(experiment.pose),
         np.array(settings.goal),
         np.full(steps, settings.control_period),

@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from cmpsp_ros.bags.errors import BagError, UnknownTypeError
     from cmpsp_ros.bags.names import Names
     from cmpsp_ros.bags.reader import Bag
+    from cmpsp_ros.bags.storage.common import Form
     from cmpsp_ros.bags.writer import BagWriter
 
 __getattr__, __all__ = lazy_exports(__name__, __file__)

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
         with_former_keys,
     )
     from cmpsp_ros.guidance.law import GuidanceLaw
-    from cmpsp_ros.guidance.settings import GOAL, GuidanceSettings, LawSettings
+    from cmpsp_ros.guidance.settings import GOAL, LawSettings
     from cmpsp_ros.guidance.solver_settings import (
         InitialGuess,
         MovingObstacles,
@@ -31,6 +31,6 @@ if TYPE_CHECKING:
         Weights,
     )
     from cmpsp_ros.guidance.warmup import prepare, warm_up
-    from cmpsp_ros.guidance.world import MAP, SEEN, World
+    from cmpsp_ros.guidance.world import MAP, SEEN, GuidanceSettings, World
 
 __getattr__, __all__ = lazy_exports(__name__, __file__)

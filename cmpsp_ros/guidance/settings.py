@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from typing import Final, Self
 
 from cmpsp_ros.guidance.goals import Follow, Goal, Target
@@ -15,11 +14,8 @@ from cmpsp_ros.guidance.solver_settings import (
     SolverSettings,
     Weights,
 )
-from cmpsp_ros.guidance.world import World
 from cmpsp_ros.robots import Bodies, Footprint, Robot
 from cmpsp_ros.sensing import SightSettings
-from cmpsp_ros.world.obstacles import Shape
-from cmpsp_ros.world.roads import Road
 
 GOAL: Final = 'goal'
 """Name of the last of several goals."""
@@ -169,21 +165,3 @@ class LawSettings:
         """
         discs = self.footprint.discs, self.robot_radius
         return (discs, self.footprint.outline) if self.footprint.corners else (discs,)
-
-
-@dataclass(frozen=True)
-class GuidanceSettings(LawSettings):
-    """A task as a person gives it: the numbers, and the road and obstacles that are known.
-
-    Attributes:
-        road: The road to stay inside.
-        obstacles: Static obstacles, a map included.
-    """
-
-    road: Road = field(kw_only=True)
-    obstacles: tuple[Shape, ...] = field(default=(), kw_only=True)
-
-    @cached_property
-    def world(self) -> World:
-        """The world as it is known before anything is seen."""
-        return World(self.road, self.obstacles)

@@ -23,8 +23,8 @@ from cmpsp_ros.guidance.prediction.pending_commands import PendingCommands
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.prediction.response_estimate import ResponseEstimate
 from cmpsp_ros.guidance.safety.audit import Audit
-from cmpsp_ros.guidance.settings import GuidanceSettings, LawSettings
-from cmpsp_ros.guidance.world import MAP, World
+from cmpsp_ros.guidance.settings import LawSettings
+from cmpsp_ros.guidance.world import MAP, GuidanceSettings, World
 from cmpsp_ros.mpsp import Hessian
 from cmpsp_ros.mpsp.qp import CLARABEL
 from cmpsp_ros.robots import with_lag

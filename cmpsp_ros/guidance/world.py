@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from cmpsp_ros.arrays import Array
+from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.world import FreeSpace, KeptLine, MapSearch, outside
 from cmpsp_ros.world.grids import GridObstacle, OccupancyGrid
 from cmpsp_ros.world.obstacles import Shape
 from cmpsp_ros.world.roads import Annulus, Road, RoadSpace
-
-if TYPE_CHECKING:
-    from cmpsp_ros.guidance.settings import LawSettings
 
 SEEN: Final = 'seen'
 """Name of the obstacle that is made of all that sensors have seen."""
@@ -145,3 +143,21 @@ class World:
     @cached_property
     def _searches(self) -> dict[tuple[float, float], MapSearch]:
         return {}
+
+
+@dataclass(frozen=True)
+class GuidanceSettings(LawSettings):
+    """A task as a person gives it: the numbers, and the road and obstacles that are known.
+
+    Attributes:
+        road: The road to stay inside.
+        obstacles: Static obstacles, a map included.
+    """
+
+    road: Road = field(kw_only=True)
+    obstacles: tuple[Shape, ...] = field(default=(), kw_only=True)
+
+    @cached_property
+    def world(self) -> World:
+        """The world as it is known before anything is seen."""
+        return World(self.road, self.obstacles)

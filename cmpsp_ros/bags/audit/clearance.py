@@ -14,8 +14,6 @@ from cmpsp_ros.bags.runs.seen import Seen
 from cmpsp_ros.guidance import GuidanceSettings
 from cmpsp_ros.world.roads import FAR
 
-Stamps = IntArray
-
 EDGES = 2
 """The first columns of a clearance are the road's edges."""
 
@@ -39,7 +37,7 @@ class Sweep:
     """
 
     settings: GuidanceSettings
-    stamps: Stamps
+    stamps: IntArray
     clearance: Array
     names: tuple[str, ...]
     by: str = ''

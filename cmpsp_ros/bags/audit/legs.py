@@ -13,8 +13,14 @@ import numpy as np
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.bags.audit.commands import Commands
 from cmpsp_ros.bags.decision_record import DecisionRecord
-from cmpsp_ros.bags.runs.holes import Hole, holes, longest_interval, pieces
-from cmpsp_ros.bags.runs.odometry import OdometrySeries, path_through
+from cmpsp_ros.bags.runs.odometry import (
+    Hole,
+    OdometrySeries,
+    holes,
+    longest_interval,
+    path_through,
+    pieces,
+)
 from cmpsp_ros.bags.runs.run import Driven
 from cmpsp_ros.guidance import GuidanceSettings, to_nanoseconds
 

@@ -25,8 +25,7 @@ from cmpsp_ros.bags.audit.record import AuditRecord
 from cmpsp_ros.bags.decision_record import DecisionRecord
 from cmpsp_ros.bags.runs.encounters import Encounter
 from cmpsp_ros.bags.runs.goals import Passing
-from cmpsp_ros.bags.runs.holes import is_within
-from cmpsp_ros.bags.runs.odometry import interpolated, wrapped
+from cmpsp_ros.bags.runs.odometry import interpolated, is_within, wrapped
 from cmpsp_ros.bags.runs.seen import EXACT
 from cmpsp_ros.guidance import GOAL, NANOSECONDS, Goal, GuidanceSettings, to_nanoseconds
 from cmpsp_ros.guidance.messages import motion_limits

@@ -13,14 +13,13 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array, BoolArray, IntArray
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.runs.holes import Hole, holes, longest_interval
+from cmpsp_ros.bags.runs.odometry import Hole, holes, longest_interval
 from cmpsp_ros.bags.runs.run import Driven
 from cmpsp_ros.guidance import SEEN, GuidanceSettings, to_nanoseconds
 from cmpsp_ros.robots import Footprint, contains, placed
 from cmpsp_ros.sensing import Beams, LocalGrid, ScanError, Sensor, grid_of, sight_of, stamp_of
 from cmpsp_ros.world.grids import Cell, GridError, GridObstacle, OccupancyGrid
 
-Stamps = IntArray
 Window = tuple[float, float]
 
 EXACT: Final = 0.05
@@ -52,13 +51,13 @@ class Seen:
         tolerance: What the clearance may be off by [m].
     """
 
-    stamps: Stamps
+    stamps: IntArray
     poses: Array
     clearance: Array
-    looks: Stamps
+    looks: IntArray
     tolerance: float
 
-    def blind(self, looks: Stamps, settings: GuidanceSettings) -> tuple[Hole, ...]:
+    def blind(self, looks: IntArray, settings: GuidanceSettings) -> tuple[Hole, ...]:
         """When the robot drove on and nothing was seen for longer than `sight.timeout`.
 
         Args:

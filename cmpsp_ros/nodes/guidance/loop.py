@@ -9,23 +9,19 @@ from typing import TYPE_CHECKING
 from cmpsp_ros.guidance import NANOSECONDS, NEVER, FallbackLevel, GuidanceLaw
 from cmpsp_ros.guidance.messages import Arrival, OdometryError, OdometryGate
 from cmpsp_ros.guidance.mission import reason_not_to_begin
-from cmpsp_ros.nodes.common.health import StepTimes
-from cmpsp_ros.nodes.guidance.inputs.clock_watchdog import ClockWatch
-from cmpsp_ros.nodes.guidance.inputs.goal_input import GoalInput
-from cmpsp_ros.nodes.guidance.inputs.map_input import MapInput
-from cmpsp_ros.nodes.guidance.inputs.obstacle_input import ObstacleInput
-from cmpsp_ros.nodes.guidance.inputs.odometry_input import OdometryInput
-from cmpsp_ros.nodes.guidance.inputs.odometry_watchdog import OdometryWatchdog
-from cmpsp_ros.nodes.guidance.inputs.road_input import RoadInput
-from cmpsp_ros.nodes.guidance.inputs.sensor_input import SensorInput
-from cmpsp_ros.nodes.guidance.inputs.transform_input import TransformInput
+from cmpsp_ros.nodes.guidance.diagnostics import StepTimes
+from cmpsp_ros.nodes.guidance.inputs.course import MapInput, RoadInput
+from cmpsp_ros.nodes.guidance.inputs.goals import GoalInput
+from cmpsp_ros.nodes.guidance.inputs.odometry import ClockWatch, OdometryInput, OdometryWatchdog
+from cmpsp_ros.nodes.guidance.inputs.surroundings import ObstacleInput, SensorInput
+from cmpsp_ros.nodes.guidance.inputs.transforms import TransformInput
 from cmpsp_ros.nodes.guidance.outputs.publishers import GuidanceOutputs
 
 if TYPE_CHECKING:
     from rclpy.lifecycle import LifecycleNode
 
     from cmpsp_ros.guidance import Decision, GuidanceSettings
-    from cmpsp_ros.nodes.timing.garbage import GarbageCollection
+    from cmpsp_ros.nodes.guidance.timing import GarbageCollection
     from cmpsp_ros.parameters import Values
 
 _WATCH_PERIOD = 0.025

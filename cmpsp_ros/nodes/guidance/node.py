@@ -10,23 +10,27 @@ from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 
 from cmpsp_ros.guidance.mission import infeasibility_warnings
 from cmpsp_ros.nodes.common.health import Health, Report
-from cmpsp_ros.nodes.common.lifecycle import (
-    ACTIVE,
-    FINALIZED,
-    INACTIVE,
-    UNCONFIGURED,
-    guard_change_state,
-)
 from cmpsp_ros.nodes.common.parameters import declare, event_of
 from cmpsp_ros.nodes.common.runtime import overrides, run
 from cmpsp_ros.nodes.common.topics import PARAMETERS, RESET
 from cmpsp_ros.nodes.guidance.command_arbitration import TRUST, CommandArbiter
-from cmpsp_ros.nodes.guidance.lifecycle_bond import LifecycleBond
+from cmpsp_ros.nodes.guidance.diagnostics import report_on
+from cmpsp_ros.nodes.guidance.lifecycle import (
+    ACTIVE,
+    FINALIZED,
+    INACTIVE,
+    UNCONFIGURED,
+    LifecycleBond,
+    guard_change_state,
+)
 from cmpsp_ros.nodes.guidance.loop import GuidanceLoop
-from cmpsp_ros.nodes.guidance.outputs.diagnostics import report_on
-from cmpsp_ros.nodes.timing.compiling import LateCompilations, prepare_aloud
-from cmpsp_ros.nodes.timing.garbage import GarbageCollection
-from cmpsp_ros.nodes.timing.realtime import Scheduling, check_cpu
+from cmpsp_ros.nodes.guidance.timing import (
+    GarbageCollection,
+    LateCompilations,
+    Scheduling,
+    check_cpu,
+    prepare_aloud,
+)
 from cmpsp_ros.parameters import (
     TABLE,
     ParameterError,

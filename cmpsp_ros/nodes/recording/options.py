@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
 from rclpy.parameter import Parameter
 
-from cmpsp_ros.bags.storage import Form
+from cmpsp_ros.bags import Form
 from cmpsp_ros.guidance.messages import PeerTrajectory
 from cmpsp_ros.nodes.common.runtime import StartupError
 from cmpsp_ros.nodes.common.topics import TOPICS

@@ -14,12 +14,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from cmpsp_ros.studies.paper.drives import Drive, Path
-from cmpsp_ros.studies.plot_style import WIDTH
+from cmpsp_ros.studies.common import WIDTH
+from cmpsp_ros.studies.paper.drives import Drive, Panels, Path
 from cmpsp_ros.view import draw_obstacles, draw_road
 
 Look = dict[str, Any]
-Panels = Sequence[Sequence[Drive]]
 
 PANELS: Final = ('(a) samples only, as in the paper', '(b) clear between samples too')
 

@@ -22,13 +22,12 @@ from cmpsp_ros.guidance import GuidanceSettings, Safety
 from cmpsp_ros.guidance.planning import along_road, manoeuvres
 from cmpsp_ros.guidance.prediction import PlanStart
 from cmpsp_ros.robots import Robot
-from cmpsp_ros.studies.errors import StudyError
+from cmpsp_ros.studies.common import StudyError
 from cmpsp_ros.studies.monte_carlo.driving import farthest
 from cmpsp_ros.studies.monte_carlo.judging.grid_search import grid_path
 from cmpsp_ros.studies.monte_carlo.judging.slalom import at_constant_speed, slalom
 from cmpsp_ros.studies.monte_carlo.study import Task
-from cmpsp_ros.studies.paper.drives import Path
-from cmpsp_ros.studies.paper.judge import judge
+from cmpsp_ros.studies.paper import Path, reference_solution
 from cmpsp_ros.world.roads import ANNULUS
 
 FEASIBLE: Final = 'feasible'
@@ -70,7 +69,7 @@ def judged(task: Task) -> dict[str, Any]:
     spaces = ((FEASIBLE, guarded, guarded.safety.margin), (UNGUARDED, unguarded, 0.0))
     for answer, settings, wanted in spaces:
         for place, start in enumerate(_starts(settings, pose)):
-            found = judge(settings, pose, start)
+            found = reference_solution(settings, pose, start)
             whole = np.vstack([found.controls, found.braking])
             if not np.isfinite(whole).all():
                 continue

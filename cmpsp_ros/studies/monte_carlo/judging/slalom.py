@@ -9,7 +9,7 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance import GuidanceSettings
-from cmpsp_ros.studies.paper.drives import Path
+from cmpsp_ros.studies.paper import Path
 
 _FINE = 2000
 

@@ -245,7 +245,7 @@ def test_a_node_that_was_started_again_is_another_law(drive, bag):
         run.change(weights__road_center=20.0)
         run.go(0.7)
         run.halt('The guidance node is shutting down.')
-        run.law = type(run.law)(run.settings)
+        run.law = type(run.law)(run.settings, run.settings.world)
         run.activate()
         run.go(0.7)
     assert [each.revision for each in run.decisions][-1] == 0
@@ -263,7 +263,7 @@ def restarted(drive, bag, **changed):
         run.now += 2_000_000_000
         run.values = {**run.values, **changed}
         run.settings = guidance_settings(run.values)
-        run.law = type(run.law)(run.settings)
+        run.law = type(run.law)(run.settings, run.settings.world)
         run.activate()
         run.go(0.7)
         run.change(weights__road_center=30.0)

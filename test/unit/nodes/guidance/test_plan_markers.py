@@ -109,7 +109,8 @@ def test_each_stage_has_the_colour_of_its_own_clearance(decision):
 def test_another_course_is_taken(law, decision):
     message = PlanMarkers(settings_of())
     before = list(message.fill(decision).markers[1].colors)
-    message.take(settings_of('case1'))
+    course = settings_of('case1')
+    message.take(course, course.world)
     assert before != message.fill(decision).markers[1].colors
 
 

@@ -23,7 +23,7 @@ from rosbags.interfaces import MessageDefinition, MessageDefinitionFormat
 
 from cmpsp_ros.bags import Bag, BagError, BagWriter, Form
 from cmpsp_ros.bags.definitions import jazzy
-from cmpsp_ros.bags.export.files import export
+from cmpsp_ros.bags.export import export
 from cmpsp_ros.bags.recover import recover
 
 MEMORY = 1500 << 20

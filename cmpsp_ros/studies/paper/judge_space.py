@@ -14,7 +14,7 @@ import numpy as np
 from cmpsp_ros.guidance import GuidanceSettings
 from cmpsp_ros.studies.paper.drives import Path
 from cmpsp_ros.world import FreeSpace
-from cmpsp_ros.world.roads import ANNULUS, OPEN_FLOOR
+from cmpsp_ros.world.roads import Annulus
 
 _KNOTS = 120
 _DIRECTIONS = np.linspace(0.0, 2.0 * np.pi, 72, endpoint=False)
@@ -34,8 +34,8 @@ class JudgeSpace:
         """
         self._casadi, self._opti, self._start = casadi, opti, start
         road = settings.road
-        self._kind, stages = road.space(0.0).kind, len(start.poses)
-        if self._kind not in (ANNULUS, OPEN_FLOOR):
+        self._road, stages = road, len(start.poses)
+        if road.has_center_line and not isinstance(road, Annulus):
             line = road.center_line()
             left, right = (np.hypot(*(edge - line).T) for edge in road.edges())
             along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
@@ -65,9 +65,9 @@ class JudgeSpace:
         Returns:
             Its signed distance from the centre line [m]; 0 where there is none.
         """
-        if self._kind == OPEN_FLOOR:
+        if not self._road.has_center_line:
             return 0.0
-        if self._kind == ANNULUS:
+        if isinstance(self._road, Annulus):
             edges = space.annulus
             radius = self._casadi.sqrt(self._casadi.sumsqr(point - edges.center))
             if k > 0:
@@ -79,7 +79,7 @@ class JudgeSpace:
         self._opti.subject_to(point[0] == x + offset * normal_x)
         self._opti.subject_to(point[1] == y + offset * normal_y)
         if k > 0:
-            kept = space.road.kept[0] / space.road.shape['part'][0]
+            kept = space.road.kept[0] / self._road.clearance_scale
             self._opti.subject_to(offset <= left - float(kept[0]))
             self._opti.subject_to(offset >= float(kept[1]) - right)
         return offset

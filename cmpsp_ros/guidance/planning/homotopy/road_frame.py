@@ -19,7 +19,7 @@ from cmpsp_ros.guidance.planning.initial_trajectories import wrapped
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.mpsp.jit import allocation_free
-from cmpsp_ros.world.roads import ANNULUS, arc_length_to, lookahead_points
+from cmpsp_ros.world.roads import Annulus, arc_length_to, lookahead_points
 
 SPACING: Final = 0.2
 """Of the stations, at least [m]."""
@@ -105,7 +105,7 @@ def road_frame(settings: GuidanceSettings, start: PlanStart, target: Target) -> 
         target: Where it ends.
     """
     discs = all(len(each.corners) == 1 for each in settings.obstacles)
-    if discs and settings.road.space(0.0).kind == ANNULUS:
+    if discs and isinstance(settings.road, Annulus):
         return _polar(settings, start.pose, target.position)
     return _along_line(settings, start, target)
 

@@ -29,7 +29,7 @@ from cmpsp_ros.studies.monte_carlo.judging.slalom import at_constant_speed, slal
 from cmpsp_ros.studies.monte_carlo.study import Task
 from cmpsp_ros.studies.paper.drives import Path
 from cmpsp_ros.studies.paper.judge import judge
-from cmpsp_ros.world.roads import ANNULUS
+from cmpsp_ros.world.roads import Annulus
 
 FEASIBLE: Final = 'feasible'
 UNGUARDED: Final = 'feasible, but not between samples by the guard'
@@ -128,7 +128,7 @@ def _at_once(robot: Robot) -> Robot:
 
 def _starts(settings: GuidanceSettings, pose: Array) -> Iterator[Path]:
     """Where to start from decides on which side obstacles are passed: where most room is, first."""
-    if settings.road.space(0.0).kind != ANNULUS:
+    if not isinstance(settings.road, Annulus):
         for spare in _SPARE:
             points = grid_path(settings, pose, spare)
             if len(points):

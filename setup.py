@@ -83,7 +83,15 @@ setup(
     name=NAME,
     version='0.1.0',
     packages=find_packages(include=[NAME, f'{NAME}.*'], exclude=['test*']),
-    package_data={NAME: ['py.typed', 'bags/report/assets/*', 'demo/*.xml', 'view/assets/*']},
+    package_data={
+        NAME: [
+            'py.typed',
+            'bags/report/assets/*',
+            'demo/*.xml',
+            'studies/paper/*.toml',
+            'view/assets/*',
+        ]
+    },
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (str(SHARE), ['package.xml']),

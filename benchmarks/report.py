@@ -15,7 +15,7 @@ from benchmarks.pictures import pictures
 from benchmarks.results import Results
 from benchmarks.tables import tables
 from benchmarks.targets import targets
-from cmpsp_ros.studies import journal
+from cmpsp_ros.studies import plot_style
 
 _DPI = 160
 _SUFFIX = '.json'
@@ -82,7 +82,7 @@ def write(results: Results, output: Path) -> None:
             output.write_text(text, encoding='utf-8')
             return
         (output / f'bench{_SUFFIX}').write_text(text, encoding='utf-8')
-        with journal():
+        with plot_style():
             for name, figure in pictures(results).items():
                 figure.savefig(output / f'{name}.png', dpi=_DPI, metadata={'Software': None})
         (output / 'performance.md').write_text(page(results), encoding='utf-8')

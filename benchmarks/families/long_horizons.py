@@ -113,13 +113,13 @@ def long_task(steps: int) -> Task:
 
 def _measure(task: Task, samples: int, beside: bool, missing: dict[str, str]) -> LongStep:
     settings, steps = task.settings, task.steps
-    planner, controls = Planner(OcpFormulation(settings)), task.guess(steps)
+    planner, controls = Planner(OcpFormulation(settings, settings.world)), task.guess(steps)
     horizon = remaining(0, *map(to_nanoseconds, (settings.control_period, settings.final_time)))
     counts, rows = [], []
 
     def step(pose: Array, iterations: int | None = None) -> Array:
         """Improve the plan from a pose near its beginning; the plan itself stays."""
-        context = PlanningContext.at_pose(settings, pose, horizon, np.zeros(2))
+        context = PlanningContext.at_pose(settings, settings.world, pose, horizon, np.zeros(2))
         result = planner.improve(context, controls, iterations)
         if not result.solved or result.elastic:
             reason = 'it needs slack' if result.solved else result.reason

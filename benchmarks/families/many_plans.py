@@ -53,7 +53,8 @@ def measure(
         BenchError: Not so many plans were made.
     """
     preset = Preset.load('case3')
-    laws = {count: GuidanceLaw(_settings(preset.settings, count)) for count in counts}
+    every = {count: _settings(preset.settings, count) for count in counts}
+    laws = {count: GuidanceLaw(each, each.world) for count, each in every.items()}
     times = np.empty((len(counts), runs + 1, 2))
     for run in range(runs + 1):
         for i, (count, law) in enumerate(laws.items()):
@@ -63,7 +64,7 @@ def measure(
 
 
 def _settings(settings: GuidanceSettings, count: int) -> GuidanceSettings:
-    middle = settings.annulus.center_radius
+    middle = settings.world.annulus.center_radius
     obstacles = tuple(
         Obstacle(
             f'at_{bearing:g}',

@@ -133,7 +133,7 @@ def drive(
     Yields:
         Of each control step the computing time [ms], the decision, and the pose that it leads to.
     """
-    law, period = GuidanceLaw(settings), to_nanoseconds(settings.control_period)
+    law, period = GuidanceLaw(settings, settings.world), to_nanoseconds(settings.control_period)
     held = np.array([settings.control_period])
     with collector_off():
         for stamp in itertools.count(0, period):

@@ -78,7 +78,7 @@ def _steps(preset: str) -> Iterator[tuple[float, ...]]:
     """Of each control step: its time, those of scan, field, search [ms], and the grid's cells."""
     values = TABLE.resolve(load_parameter_file(preset))
     settings, of_plant = guidance_settings(values), plant_settings(values)
-    law, plant = GuidanceLaw(settings), Plant(of_plant)
+    law, plant = GuidanceLaw(settings, settings.world), Plant(of_plant)
     eyes = Eyes(settings, laser_settings(values), shapes_of(values))
     eyes.note(plant.motion)
     period = to_nanoseconds(1.0 / of_plant.odom_rate)

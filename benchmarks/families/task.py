@@ -74,7 +74,7 @@ class Task:
         settings = replace(preset.settings, solver=solver)
         weights = settings.weights
         cost = Cost(weights.road_center, weights.control_change, weights.control_effort)
-        return cls(settings, preset.pose, sample_space(settings), cost)
+        return cls(settings, preset.pose, sample_space(settings, settings.world), cost)
 
     @property
     def steps(self) -> int:
@@ -89,7 +89,7 @@ class Task:
         """The preset's first control history, shape ``(N + 1, 2)`` [rad/s]."""
         return initial_guess(
             self.settings,
-            PlanStart(self.pose, self.settings.robot),
+            PlanStart(self.pose, self.settings.robot, self.settings.world),
             self.settings.target,
             self.durations(steps),
         )

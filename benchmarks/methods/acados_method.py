@@ -105,7 +105,7 @@ class Acados:
         return ocp
 
     def _model(self) -> Any:
-        task, road = self._task, self._task.settings.annulus
+        task, road = self._task, self._task.settings.world.annulus
         x, u = casadi.SX.sym('x', STATES), casadi.SX.sym('u', CONTROLS)
         duration = casadi.SX.sym('duration')
         model = AcadosModel()

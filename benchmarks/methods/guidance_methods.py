@@ -52,7 +52,11 @@ class FullStep:
             settings = self._task.settings_for(steps)
             period, final = map(to_nanoseconds, (settings.control_period, settings.final_time))
             self._made[steps] = _Parts(
-                settings, Planner(OcpFormulation(settings)), Audit(settings), period, final
+                settings,
+                Planner(OcpFormulation(settings, settings.world)),
+                Audit(settings),
+                period,
+                final,
             )
         self._parts = self._made[steps]
         self._parts.planner.forget()
@@ -69,7 +73,7 @@ class FullStep:
         settings, planner, audit, period, final = self._parts
         horizon = remaining(self._now, period, final)
         guess = U if self._plan is None else shift(self._plan.controls, self._plan.horizon, horizon)
-        context = PlanningContext.at_pose(settings, pose, horizon, self._held)
+        context = PlanningContext.at_pose(settings, settings.world, pose, horizon, self._held)
         result = planner.improve(context, guess)
         plan = result.plan
         verdict = audit.check(context.start, plan.controls, horizon.durations)
@@ -105,7 +109,10 @@ class Law:
         """Reset the law."""
         if steps not in self._made:
             settings = self._task.settings_for(steps)
-            self._made[steps] = GuidanceLaw(settings), to_nanoseconds(settings.control_period)
+            self._made[steps] = (
+                GuidanceLaw(settings, settings.world),
+                to_nanoseconds(settings.control_period),
+            )
         self._law, self._period = self._made[steps]
         self._law.reset()
         self._stamp = 0

@@ -56,7 +56,7 @@ class Program:
 @cache
 def program(task: Task, steps: int) -> Program:
     """The task from any pose, over so many steps of any length."""
-    road, goal = task.settings.annulus, np.array(task.settings.goal)
+    road, goal = task.settings.world.annulus, np.array(task.settings.goal)
     X = [casadi.SX.sym(f'X_{k}', STATES) for k in range(steps + 1)]
     U = [casadi.SX.sym(f'U_{k}', CONTROLS) for k in range(steps)]
     pose, durations = casadi.SX.sym('pose', STATES), casadi.SX.sym('durations', steps)

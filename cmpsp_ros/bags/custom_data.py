@@ -5,9 +5,11 @@ from __future__ import annotations
 import json
 import platform
 from array import array
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
+
+import numpy as np
 
 PARAMETERS_KEY = 'cmpsp_ros.parameters'
 """Key in the bag's custom data: JSON text `{node: {parameter: value}}`."""
@@ -23,6 +25,31 @@ SOFTWARE_KEY = 'cmpsp_ros.software'
 
 # What decides the last bits of a decision, and who wrote the file.
 _PACKAGES = ('numpy', 'scipy', 'numba', 'llvmlite', 'daqp', 'qpsolvers', 'rosbags', 'rclpy')
+
+
+_VALUE_FIELDS = (
+    'bool_value',
+    'integer_value',
+    'double_value',
+    'string_value',
+    'byte_array_value',
+    'bool_array_value',
+    'integer_array_value',
+    'double_array_value',
+    'string_array_value',
+)
+"""Fields of `rcl_interfaces/msg/ParameterValue` by its type, from 1."""
+
+
+def plain_values(parameters: Iterable[Any]) -> dict[str, Any]:
+    """Values by name from messages `rcl_interfaces/msg/Parameter`; None if not set."""
+    values = {}
+    for each in parameters:
+        kind = each.value.type
+        is_set = 1 <= kind <= len(_VALUE_FIELDS)
+        found = getattr(each.value, _VALUE_FIELDS[kind - 1]) if is_set else None
+        values[each.name] = found.tolist() if isinstance(found, np.ndarray) else found
+    return values
 
 
 def own_version() -> str:
@@ -41,11 +68,7 @@ def software_versions() -> dict[str, str]:
 
 
 def plain(value: object) -> object:
-    """Reduce a parameter's value to what JSON has; byte arrays to lists of integers.
-
-    Raises:
-        TypeError: It is of another kind.
-    """
+    """Reduce a parameter's value to what JSON has, or raise a `TypeError`."""
     if value is None or isinstance(value, (bool, int, float, str)):
         return value
     if isinstance(value, (Sequence, array)):
@@ -56,10 +79,7 @@ def plain(value: object) -> object:
 def parsed(custom: Mapping[str, Any], key: str) -> dict[str, Any]:
     """Read JSON text in custom data: a mapping, empty where there is none.
 
-    Raises:
-        TypeError: It is another kind of thing.
-        ValueError: It is not JSON.
-        RecursionError: It is nested too deeply.
+    Raises `TypeError`, `ValueError` or `RecursionError` for anything else.
     """
     found = json.loads(expected(custom.get(key, '{}'), str, key))
     mapping: dict[str, Any] = expected(found, dict, key)
@@ -76,11 +96,7 @@ def parsed(custom: Mapping[str, Any], key: str) -> dict[str, Any]:
 
 
 def expected(value: Any, kind: type, what: str) -> Any:
-    """Check the type of a value from a bag, and return it.
-
-    Raises:
-        TypeError: It is of another type.
-    """
+    """Check the type of a value from a bag, and return it; raises `TypeError` otherwise."""
     if not isinstance(value, kind):
         raise TypeError(f'{what} is a {type(value).__name__}, wanted a {kind.__name__}')
     return value

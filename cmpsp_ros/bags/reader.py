@@ -15,12 +15,12 @@ from cmpsp_ros.bags.custom_data import (
     VERSION_KEY,
     expected,
     parsed,
+    plain_values,
 )
 from cmpsp_ros.bags.definitions import types_of
 from cmpsp_ros.bags.errors import BagError
-from cmpsp_ros.bags.parameter_values import plain_values
 from cmpsp_ros.bags.storage.checks import check_bag
-from cmpsp_ros.bags.storage.folder import METADATA, is_locked
+from cmpsp_ros.bags.storage.common import METADATA, SUFFIXES, is_locked
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -30,11 +30,9 @@ if TYPE_CHECKING:
     from rosbags.interfaces import Connection, ConnectionExtRosbag2, Qos
     from rosbags.typesys.store import Typestore
 
-_SUFFIXES = ('.mcap', '.db3')
-
 _MAX_REASON = 500
 
-_TELLS_PARAMETERS = 'rcl_interfaces/msg/ParameterEvent'
+_PARAMETER_EVENT = 'rcl_interfaces/msg/ParameterEvent'
 
 
 @dataclass(frozen=True)
@@ -84,7 +82,7 @@ class Bag:
         self._open = False
         self._types: dict[str, Typestore] = {}
         with self._readable('not a readable bag'):
-            _check_there(path)
+            _check_path(path)
             information = check_bag(path)
             self._reader = Reader(path)
             self._reader.open()
@@ -97,12 +95,7 @@ class Bag:
             raise
 
     def as_decided_on(self, node: str, name: str) -> str:
-        """A topic that a node hears; its own of that name where it published it transformed.
-
-        Args:
-            node: Full name.
-            name: Of the topic, in the namespace of the node.
-        """
+        """Topic that a node heard; its own of that name where it published it transformed."""
         own, heard = f'{node}/{name}', f'{node.rpartition("/")[0]}/{name}'
         return own if own in self.topics and self.topics[own].count else heard
 
@@ -204,7 +197,7 @@ class Bag:
     def _read_parameters(self) -> None:
         """Read parameters from `~/parameters`, if the recorder did not request them."""
         for topic, about in self.topics.items():
-            if about.msgtype != _TELLS_PARAMETERS or not topic.endswith('/parameters'):
+            if about.msgtype != _PARAMETER_EVENT or not topic.endswith('/parameters'):
                 continue
             for received, message in self.messages(topic):
                 if message.node not in self.parameters:
@@ -230,20 +223,20 @@ class Bag:
             raise BagError(f'{self.path}: {what}: {text[:_MAX_REASON]}') from error
 
 
-def _check_there(path: Path) -> None:
+def _check_path(path: Path) -> None:
     if not path.exists():
         raise BagError(f'{path}: no such bag')
     if path.is_dir() and not (path / METADATA).exists():
-        raise BagError(f'{path}: {_what_is(path)}')
-    if path.is_file() and path.suffix not in _SUFFIXES:
+        raise BagError(f'{path}: {_lack_of_metadata(path)}')
+    if path.is_file() and path.suffix not in SUFFIXES:
         raise BagError(
-            f'{path}: not a bag: expected a folder, or a file that ends in {" or ".join(_SUFFIXES)}'
+            f'{path}: not a bag: expected a folder, or a file that ends in {" or ".join(SUFFIXES)}'
         )
 
 
-def _what_is(folder: Path) -> str:
+def _lack_of_metadata(folder: Path) -> str:
     wanted = f'expected a {METADATA} in this folder'
-    if not any(next(folder.glob(f'*{each}'), None) for each in _SUFFIXES):
+    if not any(next(folder.glob(f'*{each}'), None) for each in SUFFIXES):
         return f'not a bag: {wanted}'
     if is_locked(folder):
         return f'being written right now: {wanted} once it is closed'

@@ -11,14 +11,17 @@ from rosbags.rosbag2 import ReaderError
 
 from cmpsp_ros.bags.custom_data import PARAMETERS_KEY, RESTARTS_KEY, SOFTWARE_KEY, parsed
 from cmpsp_ros.bags.errors import BagError, UnknownTypeError
-from cmpsp_ros.bags.storage.checks import read_metadata
-from cmpsp_ros.bags.storage.folder import METADATA, UNFINISHED, is_locked
-from cmpsp_ros.bags.storage.form import Form
+from cmpsp_ros.bags.storage.checks import read_metadata, salvage
+from cmpsp_ros.bags.storage.common import (
+    METADATA,
+    SUFFIXES,
+    UNFINISHED,
+    Form,
+    FoundTopic,
+    is_locked,
+)
 from cmpsp_ros.bags.storage.limits import MAX_METADATA, check_file
-from cmpsp_ros.bags.storage.salvage import FoundTopic, salvage
 from cmpsp_ros.bags.writer import BagWriter
-
-_SUFFIXES = ('.mcap', '.db3')
 
 
 @dataclass(frozen=True)
@@ -53,12 +56,11 @@ def recover(path: Path, output: Path | None = None) -> Recovery:
     name = beside.stem if path.is_file() else beside.name
     target = output or beside.with_name(f'{name}_recovered')
     remarks: list[str] = []
-    topics: dict[str, FoundTopic] = {}
-    form = Form('mcap' if files[0].suffix == '.mcap' else 'sqlite3')
-    bag = BagWriter(target, form)
+    topics: set[str] = set()
+    bag = BagWriter(target, Form(SUFFIXES[files[0].suffix]))
     try:
         with bag:
-            bag.set_custom(_custom(path, remarks))
+            bag.set_custom(_custom_data(path, remarks))
             for file in files:
                 _copy(file, bag, topics, remarks)
     except OSError as error:
@@ -71,32 +73,31 @@ def recover(path: Path, output: Path | None = None) -> Recovery:
 
 
 def _storage_files(path: Path) -> list[Path]:
-    """The storage files of a bag, in order of time."""
+    """Storage files of a bag in order of time: they are numbered without leading zeros."""
     if not path.exists():
         raise BagError(f'{path}: no such bag')
     if path.is_dir() and is_locked(path):
         raise BagError(f'{path}: being written right now; stop the recorder first')
+
+    def place(file: Path) -> tuple[int, str]:
+        number = file.stem.rpartition('_')[2]
+        return (int(number) if number.isdecimal() and len(number) < 10 else 0), file.name
+
     files = [path] if path.is_file() else [*path.iterdir()]
-    for suffix in _SUFFIXES:
+    for suffix in SUFFIXES:
         if found := [each for each in files if each.suffix == suffix]:
-            return sorted(found, key=_place)
-    raise BagError(f'{path}: not a bag: expected files that end in {" or ".join(_SUFFIXES)}')
+            return sorted(found, key=place)
+    raise BagError(f'{path}: not a bag: expected files that end in {" or ".join(SUFFIXES)}')
 
 
-def _place(path: Path) -> tuple[int, str]:
-    """Place of a storage file: they are numbered without leading zeros."""
-    number = path.stem.rpartition('_')[2]
-    return (int(number) if number.isdecimal() and len(number) < 10 else 0), path.name
-
-
-def _copy(file: Path, bag: BagWriter, topics: dict[str, FoundTopic], remarks: list[str]) -> None:
+def _copy(file: Path, bag: BagWriter, topics: set[str], remarks: list[str]) -> None:
     left_out: set[str] = set()
     for found in salvage(file, bag.path.parent, remarks.append):
         topic = found if isinstance(found, FoundTopic) else found[0]
         if topic.name not in topics and topic.name not in left_out:
             try:
                 bag.topic(topic.name, topic.msgtype, topic.qos_profiles, topic.definition)
-                topics[topic.name] = topic
+                topics.add(topic.name)
             except UnknownTypeError as error:
                 left_out.add(topic.name)
                 remarks.append(str(error))
@@ -104,31 +105,24 @@ def _copy(file: Path, bag: BagWriter, topics: dict[str, FoundTopic], remarks: li
             bag.write(topic.name, found[1], found[2])
 
 
-def _custom(path: Path, remarks: list[str]) -> dict[str, str]:
-    """What was kept with the bag: when it was closed, or else while it was written."""
+def _custom_data(path: Path, remarks: list[str]) -> dict[str, str]:
+    """Texts kept with the bag when it was closed, or else while it was written."""
     folder = path if path.is_dir() else path.parent
-    for name, read in ((METADATA, _closed), (UNFINISHED, _unfinished)):
-        if (folder / name).exists():
-            try:
-                return _sound(read(folder))
-            except (ReaderError, OSError, ValueError, TypeError, RecursionError) as error:
-                remarks.append(f'{name}: left out: {" ".join(str(error).split())}')
+    for name in (METADATA, UNFINISHED):
+        if not (folder / name).exists():
+            continue
+        try:
+            if name == METADATA:
+                found = read_metadata(folder).get('custom_data')
+            else:
+                check_file(folder / name, MAX_METADATA)
+                found = json.loads((folder / name).read_text(encoding='utf-8'))
+            items = found.items() if isinstance(found, dict) else ()
+            texts = {key: value for key, value in items if {type(key), type(value)} == {str}}
+            for key in (PARAMETERS_KEY, RESTARTS_KEY, SOFTWARE_KEY):
+                parsed(texts, key)
+        except (ReaderError, OSError, ValueError, TypeError, RecursionError) as error:
+            remarks.append(f'{name}: left out: {" ".join(str(error).split())}')
+        else:
+            return texts
     return {}
-
-
-def _closed(folder: Path) -> object:
-    return read_metadata(folder).get('custom_data')
-
-
-def _unfinished(folder: Path) -> object:
-    check_file(folder / UNFINISHED, MAX_METADATA)
-    return json.loads((folder / UNFINISHED).read_text(encoding='utf-8'))
-
-
-def _sound(found: object) -> dict[str, str]:
-    """The texts among what was kept, when those that are read again can be."""
-    items = found.items() if isinstance(found, dict) else ()
-    texts = {key: value for key, value in items if isinstance(key, str) and isinstance(value, str)}
-    for key in (PARAMETERS_KEY, RESTARTS_KEY, SOFTWARE_KEY):
-        parsed(texts, key)
-    return texts

@@ -20,8 +20,7 @@ from cmpsp_ros.bags.custom_data import (
 )
 from cmpsp_ros.bags.definitions import jazzy, known_definition
 from cmpsp_ros.bags.errors import BagError, UnknownTypeError
-from cmpsp_ros.bags.storage.folder import METADATA, UNFINISHED, FolderLock, write_whole
-from cmpsp_ros.bags.storage.form import Form
+from cmpsp_ros.bags.storage.common import METADATA, UNFINISHED, FolderLock, Form, write_atomically
 from cmpsp_ros.bags.storage.rolling import RollingFiles
 
 if TYPE_CHECKING:
@@ -67,7 +66,7 @@ class BagWriter:
             raise BagError(msg) from error
         except OSError as error:
             raise BagError(f'{path}: cannot create the bag: {error}') from error
-        with self._refusals('cannot create the bag'):
+        with self._refusing('cannot create the bag'):
             self._lock = FolderLock(path)
             self._files = RollingFiles(path, form, self._custom)
             self._lock.sync()
@@ -84,13 +83,7 @@ class BagWriter:
         qos_profiles: Sequence[Qos] = (),
         definition: MessageDefinition | None = None,
     ) -> None:
-        """Add a topic.
-
-        Args:
-            name: Full name, as in `/odom`.
-            msgtype: Type, as in `nav_msgs/msg/Odometry`.
-            qos_profiles: What the publishers offer, one profile each.
-            definition: Definition of the type; that of ROS 2 Jazzy when absent.
+        """Add a topic by its full name; its type is defined as in ROS 2 Jazzy if not otherwise.
 
         Raises:
             UnknownTypeError: No definition of the type is known; the bag goes on without it.
@@ -105,27 +98,14 @@ class BagWriter:
             msg = f'{self.path}: topic {name} left out: no definition of its type {msgtype}'
             raise UnknownTypeError(msg)
         digest = jazzy().hash_rihs01(msgtype) if chosen == known else ''
-        connection = Connection(
-            len(self._topics) + 1,
-            name,
-            msgtype,
-            chosen,
-            digest,
-            0,
-            ConnectionExtRosbag2('cdr', list(qos_profiles)),
-            self,
-        )
-        with self._refusals('cannot write to the bag'):
+        number, ext = len(self._topics) + 1, ConnectionExtRosbag2('cdr', list(qos_profiles))
+        connection = Connection(number, name, msgtype, chosen, digest, 0, ext, self)
+        with self._refusing('cannot write to the bag'):
             self._files.add(connection)
         self._topics[name] = connection
 
     def write(self, topic: str, stamp_ns: int, raw: bytes) -> None:
-        """Write one message.
-
-        Args:
-            topic: Name of a topic added before.
-            stamp_ns: Time of reception [ns].
-            raw: The serialised message (CDR).
+        """Write one serialised message (CDR), received at a time [ns], to a topic added before.
 
         Raises:
             BagError: Unknown topic, bag closed, or the disk refuses.
@@ -134,7 +114,7 @@ class BagWriter:
         connection = self._topics.get(topic)
         if connection is None:
             raise BagError(f'{self.path}: write to topic {topic}, which has not been added')
-        with self._refusals('cannot write to the bag'):
+        with self._refusing('cannot write to the bag'):
             self._files.write(connection, stamp_ns, raw)
 
     def flush(self) -> None:
@@ -146,8 +126,10 @@ class BagWriter:
             BagError: The bag is closed, or the disk refuses.
         """
         self._check_open()
-        with self._refusals('cannot write to the bag'):
-            self._keep_custom()
+        with self._refusing('cannot write to the bag'):
+            if self._custom != self._kept:
+                write_atomically(self.path / UNFINISHED, json.dumps(self._custom))
+                self._kept = dict(self._custom)
             self._files.flush()
             self._lock.sync()
 
@@ -156,9 +138,8 @@ class BagWriter:
 
         Args:
             node_name: Full name, as in `/guidance`.
-            values: Booleans, integers, floats, strings and sequences of these by parameter name;
-                byte arrays are kept as lists of integers. Floats read back bit for bit.
-            since: When the node was started anew with them [ns]; 0 for those it first had.
+            values: Plain values and sequences of them by name; floats read back bit for bit.
+            since: Time of the restart with these values [ns]; 0 for the first start.
 
         Raises:
             BagError: The bag is closed, or a value is of another kind.
@@ -227,17 +208,12 @@ class BagWriter:
             msg = f'{self.path}: closed without its last {lost} messages: {error}'
             raise BagError(msg) from error
 
-    def _keep_custom(self) -> None:
-        if self._custom != self._kept:
-            write_whole(self.path / UNFINISHED, json.dumps(self._custom))
-            self._kept = dict(self._custom)
-
     def _check_open(self) -> None:
         if self._closed:
             raise BagError(f'{self.path}: the bag is closed')
 
     @contextmanager
-    def _refusals(self, what: str) -> Iterator[None]:
+    def _refusing(self, what: str) -> Iterator[None]:
         try:
             yield
         except OSError as error:

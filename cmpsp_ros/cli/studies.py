@@ -174,8 +174,7 @@ def warmup(
 
 def _starts(*, judge: bool) -> None:
     """Drive from every guess and heading of the paper's tables, with the defaults."""
-    from cmpsp_ros.studies.paper import StudyError  # noqa: PLC0415 (plots, kernels)
-    from cmpsp_ros.studies.paper import starts as paper_starts  # noqa: PLC0415 (plots, kernels)
+    from cmpsp_ros.studies.paper import StudyError, run_starts  # noqa: PLC0415 (plots, kernels)
 
     with exit_on(StudyError, code=1), progress_bar() as bar:
         task = bar.add_task('starts')
@@ -183,5 +182,5 @@ def _starts(*, judge: bool) -> None:
         def progress(label: str, count: int) -> None:
             bar.update(task, advance=1, total=count, description=label)
 
-        table = paper_starts.run(progress, compare=judge)
+        table = run_starts(progress, compare=judge)
     console().print(table)

@@ -111,7 +111,10 @@ def load_scenario(
         raise ParameterError(Problem('final_time', '0.0 s', 'when to stop: a demo comes to an end'))
     check_start(values)
     check_pace(values)
-    remarks += [*plausibility_warnings(values), *infeasibility_warnings(settings, _start(values))]
+    remarks += [
+        *plausibility_warnings(values),
+        *infeasibility_warnings(settings, settings.world, _start(values)),
+    ]
     return Scenario(name, values, settings, tuple(remarks), namespace)
 
 
@@ -120,7 +123,7 @@ def _give_time(given: dict[str, Any]) -> list[str]:
     values = TABLE.resolve(given)
     settings = guidance_settings(values)
     # In whole seconds, which are a whole number of most control periods.
-    needed = float(math.ceil(shortest_time(settings, _start(values)) / _PACE))
+    needed = float(math.ceil(shortest_time(settings, settings.road, _start(values)) / _PACE))
     if needed <= settings.final_time:
         return []
     given['final_time'] = needed

@@ -166,7 +166,9 @@ def summarise(run: Run, settings: GuidanceSettings, preset: str) -> Summary:
     ]
     nearest = []
     for part in pieces(run.driven, first, last, interval):
-        clearance = settings.clearance(part.poses[:-1], part.twists[:-1], part.durations)
+        clearance = settings.world.clearance(
+            settings, part.poses[:-1], part.twists[:-1], part.durations
+        )
         met = encounters(part, run.tracks, settings.bodies, timeout)
         least = [float(each.clearance[~each.stands].min(initial=np.inf)) for each in met]
         nearest += [float(clearance.min()), *least]

@@ -29,8 +29,9 @@ from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.safety.approach import Approach
 from cmpsp_ros.guidance.safety.audit import Audit
 from cmpsp_ros.guidance.safety.fallback import Fallback
-from cmpsp_ros.guidance.settings import NOT_SEARCHED, GuidanceSettings
+from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.state import LawState
+from cmpsp_ros.guidance.world import NOT_SEARCHED, World
 from cmpsp_ros.sensing import Sighting
 from cmpsp_ros.world.roads import arc_length_to
 
@@ -43,22 +44,21 @@ class GuidanceLaw:
     from the commands that the law itself has given.
     """
 
-    def __init__(self, settings: GuidanceSettings, timer: Callable[[], int] = lambda: 0) -> None:
+    def __init__(
+        self, settings: LawSettings, world: World, timer: Callable[[], int] = lambda: 0
+    ) -> None:
         """Start at rest, waiting for the first odometry.
 
         Args:
             settings: All settings.
+            world: Road and static obstacles that are known.
             timer: Monotonic time [ns], for the computing times in decisions; decides nothing.
         """
         self._timer = timer
-        self._state = LawState.begin(settings, run=0, revision=0)
+        self._state = LawState.begin(settings, world, run=0, revision=0)
         self._configure(settings)
 
-    def _configure(self, settings: GuidanceSettings) -> None:
-        """Take settings, and what is seen beside them."""
-        self._given, sighting = settings, self._state.sighting
-        if sighting is not None:
-            settings = replace(settings.seeing(sighting.grid), searched=self._state.searched)
+    def _configure(self, settings: LawSettings) -> None:
         self._settings = settings
         self._audit = Audit(settings)
         self._fallback = Fallback(settings, self._audit)
@@ -66,19 +66,19 @@ class GuidanceLaw:
         self._decisions = DecisionBuilder(settings, self._audit)
         self._final_time = FinalTime(settings, self._fallback, self._decisions)
         self._late_commands = LateCommands(settings, self._audit, self._fallback, self._decisions)
-        self._selector = PlanSelector(settings, self._audit, self._timer)
+        self._selector = PlanSelector(settings, self._state.world, self._audit, self._timer)
 
     def reset(self) -> None:
         """Begin again: the next odometry is time 0."""
         run, revision = self._state.run + 1, self._state.revision
-        self._state = LawState.begin(self._given, run, revision)
+        known = replace(self._state.world, seen=None, searched=NOT_SEARCHED)
+        self._state = LawState.begin(self._settings, known, run, revision)
         self._selector.forget()
 
-    def reconfigure(self, settings: GuidanceSettings) -> None:
-        """Take new settings, from the next control step on."""
-        before = self._settings
+    def reconfigure(self, settings: LawSettings, world: World) -> None:
+        """Take new settings and another world, from the next control step on."""
+        self._state.reconfigure(settings, world)
         self._configure(settings)
-        self._state.reconfigure(settings, before)
 
     def is_due(self, stamp: int) -> bool:
         """Whether odometry of this time [ns] is one to decide on."""
@@ -118,11 +118,11 @@ class GuidanceLaw:
         moving = state.tracker.update(stamp, pose, tracks, settings.moving_obstacles)
         if state.end_period(settings, stamp, pose):
             self._selector.restart()
-        here, start, given = state.predict(settings.road, stamp, pose, moving)
+        here, start, given = state.predict(stamp, pose, moving)
         pending = self._audit.check_pending(here, *given) if len(given[1]) else None
         ramp = state.ramp = self._audit.braking_from(start) if late else state.ramp
         goals = state.goals
-        has_new_goal = goals.update(stamp, now, start.pose, start.progress)
+        has_new_goal = goals.update(stamp, now, start)
         put_off = self._final_time.put_off(state, start)
         if now >= goals.end:
             return state.sent(self._final_time.finish(state, stamp, pose, moving), tracks)
@@ -148,20 +148,14 @@ class GuidanceLaw:
     def _see(self, sighting: Sighting | None) -> None:
         """Take in what has been seen and searched since the last control step."""
         state, known = self._state, self._state.sighting
-        is_searched = state.searched is not self._settings.searched
+        is_searched = state.searched is not state.world.searched
         is_known = known is not None and sighting is not None and sighting.stamp == known.stamp
         if sighting is None or (is_known and not is_searched):
             return
         state.sighting = sighting
-        if known is None:
-            self._configure(self._given)
-        settings = replace(self._given.seeing(sighting.grid), searched=state.searched)
         if is_searched and state.searched.is_another:
             self._selector.look_again()
-        self._settings = settings
-        state.goals.see(settings)
-        for each in (self._audit, self._fallback, self._approach, self._selector):
-            each.see(settings)
+        state.world = replace(state.world.seeing(sighting.grid), searched=state.searched)
 
     def search(self, pose: Array) -> None:
         """Search the grid for the paths to the next goals, for the control steps that follow.
@@ -173,8 +167,8 @@ class GuidanceLaw:
             pose: What was decided on, shape ``(3,)`` [m, m, rad].
         """
         state = self._state
-        settings = replace(self._settings, searched=state.searched)
-        state.searched = search_ahead(settings, pose[:2], state.goals.next_positions)
+        world = replace(state.world, searched=state.searched)
+        state.searched = search_ahead(self._settings, world, pose[:2], state.goals.next_positions)
 
     def foretell(self, decision: Decision, pose: Array) -> Decision:
         """Add to the first decision of a run what no plan of it can do.
@@ -187,7 +181,9 @@ class GuidanceLaw:
         """
         if decision.step > 0 or decision.finished:
             return decision
-        self._state.foretold = tuple(infeasibility_warnings(self.task, (pose[0], pose[1])))
+        self._state.foretold = tuple(
+            infeasibility_warnings(self.task, self.world, (pose[0], pose[1]))
+        )
         return decision._replace(reason=' '.join([decision.reason, *self._state.foretold]))
 
     @property
@@ -196,10 +192,15 @@ class GuidanceLaw:
         return [*self._state.foretold, *self._state.response.warnings()]
 
     @property
-    def task(self) -> GuidanceSettings:
+    def task(self) -> LawSettings:
         """The settings, with the goal that was received instead of theirs where there is one."""
         received = self._state.goals.received
         return self._settings if received is None else self._settings.towards(received)
+
+    @property
+    def world(self) -> World:
+        """Road and static obstacles, with what is seen."""
+        return self._state.world
 
     def tell(self, stamp: int, goal: Goal) -> None:
         """Take another goal instead of all others, at the first control step that is not older.
@@ -213,7 +214,7 @@ class GuidanceLaw:
         """
         state = self._state
         latest = None if state.start is None else state.start + state.now
-        state.goals.receive(stamp, goal, self._audit, latest)
+        state.goals.receive(stamp, goal, state.world, self._audit, latest)
 
     @property
     def ends_at(self) -> int | None:
@@ -223,7 +224,7 @@ class GuidanceLaw:
 
     def distance_to(self, pose: Sequence[float], goal: Goal) -> float:
         """Length of the road from a pose (x, y, heading) [m, m, rad] to a goal [m]."""
-        road, progress = self._settings.road, self._state.progress
+        road, progress = self._state.world.road, self._state.progress
         return abs(arc_length_to(road, np.array(pose), goal.position, goal.heading, progress))
 
     def halt(self, stamp: int, reason: str, **flags: Any) -> Decision:
@@ -262,7 +263,7 @@ class GuidanceLaw:
         self._selector.forget()
         self._state.end_speed = context.end_speed = math.inf
         self._state.idle_steps, self._state.closed_road = 0, ClosedRoad()
-        self._state.searched = self._state.searched._replace(reluctance=NOT_SEARCHED.reluctance)
+        self._state.searched = self._state.searched._replace(hysteresis=NOT_SEARCHED.hysteresis)
         if not self._state.goals.is_return:
             return None
         return return_to_goal(
@@ -272,7 +273,7 @@ class GuidanceLaw:
     def _decide(self, stamp: int, here: PlanStart, context: PlanningContext) -> Decision:
         """Select a plan, or fall back: to the previous plan shifted, or to a stop."""
         state, start, pose = self._state, context.start, here.pose
-        if state.plan is None and (reason := self._audit.why_no_start(pose)):
+        if state.plan is None and (reason := self._audit.why_no_start(start.world, pose)):
             return self._decisions.stop(state, stamp, pose, reason, moving=start.moving)
         if state.tracker.new_obstacle_seen:
             self._selector.look_again()
@@ -288,7 +289,7 @@ class GuidanceLaw:
         if selected.admissible:
             state.failures = 0
             level = FallbackLevel.ELASTIC if selected.is_relaxed else FallbackLevel.NOMINAL
-            reason = selected.describe(self._audit, self._settings, start.moving)
+            reason = selected.describe(self._audit, self._settings, start)
             reason += self._selector.remark
             ahead = self._approach.contact(plan, start, verdict.worst_margin)
             if selected.is_relaxed:
@@ -297,7 +298,7 @@ class GuidanceLaw:
                 state.end_speed = min(state.end_speed, self._approach.end_speed(plan, ahead))
             if why := reason_to_stop(state, context, selected, ahead, closed):
                 state.plan, state.waiting = None, plan
-                if ahead is not None and self._settings.map_search is not None:
+                if ahead is not None and start.world.map_search(self._settings) is not None:
                     self._drop_plan()
                     why += ' Another path is searched from here.'
                 return self._decisions.stop(state, stamp, pose, f'{why} {reason}', result)

@@ -1,15 +1,11 @@
-"""All settings of the guidance law, as one immutable value."""
+"""The numbers of the guidance law, as one immutable value."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from functools import cached_property
-from typing import Final, NamedTuple
+from typing import Final, Self
 
-import numpy as np
-
-from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.goals import Follow, Goal, Target
 from cmpsp_ros.guidance.solver_settings import (
     InitialGuess,
@@ -20,49 +16,19 @@ from cmpsp_ros.guidance.solver_settings import (
 )
 from cmpsp_ros.robots import Bodies, Footprint, Robot
 from cmpsp_ros.sensing import SightSettings
-from cmpsp_ros.world import FreeSpace, KeptLine, MapSearch, outside
-from cmpsp_ros.world.grids import GridObstacle, OccupancyGrid
-from cmpsp_ros.world.obstacles import Shape
-from cmpsp_ros.world.roads import Annulus, Road
 
 GOAL: Final = 'goal'
 """Name of the last of several goals."""
 
-SEEN: Final = 'seen'
-"""Name of the obstacle that is made of all that sensors have seen."""
-
-MAP: Final = 'map'
-"""Name of the obstacle that a map is."""
-
 _FRACTION_OF_TOP_SPEED, _WITHOUT_LIMIT = 0.8, 1.0
 
 
-class Searched(NamedTuple):
-    """With what a path across a grid was searched last, beside what is known from the beginning.
-
-    Attributes:
-        seen: What was seen then; None for nothing.
-        kept: The path before, while that is open; of a map none.
-        reluctance: By which part a path must be shorter to be taken instead of an open one.
-        is_another: Whether the path that was found leads another way than the one before.
-    """
-
-    seen: GridObstacle | None = None
-    kept: KeptLine | None = None
-    reluctance: float = 0.1
-    is_another: bool = False
-
-
-NOT_SEARCHED: Final = Searched()
-
-
 @dataclass(frozen=True)
-class GuidanceSettings:
-    """All that the guidance law depends on, apart from odometry.
+class LawSettings:
+    """All numbers that the law depends on; what the robot drives in is the `World`.
 
     Attributes:
         robot: Kinematics and limits.
-        road: The road to stay inside.
         goal: Point to pass at the final time (x, y) [m].
         goal_tolerance: Miss up to which the goal counts as reached [m].
         goal_heading: Heading to pass it with [rad]; None for any.
@@ -81,7 +47,6 @@ class GuidanceSettings:
         max_command_delay: Longest that this may take, as long as no command has been later [s].
         delay_tolerance: How far `command_delay` may be wrong, either way: within that it is
             corrected [s].
-        obstacles: Static obstacles.
         moving_obstacles: How moving ones are considered.
         sight: What sees obstacles, and how that is remembered.
         robot_radius: Radius of the robot's footprint, or of each disc that covers it, kept from
@@ -93,12 +58,10 @@ class GuidanceSettings:
         max_slip: Maximum wheel-slip ratio that is estimated and compensated; 0 for none.
         start_tolerance: How far from the road, or from `start_pose`, a run may begin [m].
         start_pose: Where a run is to begin [m, m, rad]; its place counts. None for the road.
-        searched: With what a path across a grid was searched last.
         failure_tolerance: Failed control steps in a row after which the warm start is dropped.
     """
 
     robot: Robot
-    road: Road
     goal: tuple[float, float]
     goal_tolerance: float = 0.01
     goal_heading: float | None = None
@@ -113,7 +76,6 @@ class GuidanceSettings:
     command_delay: float = 0.0
     max_command_delay: float = 0.0
     delay_tolerance: float = 0.1
-    obstacles: tuple[Shape, ...] = ()
     moving_obstacles: MovingObstacles = field(default_factory=MovingObstacles)
     sight: SightSettings = field(default_factory=SightSettings)
     robot_radius: float = 0.0
@@ -129,7 +91,6 @@ class GuidanceSettings:
     max_lag: float = 0.0
     start_tolerance: float = 0.5
     start_pose: tuple[float, float, float] | None = None
-    searched: Searched = NOT_SEARCHED
 
     @property
     def max_wheel_change(self) -> float:
@@ -166,17 +127,7 @@ class GuidanceSettings:
             _FRACTION_OF_TOP_SPEED * top if math.isfinite(top) else _WITHOUT_LIMIT
         )
 
-    def seeing(self, grid: OccupancyGrid) -> GuidanceSettings:
-        """The same with what is seen as an obstacle; what is not seen yet is free for plans."""
-        seen = GridObstacle(SEEN, grid, unknown_is_free=True)
-        return replace(self, obstacles=(*self.obstacles, seen))
-
-    def grid(self, name: str) -> GridObstacle | None:
-        """The obstacle of this name, if there is one and it is a grid."""
-        grids = (each for each in self.obstacles if isinstance(each, GridObstacle))
-        return next((each for each in grids if each.name == name), None)
-
-    def towards(self, goal: Goal, begin: float = 0.0) -> GuidanceSettings:
+    def towards(self, goal: Goal, begin: float = 0.0) -> Self:
         """The same with one goal alone.
 
         Args:
@@ -190,23 +141,6 @@ class GuidanceSettings:
             final_time=goal.time - begin,
             waypoints=(),
         )
-
-    @cached_property
-    def map_search(self) -> MapSearch | None:
-        """The search of a grid for the path to a goal, where no road says it.
-
-        There is none before there is a map, or what was seen has been searched for the first time.
-        """
-        known = (each for each in self.obstacles if each.name != SEEN)
-        seen = self.searched.seen
-        obstacles = (*known, *(() if seen is None else (seen,)))
-        if self.road.has_center_line or all(each.corners for each in obstacles):
-            return None
-        wanted = self.kept
-        if self.safety.between_samples and math.isfinite(self.robot.max_wheel_speed):
-            limits = self.footprint.twist_limits(self.robot)
-            wanted = outside(wanted, limits, self.control_period)
-        return MapSearch(obstacles, wanted, self.kept / 2.0, self.searched.kept)
 
     @property
     def kept(self) -> float:
@@ -231,35 +165,3 @@ class GuidanceSettings:
         """
         discs = self.footprint.discs, self.robot_radius
         return (discs, self.footprint.outline) if self.footprint.corners else (discs,)
-
-    def clearance(self, poses: Array, twists: Array, durations: Array) -> Array:
-        """Least clearance of the robot itself along arcs; as from `FreeSpace.along`."""
-        spaces = [
-            FreeSpace.of(self.road, self.obstacles, radius, points)
-            for points, radius in self.bodies
-        ]
-        return np.asarray(np.max([each.along(poses, twists, durations) for each in spaces], axis=0))
-
-    def space(self, margin: float = 0.0) -> FreeSpace:
-        """Where the robot may be, with a margin [m] around it."""
-        if margin not in self._spaces:
-            distance = self.robot_radius + margin
-            made = FreeSpace.of(self.road, self.obstacles, distance, self.footprint.discs)
-            self._spaces[margin] = made
-        return self._spaces[margin]
-
-    @cached_property
-    def _spaces(self) -> dict[float, FreeSpace]:
-        return {}
-
-    @property
-    def annulus(self) -> Annulus:
-        """The road, for what is about roads between two circles only.
-
-        Raises:
-            ValueError: It is another.
-        """
-        if not isinstance(self.road, Annulus):
-            found = type(self.road).__name__.lower()
-            raise ValueError(f'road.type: found {found}, wanted annulus')  # noqa: TRY004
-        return self.road

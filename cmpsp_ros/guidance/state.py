@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -22,11 +22,12 @@ from cmpsp_ros.guidance.prediction.response_estimate import ResponseEstimate
 from cmpsp_ros.guidance.prediction.slip import SlipEstimate
 from cmpsp_ros.guidance.safety.audit import Verdict
 from cmpsp_ros.guidance.safety.lateness import Lateness
-from cmpsp_ros.guidance.settings import NOT_SEARCHED, GuidanceSettings, Searched
+from cmpsp_ros.guidance.settings import LawSettings
+from cmpsp_ros.guidance.world import NOT_SEARCHED, Searched, World
 from cmpsp_ros.robots import NO_RAMP, Robot
 from cmpsp_ros.sensing import Sighting
 from cmpsp_ros.world.obstacles import MovingDiscs
-from cmpsp_ros.world.roads import Road, project_on_path
+from cmpsp_ros.world.roads import project_on_path
 
 _NOTHING: Final = np.empty((0, 0)), np.empty(0)
 """Controls that a robot without a delay is driven by until a new one takes effect."""
@@ -37,6 +38,7 @@ class LawState:
     """One run of the law; a new run begins with a new state.
 
     Attributes:
+        world: Road and static obstacles, with what is seen.
         goals: Which goal is driven to.
         slip: Estimate of the wheel slip.
         response: Estimate of how the robot responds to commands.
@@ -64,11 +66,12 @@ class LawState:
         tracker: Slots of moving obstacles.
         lateness: Of control steps that took too long.
         sighting: What is known of the surroundings; None without sensors.
-        searched: As of `GuidanceSettings`.
+        searched: Inputs of the search for the next control step.
         closed_road: What closes the road to the present goal.
         foretold: What no plan of the run can do, in sentences.
     """
 
+    world: World
     goals: GoalManager
     slip: SlipEstimate
     response: ResponseEstimate
@@ -101,25 +104,26 @@ class LawState:
     foretold: tuple[str, ...] = ()
 
     @classmethod
-    def begin(cls, settings: GuidanceSettings, run: int, revision: int) -> LawState:
+    def begin(cls, settings: LawSettings, world: World, run: int, revision: int) -> LawState:
         """The state before the first odometry of a run."""
         slip = SlipEstimate(settings.max_slip)
         used = min(slip.slip, settings.max_slip)
         robot = settings.robot.slipping(used)
         response, rest = ResponseEstimate(settings), robot.at_rest
         pending = PendingCommands(robot.n_controls)
-        goals = GoalManager(settings)
-        return cls(goals, slip, response, robot, used, run, revision, rest, pending)
+        goals = GoalManager(settings, world)
+        return cls(world, goals, slip, response, robot, used, run, revision, rest, pending)
 
-    def reconfigure(self, settings: GuidanceSettings, before: GuidanceSettings) -> None:
-        """Go on with other settings."""
-        self.goals.reconfigure(settings)
+    def reconfigure(self, settings: LawSettings, world: World) -> None:
+        """Go on with other settings, in another world; what is seen stays."""
+        if world.road != self.world.road:
+            self.progress = math.nan
+        self.world = replace(world, seen=self.world.seen, searched=self.world.searched)
+        self.goals.reconfigure(settings, self.world)
         self.use_slip(settings)
         self.response.reconfigure(settings)
         self.revision, self.idle_steps = self.revision + 1, 0
         self.closed_road = ClosedRoad()
-        if settings.road != before.road:
-            self.progress = math.nan
 
     def follow(self, plan: Plan, verdict: Verdict) -> None:
         """Give the first command of a plan, and keep the ramp by which it can be stopped."""
@@ -182,7 +186,7 @@ class LawState:
         self.interrupt(is_lost=True)
 
     def predict(
-        self, road: Road, stamp: int, pose: Array, moving: MovingDiscs
+        self, stamp: int, pose: Array, moving: MovingDiscs
     ) -> tuple[PlanStart, PlanStart, tuple[Array, Array]]:
         """Where the robot is, where a plan begins, and the controls that lead there.
 
@@ -191,7 +195,6 @@ class LawState:
         keep the speeds that they have when the command reaches them.
 
         Args:
-            road: The road.
             stamp: Present time [ns].
             pose: Where the robot is, shape ``(3,)`` [m, m, rad].
             moving: Moving obstacles.
@@ -201,8 +204,9 @@ class LawState:
             before have in effect until the new one reaches the wheels, ``(K, r)``, each for so long
             ``(K,)`` [s].
         """
+        road = self.world.road
         self.progress = project_on_path(road, pose, self.progress)
-        here = PlanStart(pose, self.robot, moving, self.progress, self.previous_control)
+        here = PlanStart(pose, self.robot, self.world, moving, self.progress, self.previous_control)
         if not (self.response.delay or self.response.lag):
             self.delay = 0
             return here, here, _NOTHING
@@ -217,9 +221,7 @@ class LawState:
         later = moving.after(float(durations.sum()))
         return here, here._replace(pose=ahead, moving=later, progress=progress), given
 
-    def begin_period(
-        self, settings: GuidanceSettings, stamp: int, pose: Array, control: Array
-    ) -> None:
+    def begin_period(self, settings: LawSettings, stamp: int, pose: Array, control: Array) -> None:
         """Record how a control period begins, for the estimate of slip.
 
         Args:
@@ -233,7 +235,7 @@ class LawState:
             speeds = np.array([self.pending.in_force, *ahead, control])
             self.slip.begin(stamp, pose, speeds, durations)
 
-    def end_period(self, settings: GuidanceSettings, stamp: int, pose: Array) -> bool:
+    def end_period(self, settings: LawSettings, stamp: int, pose: Array) -> bool:
         """Update the estimates at the end of a control period.
 
         Args:
@@ -272,7 +274,7 @@ class LawState:
             self.final_pose = self.robot.roll_out(pose, speeds, -durations)[-1]
         return pose if self.final_pose is None else self.final_pose
 
-    def use_slip(self, settings: GuidanceSettings) -> None:
+    def use_slip(self, settings: LawSettings) -> None:
         """Rebuild the model with the current slip estimate."""
         self.used_slip = min(self.slip.slip, settings.max_slip)
         self.robot = settings.robot.slipping(self.used_slip)

@@ -23,7 +23,8 @@ from cmpsp_ros.guidance.prediction.pending_commands import PendingCommands
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.prediction.response_estimate import ResponseEstimate
 from cmpsp_ros.guidance.safety.audit import Audit
-from cmpsp_ros.guidance.settings import MAP, GuidanceSettings
+from cmpsp_ros.guidance.settings import LawSettings
+from cmpsp_ros.guidance.world import MAP, GuidanceSettings, World
 from cmpsp_ros.mpsp import Hessian
 from cmpsp_ros.mpsp.qp import CLARABEL
 from cmpsp_ros.robots import with_lag
@@ -80,7 +81,7 @@ def _see_something(settings: GuidanceSettings) -> None:
     surroundings.add(Sight(sensor, 0, stamps, np.zeros((2, 2)), np.eye(2), is_hit, is_sweep=True))
     surroundings.update(0, nowhere)
     if (sighting := surroundings.at(0, nowhere)) is not None:
-        law = GuidanceLaw(settings)
+        law = GuidanceLaw(settings, settings.world)
         law.update(0, settings.road.middle(), (), sighting)
         law.search(settings.road.middle())
 
@@ -91,17 +92,17 @@ def warm_up(settings: GuidanceSettings) -> None:
     Raises:
         ValueError: The settings cannot be worked with.
     """
-    GuidanceLaw(settings).update(0, settings.road.middle())
+    GuidanceLaw(settings, settings.world).update(0, settings.road.middle())
 
 
-def run_kernels(settings: GuidanceSettings) -> None:
+def run_kernels(settings: LawSettings) -> None:
     """Run every kernel of robot and road except those of the planner.
 
     Each of them is compiled once, for all kinds of road.
     """
     pose, durations = _A_ROAD.middle(), np.ones(1)
     controls = np.zeros((2, settings.robot.n_controls))
-    on_road = replace(settings, road=_A_ROAD, goal=(0.0, 10.0), obstacles=())
+    on_road = replace(settings, goal=(0.0, 10.0))
     on_road.robot.roll_out(pose, controls, durations)
     with_lag(controls[0].copy(), controls, np.ones(2), 1.0, 1)
     commands, response = PendingCommands(len(controls[0])), ResponseEstimate(on_road)
@@ -117,7 +118,7 @@ def run_kernels(settings: GuidanceSettings) -> None:
     twists = on_road.robot.twist(controls[:1])
     space.along(pose[None], twists, durations)
     _A_DISC.along(pose[None], twists, durations, durations)
-    start = PlanStart(pose, on_road.robot, _A_DISC, previous_control=controls[0])
+    start = PlanStart(pose, on_road.robot, World(_A_ROAD), _A_DISC, previous_control=controls[0])
     Audit(on_road).check(start, controls, durations)
     along_road(on_road, start, on_road.target, durations)
     remaining_arc_length(_A_ROAD, pose[None], on_road.goal, None)
@@ -153,12 +154,13 @@ def _reachable(settings: GuidanceSettings) -> Iterator[GuidanceSettings]:
         yield replace(settings, robot=replace(settings.robot, max_wheel_speed=limit))
     for delay in (0.0, settings.control_period / 2.0):
         yield replace(settings, command_delay=delay)
-    yield replace(settings, obstacles=(*settings.obstacles, GridObstacle(MAP, _A_GRID, True)))
+    grid = GridObstacle(MAP, _A_GRID, True)
+    yield replace(settings, obstacles=(*settings.obstacles, grid))
 
 
 def _meet_trouble(settings: GuidanceSettings) -> None:
     """Start well, leave the road, be lost, and be too late: every fallback level is reached."""
-    road, law = settings.road, GuidanceLaw(settings)
+    road, law = settings.road, GuidanceLaw(settings, settings.world)
     period, final = to_nanoseconds(settings.control_period), to_nanoseconds(settings.final_time)
     on, off = road.middle(), road.beside()
     for step, pose in enumerate((on, on, off, off, on)):
@@ -173,8 +175,9 @@ def _meet_difficulties(settings: GuidanceSettings) -> None:
     by_name = replace(settings, solver=replace(settings.solver, qp=CLARABEL))
     period, final = to_nanoseconds(settings.control_period), to_nanoseconds(settings.final_time)
     horizon, pose = remaining(0, period, final), settings.road.middle()
-    context = PlanningContext.at_pose(by_name, pose, horizon)
-    Planner(OcpFormulation(by_name)).improve(context, context.center_line_guess, iterations=1)
+    context = PlanningContext.at_pose(by_name, settings.world, pose, horizon)
+    planner = Planner(OcpFormulation(by_name, settings.world))
+    planner.improve(context, context.center_line_guess, iterations=1)
 
 
 def _compare_plans(settings: GuidanceSettings) -> None:

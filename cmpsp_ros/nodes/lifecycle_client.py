@@ -15,14 +15,14 @@ from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 
 from cmpsp_ros.nodes.common.topics import RECORDER_FLUSH
-from cmpsp_ros.nodes.recording.written import from_values
+from cmpsp_ros.nodes.recording.received import from_values
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
     from types import TracebackType
     from typing import Self
 
-    from cmpsp_ros.nodes.recording.written import ByTopic
+    from cmpsp_ros.nodes.recording.received import ByTopic
 
 _WAKE_PERIOD = 0.02
 

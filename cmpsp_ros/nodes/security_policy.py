@@ -27,7 +27,7 @@ from cmpsp_ros.nodes.common.topics import (
     TOPICS,
     Topic,
 )
-from cmpsp_ros.nodes.guidance.inputs.goal_actions import FOLLOW, NAVIGATE
+from cmpsp_ros.nodes.guidance.inputs.goals import FOLLOW, NAVIGATE
 from cmpsp_ros.nodes.recording.options import ALWAYS, own_topics
 
 _HEADER: Final = """<?xml version="1.0" encoding="UTF-8"?>

@@ -21,7 +21,7 @@ def drive(settings: GuidanceSettings, pose: Array) -> Iterator[Decision]:
         The decision of each control instant, up to and including the one that says that the final
         time has passed.
     """
-    law = GuidanceLaw(settings)
+    law = GuidanceLaw(settings, settings.world)
     period = to_nanoseconds(settings.control_period)
     stamp, finished = 0, False
     while not finished:

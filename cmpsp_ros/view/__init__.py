@@ -5,27 +5,13 @@ from typing import TYPE_CHECKING
 from cmpsp_ros.front_door import lazy_exports
 
 if TYPE_CHECKING:
-    from cmpsp_ros.view.access import ViewError
     from cmpsp_ros.view.drawing import PER_ARC, along, draw, draw_obstacles, draw_road, show
-    from cmpsp_ros.view.grid_image import grid_picture
-    from cmpsp_ros.view.palette import (
-        BAGS,
-        EDGE,
-        GOAL,
-        GRID,
-        LEVEL_COLORS,
-        LIMIT,
-        MOVING,
-        SEEN,
-        TEXT,
-        UNSEEN,
-        bag_color,
-    )
     from cmpsp_ros.view.plotly_traces import (
         arrow,
         coordinates,
         ends,
         goals_trace,
+        grid_picture,
         hover,
         number,
         numbers,
@@ -33,9 +19,20 @@ if TYPE_CHECKING:
         traces,
     )
     from cmpsp_ros.view.scene import (
+        BAGS,
+        EDGE,
+        GOAL,
+        GRID,
+        LEVEL_COLORS,
+        LIMIT,
         LOOKS,
+        MOVING,
+        SEEN,
+        TEXT,
+        UNSEEN,
         Lines,
         Part,
+        bag_color,
         bodies,
         body,
         course,
@@ -46,7 +43,7 @@ if TYPE_CHECKING:
         seen,
         trail,
     )
-    from cmpsp_ros.view.server import ViewServer
+    from cmpsp_ros.view.server import ViewError, ViewServer
     from cmpsp_ros.view.shared_state import SharedState
 
 __getattr__, __all__ = lazy_exports(__name__, __file__)

@@ -9,13 +9,42 @@ from typing import Final
 import numpy as np
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.guidance import MAP, GuidanceSettings
+from cmpsp_ros.guidance import GuidanceSettings
 from cmpsp_ros.guidance.formulation import sample_space
 from cmpsp_ros.robots import placed
-from cmpsp_ros.view.palette import EDGE, MARGIN, MOVING, OBSTACLE, ROAD, SEEN, TEXT
 from cmpsp_ros.world.grids import Cell, OccupancyGrid
 from cmpsp_ros.world.obstacles import Point, Shape, outline_of, outlines
 from cmpsp_ros.world.roads import Road
+
+# Okabe and Ito: Color Universal Design (2008), in an order that also differs in lightness.
+BAGS: Final = ('#0072b2', '#d55e00', '#009e73', '#cc79a7', '#56b4e9', '#000000')
+
+LEVEL_COLORS: Final = {
+    'nominal': '#009e73',
+    'elastic': '#f0e442',
+    'previous_plan': '#e69f00',
+    'stop': '#4d4d4d',
+    'arrived': '#c4c9d1',
+}
+"""By fallback level; a stop after the final time is none that should worry anybody."""
+
+ROAD: Final = '#e9ebef'
+EDGE: Final = '#7b8494'
+OBSTACLE: Final = '#a63d40'
+SEEN: Final = '#e0533d'
+UNSEEN: Final = '#b3bbc7'
+GOAL: Final = '#1b1f27'
+MOVING: Final = '#b03a8c'
+MARGIN: Final = '#e69f00'
+LIMIT: Final = '#a63d40'
+TEXT: Final = '#1b1f27'
+GRID: Final = '#e3e6eb'
+
+
+def bag_color(index: int) -> str:
+    """Colour of a bag, by its place on the command line."""
+    return BAGS[index % len(BAGS)]
+
 
 Lines = tuple[Array, ...]
 
@@ -113,7 +142,9 @@ def course(
 
 def kept_clear(settings: GuidanceSettings) -> Part:
     """Closest that the centres of the robot's discs may come to each obstacle at samples."""
-    radii = zip(settings.obstacles, sample_space(settings).radii.tolist(), strict=True)
+    radii = zip(
+        settings.obstacles, sample_space(settings, settings.world).radii.tolist(), strict=True
+    )
     return Part('kept clear', tuple(line for each, r in radii for line in outlines(each, r)))
 
 
@@ -179,7 +210,7 @@ def frame(points: Sequence[Array], shapes: Iterable[Shape], room: float) -> tupl
 
 def map_corners(settings: GuidanceSettings) -> Array:
     """Corners of the map ``(4, 2)`` [m]; none if it is so large that a path would be lost on it."""
-    known = settings.grid(MAP)
+    known = settings.world.map
     if known is None or max(known.grid.size) > _WHOLE_MAP:
         return np.empty((0, 2))
     return known.grid.ends

@@ -173,7 +173,9 @@ def _drive(presets: Sequence[GuidanceSettings]) -> None:
 def _measure(settings: GuidanceSettings) -> None:
     """Find the clearance of a path driven, as is done of every run and of every bag."""
     pose = settings.road.middle()
-    settings.clearance(pose[None], np.zeros((1, 2)), np.array([settings.control_period]))
+    settings.world.clearance(
+        settings, pose[None], np.zeros((1, 2)), np.array([settings.control_period])
+    )
 
 
 def _scans() -> None:

@@ -15,8 +15,8 @@ from rclpy.lifecycle import LifecycleNode
 from rclpy.node import Node
 
 from cmpsp_ros.nodes.common import StartupError, run
-from cmpsp_ros.nodes.common.lifecycle import guard_change_state
-from cmpsp_ros.nodes.timing.drain_queue import drain_queue
+from cmpsp_ros.nodes.common.topic import Listener as Input
+from cmpsp_ros.nodes.guidance.lifecycle import guard_change_state
 
 pytestmark = pytest.mark.integration
 
@@ -58,11 +58,13 @@ class Attentive(Node):
 
     def __init__(self):
         super().__init__('attentive')
-        self.commands = self.create_subscription(Twist, 'cmd_vel', self.on_command, 1000)
+        self.listener = Input(self)
+        commands = self.create_subscription(Twist, 'cmd_vel', self.on_command, 1000)
+        self.listener._subscriptions.append(commands)
         self.create_timer(0.05, self.on_timer)
 
     def on_timer(self):
-        drain_queue(self.commands)
+        self.listener.drain()
         print('timer', flush=True)
 
     def on_command(self, message):

@@ -44,7 +44,7 @@ SOURCES = [
     *(each for each in (ROOT / 'cmpsp_ros/guidance').rglob('*.py') if each.name not in ELSEWHERE),
     *(ROOT / 'cmpsp_ros/nodes/guidance').rglob('*.py'),
     ROOT / 'cmpsp_ros/sensing/surroundings.py',
-    *(ROOT / 'cmpsp_ros/nodes' / name for name in ('timing/compiling.py', 'common/health.py')),
+    ROOT / 'cmpsp_ros/nodes/common/health.py',
 ]
 SENTENCES = sorted({text for path in SOURCES for text in said(path)})
 

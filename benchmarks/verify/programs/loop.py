@@ -88,7 +88,10 @@ def _visits(scenario: Scenario, rng: Rng) -> Iterator[Visit]:
         coming = remaining(min(step * period + late, final - 1), period, final)
         if horizon is None:
             guess = initial_guess(
-                settings, PlanStart(pose, settings.robot), settings.target, coming.durations
+                settings,
+                PlanStart(pose, settings.robot, settings.world),
+                settings.target,
+                coming.durations,
             )
         else:
             guess = shift(U, horizon, coming)
@@ -123,7 +126,7 @@ def _pose_problem(
 ) -> OptimalControlProblem:
     weights, durations = settings.weights, horizon.durations
     cost = Cost(weights.road_center, weights.control_change, weights.control_effort)
-    space = sample_space(settings, float(durations.max()))
+    space = sample_space(settings, settings.world, float(durations.max()))
     problem = GuidanceProblem(settings.robot, space, cost, pose, np.array(settings.goal), durations)
     if weights.control_rate > 0.0:
         return ControlRateProblem(problem, weights.control_rate, held[0])

@@ -62,7 +62,8 @@ def ordinary(rng: Rng) -> Scenario:
 def crowded(rng: Rng) -> Scenario:
     """Wheels hardly fast enough, a road hardly wide enough, a long horizon: many active rows."""
     base = ordinary(rng)
-    settings, middle = base.settings, base.settings.annulus.center_radius
+    settings, road = base.settings, base.settings.world.annulus
+    middle = road.center_radius
     bearing, half = rng.uniform(-2.2, -0.8), 10.0 ** rng.uniform(-2.0, -0.3)
     radius = middle + rng.uniform(-0.9, 0.9) * half
     heading = bearing + 0.5 * math.pi + 0.1 * half * rng.normal()
@@ -77,7 +78,7 @@ def crowded(rng: Rng) -> Scenario:
     settings = replace(
         settings,
         final_time=_arc(settings, pose) / pace,
-        road=replace(settings.annulus, inner_radius=middle - half, outer_radius=middle + half),
+        road=replace(road, inner_radius=middle - half, outer_radius=middle + half),
         # What is left of a narrow road beside an obstacle is none.
         obstacles=(),
         weights=weights,
@@ -99,7 +100,7 @@ def blocked(rng: Rng) -> Scenario:
     walled, out_of_reach = kind != 0, kind != 1
     if walled:
         bearing = rng.uniform(-1.2, -0.3)
-        radius = settings.annulus.center_radius
+        radius = settings.world.annulus.center_radius
         center = radius * math.cos(bearing), radius * math.sin(bearing)
         wall = Obstacle('wall', center, rng.uniform(1.0, 2.0))
         settings = replace(settings, obstacles=(*settings.obstacles, wall))
@@ -113,7 +114,7 @@ def blocked(rng: Rng) -> Scenario:
 def tangent(rng: Rng) -> Scenario:
     """Obstacles that touch the road's edges from either side, or one another, exactly."""
     base = ordinary(rng)
-    road = base.settings.annulus
+    road = base.settings.world.annulus
     obstacles = []
     for index in range(int(rng.integers(1, 4))):
         radius = float(rng.choice([0.25, 0.5, 1.0]))
@@ -169,7 +170,7 @@ def _elsewhere(rng: Rng, settings: GuidanceSettings, pose: Array) -> tuple[Guida
     """Another start along the road, another time to the goal, another first guess."""
     if rng.random() < 0.5:
         bearing = rng.uniform(-2.5, -0.3)
-        radius = settings.annulus.center_radius + rng.uniform(-0.9, 0.9)
+        radius = settings.world.annulus.center_radius + rng.uniform(-0.9, 0.9)
         heading = bearing + 0.5 * math.pi + 0.4 * rng.normal()
         if rng.random() < 0.15:
             heading = rng.uniform(-math.pi, math.pi)
@@ -206,7 +207,7 @@ def _field(rng: Rng, settings: GuidanceSettings, count: int) -> tuple[Obstacle, 
     obstacles = []
     for index in range(count):
         bearing = rng.uniform(-1.4, -0.1)
-        away = settings.annulus.center_radius + rng.uniform(-1.3, 1.3)
+        away = settings.world.annulus.center_radius + rng.uniform(-1.3, 1.3)
         center = away * math.cos(bearing), away * math.sin(bearing)
         obstacles.append(Obstacle(f'random {index}', center, rng.uniform(0.1, 0.7)))
     return tuple(obstacles)
@@ -216,4 +217,4 @@ def _arc(settings: GuidanceSettings, pose: Array) -> float:
     """Way along the centre line to the goal [m]."""
     bearing = math.atan2(pose[1], pose[0])
     goal = math.atan2(settings.goal[1], settings.goal[0])
-    return settings.annulus.center_radius * abs(math.remainder(goal - bearing, math.tau))
+    return settings.world.annulus.center_radius * abs(math.remainder(goal - bearing, math.tau))

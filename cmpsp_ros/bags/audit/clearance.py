@@ -14,8 +14,6 @@ from cmpsp_ros.bags.runs.seen import Seen
 from cmpsp_ros.guidance import GuidanceSettings
 from cmpsp_ros.world.roads import FAR
 
-Stamps = IntArray
-
 EDGES = 2
 """The first columns of a clearance are the road's edges."""
 
@@ -39,7 +37,7 @@ class Sweep:
     """
 
     settings: GuidanceSettings
-    stamps: Stamps
+    stamps: IntArray
     clearance: Array
     names: tuple[str, ...]
     by: str = ''
@@ -75,6 +73,6 @@ def sweep(
             settings = epoch.course
             obstacles = (f'obstacle {each.name}' for each in settings.obstacles)
             names = (*settings.road.edge_names, *obstacles)
-            clearance = settings.clearance(*arcs)
+            clearance = settings.world.clearance(settings, *arcs)
             clearance[:, EDGES:][:, epoch.of_hidden] += off
             yield Sweep(settings, begins[index], clearance, names, by, tolerance)

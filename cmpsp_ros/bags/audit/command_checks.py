@@ -14,8 +14,7 @@ from cmpsp_ros.bags.audit.finding import Verdict, not_judged, passed_if, skipped
 from cmpsp_ros.bags.audit.legs import Leg
 from cmpsp_ros.bags.audit.record import AuditRecord
 from cmpsp_ros.bags.decision_record import wheel_speeds
-from cmpsp_ros.bags.runs.holes import Hole, in_words, overlaps
-from cmpsp_ros.bags.runs.odometry import mean_twists
+from cmpsp_ros.bags.runs.odometry import Hole, in_words, mean_twists, overlaps
 from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings, to_nanoseconds
 
 _ROUNDING = 1e-9

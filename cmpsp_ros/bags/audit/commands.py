@@ -15,7 +15,6 @@ from cmpsp_ros.bags.runs.odometry import OdometrySeries
 from cmpsp_ros.robots import plain, with_side
 from cmpsp_ros.sensing import stamp_of
 
-Stamps = IntArray
 Flags = BoolArray
 
 _TWIST, _STAMPED = 'geometry_msgs/msg/Twist', 'geometry_msgs/msg/TwistStamped'
@@ -35,8 +34,8 @@ class Commands:
         stamped: Whether the messages carried these stamps themselves.
     """
 
-    received: Stamps
-    stamps: Stamps
+    received: IntArray
+    stamps: IntArray
     twists: Array
     stamped: bool
 

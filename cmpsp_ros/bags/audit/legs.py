@@ -13,8 +13,14 @@ import numpy as np
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.bags.audit.commands import Commands
 from cmpsp_ros.bags.decision_record import DecisionRecord
-from cmpsp_ros.bags.runs.holes import Hole, holes, longest_interval, pieces
-from cmpsp_ros.bags.runs.odometry import OdometrySeries, path_through
+from cmpsp_ros.bags.runs.odometry import (
+    Hole,
+    OdometrySeries,
+    holes,
+    longest_interval,
+    path_through,
+    pieces,
+)
 from cmpsp_ros.bags.runs.run import Driven
 from cmpsp_ros.guidance import GuidanceSettings, to_nanoseconds
 
@@ -172,9 +178,9 @@ def _runs(
 
 def _begin_of(first: DecisionRecord, settings: GuidanceSettings) -> int:
     """Time 0 [ns] of a run of which decisions before this one were not recorded, if any."""
-    elapsed = first.step * settings.control_period
+    elapsed: float = first.step * settings.control_period
     goal, left = first.goal, first.time_left
     if first.step and goal is not None and 0.0 < left < math.inf:
         # The time that is left is that to the last goal.
         elapsed = max(goal.time, 0.0 if first.goals_received else settings.final_time) - left
-    return max(first.stamp - to_nanoseconds(elapsed), 0)
+    return max(int(first.stamp) - to_nanoseconds(elapsed), 0)

@@ -25,8 +25,7 @@ from cmpsp_ros.bags.audit.record import AuditRecord
 from cmpsp_ros.bags.decision_record import DecisionRecord
 from cmpsp_ros.bags.runs.encounters import Encounter
 from cmpsp_ros.bags.runs.goals import Passing
-from cmpsp_ros.bags.runs.holes import is_within
-from cmpsp_ros.bags.runs.odometry import interpolated, wrapped
+from cmpsp_ros.bags.runs.odometry import interpolated, is_within, wrapped
 from cmpsp_ros.bags.runs.seen import EXACT
 from cmpsp_ros.guidance import GOAL, NANOSECONDS, Goal, GuidanceSettings, to_nanoseconds
 from cmpsp_ros.guidance.messages import motion_limits
@@ -177,8 +176,9 @@ def commanded(record: AuditRecord) -> Verdict:
 def _effect_delay(settings: GuidanceSettings, decision: DecisionRecord | None) -> float:
     """Delay from a command to its effect, as it was estimated when the command was decided [s]."""
     if decision is not None and decision.response_delay is not None:
-        return decision.response_delay
-    return settings.command_delay + (0.0 if decision is None else decision.wheel_lag)
+        return float(decision.response_delay[0])
+    lag = None if decision is None else decision.wheel_lag
+    return settings.command_delay + (0.0 if lag is None else float(lag[0]))
 
 
 def jumps(record: AuditRecord) -> Verdict:
@@ -307,7 +307,7 @@ def _spare(
     settings: GuidanceSettings, pose: Array, twist: Array, period: float, near: float
 ) -> Array:
     """Clearance of an arc above the clearance required, ``(2 + M,)`` [m]."""
-    space = settings.space()
+    space = settings.world.free_space(settings)
     start, held = pose[None], np.array([period])
     floor = np.minimum(space.at(start, near)[0], 0.0)
     if settings.safety.between_samples:

@@ -21,11 +21,17 @@ from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.names import Names
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.runs.encounters import Encounter, encounters, read_others, robot_encounters
-from cmpsp_ros.bags.runs.holes import Hole, holes, in_words, longest_interval, pieces
-from cmpsp_ros.bags.runs.odometry import OdometrySeries, read_odometry
-from cmpsp_ros.bags.runs.run import Driven, truth_topic
+from cmpsp_ros.bags.runs.odometry import (
+    Hole,
+    OdometrySeries,
+    holes,
+    in_words,
+    longest_interval,
+    pieces,
+    read_odometry,
+)
+from cmpsp_ros.bags.runs.run import Driven, read_tracks, seen_at, truth_topic
 from cmpsp_ros.bags.runs.seen import Knowledge, Seen, look, sightings
-from cmpsp_ros.bags.runs.tracks import read_tracks, seen_at
 from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings, to_nanoseconds
 from cmpsp_ros.guidance.messages import Track
 

@@ -19,8 +19,7 @@ from cmpsp_ros.bags.film.scene import BELOW, HEIGHT, has_wheels, scene
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.replay.node_parameters import hidden_obstacles
 from cmpsp_ros.bags.runs.goals import goals_driven_to
-from cmpsp_ros.bags.runs.run import read_driven
-from cmpsp_ros.bags.runs.tracks import seen_at
+from cmpsp_ros.bags.runs.run import read_driven, seen_at
 from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings, to_nanoseconds
 from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.view import bodies, body

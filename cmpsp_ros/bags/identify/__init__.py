@@ -10,8 +10,7 @@ from cmpsp_ros.bags.audit.sources import Sources
 from cmpsp_ros.bags.identify.drives import read_drives
 from cmpsp_ros.bags.identify.estimates import Identification, identification
 from cmpsp_ros.bags.identify.excitation import RADIUS, excitation
-from cmpsp_ros.bags.identify.parameter_file import write_parameters
-from cmpsp_ros.bags.identify.picture import draw
+from cmpsp_ros.bags.identify.output import draw, write_parameters
 from cmpsp_ros.parameters.files import load_robot
 
 

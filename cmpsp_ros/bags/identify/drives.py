@@ -21,8 +21,6 @@ from cmpsp_ros.bags.runs.odometry import OdometrySeries, read_odometry
 from cmpsp_ros.guidance import NANOSECONDS
 from cmpsp_ros.robots import with_side
 
-Stamps = IntArray
-
 TIMEOUTS: Final = (math.inf, 0.2, 0.25, 0.5, 0.6, 1.0)
 """Usual times after which robots stop without a command [s]."""
 
@@ -177,7 +175,7 @@ def _topic(
 
 def _answered(
     bag: Bag, names: Names, commands: Commands, odometry: OdometrySeries
-) -> Stamps | None:
+) -> IntArray | None:
     """Stamp of the odometry that each command answers [ns]; None if the bag does not have it."""
     if commands.stamped and np.isin(commands.stamps, odometry.stamps).mean() > 0.9:
         return commands.stamps
@@ -190,7 +188,11 @@ def _answered(
 
 
 def _drives(
-    label: str, stamped: bool, odometry: OdometrySeries, commands: Commands, answered: Stamps | None
+    label: str,
+    stamped: bool,
+    odometry: OdometrySeries,
+    commands: Commands,
+    answered: IntArray | None,
 ) -> Iterator[Drive]:
     legs = odometry.legs(_BACKWARDS)
     begins = [0, *(int(leg.received[0]) for leg in legs[1:])]

@@ -17,8 +17,14 @@ from scipy.optimize import least_squares
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.bags.identify.drives import TIMEOUTS, Drive, Series
-from cmpsp_ros.bags.identify.noise import Noise, Steps, jumps_in, log_determinant, whitened
-from cmpsp_ros.bags.identify.response import Response
+from cmpsp_ros.bags.identify.model import (
+    Noise,
+    Response,
+    Steps,
+    jumps_in,
+    log_determinant,
+    whitened,
+)
 
 SUM, LAG, RATIO, SCALE, LIMIT = 0, 1, 2, 3, 5
 """Places of parameters: delay with lag, lag, ratio, two scales, and limits that were found."""

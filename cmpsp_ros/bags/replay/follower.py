@@ -39,9 +39,11 @@ class Follower:
         """
         match event:
             case RunStarted(values):
-                self.law = GuidanceLaw(self._settings_of(values))
+                settings = self._settings_of(values)
+                self.law = GuidanceLaw(settings, settings.world)
             case ParametersChanged(values):
-                self.law.reconfigure(self._settings_of(values))
+                settings = self._settings_of(values)
+                self.law.reconfigure(settings, settings.world)
             case RunReset():
                 self.law.reset()
             case GoalReceived(stamp, goal):

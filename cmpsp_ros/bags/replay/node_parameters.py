@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from cmpsp_ros.bags.custom_data import plain_values
 from cmpsp_ros.bags.errors import BagError
-from cmpsp_ros.bags.parameter_values import plain_values
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.parameters import TABLE, ParameterError, Values, is_of_ros, shapes_of
 from cmpsp_ros.world.obstacles import Shape

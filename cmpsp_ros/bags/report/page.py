@@ -10,17 +10,160 @@ import base64
 import gzip
 import hashlib
 import json
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterable, Sequence
 from html import escape
 from importlib.resources import files
 from string import Template
 from typing import Any
 
+import numpy as np
+
+from cmpsp_ros.bags.audit import CheckOutcome, overall
 from cmpsp_ros.bags.errors import BagError
-from cmpsp_ros.bags.report import charts, tables
-from cmpsp_ros.bags.report.path_chart import panels, path
-from cmpsp_ros.bags.report.slider import moving
+from cmpsp_ros.bags.report import charts
+from cmpsp_ros.bags.report.path_chart import moving, panels, path
 from cmpsp_ros.bags.report.view import View
+from cmpsp_ros.parameters import TABLE, describe
+from cmpsp_ros.robots import Signal
+from cmpsp_ros.view import LEVEL_COLORS, bag_color
+
+_MOST_BANDS = 200
+
+_HEADLINES = {
+    CheckOutcome.PASSED: 'Audit clean',
+    CheckOutcome.FAILED: 'Audit found something',
+    CheckOutcome.NOT_JUDGED: 'Audit not complete: data are missing',
+}
+
+
+def summary(views: Sequence[View]) -> str:
+    """Figures of each bag, one column each."""
+    columns = [_figures(view) for view in views]
+    names = dict.fromkeys(name for column in columns for name in column)
+    rows = [[escape(name), *(escape(column.get(name, '')) for column in columns)] for name in names]
+    return _table(['', *(_swatched(views, view) for view in views)], rows)
+
+
+def findings(view: View) -> str:
+    """What the audit says."""
+    rows = [
+        [
+            f'<span class="{each.outcome.name.lower()}">{each.outcome.value}</span>',
+            escape(each.title),
+            escape(each.worst_text),
+            escape(each.limit_text),
+            '' if each.at is None else f'{each.at:.2f} s',
+            escape(each.sentence),
+        ]
+        for each in view.findings
+    ]
+    return _table(['', 'check', 'worst', 'limit', 'at', 'what was found'], rows, stacked=True)
+
+
+def levels(view: View) -> str:
+    """The bands of the fallback levels with their sentences."""
+    rows = [
+        [
+            f'{_swatch(LEVEL_COLORS.get(each.level, "#fff"))}{escape(each.level)}',
+            f'{each.begin:.2f} to {each.end:.2f} s',
+            str(each.steps),
+            escape(each.reason),
+        ]
+        for each in view.bands[:_MOST_BANDS]
+    ]
+    if len(view.bands) > _MOST_BANDS:
+        rows.append(['', '', '', f'and {len(view.bands) - _MOST_BANDS} more'])
+    return _table(['level', 'time', 'steps', 'reason'], rows, stacked=True)
+
+
+def parameters(views: Sequence[View]) -> str:
+    """Parameters by key, those that differ between bags marked."""
+    columns = [view.record.history.epochs[0].values for view in views]
+    keys = dict.fromkeys(key for column in columns for key in column)
+    rows, marks = [], []
+    for key in keys:
+        parameter = TABLE.find(key)
+        values = [describe(column[key]) if key in column else '' for column in columns]
+        unit = '' if parameter is None else parameter.unit
+        rows.append([escape(key), *(escape(each) for each in values), escape(unit)])
+        marks.append(len(set(values)) > 1)
+    head = ['parameter', *(_swatched(views, view) for view in views), 'unit']
+    return _table(head, rows, marks)
+
+
+def sections(views: Sequence[View], table: str) -> str:
+    """One table per bag, under its name if there are several."""
+    build = {'findings': findings, 'levels': levels}[table]
+    if len(views) == 1:
+        return build(views[0])
+    return ''.join(f'<h3>{_swatched(views, view)}</h3>{build(view)}' for view in views)
+
+
+def verdicts(views: Sequence[View]) -> str:
+    """A word on each audit."""
+    words = []
+    for view in views:
+        outcome, counts = overall(view.findings), Counter(each.outcome for each in view.findings)
+        numbers = ', '.join(f'{counts[each]} {each.value}' for each in CheckOutcome if counts[each])
+        words.append(
+            f'<li class="{outcome.name.lower()}">{_swatched(views, view)}'
+            f'<strong>{_HEADLINES[outcome]}</strong><span>checks: {numbers}</span></li>'
+        )
+    return ''.join(words)
+
+
+def _largest(signal: Signal) -> str:
+    return f'{np.abs(signal.values).max(initial=0.0):.4g} {signal.unit}'.rstrip()
+
+
+def _figures(view: View) -> dict[str, str]:
+    taken = view.steps[1]
+    by_check = {each.check: each for each in view.findings}
+    counts = Counter[str]()
+    for band in view.bands:
+        counts[band.level] += band.steps
+    known = [float(each.min()) for each in view.clearance[1].values()]
+    missed = len(view.missed_deadlines[0])
+    quantiles = np.percentile(taken, [50, 99, 100]).tolist() if len(taken) else []
+    return {
+        'miss at the final time': by_check['goal'].worst_text or 'unknown',
+        'least clearance': f'{min(known):.4g} m' if known else 'unknown',
+        **{f'largest {each.name}': _largest(each) for each in view.commands[1]},
+        'step time p50 / p99 / max': ' / '.join(f'{each:.2f}' for each in quantiles) + ' ms'
+        if len(taken)
+        else 'unknown',
+        'deadlines missed': f'{missed} of {len(taken)}' if len(taken) else 'unknown',
+        'fallback levels': ', '.join(f'{count} {level}' for level, count in counts.items())
+        or 'unknown',
+        'recorded': f'{view.end:.1f} s, {len(view.record.odometry.stamps)} odometry messages',
+        'recorded by': f'cmpsp_ros {view.version}' if view.version else 'another program',
+    }
+
+
+def _swatched(views: Sequence[View], view: View) -> str:
+    return f'{_swatch(bag_color(views.index(view)))}{escape(view.label)} '
+
+
+def _swatch(color: str) -> str:
+    return f'<span class="swatch" style="background:{color}"></span>'
+
+
+def _table(
+    head: Sequence[str],
+    rows: Iterable[Sequence[str]],
+    marks: Sequence[bool] | None = None,
+    *,
+    stacked: bool = False,
+) -> str:
+    """A table; a stacked one becomes a paragraph per row on a narrow page."""
+    cells = ''.join(f'<th scope="col">{each}</th>' for each in head)
+    lines = [f'<tr>{cells}</tr>']
+    for number, row in enumerate(rows):
+        mark = ' class="differs"' if marks and marks[number] else ''
+        lines.append(f'<tr{mark}>{"".join(f"<td>{each}</td>" for each in row)}</tr>')
+    kind = 'table stacked' if stacked else 'table'
+    return f'<div class="{kind}"><table>{"".join(lines)}</table></div>'
 
 
 def page(views: Sequence[View]) -> str:
@@ -34,11 +177,11 @@ def page(views: Sequence[View]) -> str:
         policy=_policy(script, library),
         title=escape(', '.join(view.label for view in views)),
         style=_asset('page.css'),
-        verdicts=tables.verdicts(views),
-        summary=tables.summary(views),
-        levels=tables.sections(views, 'levels'),
-        audit=tables.sections(views, 'findings'),
-        parameters=tables.parameters(views),
+        verdicts=verdicts(views),
+        summary=summary(views),
+        levels=sections(views, 'levels'),
+        audit=sections(views, 'findings'),
+        parameters=parameters(views),
         end=f'{max(view.end for view in views):.3f}',
         data=_json(_data(views)),
         library=_packed(library),

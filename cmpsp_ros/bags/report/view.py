@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import groupby, pairwise
 from pathlib import Path
@@ -20,7 +20,7 @@ from cmpsp_ros.bags.decision_record import DecisionRecord, read_decisions
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.replay.node_parameters import hidden_obstacles
 from cmpsp_ros.bags.runs.run import Driven, Planned, plans_in
-from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings
+from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings, World
 from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.robots import Signal
 from cmpsp_ros.sensing import grid_of, stamp_of
@@ -191,10 +191,11 @@ class View:
             for each in found:
                 index = np.searchsorted(times, self._seconds(each.stamps), side='right') - 1
                 np.minimum.at(values, np.maximum(index, 0), each.clearance)
-        there = replace(self.settings, obstacles=self.hidden)
+        settings, there = self.settings, World(self.settings.road, self.hidden)
         paths = (leg.guided for leg in self.record.legs)
         arcs = ((each.poses[:-1], each.twists[:-1], each.durations) for each in paths)
-        hidden = [there.clearance(*each)[:, EDGES:].min(axis=1, initial=np.inf) for each in arcs]
+        away = (there.clearance(settings, *each)[:, EDGES:] for each in arcs)
+        hidden = [each.min(axis=1, initial=np.inf) for each in away]
         named = {
             'road edges': road,
             'obstacles': obstacles,

@@ -2,6 +2,12 @@
 
 from cmpsp_ros.bags.runs.encounters import encounters, robot_encounters
 from cmpsp_ros.bags.runs.goals import Passing, mean_speed
-from cmpsp_ros.bags.runs.holes import holes, in_words, is_within, longest_interval, overlaps, pieces
-from cmpsp_ros.bags.runs.run import Driven, Run, read_run
-from cmpsp_ros.bags.runs.tracks import seen_at
+from cmpsp_ros.bags.runs.odometry import (
+    holes,
+    in_words,
+    is_within,
+    longest_interval,
+    overlaps,
+    pieces,
+)
+from cmpsp_ros.bags.runs.run import Driven, Run, read_run, seen_at

@@ -15,8 +15,6 @@ from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.robots import Bodies
 from cmpsp_ros.world.obstacles import MovingDiscs
 
-Stamps = IntArray
-
 _STANDS = 1e-3
 """Speed and turn rate below which a robot stands [m/s, rad/s]."""
 
@@ -33,7 +31,7 @@ class Encounter:
     """
 
     name: str
-    stamps: Stamps
+    stamps: IntArray
     clearance: Array
     stands: BoolArray
 

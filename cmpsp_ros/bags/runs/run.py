@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -11,13 +12,57 @@ from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.bags.decision_record import DecisionRecord, read_decisions
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.runs.tracks import read_tracks
 from cmpsp_ros.guidance import NANOSECONDS
-from cmpsp_ros.guidance.messages import Track, heading_of
+from cmpsp_ros.guidance.messages import Track, TrackError, heading_of, tracks_of
 from cmpsp_ros.robots import arc_ends, plain
 from cmpsp_ros.sensing import stamp_of
 
-Stamps = IntArray
+
+def read_tracks(bag: Bag, topic: str, frame_id: str | None) -> tuple[Track, ...]:
+    """All messages of a topic, by id and time; none if the bag lacks the topic.
+
+    Args:
+        bag: An open bag.
+        topic: Full name.
+        frame_id: Frame of the messages wanted; others are left out, as the node refuses them. None:
+            any frame.
+
+    Raises:
+        BagError: A message is not of its type.
+    """
+    found: dict[tuple[int, int], Track] = {}
+    for _, message in bag.messages(topic) if topic in bag.topics else ():
+        try:
+            for each in tracks_of(
+                message, message.header.frame_id if frame_id is None else frame_id
+            ):
+                found[each.key] = max(each, found.get(each.key, each))
+        except TrackError:
+            continue
+        except (AttributeError, TypeError, ValueError) as error:
+            raise BagError(f'{bag.path}: {topic}: found no obstacles there: {error}') from error
+    return tuple(found[key] for key in sorted(found))
+
+
+def seen_at(tracks: Iterable[Track], stamp: int, timeout: float) -> list[Track]:
+    """Where moving obstacles were at an instant, as far as was known by then.
+
+    Args:
+        tracks: As from `read_tracks`.
+        stamp: The instant [ns].
+        timeout: Age at which one that is not seen again is forgotten [s].
+
+    Returns:
+        One track for each obstacle, brought to that instant, in the order of their numbers.
+    """
+    oldest = stamp - round(timeout * NANOSECONDS)
+    latest = {each.id: each for each in tracks if oldest <= each.stamp <= stamp}
+    return [_after(each, stamp) for each in latest.values()]
+
+
+def _after(track: Track, stamp: int) -> Track:
+    age = (stamp - track.stamp) / NANOSECONDS
+    return replace(track, stamp=stamp, x=track.x + age * track.vx, y=track.y + age * track.vy)
 
 
 @dataclass(frozen=True)
@@ -43,7 +88,7 @@ class Driven:
         twists: From each on, shape ``(K + 1, 2)`` or ``(K + 1, 3)``; see `Robot`.
     """
 
-    stamps: Stamps
+    stamps: IntArray
     poses: Array
     twists: Array
 
@@ -58,7 +103,7 @@ class Driven:
         pose: Array = self.at_all(np.array([stamp], dtype=np.int64))[0]
         return pose
 
-    def at_all(self, stamps: Stamps) -> Array:
+    def at_all(self, stamps: IntArray) -> Array:
         """As `at`, for several instants: shape ``(S, 3)``."""
         index = np.searchsorted(self.stamps, stamps, side='right') - 1
         since = (stamps - self.stamps[index]) / NANOSECONDS
@@ -84,7 +129,7 @@ class Run:
         plans: In order; empty if they were not recorded.
         driven: The driven path, from `read_driven`.
         tracks: Moving obstacles as received, by id and time.
-        wheel_stamps: Stamps of the wheel speeds [ns], shape ``(W,)``.
+        wheel_stamps: IntArray of the wheel speeds [ns], shape ``(W,)``.
         wheel_speeds: Of all wheels, driven or, without a simulator, commanded; shape
             ``(W, wheels)`` [rad/s].
     """
@@ -93,7 +138,7 @@ class Run:
     plans: tuple[Planned, ...]
     driven: Driven
     tracks: tuple[Track, ...]
-    wheel_stamps: Stamps
+    wheel_stamps: IntArray
     wheel_speeds: Array
 
 
@@ -175,7 +220,7 @@ def plans_in(bag: Bag, topic: str) -> tuple[Planned, ...]:
     return tuple(plans)
 
 
-def _wheels(bag: Bag, topic: str) -> tuple[Stamps, Array]:
+def _wheels(bag: Bag, topic: str) -> tuple[IntArray, Array]:
     rows = [(stamp_of(message), message.velocity) for _, message in bag.messages(topic)]
     stamps = np.array([stamp for stamp, _ in rows], dtype=np.int64)
     return stamps, np.array([speeds for _, speeds in rows]).reshape(len(rows), -1)

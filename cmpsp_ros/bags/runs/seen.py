@@ -13,14 +13,13 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array, BoolArray, IntArray
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.runs.holes import Hole, holes, longest_interval
+from cmpsp_ros.bags.runs.odometry import Hole, holes, longest_interval
 from cmpsp_ros.bags.runs.run import Driven
-from cmpsp_ros.guidance import GuidanceSettings, to_nanoseconds
+from cmpsp_ros.guidance import SEEN, GuidanceSettings, to_nanoseconds
 from cmpsp_ros.robots import Footprint, contains, placed
 from cmpsp_ros.sensing import Beams, LocalGrid, ScanError, Sensor, grid_of, sight_of, stamp_of
-from cmpsp_ros.world.grids import Cell, GridError, OccupancyGrid
+from cmpsp_ros.world.grids import Cell, GridError, GridObstacle, OccupancyGrid
 
-Stamps = IntArray
 Window = tuple[float, float]
 
 EXACT: Final = 0.05
@@ -52,13 +51,13 @@ class Seen:
         tolerance: What the clearance may be off by [m].
     """
 
-    stamps: Stamps
+    stamps: IntArray
     poses: Array
     clearance: Array
-    looks: Stamps
+    looks: IntArray
     tolerance: float
 
-    def blind(self, looks: Stamps, settings: GuidanceSettings) -> tuple[Hole, ...]:
+    def blind(self, looks: IntArray, settings: GuidanceSettings) -> tuple[Hole, ...]:
         """When the robot drove on and nothing was seen for longer than `sight.timeout`.
 
         Args:
@@ -89,7 +88,8 @@ class Knowledge:
             self._seen, self._next = self._next[1], next(self._grids, None)
         if self._seen is None:
             return settings
-        return settings.seeing(self._seen)
+        seen = GridObstacle(SEEN, self._seen, unknown_is_free=True)
+        return replace(settings, obstacles=(*settings.obstacles, seen))
 
 
 def sightings(bag: Bag, topic: str, window: Window) -> Iterator[tuple[int, OccupancyGrid]]:

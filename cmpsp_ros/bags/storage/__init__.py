@@ -1,3 +1,1 @@
 """The files of a bag: writing them, checking them before they are read, and recovery."""
-
-from cmpsp_ros.bags.storage.form import Form

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import yaml
 from rosbags.rosbag2 import Reader, ReaderError
 
-from cmpsp_ros.bags.storage.folder import METADATA
+from cmpsp_ros.bags.storage.common import METADATA, SUFFIXES
 from cmpsp_ros.bags.storage.limits import (
     MAX_CHUNK,
     MAX_FILES,
@@ -24,20 +24,22 @@ from cmpsp_ros.bags.storage.limits import (
     inflate,
     inflate_file,
 )
-from cmpsp_ros.bags.storage.mcap_checks import check_mcap
-from cmpsp_ros.bags.storage.sqlite_checks import check_sqlite
+from cmpsp_ros.bags.storage.mcap import check_mcap, salvage_mcap
+from cmpsp_ros.bags.storage.sqlite import check_sqlite, salvage_sqlite
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from typing import Any
+
+    from cmpsp_ros.bags.storage.common import Found, Remark
 
 INFORMATION = 'rosbag2_bagfile_information'
 
 _CHECKS = {'mcap': check_mcap, 'sqlite3': check_sqlite}
-_STORAGES = {'.mcap': 'mcap', '.db3': 'sqlite3'}
 
 
 def read_metadata(folder: Path) -> dict[str, Any]:
-    """Read what a bag's folder says about it.
+    """Metadata of a bag's folder.
 
     Raises:
         ReaderError: Too large, not YAML, or not a bag's.
@@ -57,19 +59,19 @@ def read_metadata(folder: Path) -> dict[str, Any]:
 
 
 def check_bag(path: Path) -> dict[str, Any]:
-    """Make sure that rosbags can read a bag in bounded memory and time.
+    """Check that rosbags can read a bag in bounded memory and time.
 
     Args:
         path: A folder with metadata, or a single storage file.
 
     Returns:
-        What the folder says about the bag; empty for a single file.
+        The metadata of the folder; empty for a single file.
 
     Raises:
         ReaderError: Damaged, or beyond what is read.
     """
     if not path.is_dir():
-        _check_storage(path, _STORAGES.get(path.suffix, ''))
+        _check_storage(path, SUFFIXES.get(path.suffix, ''))
         return {}
     information = read_metadata(path)
     storage = str(information.get('storage_identifier'))
@@ -88,6 +90,23 @@ def check_bag(path: Path) -> dict[str, Any]:
     if isinstance(topics, list) and len(topics) > MAX_TOPICS:
         raise ReaderError(f'{len(topics)} topics, at most {MAX_TOPICS} are read')
     return information
+
+
+def salvage(path: Path, folder: Path, remark: Remark) -> Iterator[Found]:
+    """Iterate over what is left of a storage file, each topic before its messages.
+
+    Args:
+        path: A storage file, which is not changed.
+        folder: Existing folder for temporary files.
+        remark: Called with each reason for which something is left out.
+    """
+    try:
+        check_file(path)
+    except ReaderError as error:
+        remark(str(error))
+        return
+    read = salvage_mcap if path.suffix == '.mcap' else salvage_sqlite
+    yield from read(path, folder, remark)
 
 
 def _files(folder: Path, information: dict[str, Any]) -> list[Path]:

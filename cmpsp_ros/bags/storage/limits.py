@@ -50,23 +50,18 @@ MAX_INFLATED_FILE = 2048 * _MEGABYTE
 MAX_SEQUENCE = 1_000_000
 """Elements of one sequence in a message."""
 
-# Of messages zstd makes a tenth to a fiftieth; of zeros, a twenty-thousandth.
+# zstd reduces messages to a tenth or a fiftieth, zeros to a twenty-thousandth.
 _MAX_RATIO = 100
 _FREE_RATIO = 256 * _MEGABYTE
 
 _WINDOW_LOG = 26
-_PIECE = _MEGABYTE
 
 
 def check_file(path: Path, limit: int | None = None) -> None:
-    """Make sure that a path is a file that can be read to its end.
-
-    Args:
-        path: The path; a pipe or device in its place would be waited for without end.
-        limit: Largest size [bytes], None for any.
+    """Check that a path is a regular file, no larger than a limit [bytes].
 
     Raises:
-        ReaderError: It is something else, or larger.
+        ReaderError: It is larger, or a pipe or device, which would be waited for without end.
     """
     status = path.stat()
     if not stat.S_ISREG(status.st_mode):
@@ -76,7 +71,7 @@ def check_file(path: Path, limit: int | None = None) -> None:
 
 
 def check_yaml(text: str) -> None:
-    """Make sure that parsing text as YAML does not multiply its size.
+    """Check that parsing text as YAML does not multiply its size.
 
     Raises:
         ReaderError: Not YAML, nested too deeply, or with aliases, which multiply their anchors.
@@ -94,61 +89,51 @@ def check_yaml(text: str) -> None:
         raise ReaderError(f'not YAML: {" ".join(str(error).split())}') from error
 
 
-def inflate(data: bytes, compression: str, limit: int, *, partly: bool = False) -> bytes:
-    """Uncompress data.
+def inflate(data: bytes, compression: str, limit: int, *, truncated: bool = False) -> bytes:
+    """Uncompress one frame of `zstd`, `lz4` or '' (none), to at most `limit` bytes.
 
-    Args:
-        data: One frame.
-        compression: `zstd`, `lz4`, or empty for none.
-        limit: Largest result [bytes].
-        partly: Whether data may be cut off; the result then is the beginning of the whole.
+    Of a truncated frame the result is the beginning of the whole.
 
     Raises:
         ReaderError: Another compression, damaged, cut off, or the result is larger.
     """
-    if compression == 'zstd':
-        options = {int(zstd.DecompressionParameter.window_log_max): _WINDOW_LOG}
-        inflater = zstd.ZstdDecompressor(options=options)
-    elif compression == 'lz4':
-        inflater = LZ4FrameDecompressor()
-    elif compression == '':
-        inflater = None
-    else:
-        raise ReaderError(f'unknown compression {compression!r}')
-    if inflater is None:
-        inflated, whole = data, True
-    else:
+    inflated, complete = data, True
+    if compression:
+        if compression == 'zstd':
+            options = {int(zstd.DecompressionParameter.window_log_max): _WINDOW_LOG}
+            inflater = zstd.ZstdDecompressor(options=options)
+        elif compression == 'lz4':
+            inflater = LZ4FrameDecompressor()
+        else:
+            raise ReaderError(f'unknown compression {compression!r}')
         try:
             inflated = inflater.decompress(data, max_length=limit + 1)
         except (zstd.ZstdError, RuntimeError) as error:
             raise ReaderError(f'damaged {compression} data: {error}') from error
-        whole = inflater.eof and not inflater.unused_data
+        complete = inflater.eof and not inflater.unused_data
     if len(inflated) > limit:
         raise ReaderError(f'more than {limit} bytes uncompressed')
-    if not (whole or partly):
+    if not (complete or truncated):
         raise ReaderError(f'{compression} data cut off')
     return inflated
 
 
 def inflated_allowed(size: int) -> int:
-    """Largest total size of the uncompressed chunks of a file of a size [bytes]."""
+    """Maximum total size of the uncompressed chunks of a file of a size [bytes]."""
     return _FREE_RATIO + _MAX_RATIO * size
 
 
 def inflate_file(source: Path, target: Path) -> Path:
-    """Uncompress a file that is compressed by zstd as a whole.
-
-    Returns:
-        The target.
+    """Uncompress a file that is compressed by zstd as a whole; returns the target.
 
     Raises:
         ReaderError: It is larger than `MAX_INFLATED_FILE` when uncompressed.
     """
     check_file(source)
     size = 0
-    with zstd.open(source, 'rb') as file, target.open('wb') as whole:
-        while piece := file.read(_PIECE):
-            size += whole.write(piece)
+    with zstd.open(source, 'rb') as file, target.open('wb') as output:
+        while piece := file.read(_MEGABYTE):
+            size += output.write(piece)
             if size > MAX_INFLATED_FILE:
                 msg = f'{source.name} has more than {MAX_INFLATED_FILE} bytes uncompressed'
                 raise ReaderError(msg)

@@ -1,37 +1,58 @@
-"""The storage files of a bag being written: one, or several in sequence.
+"""The storage files of a bag being written, one or several in sequence, and its metadata.
 
-rosbags writes a single file.
+rosbags writes a single file; our bags may have several, and must close on a full disk. The metadata
+have version 9, as rosbag2 of ROS 2 Jazzy writes it.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, cast
 
-from cmpsp_ros.bags.storage.folder import METADATA, write_whole
-from cmpsp_ros.bags.storage.form import NO_MESSAGE_YET, Form
-from cmpsp_ros.bags.storage.mcap_storage import McapStorage
-from cmpsp_ros.bags.storage.metadata import (
-    VERSION,
-    FileSummary,
-    as_yaml,
-    information,
-    profiles_of,
-    qos_text,
-)
-from cmpsp_ros.bags.storage.sqlite_storage import SqliteStorage
+import yaml
+from rosbags.rosbag2.metadata import dump_qos_v9
+
+from cmpsp_ros.bags.storage.checks import INFORMATION
+from cmpsp_ros.bags.storage.common import METADATA, NO_MESSAGE_YET, Form, write_atomically
+from cmpsp_ros.bags.storage.mcap_writer import McapStorage
+from cmpsp_ros.bags.storage.sqlite import SqliteStorage
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
     from pathlib import Path
 
-    from rosbags.interfaces import Connection
+    from rosbags.interfaces import Connection, ConnectionExtRosbag2
 
 Storage = McapStorage | SqliteStorage
 """A file being written. Both raise `OSError` when the disk refuses, and can be called again."""
 
+_VERSION = 9
+
 _TOPIC_METADATA_SIZE = 1536
 """What a topic takes in the metadata, with a few publishers [bytes]."""
+
+
+@dataclass(frozen=True)
+class FileSummary:
+    """A storage file: its name, messages by number of the topic, first and last stamp [ns]."""
+
+    name: str
+    counts: Mapping[int, int]
+    start: int
+    end: int
+
+    @classmethod
+    def of(cls, storage: Storage) -> FileSummary:
+        """Summary of a file being written."""
+        counts = dict(storage.channel_stats)
+        start = storage.message_start_time if any(counts.values()) else NO_MESSAGE_YET
+        return cls(storage.path.name, counts, start, storage.message_end_time)
+
+    @property
+    def count(self) -> int:
+        """Number of messages."""
+        return sum(self.counts.values())
 
 
 class RollingFiles:
@@ -54,8 +75,8 @@ class RollingFiles:
     @property
     def message_count(self) -> int:
         """Number of messages written."""
-        files = [*self._done, *([] if self._storage is None else [_summary(self._storage)])]
-        return sum(each.count for each in files)
+        current = [] if self._storage is None else [FileSummary.of(self._storage)]
+        return sum(each.count for each in [*self._done, *current])
 
     def add(self, topic: Connection) -> None:
         """Add a topic."""
@@ -79,8 +100,8 @@ class RollingFiles:
     def close(self) -> None:
         """Write the index of the last file, and the metadata."""
         self._end()
-        about = information(self._form.storage, self._topics, self._done, self._custom)
-        write_whole(self._folder / METADATA, as_yaml({'rosbag2_bagfile_information': about}))
+        text = _as_yaml({INFORMATION: self._information(self._done)})
+        write_atomically(self._folder / METADATA, text)
 
     def make_room(self) -> int:
         """Drop what the disk refused, and as much more as index and metadata need.
@@ -116,7 +137,7 @@ class RollingFiles:
         same = (each for each in self._topics if each.msgtype == topic.msgtype)
         if next(same, topic) is topic:
             storage.add_msgtype(topic)
-        storage.add_connection(topic, qos_text(profiles_of(topic)))
+        storage.add_connection(topic, _as_yaml(_profiles(topic)).strip())
 
     def _is_full(self, storage: Storage, stamp: int) -> bool:
         if not any(storage.channel_stats.values()):
@@ -127,14 +148,61 @@ class RollingFiles:
     def _end(self) -> None:
         if self._storage is None:
             return
-        summary = _summary(self._storage)
-        about = information(self._form.storage, self._topics, [summary], self._custom)
-        self._storage.close(VERSION, as_yaml(about).strip())
+        summary = FileSummary.of(self._storage)
+        self._storage.close(_VERSION, _as_yaml(self._information([summary])).strip())
         self._done.append(summary)
         self._storage = None
 
+    def _information(self, files: Sequence[FileSummary]) -> dict[str, Any]:
+        """Metadata of files in order of time, in the words of rosbag2."""
+        start = min(each.start for each in files)
+        end = max(each.end for each in files)
+        return {
+            'version': _VERSION,
+            'storage_identifier': self._form.storage,
+            'duration': {'nanoseconds': max(0, end - start)},
+            'starting_time': {'nanoseconds_since_epoch': start},
+            'message_count': sum(each.count for each in files),
+            'topics_with_message_count': [
+                {
+                    'topic_metadata': {
+                        'name': each.topic,
+                        'type': each.msgtype,
+                        'serialization_format': 'cdr',
+                        'offered_qos_profiles': _profiles(each),
+                        'type_description_hash': each.digest,
+                    },
+                    'message_count': sum(file.counts.get(each.id, 0) for file in files),
+                }
+                for each in self._topics
+            ],
+            'compression_format': '',
+            'compression_mode': '',
+            'relative_file_paths': [each.name for each in files],
+            'files': [
+                {
+                    'path': each.name,
+                    'starting_time': {'nanoseconds_since_epoch': each.start},
+                    'duration': {'nanoseconds': max(0, each.end - each.start)},
+                    'message_count': each.count,
+                }
+                for each in files
+            ],
+            'custom_data': dict(self._custom),
+            'ros_distro': 'jazzy',
+        }
 
-def _summary(storage: Storage) -> FileSummary:
-    counts = dict(storage.channel_stats)
-    start = storage.message_start_time if any(counts.values()) else NO_MESSAGE_YET
-    return FileSummary(storage.path.name, counts, start, storage.message_end_time)
+
+class _Plain(yaml.SafeDumper):
+    """Writes repeated values out, because not every reader of bags supports aliases."""
+
+    def ignore_aliases(self, _data: object) -> bool:
+        return True
+
+
+def _as_yaml(value: Any) -> str:
+    return yaml.dump(value, Dumper=_Plain, sort_keys=False, width=1 << 30)
+
+
+def _profiles(topic: Connection) -> Any:
+    return dump_qos_v9(list(cast('ConnectionExtRosbag2', topic.ext).offered_qos_profiles))

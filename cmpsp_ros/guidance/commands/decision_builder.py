@@ -13,7 +13,7 @@ from cmpsp_ros.guidance.decision import UNTIMED, Decision, FallbackLevel, Plan
 from cmpsp_ros.guidance.horizon import NANOSECONDS, NEVER, to_nanoseconds
 from cmpsp_ros.guidance.planning.candidate import SolveResult
 from cmpsp_ros.guidance.safety.audit import Audit, Verdict
-from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.state import LawState
 from cmpsp_ros.robots import speeds_and_turns
 from cmpsp_ros.world.obstacles import NOTHING_MOVES, MovingDiscs
@@ -22,7 +22,7 @@ from cmpsp_ros.world.obstacles import NOTHING_MOVES, MovingDiscs
 class DecisionBuilder:
     """Follows plans and stops, and says so."""
 
-    def __init__(self, settings: GuidanceSettings, audit: Audit) -> None:
+    def __init__(self, settings: LawSettings, audit: Audit) -> None:
         """Take the robot from the settings.
 
         Args:
@@ -111,7 +111,7 @@ class DecisionBuilder:
         twist = self._robot.twist(state.previous_control)
         if np.any(twist) and 'halted' not in flags:
             reason += f' It brakes to {abs(speeds_and_turns(twist)[0]):.3g} m/s.'
-        clearance = float(self._audit.clearance_at(pose, moving, state.progress).min())
+        clearance = float(self._audit.clearance_at(state.world, pose, moving, state.progress).min())
         error, heading_error = state.goals.target.errors(pose)
         return Decision(
             stamp=stamp,

@@ -10,7 +10,7 @@ from cmpsp_ros.guidance.horizon_functions import remaining
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.safety.fallback import Fallback
-from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.state import LawState
 from cmpsp_ros.world.obstacles import MovingDiscs
 
@@ -19,7 +19,7 @@ class FinalTime:
     """The last commands on the way to a goal, and the stop behind it."""
 
     def __init__(
-        self, settings: GuidanceSettings, fallback: Fallback, decisions: DecisionBuilder
+        self, settings: LawSettings, fallback: Fallback, decisions: DecisionBuilder
     ) -> None:
         """Take times and tolerances from the settings.
 
@@ -54,7 +54,7 @@ class FinalTime:
         """
         if not self._settings.may_be_late or state.reaches_goal or state.closed_road.waits:
             return ''
-        by = state.goals.put_off(state.now + state.delay, start.pose, start.progress)
+        by = state.goals.postpone(state.now + state.delay, start)
         if not by:
             return ''
         state.idle_steps = 0

@@ -11,7 +11,7 @@ from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.safety.audit import Audit
 from cmpsp_ros.guidance.safety.fallback import Fallback
 from cmpsp_ros.guidance.safety.lateness import clear_fraction
-from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.state import LawState
 
 
@@ -19,11 +19,7 @@ class LateCommands:
     """Goes on with late plans, and slows commands down for the time until they take effect."""
 
     def __init__(
-        self,
-        settings: GuidanceSettings,
-        audit: Audit,
-        fallback: Fallback,
-        decisions: DecisionBuilder,
+        self, settings: LawSettings, audit: Audit, fallback: Fallback, decisions: DecisionBuilder
     ) -> None:
         """Take times and limits from the settings.
 

@@ -57,7 +57,7 @@ def reason_to_stop(
     # Before a moving obstacle it is not safe to wait.
     if not len(context.start.moving):
         idle_steps = PATIENCE if is_near else state.idle_steps
-        why, state.idle_steps = reason_to_wait(idle_steps, settings.road, context, selected)
+        why, state.idle_steps = reason_to_wait(idle_steps, context, selected)
     if closed is not None:
         if why and is_near:
             return state.closed_road.wait_before(closed)

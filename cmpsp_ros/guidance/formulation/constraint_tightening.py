@@ -10,16 +10,17 @@ import numpy as np
 
 from cmpsp_ros.guidance.formulation.ocp_functions import N_EDGE_CONSTRAINTS
 from cmpsp_ros.guidance.goals import Target
-from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.guidance.settings import LawSettings
+from cmpsp_ros.guidance.world import World
 from cmpsp_ros.world import FreeSpace
 
 
-def path_space(settings: GuidanceSettings) -> FreeSpace:
+def path_space(settings: LawSettings, world: World) -> FreeSpace:
     """Space for every point of the path: robot radius and margin away from edges and obstacles."""
-    return settings.space(settings.safety.margin)
+    return world.free_space(settings, settings.safety.margin)
 
 
-def sample_space(settings: GuidanceSettings, longest: float = 0.0) -> FreeSpace:
+def sample_space(settings: LawSettings, world: World, longest: float = 0.0) -> FreeSpace:
     """Space for the samples of a plan, such that the path between them stays in `path_space`.
 
     Without a wheel limit no such space is known beforehand, and it is the same as `path_space`;
@@ -27,17 +28,18 @@ def sample_space(settings: GuidanceSettings, longest: float = 0.0) -> FreeSpace:
 
     Args:
         settings: All settings of the guidance law.
+        world: Road and static obstacles.
         longest: Longest time between two samples [s]; the control period if it is shorter.
     """
     period = max(settings.control_period, longest)
-    space = path_space(settings)
+    space = path_space(settings, world)
     if settings.safety.between_samples and math.isfinite(settings.robot.max_wheel_speed):
         return space.tightened(settings.footprint.twist_limits(settings.robot), period)
     return space
 
 
 def goal_space(
-    settings: GuidanceSettings, target: Target, longest: float = 0.0
+    settings: LawSettings, world: World, target: Target, longest: float = 0.0
 ) -> FreeSpace | None:
     """Space for a plan's last sample where the goal is nearer to something than samples may be.
 
@@ -48,6 +50,7 @@ def goal_space(
 
     Args:
         settings: All settings of the guidance law.
+        world: Road and static obstacles.
         target: What is to be met at the end.
         longest: Time from the sample before the last to the last [s].
 
@@ -59,7 +62,7 @@ def goal_space(
         return None
     heading = math.nan if target.heading is None else target.heading
     goal = np.array([[*target.position, heading]])
-    samples, path = sample_space(settings, longest), path_space(settings)
+    samples, path = sample_space(settings, world, longest), path_space(settings, world)
     # NaN where a disc is beside the reference point, and the heading may be any.
     near = ~(samples.at(goal)[0] >= 0.0)
     if not near.any() or path.at(goal).min() < 0.0:

@@ -12,7 +12,8 @@ from cmpsp_ros.guidance.formulation.guidance_problem import Cost
 from cmpsp_ros.guidance.formulation.ocp_functions import N_EDGE_CONSTRAINTS, TerminalConstraint
 from cmpsp_ros.guidance.formulation.priorities import PENALTIES
 from cmpsp_ros.guidance.goals import Target
-from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.guidance.settings import LawSettings
+from cmpsp_ros.guidance.world import World
 from cmpsp_ros.mpsp.models import rate_rows
 from cmpsp_ros.world import FreeSpace, at_ends
 from cmpsp_ros.world.obstacles import NOTHING_MOVES, MovingDiscs
@@ -26,10 +27,11 @@ _MAX_ENDS = 64
 
 
 class OcpFormulation:
-    """What every plan for one set of settings has in common.
+    """What every plan for one set of settings, and so many obstacles, has in common.
 
     Attributes:
         settings: All settings of the guidance law.
+        world: Road and static obstacles that it was asked about last.
         cost: Weights of the cost.
         penalty_path: Weight of each path constraint, shape ``(D (2 + M + S) + R,)`` [1/m]: of every
             disc edges first, then static obstacles and the slots of moving ones; limits of wheels.
@@ -38,12 +40,13 @@ class OcpFormulation:
             limit.
     """
 
-    def __init__(self, settings: GuidanceSettings) -> None:
-        """Take road, obstacles and weights from the settings."""
+    def __init__(self, settings: LawSettings, world: World) -> None:
+        """Take weights from the settings, and the number of constraints from the world."""
+        self.settings = settings
         weights = settings.weights
         self.cost = Cost(weights.road_center, weights.control_change, weights.control_effort)
         self._slots = settings.moving_obstacles.slots
-        obstacles = len(settings.obstacles) + self._slots
+        obstacles = len(world.shapes) + self._slots
         # What exceeds its limits the robot cannot do: that is never relaxed.
         changes = rate_rows(settings.max_wheel_change, settings.robot.rate_limits)
         self.penalty_path = np.array(
@@ -56,17 +59,20 @@ class OcpFormulation:
         self._by_guess = settings.safety.between_samples and math.isinf(
             settings.robot.max_wheel_speed
         )
-        self.see(settings)
+        self._take(world)
 
-    def see(self, settings: GuidanceSettings) -> None:
-        """Take settings that differ in what an obstacle is like, not in how many there are."""
-        self.settings = settings
+    def _take(self, world: World) -> None:
+        self.world = world
         self._spaces: dict[float, FreeSpace] = {}
         self._ends: dict[tuple[Target, float], FreeSpace | None] = {}
         self._padded: tuple[FreeSpace, FreeSpace] | None = None
 
-    def static_free_space(self, guess: Array, durations: Array, target: Target) -> FreeSpace:
+    def static_free_space(
+        self, world: World, guess: Array, durations: Array, target: Target
+    ) -> FreeSpace:
         """Space to keep to at the samples without moving obstacles; arguments as of `space`."""
+        if world is not self.world:
+            self._take(world)
         period = self.settings.control_period
         if self._by_guess:
             twists = _RESERVE * self._speeds_and_turns(guess)
@@ -92,16 +98,17 @@ class OcpFormulation:
         if key not in self._ends:
             if len(self._ends) >= _MAX_ENDS:
                 self._ends.clear()
-            self._ends[key] = goal_space(self.settings, target, duration)
+            self._ends[key] = goal_space(self.settings, self.world, target, duration)
         return self._ends[key]
 
     def _static(self, longest: float) -> FreeSpace:
         if longest not in self._spaces:
-            self._spaces[longest] = sample_space(self.settings, longest)
+            self._spaces[longest] = sample_space(self.settings, self.world, longest)
         return self._spaces[longest]
 
     def space(
         self,
+        world: World,
         guess: Array,
         durations: Array,
         target: Target,
@@ -111,6 +118,7 @@ class OcpFormulation:
         """Space to keep to at the samples.
 
         Args:
+            world: Road and static obstacles, as many as the formulation was made for.
             guess: Controls that the plan begins with, shape ``(N + 1, r)``.
             durations: Length of every step, shape ``(N,)`` [s]. Only the first and the last may be
                 longer than a control period.
@@ -118,7 +126,7 @@ class OcpFormulation:
             pose: Where it begins, shape ``(3,)`` [m, m, rad]; needed for moving obstacles only.
             moving: Moving obstacles, from then on.
         """
-        space = self.static_free_space(guess, durations, target)
+        space = self.static_free_space(world, guess, durations, target)
         if self._slots == 0:
             return space
         if pose is None or not len(moving):

@@ -9,7 +9,7 @@ from typing import Any, Final
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
 from cmpsp_ros.guidance.messages.poses import OdometryError, check_age
-from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.robots import Robot
 
 _OVERSPEED: Final = 1.25
@@ -62,7 +62,7 @@ class OdometryGate:
         self.counts['refused'] += 1
         self.fail(reason)
 
-    def reason(self, settings: GuidanceSettings) -> str:
+    def reason(self, settings: LawSettings) -> str:
         """Reason to stop, in sentences; empty if there is none."""
         if not self.fault or self._consistent_since is None:
             return self.fault
@@ -72,7 +72,7 @@ class OdometryGate:
         )
         return f'{waits} {self.fault}'
 
-    def take(self, stamp: int, pose: Array, now: int, settings: GuidanceSettings) -> Arrival:
+    def take(self, stamp: int, pose: Array, now: int, settings: LawSettings) -> Arrival:
         """Take a pose ``(3,)`` [m, m, rad] at a time [ns], unless it is older than the newest.
 
         Time has jumped back where the newest does not fit the clock any more. After a fault older
@@ -120,7 +120,7 @@ def motion_limits(robot: Robot, duration: Any, max_jump: float) -> tuple[Any, An
     return distance + max_jump, distance / robot.half_track + _TURN_PER_METER * max_jump
 
 
-def _check_motion(before: Array, after: Array, duration: float, settings: GuidanceSettings) -> None:
+def _check_motion(before: Array, after: Array, duration: float, settings: LawSettings) -> None:
     max_jump, robot = settings.safety.max_odom_jump, settings.robot
     if not max_jump or not math.isfinite(robot.max_speed):
         return

@@ -10,7 +10,7 @@ from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.mission.closures import closures
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.safety.approach import STANDSTILL, Approach, Contact
-from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.world.roads import Point, arc_length_to
 
 _SHORTEST = 0.5
@@ -38,7 +38,7 @@ class ClosedRoad:
     nearest: float = math.inf
     nearest_at: int = 0
 
-    def look(self, settings: GuidanceSettings, start: PlanStart, target: Target) -> None:
+    def look(self, settings: LawSettings, start: PlanStart, target: Target) -> None:
         """Look whether the road is closed for the robot without its margin; once for each goal.
 
         Args:
@@ -50,11 +50,11 @@ class ClosedRoad:
             return
         self.goal = target.position
         here, wanted = (float(start.pose[0]), float(start.pose[1])), 2.0 * settings.robot_radius
-        found = closures(settings.road, settings.obstacles, here, self.goal, wanted)
+        found = closures(start.world.road, start.world.shapes, here, self.goal, wanted)
         self.obstacles = frozenset(name for names, _ in found for name in names)
 
     def ahead(
-        self, settings: GuidanceSettings, approach: Approach, start: PlanStart, now: int
+        self, settings: LawSettings, approach: Approach, start: PlanStart, now: int
     ) -> Contact | None:
         """The nearest of what closes the road, where that is known.
 
@@ -66,10 +66,10 @@ class ClosedRoad:
         """
         if self.goal is None or not self.obstacles:
             return None
-        road, pose, progress = settings.road, start.pose, start.progress
+        road, pose, progress = start.world.road, start.pose, start.progress
         sense = math.copysign(1.0, arc_length_to(road, pose, self.goal, progress=progress))
         away = {}
-        for shape in settings.obstacles:
+        for shape in start.world.shapes:
             if shape.name in self.obstacles:
                 along = [
                     arc_length_to(road, pose, each, progress=progress) for each in shape.corners

@@ -13,46 +13,48 @@ import numpy as np
 
 from cmpsp_ros.guidance.goals import Follow
 from cmpsp_ros.guidance.mission.closures import closures
-from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.world.roads import Point
+from cmpsp_ros.guidance.settings import LawSettings
+from cmpsp_ros.guidance.world import World
+from cmpsp_ros.world.roads import Point, Road
 
 
-def shortest_time(settings: GuidanceSettings, start: Point) -> float:
+def shortest_time(settings: LawSettings, road: Road, start: Point) -> float:
     """Time in which the goal can be reached at best, obstacles left aside [s].
 
     Args:
-        settings: Road, goal and robot; without a wheel limit it is 0.
+        settings: Goal and robot; without a wheel limit it is 0.
+        road: The road.
         start: Where the robot stands (x, y) [m].
     """
-    return _way(settings, start) / settings.robot.max_speed
+    return _way(settings, road, start) / settings.robot.max_speed
 
 
-def infeasibility_warnings(settings: GuidanceSettings, start: Point) -> list[str]:
+def infeasibility_warnings(settings: LawSettings, world: World, start: Point) -> list[str]:
     """Sentences about what cannot be done, from a start (x, y) [m]; none where all may be well."""
     if settings.follow is not None:
-        return list(_too_fast(settings, settings.follow))
+        return list(_too_fast(settings, world.road, settings.follow))
     said: list[str] = []
     begin = 0.0
     for goal in settings.goals:
         # With one goal the settings are its own already.
         leg = settings.towards(goal, begin) if settings.waypoints else settings
         to = f'On the way to {goal.name}: '
-        found = (*_too_far(leg, start), *_closed(leg, start))
+        found = (*_too_far(leg, world.road, start), *_closed(leg, world, start))
         said += [to + each if settings.waypoints else each for each in found]
         start, begin = goal.position, goal.time
     return said
 
 
-def _way(settings: GuidanceSettings, start: Point) -> float:
+def _way(settings: LawSettings, road: Road, start: Point) -> float:
     kept = settings.inscribed_radius + settings.safety.margin
-    way = settings.road.shortest_length(start, settings.goal, kept)
+    way = road.shortest_length(start, settings.goal, kept)
     return max(way - settings.goal_tolerance, 0.0)
 
 
-def _too_far(settings: GuidanceSettings, start: Point) -> Iterator[str]:
-    needed, final_time = shortest_time(settings, start), settings.final_time
+def _too_far(settings: LawSettings, road: Road, start: Point) -> Iterator[str]:
+    needed, final_time = shortest_time(settings, road, start), settings.final_time
     if needed > final_time:
-        speed, way = settings.robot.max_speed, _way(settings, start)
+        speed, way = settings.robot.max_speed, _way(settings, road, start)
         yield (
             f'The goal is out of reach by {way - speed * final_time:.2f} m: the shortest way is'
             f' {way:.2f} m, and this robot drives at most {speed:.3g} m/s for {final_time:g} s.'
@@ -60,13 +62,13 @@ def _too_far(settings: GuidanceSettings, start: Point) -> Iterator[str]:
         )
 
 
-def _too_fast(settings: GuidanceSettings, follow: Follow) -> Iterator[str]:
+def _too_fast(settings: LawSettings, road: Road, follow: Follow) -> Iterator[str]:
     """Round a road without end: whether wheels allow the speed, and their acceleration the start.
 
     No path is shorter than the centre line by more than half the width times all that it turns, and
     the outer wheel has to drive the robot's own turn as well.
     """
-    road, robot = settings.road, settings.robot
+    robot = settings.robot
     line = road.center_line()
     steps = np.diff(line, axis=0, append=line[:1])
     steps = steps[np.hypot(*steps.T) > 0.0]
@@ -97,16 +99,16 @@ def _too_fast(settings: GuidanceSettings, follow: Follow) -> Iterator[str]:
         )
 
 
-def _closed(settings: GuidanceSettings, start: Point) -> Iterator[str]:
+def _closed(settings: LawSettings, world: World, start: Point) -> Iterator[str]:
     wanted = 2.0 * settings.kept
-    search = settings.map_search
+    search = world.map_search(settings)
     if search is not None and not len(search.line(np.array(start), settings.goal, 1.0)):
         yield (
             f'The map leaves no way from ({start[0]:.3g}, {start[1]:.3g}) m to the goal for this'
             f' robot, which is {wanted:.3f} m wide with safety.margin.'
         )
     radius = "its discs' radius" if settings.footprint.corners else 'robot.radius'
-    for names, gap in closures(settings.road, settings.obstacles, start, settings.goal, wanted):
+    for names, gap in closures(world.road, world.shapes, start, settings.goal, wanted):
         what = (
             f'There is no way past obstacle {names[0]}: the wider gap beside it'
             if len(names) == 1

@@ -12,8 +12,10 @@ from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.goals import Goal, GoalError, Target
 from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
 from cmpsp_ros.guidance.mission.return_to_goal import is_away, return_time, turn_rate
+from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.safety.audit import Audit
-from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.guidance.settings import LawSettings
+from cmpsp_ros.guidance.world import World
 from cmpsp_ros.world.roads import Point, arc_length_to, lookahead_point
 
 # Least control periods on the way to a goal: there must be something to steer with.
@@ -43,23 +45,19 @@ class GoalManager:
     end: int
     is_return: bool
 
-    def __init__(self, settings: GuidanceSettings) -> None:
+    def __init__(self, settings: LawSettings, world: World) -> None:
         """Take the goals from the settings."""
         self._settings = settings
         self.goals_received = 0
         self._waiting: tuple[int, Goal] | None = None
         self._received: Goal | None = None
         self._index = self._late = 0
-        self._set_goal()
+        self._set_goal(world)
 
-    def reconfigure(self, settings: GuidanceSettings) -> None:
+    def reconfigure(self, settings: LawSettings, world: World) -> None:
         """Take new settings, and keep to the present goal."""
         self._settings = settings
-        self._set_goal()
-
-    def see(self, settings: GuidanceSettings) -> None:
-        """Take settings that differ in what is seen only."""
-        self._settings = settings
+        self._set_goal(world)
 
     @property
     def is_last(self) -> bool:
@@ -78,12 +76,15 @@ class GoalManager:
         waiting = [] if self._waiting is None else [self._waiting[1]]
         return [self.target.position, *(each.position for each in (*goals, *waiting))]
 
-    def receive(self, stamp: int, goal: Goal, audit: Audit, latest: int | None) -> None:
+    def receive(
+        self, stamp: int, goal: Goal, world: World, audit: Audit, latest: int | None
+    ) -> None:
         """Take another goal instead of all others, from the first control step that is not older.
 
         Args:
             stamp: Its time stamp [ns]; 0 for at once.
             goal: The goal; when to pass it is determined then.
+            world: Road and static obstacles.
             audit: Knows where the robot may be.
             latest: Time stamp of the last odometry [ns]; None before the first.
 
@@ -91,25 +92,24 @@ class GoalManager:
             GoalError: It is refused, and nothing changes.
         """
         self.goals_received += 1
-        _check_goal(self._settings, audit, goal)
+        _check_goal(self._settings, world, audit, goal)
         timeout = to_nanoseconds(self._settings.odom_timeout)
         if latest is not None and stamp - latest > timeout:
             ahead = (stamp - latest) / NANOSECONDS
             raise GoalError(
                 f'The goal is {ahead:.3f} s ahead of the last odometry; is use_sim_time right?'
             )
-        if self._settings.map_search is not None:
-            self._settings.map_search.prepare(goal.position)
+        if (search := world.map_search(self._settings)) is not None:
+            search.prepare(goal.position)
         self._waiting = stamp, goal
 
-    def update(self, stamp: int, now: int, pose: Array, progress: float = math.nan) -> bool:
+    def update(self, stamp: int, now: int, start: PlanStart) -> bool:
         """Find the present goal.
 
         Args:
             stamp: Time stamp of the odometry [ns].
             now: The same since time 0 [ns].
-            pose: Where a command that is given now begins to have an effect, shape ``(3,)``.
-            progress: Arc length along the road of a place near it, NaN if unknown [m].
+            start: Where a command that is given now begins to have an effect.
 
         Returns:
             Whether it is another one than before.
@@ -119,57 +119,58 @@ class GoalManager:
             return False
         if self._waiting is not None and self._waiting[0] <= stamp:
             goal, self._waiting = self._waiting[1], None
-            self._set_out(goal, effect, self._time_to(goal, pose, progress))
+            self._set_out(goal, effect, self._time_to(goal, start), start.world)
             return True
         if self._settings.follow is not None:
-            self._look_ahead(now, pose, progress)
+            self._look_ahead(now, start.world, start.pose, start.progress)
             return False
         before = self._index
         while self.final <= effect and not self.is_last:
             self._index += 1
-            self._set_goal()
+            self._set_goal(start.world)
         if not self._is_known:
-            self._pass_along_road(pose, progress)
+            self._pass_along_road(start)
         if self._index > before:
             return True
-        if now >= self.end and self._settings.hold and is_away(self._settings, self.target, pose):
+        settings, target = self._settings, self.target
+        if now >= self.end and settings.hold and is_away(settings, target, start.pose):
             assert self.goal is not None  # noqa: S101 (only a road has none)
-            self._set_out(self.goal, effect, return_time(self._settings, self.target, pose))
+            seconds = return_time(settings, target, start.pose)
+            self._set_out(self.goal, effect, seconds, start.world)
             self.is_return = True
             return True
         return False
 
-    def put_off(self, begin: int, pose: Array, progress: float) -> float:
+    def postpone(self, begin: int, start: PlanStart) -> float:
         """Pass the present goal later, and all after it, where the path to it takes too long.
 
         Args:
             begin: Where a command that is given now begins to have an effect [ns].
-            pose: Where the robot is then, shape ``(3,)`` [m, m, rad].
-            progress: Arc length along the road of a place near it, NaN if unknown [m].
+            start: Where the robot is then.
 
         Returns:
             By how much [s]; 0 where the time is enough, or no path is known.
         """
-        goal, search, period = self.goal, self._settings.map_search, self._period
+        goal, search, period = self.goal, start.world.map_search(self._settings), self._period
         if goal is None or (
-            search is not None and not len(search.line(pose[:2], goal.position, _NEAR))
+            search is not None and not len(search.line(start.pose[:2], goal.position, _NEAR))
         ):
             return 0.0
-        needed = to_nanoseconds(self._time_to(goal, pose, progress))
+        needed = to_nanoseconds(self._time_to(goal, start))
         if self.final - begin >= _SCARCE * needed:
             return 0.0
         later = max(-(-(begin + needed) // period), begin // period + _FEWEST) * period
         by = max(0, later - self.final)
         self._late += by
-        self._set_goal()
+        self._set_goal(start.world)
         return by / NANOSECONDS
 
-    def _time_to(self, goal: Goal, pose: Array, progress: float) -> float:
+    def _time_to(self, goal: Goal, start: PlanStart) -> float:
         """How long the way to a goal takes, with turns at its beginning and its end [s]."""
         settings, (x, y) = self._settings, goal.position
-        road = settings.road
+        world, pose, progress = start.world, start.pose, start.progress
+        road, search = world.road, world.map_search(settings)
         length = arc_length_to(road, pose, goal.position, goal.heading, progress)
-        search = settings.map_search
         if search is not None and len(line := search.line(pose[:2], goal.position, _NEAR)) > 1:
             steps = np.diff(line, axis=0)
             length = float(np.hypot(*steps.T).sum())
@@ -184,22 +185,22 @@ class GoalManager:
             turn += abs(math.remainder(goal.heading - end, math.tau))
         return abs(length) / settings.pace + turn / turn_rate(settings)
 
-    def _set_out(self, goal: Goal, begin: int, seconds: float) -> None:
+    def _set_out(self, goal: Goal, begin: int, seconds: float, world: World) -> None:
         """Drive to a goal from now on, to be passed at a control instant."""
         period, self._late = self._period, 0
         end = -(-(begin + to_nanoseconds(seconds)) // period)
         end = max(end, begin // period + _FEWEST) * period
         self._received = Goal(goal.position, end / NANOSECONDS, goal.heading, goal.name)
-        self._set_goal()
+        self._set_goal(world)
 
-    def _set_goal(self) -> None:
+    def _set_goal(self, world: World) -> None:
         settings, self.is_return = self._settings, False
         self._delay = to_nanoseconds(settings.command_delay)
         self._period = to_nanoseconds(settings.control_period)
         self._is_known = True
         if settings.follow is not None:
             self.goal, self.end = None, to_nanoseconds(settings.final_time)
-            self._look_ahead(0, settings.road.middle(), math.nan)
+            self._look_ahead(0, world, world.road.middle(), math.nan)
             return
         goals = settings.goals
         if self._received is not None:
@@ -210,12 +211,12 @@ class GoalManager:
         goal = self.goal = goals[self._index]
         self.target = Target(goal.position, goal.heading, drives_on=goal is not goals[-1])
         self.final, self.end = to_nanoseconds(goal.time), to_nanoseconds(goals[-1].time)
-        has_line = settings.road.has_center_line
+        has_line = world.road.has_center_line
         self._is_known = self.is_last or goal.heading is not None or not has_line
 
-    def _pass_along_road(self, pose: Array, progress: float) -> None:
+    def _pass_along_road(self, start: PlanStart) -> None:
         """Have the goal passed along the road: from there the next one can be driven to."""
-        goal, road = self.goal, self._settings.road
+        goal, road, pose, progress = self.goal, start.world.road, start.pose, start.progress
         assert goal is not None  # noqa: S101 (only a road without end has none)
         length = arc_length_to(road, pose, goal.position, progress=progress)
         _, direction = lookahead_point(road, pose, length, progress)
@@ -223,17 +224,17 @@ class GoalManager:
         self.target = self.target._replace(heading=direction)
         self._is_known = True
 
-    def _look_ahead(self, now: int, pose: Array, progress: float) -> None:
+    def _look_ahead(self, now: int, world: World, pose: Array, progress: float) -> None:
         """Aim at the line across the road that is to be reached at the end of the horizon."""
         follow = self._settings.follow
         assert follow is not None  # noqa: S101 (the caller has looked)
         period = self._period
         self.final = now // period * period + to_nanoseconds(follow.horizon)
-        place, direction = lookahead_point(self._settings.road, pose, follow.arc_length, progress)
+        place, direction = lookahead_point(world.road, pose, follow.arc_length, progress)
         self.target = Target(place, direction, is_line=True)
 
 
-def _check_goal(settings: GuidanceSettings, audit: Audit, goal: Goal) -> None:
+def _check_goal(settings: LawSettings, world: World, audit: Audit, goal: Goal) -> None:
     """Refuse a goal that the robot cannot stand at.
 
     Raises:
@@ -242,11 +243,11 @@ def _check_goal(settings: GuidanceSettings, audit: Audit, goal: Goal) -> None:
     if settings.follow is not None:
         raise GoalError('The robot follows the road without end (follow.speed): it takes no goal.')
     x, y = goal.position
-    away = audit.clearance_at(np.array([x, y, math.nan]))
+    away = audit.clearance_at(world, np.array([x, y, math.nan]))
     nearest = int(away.argmin())
     if away[nearest] < -_ROUNDING:
-        name = audit.names([nearest])
+        name = audit.names([nearest], world)
         raise GoalError(f'The goal is {-away[nearest]:.3g} m inside or beyond {name}.')
-    beyond = settings.road.beyond(goal.position)
+    beyond = world.road.beyond(goal.position)
     if beyond > _ROUNDING:
         raise GoalError(f'The goal is {beyond:.3g} m beyond the end of the road.')

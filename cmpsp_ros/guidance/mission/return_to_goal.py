@@ -16,7 +16,7 @@ from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.goals import Target
 from cmpsp_ros.guidance.horizon import Horizon
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
-from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.guidance.settings import LawSettings
 
 _TURN_RATE: Final = 1.0
 _FRACTION_OF_LIMIT: Final = 0.5
@@ -24,13 +24,13 @@ _FRACTION_OF_LIMIT: Final = 0.5
 _AWAY: Final = 0.5
 
 
-def turn_rate(settings: GuidanceSettings) -> float:
+def turn_rate(settings: LawSettings) -> float:
     """Rate at which the robot is turned where nothing hurries it [rad/s]."""
     robot = settings.robot
     return min(_TURN_RATE, _FRACTION_OF_LIMIT * robot.max_speed / robot.half_track)
 
 
-def is_away(settings: GuidanceSettings, target: Target, pose: Array) -> bool:
+def is_away(settings: LawSettings, target: Target, pose: Array) -> bool:
     """Whether a robot that holds its position at the goal has been moved away from it."""
     error, heading_error = target.errors(pose)
     return error > _AWAY * settings.goal_tolerance or (
@@ -38,13 +38,13 @@ def is_away(settings: GuidanceSettings, target: Target, pose: Array) -> bool:
     )
 
 
-def return_time(settings: GuidanceSettings, target: Target, pose: Array) -> float:
+def return_time(settings: LawSettings, target: Target, pose: Array) -> float:
     """How long the return takes, at a walk [s]."""
     return sum(steps for steps, _, _ in _parts(settings, target, pose)) * settings.control_period
 
 
 def return_to_goal(
-    settings: GuidanceSettings, target: Target, start: PlanStart, horizon: Horizon, delay: int
+    settings: LawSettings, target: Target, start: PlanStart, horizon: Horizon, delay: int
 ) -> Plan:
     """A plan of the return, which is complete at the end of the horizon.
 
@@ -67,9 +67,7 @@ def return_to_goal(
     return Plan(horizon, controls, poses, delay)
 
 
-def _parts(
-    settings: GuidanceSettings, target: Target, pose: Array
-) -> list[tuple[int, float, float]]:
+def _parts(settings: LawSettings, target: Target, pose: Array) -> list[tuple[int, float, float]]:
     """Control steps, length [m] and turn [rad] of each part: forward or backward, as is shorter."""
     x, y = target.position
     length = math.dist(pose[:2], target.position)

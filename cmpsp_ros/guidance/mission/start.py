@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.guidance.world import GuidanceSettings
 from cmpsp_ros.world import FreeSpace
 
 

@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.goals import Target
+from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.safety.audit import TOUCHING, Audit, Verdict
-from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.world.obstacles import MovingDiscs
+from cmpsp_ros.guidance.settings import LawSettings
 
 
 class SolveResult(NamedTuple):
@@ -85,11 +85,11 @@ class Candidate(NamedTuple):
     def _begins_too_close(self) -> bool:
         return self.verdict.margin < -TOUCHING
 
-    def describe(self, audit: Audit, settings: GuidanceSettings, moving: MovingDiscs) -> str:
+    def describe(self, audit: Audit, settings: LawSettings, start: PlanStart) -> str:
         """What to report when it is followed, in a sentence."""
         result, verdict, error = self.result, self.verdict, self.terminal_error
         if result.elastic:
-            where = audit.names(result.slack_where, moving)
+            where = audit.names(result.slack_where, start.world, start.moving)
             parts = [where] if where else []
             ending = ''
             if result.slack_terminal:

@@ -39,7 +39,7 @@ class Guesses:
             return [given]
         if settings.initial_guess.type == 'road':
             turning = []
-            if has_to_turn(settings, context.start, context.target):
+            if has_to_turn(context.start, context.target):
                 turning = self.turning(context)
             return turning + self.fresh(context, self._limit)
         return [given, *self.fresh(context, self._limit - 1)]
@@ -76,8 +76,10 @@ class Guesses:
         self, context: PlanningContext, find: Callable[..., list[GuidePath]], *arguments: Any
     ) -> list[GuidePath]:
         settings, target, durations = context.settings, context.target, context.horizon.durations
-        if not settings.obstacles and not context.encounters.names:
+        if not context.start.world.shapes and not context.encounters.names:
             return []
-        static = self._formulation.static_free_space(context.center_line_guess, durations, target)
+        static = self._formulation.static_free_space(
+            context.start.world, context.center_line_guess, durations, target
+        )
         space = context.encounters.taken_from(static)
         return find(settings, space, context.start, target, durations, *arguments)

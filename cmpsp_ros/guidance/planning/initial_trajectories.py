@@ -10,7 +10,7 @@ import numpy as np
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.goals import Target
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
-from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.mpsp.jit import allocation_free
 from cmpsp_ros.robots import Kinematics, drive, fastest_wheel, within_limits
 from cmpsp_ros.robots import steer as steer_by
@@ -22,7 +22,7 @@ SHORTEST_LOOKAHEAD: Final = 0.3
 
 
 def initial_guess(
-    settings: GuidanceSettings, start: PlanStart, target: Target, durations: Array
+    settings: LawSettings, start: PlanStart, target: Target, durations: Array
 ) -> Array:
     """The first control history, as `settings.initial_guess` says.
 
@@ -42,9 +42,7 @@ def initial_guess(
     return along_road(settings, start, target, durations)
 
 
-def along_road(
-    settings: GuidanceSettings, start: PlanStart, target: Target, durations: Array
-) -> Array:
+def along_road(settings: LawSettings, start: PlanStart, target: Target, durations: Array) -> Array:
     """Pursuit of a point ahead on the centre line, so paced as to be at the goal in time.
 
     Arguments and result as in `initial_guess`.
@@ -54,7 +52,7 @@ def along_road(
         controls,
         poses,
         durations,
-        settings.road.space(0.0),
+        start.world.road_space,
         target.position,
         math.nan if target.heading is None else target.heading,
         start.robot.kinematics,
@@ -83,7 +81,7 @@ def free_turn_rate(start: PlanStart, target: Target, durations: Array) -> float:
     return wrapped(target.heading - float(start.pose[2])) / float(durations.sum())
 
 
-def largest_turn(settings: GuidanceSettings) -> float:
+def largest_turn(settings: LawSettings) -> float:
     """Largest turn of a guess in one step [rad]."""
     return settings.solver.heading_trust_region or math.pi / 2.0
 

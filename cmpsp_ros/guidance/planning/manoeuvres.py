@@ -14,7 +14,7 @@ from cmpsp_ros.guidance.goals import Target
 from cmpsp_ros.guidance.planning.initial_trajectories import along_road
 from cmpsp_ros.guidance.planning.reeds_shepp import STRAIGHT, Segment, length_of, shortest_paths
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
-from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.robots import Robot
 from cmpsp_ros.world.roads import arc_length_to, lookahead_points
 
@@ -37,20 +37,20 @@ _PIECE: Final = 0.2
 _MOST: Final = 4
 
 
-def has_to_turn(settings: GuidanceSettings, start: PlanStart, target: Target) -> bool:
+def has_to_turn(start: PlanStart, target: Target) -> bool:
     """Whether a robot that cannot turn on the spot faces away, or is near a pose to meet."""
     if start.robot.turns_on_the_spot or target.is_line:
         return False
-    ahead, radius = _ahead(settings, start, target), _radius(start.robot)
+    ahead, radius = _ahead(start, target), _radius(start.robot)
     if target.heading is not None and abs(ahead) <= _NEAR * radius:
         return True
-    x, y = _points(settings, start, target, math.copysign(radius, ahead))[0]
+    x, y = _points(start, target, math.copysign(radius, ahead))[0]
     bearing = math.atan2(y - start.pose[1], x - start.pose[0])
     return abs(math.remainder(bearing - float(start.pose[2]), math.tau)) > math.pi / 2.0
 
 
 def manoeuvres(
-    settings: GuidanceSettings, start: PlanStart, target: Target, durations: Array
+    settings: LawSettings, start: PlanStart, target: Target, durations: Array
 ) -> list[Array]:
     """Guesses that turn to the goal, or to the road to it, by the shortest ways that are clear.
 
@@ -63,9 +63,9 @@ def manoeuvres(
     Returns:
         Controls ``(N + 1, r)`` each, none where the time is too short.
     """
-    space = settings.space(settings.safety.margin)
+    space = start.world.free_space(settings, settings.safety.margin)
     scored = []
-    for way in _ways(settings, start, target):
+    for way in _ways(start, target):
         poses = _poses(start, way)
         depth = max(0.0, -float(space.at(poses).min()))
         reversals = sum(one.length * other.length < 0.0 for one, other in pairwise(way))
@@ -79,21 +79,21 @@ def _radius(robot: Robot) -> float:
     return _WIDER * robot.half_track
 
 
-def _ahead(settings: GuidanceSettings, start: PlanStart, target: Target) -> float:
+def _ahead(start: PlanStart, target: Target) -> float:
     """Way along the road to the goal, negative against its direction [m]."""
-    return arc_length_to(settings.road, start.pose, target.position, target.heading)
+    return arc_length_to(start.world.road, start.pose, target.position, target.heading)
 
 
-def _points(settings: GuidanceSettings, start: PlanStart, target: Target, *lengths: float) -> Array:
-    return lookahead_points(settings.road, start.pose, np.array(lengths), target.position)
+def _points(start: PlanStart, target: Target, *lengths: float) -> Array:
+    return lookahead_points(start.world.road, start.pose, np.array(lengths), target.position)
 
 
-def _ways(settings: GuidanceSettings, start: PlanStart, target: Target) -> Iterator[Way]:
+def _ways(start: PlanStart, target: Target) -> Iterator[Way]:
     """Ways to the goal where that is near, else to the road ahead."""
-    ahead, radius = _ahead(settings, start, target), _radius(start.robot)
+    ahead, radius = _ahead(start, target), _radius(start.robot)
     near = abs(ahead) <= _NEAR * radius
     there = ahead if near else math.copysign(_NEAR / 2.0 * radius, ahead)
-    before, place = _points(settings, start, target, 0.9 * there, there)
+    before, place = _points(start, target, 0.9 * there, there)
     heading = math.atan2(*(place - before)[::-1])
     straight: tuple[float, ...] = (0.0,)
     if near:
@@ -127,12 +127,12 @@ def _control(robot: Robot, segment: Segment, time: float) -> Array:
 
 
 def _paced(
-    settings: GuidanceSettings, start: PlanStart, target: Target, durations: Array, way: Way
+    settings: LawSettings, start: PlanStart, target: Target, durations: Array, way: Way
 ) -> Array | None:
     """A way as controls ``(N + 1, r)``: in all the time to the goal, else before the road."""
     robot, period, lengths = start.robot, settings.control_period, [abs(s.length) for s in way]
     radius, steps = _radius(robot), len(durations)
-    near = abs(_ahead(settings, start, target)) <= _NEAR * radius
+    near = abs(_ahead(start, target)) <= _NEAR * radius
     if near:
         counts = [max(1, int(each / sum(lengths) * steps)) for each in lengths]
         counts[int(np.argmax(lengths))] += steps - sum(counts)

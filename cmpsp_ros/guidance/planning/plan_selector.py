@@ -23,8 +23,9 @@ from cmpsp_ros.guidance.planning.planner import Planner
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 from cmpsp_ros.guidance.planning.ranking import Ranking
 from cmpsp_ros.guidance.safety.audit import Audit
-from cmpsp_ros.guidance.settings import MAP, SEEN, GuidanceSettings
+from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.solver_settings import SCREENING
+from cmpsp_ros.guidance.world import MAP, SEEN, World
 from cmpsp_ros.world import FreeSpace
 
 _MILLISECONDS = 1e-6
@@ -44,45 +45,50 @@ _TRANSIENT = 4
 class PlanSelector:
     """Improves plans and says which to follow."""
 
-    def __init__(self, settings: GuidanceSettings, audit: Audit, timer: Callable[[], int]) -> None:
+    def __init__(
+        self, settings: LawSettings, world: World, audit: Audit, timer: Callable[[], int]
+    ) -> None:
         """Take the settings, without any plan.
 
         Args:
             settings: All settings of the guidance law.
+            world: Road and static obstacles.
             audit: What every plan must pass.
             timer: Monotonic time [ns].
         """
-        self._timer = timer
+        self._settings, self._audit, self._timer = settings, audit, timer
         # A road without end has no goal that ways could lead to.
         self._limit = settings.solver.candidates if settings.follow is None else 1
-        self._formulation = OcpFormulation(settings)
-        self._guesses = Guesses(self._formulation, self._limit)
-        self._ranking = Ranking(settings, settings.road if self._limit > 1 else None)
-        self._pool = AlternativePool(self._formulation, max(1, self._limit - 1))
+        self._ranking = Ranking(settings, compares=self._limit > 1)
         self.phases: dict[str, float] = {}
         # Of all obstacles, in the road frame of the control step.
         self._places = np.empty(0), np.empty(0)
         self._work_left = 1
-        self._audit = audit
-        self.see(settings)
-        if settings.map_search is not None:
+        self._formulate(world)
+        if (search := world.map_search(settings)) is not None:
             for goal in settings.goals:
-                settings.map_search.prepare(goal.position)
+                search.prepare(goal.position)
+
+    def _formulate(self, world: World) -> None:
+        self._formulation = OcpFormulation(self._settings, world)
+        self._guesses = Guesses(self._formulation, self._limit)
+        self._pool = AlternativePool(self._formulation, max(1, self._limit - 1))
+        self._take(world)
         self.forget()
 
-    def see(self, settings: GuidanceSettings) -> None:
-        """Take settings that differ in what an obstacle is like, not in how many there are.
+    def _take(self, world: World) -> None:
+        self._world = world
+        self._space = FreeSpace.of(world.road, world.shapes, 0.0)
 
-        The plan that is followed goes on; alternatives were of what was known before.
-
-        Args:
-            settings: As at first.
-        """
-        self._settings = settings
-        self._formulation.see(settings)
+    def _update(self, world: World) -> None:
+        """Go on in another world; alternatives were of the one before."""
+        if world is self._world:
+            return
+        if len(world.shapes) != len(self._world.shapes):
+            self._formulate(world)
+            return
+        self._take(world)
         self._pool.forget()
-        self._names = [obstacle.name for obstacle in settings.obstacles]
-        self._space = FreeSpace.of(settings.road, settings.obstacles, 0.0)
 
     def forget(self) -> None:
         """Begin again: all homotopy classes are searched afresh at the next control step."""
@@ -109,6 +115,7 @@ class PlanSelector:
 
     def best(self, context: PlanningContext) -> Candidate:
         """Improve the plan, and others where that may help, and select one."""
+        self._update(context.start.world)
         plan, horizon = context.plan, context.horizon
         self.phases, self._remark = dict.fromkeys(('solve', 'audit'), 0.0), ''
         # The plan that is followed comes first; the others share the work that it leaves.
@@ -123,7 +130,7 @@ class PlanSelector:
         warm = self._improve(self._pool.followed, guess, context, generosity=_GENEROUS)
         if self._limit == 1:
             return self._or_fresh(warm, context)
-        review = others is not None or self._wants_review(warm)
+        review = others is not None or self._wants_review(warm, context)
         if not review and not self._pool.alternatives:
             return warm
         return self._polish(self._select(warm, context, others, review=review), context)
@@ -134,9 +141,9 @@ class PlanSelector:
         self.phases['solve'] += (self._timer() - began) * _MILLISECONDS
         return guesses
 
-    def _wants_review(self, warm: Candidate) -> bool:
+    def _wants_review(self, warm: Candidate, context: PlanningContext) -> bool:
         """Whether to look for new plans; less often where that has not helped for a while."""
-        if not self._ranking.needs_replanning(warm):
+        if not self._ranking.needs_replanning(warm, context.start):
             self._pause = self._waited = self._troubled = 0
             return self._review
         self._waited += 1
@@ -168,8 +175,7 @@ class PlanSelector:
         """A plan, or one from another guess, if that is better."""
         planner, score = self._pool.take(), self._ranking.score
         fresh = self._improve(planner, guess, context)
-        previous = context.start.previous_control
-        better = score(fresh, previous).beats(score(known, previous))
+        better = score(fresh, context.start).beats(score(known, context.start))
         self._pool.follow_better(planner, better=better)
         return fresh if better else known
 
@@ -221,7 +227,7 @@ class PlanSelector:
             for grid in self._space.grids
             for x, y in grid.islands.tolist()
         )
-        names = [*self._names, *context.encounters.names, *islands]
+        names = [*(each.name for each in self._world.shapes), *context.encounters.names, *islands]
         words = in_words(best.homotopy_class, names)
         sides = f', {words}' if words else ''
         verb = 'Changed over to' if changed else 'It is'
@@ -266,7 +272,7 @@ class PlanSelector:
     ) -> Alternative:
         began = self._timer()
         sides = class_of(context.road_frame, self._places, candidate.plan.poses)
-        score = self._ranking.score(candidate, context.start.previous_control)
+        score = self._ranking.score(candidate, context.start)
         self.phases['audit'] += (self._timer() - began) * _MILLISECONDS
         return Alternative(planner, candidate, score, sides, bad_steps)
 

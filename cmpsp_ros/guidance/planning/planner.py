@@ -73,7 +73,7 @@ class Planner:
         self._target = settings.target
         self._use_driver(len(longest.durations))
         nothing = np.zeros((len(longest.edges), settings.robot.n_controls))
-        context = PlanningContext.at_pose(settings, np.zeros(3), longest)
+        context = PlanningContext.at_pose(settings, formulation.world, np.zeros(3), longest)
         data = self._data(context, nothing)
         if isinstance(data, ControlRateData):
             self._inner = FUNCTIONS.addresses(data.inner, self._ws)
@@ -147,11 +147,11 @@ class Planner:
         return _summary(other, _counters(other), horizon)
 
     def _data(self, context: PlanningContext, guess: Array) -> GuidanceData | ControlRateData:
-        pose, robot, moving, progress, previous = context.start
+        pose, robot, world, moving, progress, previous = context.start
         formulation, target = self._formulation, context.target
         durations = context.horizon.durations
         pose = np.ascontiguousarray(pose, dtype=np.float64)
-        space = formulation.space(guess, durations, target, pose, moving)
+        space = formulation.space(world, guess, durations, target, pose, moving)
         known = self._known
         if known is None or space is not known[0] or target != known[1] or robot is not known[2]:
             self._known = space, target, robot

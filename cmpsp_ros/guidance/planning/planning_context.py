@@ -17,7 +17,8 @@ from cmpsp_ros.guidance.planning.homotopy.road_frame import RoadFrame, road_fram
 from cmpsp_ros.guidance.planning.initial_trajectories import along_road
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.safety.audit import Verdict
-from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.guidance.settings import LawSettings
+from cmpsp_ros.guidance.world import World
 from cmpsp_ros.world import FreeSpace
 
 
@@ -63,7 +64,7 @@ class PlanningContext:
         end_speed: Largest speed of a car at their end; infinite for none [m/s].
     """
 
-    settings: GuidanceSettings
+    settings: LawSettings
     start: PlanStart
     goal: Target
     horizon: Horizon
@@ -76,14 +77,15 @@ class PlanningContext:
     @classmethod
     def at_pose(
         cls,
-        settings: GuidanceSettings,
+        settings: LawSettings,
+        world: World,
         pose: Array,
         horizon: Horizon,
         previous_control: Array | None = None,
     ) -> PlanningContext:
         """To plan from a pose to the goal of the settings, without a plan or pending commands."""
         previous = settings.robot.at_rest if previous_control is None else previous_control
-        start = PlanStart(pose, settings.robot, previous_control=previous)
+        start = PlanStart(pose, settings.robot, world, previous_control=previous)
         return cls(settings, start, settings.target, horizon)
 
     @cached_property

@@ -13,10 +13,11 @@ from cmpsp_ros.guidance.formulation.priorities import BY_PRIORITY
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.planning.candidate import Candidate
 from cmpsp_ros.guidance.planning.initial_trajectories import wrapped
-from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.guidance.prediction.plan_start import PlanStart
+from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.mpsp.jit import allocation_free
 from cmpsp_ros.robots import Kinematics, fastest_wheel
-from cmpsp_ros.world.roads import Road, RoadSpace, road_functions
+from cmpsp_ros.world.roads import RoadSpace, road_functions
 
 # A plan is replaced only by one that leaves less than half of a flaw, or costs so much less: two
 # plans that are about as good must not take turns.
@@ -98,30 +99,24 @@ class Score(NamedTuple):
 class Ranking:
     """Scores plans for one set of settings; by slack alone where only one plan is kept."""
 
-    def __init__(self, settings: GuidanceSettings, road: Road | None) -> None:
-        """Take limits, road, obstacles and weights from the settings.
+    def __init__(self, settings: LawSettings, *, compares: bool) -> None:
+        """Take limits and weights from the settings.
 
         Args:
             settings: All settings of the guidance law.
-            road: The road, if several plans are compared on it.
+            compares: Whether several plans are compared.
         """
-        self._settings = settings
-        self._road = None if road is None else road.space(0.0)
+        self._settings, self._compares = settings, compares
         # A plan that uses up the margin for the goal's sake is unsafe before it touches anything.
         self._kept = settings.safety.margin
 
-    def score(self, candidate: Candidate, previous_control: Array) -> Score:
-        """Score of a candidate.
-
-        Args:
-            candidate: The plan, improved and audited.
-            previous_control: Control commanded until now, shape ``(r,)``.
-        """
-        result, verdict, road = candidate.result, candidate.verdict, self._road
-        if road is None:
+    def score(self, candidate: Candidate, start: PlanStart) -> Score:
+        """Score of an improved and audited plan, which begins there."""
+        result, verdict = candidate.result, candidate.verdict
+        if not self._compares:
             return Score(candidate.admissible, elastic=result.elastic, slack=result.slack)
         error = candidate.terminal_error
-        winding, off_center = _along(candidate.plan.poses, road)
+        winding, off_center = _along(candidate.plan.poses, start.world.road_space)
         return Score(
             candidate.admissible,
             _depth(verdict.obstacle_margin - self._kept),
@@ -131,17 +126,17 @@ class Ranking:
             0.0,
             _turns(winding),
             min(self._reserve(candidate.plan), _ENOUGH),
-            self._cost(candidate.plan, previous_control, off_center),
+            self._cost(candidate.plan, start.previous_control, off_center),
         )
 
-    def needs_replanning(self, candidate: Candidate) -> bool:
+    def needs_replanning(self, candidate: Candidate, start: PlanStart) -> bool:
         """Whether a candidate has a flaw, or hardly anything in reserve."""
-        if self._road is None or not candidate.feasible:
+        if not self._compares or not candidate.feasible:
             return not candidate.feasible
         return (
             candidate.verdict.worst_margin < -_TOUCH
             or candidate.terminal_error > self._settings.goal_tolerance
-            or _turns(_along(candidate.plan.poses, self._road)[0]) > 0
+            or _turns(_along(candidate.plan.poses, start.world.road_space)[0]) > 0
             or self._reserve(candidate.plan) < _SCARCE
         )
 

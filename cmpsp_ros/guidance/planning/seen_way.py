@@ -9,7 +9,8 @@ from typing import Final
 import numpy as np
 
 from cmpsp_ros.arrays import Array, BoolArray
-from cmpsp_ros.guidance.settings import MAP, SEEN, GuidanceSettings, Searched
+from cmpsp_ros.guidance.settings import LawSettings
+from cmpsp_ros.guidance.world import Searched, World
 from cmpsp_ros.world import FreeSpace, KeptLine, is_beside
 from cmpsp_ros.world.grids import Cell, GridObstacle
 from cmpsp_ros.world.roads import OpenFloor
@@ -20,86 +21,87 @@ _SPACING: Final = 0.1
 _MOST_RELUCTANT: Final = 5.0
 
 
-def search_ahead(settings: GuidanceSettings, place: Array, goals: Sequence[Point]) -> Searched:
-    """Search for the paths to the next goals; returns with what, as `searched_with`.
-
-    Arguments as there.
-    """
-    searched = searched_with(settings, place, goals[0])
-    search = replace(settings, searched=searched).map_search
+def search_ahead(
+    settings: LawSettings, world: World, place: Array, goals: Sequence[Point]
+) -> Searched:
+    """Search for the paths to the next goals; returns and arguments as of `searched_with`."""
+    searched = searched_with(settings, world, place, goals[0])
+    search = replace(world, searched=searched).map_search(settings)
     if search is not None:
         for each in goals:
             search.prepare(each)
     return searched
 
 
-def searched_with(settings: GuidanceSettings, place: Array, goal: Point) -> Searched:
-    """With what the path from a place to the goal is to be searched at the next control step.
+def searched_with(settings: LawSettings, world: World, place: Array, goal: Point) -> Searched:
+    """Inputs of the search for the path from a place to the goal at the next control step.
 
     Another way is taken where the present one is blocked, or where the other is shorter by more
     than a part, which doubles each time: where noise opens and closes a gap, the robot would else
     drive to and fro. It takes as long as a search of the grid.
 
     Args:
-        settings: With what is seen now, and what was searched with last.
+        settings: All settings of the guidance law.
+        world: With what is seen now, and what was searched with last.
         place: Where the robot is, shape ``(2,)`` [m].
         goal: Where it is to go (x, y) [m].
     """
-    seen = settings.grid(SEEN)
-    if seen is None:
-        return settings.searched
-    find = _with_a_map if settings.grid(MAP) is not None else _by_sight
-    return find(settings, seen, place, goal)
+    if world.seen is None:
+        return world.searched
+    find = _by_sight if world.map is None else _with_a_map
+    return find(settings, world, world.seen, place, goal)
 
 
 def _by_sight(
-    settings: GuidanceSettings, seen: GridObstacle, place: Array, goal: Point
+    settings: LawSettings, world: World, seen: GridObstacle, place: Array, goal: Point
 ) -> Searched:
     """By what is seen now: the path is kept while it is open."""
-    before, line = settings.searched, _line(settings, settings.searched, place, goal)
+    before, line = world.searched, _line(settings, world, place, goal)
     if not len(line):
         return before._replace(seen=seen, kept=None, is_another=False)
     is_open = not _is_blocked(settings, seen, line).any()
-    kept = KeptLine(line, before.reluctance) if is_open else None
+    kept = KeptLine(line, before.hysteresis) if is_open else None
     found = before._replace(seen=seen, kept=kept)
-    is_another = not is_beside(_line(settings, found, place, goal), line)
+    found_line = _line(settings, replace(world, searched=found), place, goal)
+    is_another = not is_beside(found_line, line)
     if is_another and is_open:
         found = _more_reluctant(found)
     return found._replace(is_another=is_another)
 
 
 def _with_a_map(
-    settings: GuidanceSettings, seen: GridObstacle, place: Array, goal: Point
+    settings: LawSettings, world: World, seen: GridObstacle, place: Array, goal: Point
 ) -> Searched:
     """By the map alone, or what blocked its path as well.
 
     The path of the map alone counts again once all that blocked it is seen to be free: what is only
     forgotten may still be there.
     """
-    before, line = settings.searched, _line(settings, settings.searched, place, goal)
+    before, line = world.searched, _line(settings, world, place, goal)
     if _is_blocked(settings, seen, line).any():
         found = before._replace(seen=seen, is_another=True)
-        return found if len(_line(settings, found, place, goal)) else before
+        line = _line(settings, replace(world, searched=found), place, goal)
+        return found if len(line) else before
     alone = before._replace(seen=None, is_another=True)
-    other = _line(settings, alone, place, goal)
+    other = _line(settings, replace(world, searched=alone), place, goal)
     if before.seen is None or _is_blocked(settings, seen, other).any():
         return before
     blocked = other[_is_blocked(settings, before.seen, other)]
-    is_shorter = 0 < len(other) * (1.0 + before.reluctance) < len(line)
+    is_shorter = 0 < len(other) * (1.0 + before.hysteresis) < len(line)
     is_free = is_shorter and (seen.grid.at(blocked) == Cell.FREE).all()
     return _more_reluctant(alone) if is_free else before
 
 
 def _more_reluctant(searched: Searched) -> Searched:
-    return searched._replace(reluctance=min(2.0 * searched.reluctance, _MOST_RELUCTANT))
+    return searched._replace(hysteresis=min(2.0 * searched.hysteresis, _MOST_RELUCTANT))
 
 
-def _line(settings: GuidanceSettings, searched: Searched, place: Array, goal: Point) -> Array:
-    search = replace(settings, searched=searched).map_search
+def _line(settings: LawSettings, world: World, place: Array, goal: Point) -> Array:
+    search = world.map_search(settings)
     return np.empty((0, 2)) if search is None else search.line(place, goal, _SPACING)
 
 
-def _is_blocked(settings: GuidanceSettings, seen: GridObstacle, line: Array) -> BoolArray:
+def _is_blocked(settings: LawSettings, seen: GridObstacle, line: Array) -> BoolArray:
     """Whether the robot cannot pass points, shape ``(K,)``."""
     poses = np.column_stack([line, np.zeros(len(line))])
     clearance = FreeSpace.of(OpenFloor(), (seen,), settings.kept / 2.0).at(poses)[:, 2]

@@ -14,7 +14,7 @@ from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.planning.candidate import Candidate
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
-from cmpsp_ros.world.roads import Road, remaining_arc_length
+from cmpsp_ros.world.roads import remaining_arc_length
 
 PATIENCE: Final = 3
 """Control steps for which a plan that gains too little is driven: it may yet be improved."""
@@ -27,13 +27,12 @@ _SOON = NANOSECONDS
 
 
 def reason_to_wait(
-    idle_steps: int, road: Road, context: PlanningContext, selected: Candidate
+    idle_steps: int, context: PlanningContext, selected: Candidate
 ) -> tuple[str, int]:
     """Why the robot should rather wait than follow a plan; empty where it should not.
 
     Args:
         idle_steps: Control steps that brought the goal no nearer, since a plan could reach it.
-        road: The road.
         context: The control step.
         selected: The plan that is selected.
 
@@ -43,7 +42,7 @@ def reason_to_wait(
     if not (selected.result.elastic and selected.result.slack_terminal):
         return '', 0
     # Patience comes back with the goal only: else it would be spent on driving to and fro.
-    if _gains_enough(road, context, selected.plan):
+    if _gains_enough(context, selected.plan):
         return '', idle_steps
     if idle_steps < PATIENCE:
         return '', idle_steps + 1
@@ -52,15 +51,16 @@ def reason_to_wait(
     return reason, idle_steps + 1
 
 
-def _gains_enough(road: Road, context: PlanningContext, plan: Plan) -> bool:
+def _gains_enough(context: PlanningContext, plan: Plan) -> bool:
     """Whether a plan soon gets nearer to the goal: along the road, around a map or straight."""
     start, goal, edges = context.start, context.goal, plan.horizon.edges
     soon = max(1, int(edges.searchsorted(edges[0] + _SOON, side='right')) - 1)
     reach = start.robot.max_speed * float(edges[soon] - edges[0]) / NANOSECONDS
     poses = np.ascontiguousarray(plan.poses[: soon + 1])
+    road = start.world.road
     along = np.abs(remaining_arc_length(road, poses, goal.position, goal.heading, start.progress))
     lengths = [along, np.hypot(*(poses[:, :2] - goal.position).T)]
-    search = context.settings.map_search
+    search = start.world.map_search(context.settings)
     if search is not None:
         around = search.lengths(poses[:, :2], goal.position)
         lengths = [around] if np.isfinite(around[0]) else lengths

@@ -29,7 +29,7 @@ from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
 from cmpsp_ros.guidance.prediction.pending_commands import PendingCommands
 from cmpsp_ros.guidance.prediction.response import Response, Risk
 from cmpsp_ros.guidance.prediction.response_functions import put_misfits, settle
-from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.robots import Robot
 
 _UNNOTICED: Final = 0.002
@@ -82,12 +82,12 @@ class ResponseEstimate:
         error: Bound of the prediction error that the response in use leaves [m]; 0 up to 2 mm.
     """
 
-    def __init__(self, settings: GuidanceSettings) -> None:
+    def __init__(self, settings: LawSettings) -> None:
         """Trust the settings until odometry contradicts them."""
         self.error = 0.0
         self.reconfigure(settings)
 
-    def reconfigure(self, settings: GuidanceSettings) -> None:
+    def reconfigure(self, settings: LawSettings) -> None:
         """Begin again with other bounds, if they are others."""
         self._is_checked = settings.safety.max_prediction_error > 0.0 or settings.max_lag > 0.0
         told, tolerance = settings.command_delay, settings.delay_tolerance
@@ -184,7 +184,7 @@ class ResponseEstimate:
     def _remark(self) -> str:
         return f'predictions have been wrong by {self.error:.2g} m.'
 
-    def reason_to_stop(self, settings: GuidanceSettings) -> str:
+    def reason_to_stop(self, settings: LawSettings) -> str:
         """Why the robot must not drive on, in a sentence; empty where predictions are good."""
         allowed = settings.safety.max_prediction_error
         if not self.error > allowed > 0.0:

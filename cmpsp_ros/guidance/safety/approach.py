@@ -19,7 +19,8 @@ from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.prediction.response import Risk
 from cmpsp_ros.guidance.safety.audit import TOUCHING, Audit, Verdict
 from cmpsp_ros.guidance.safety.road_braking import brakings_on_road
-from cmpsp_ros.guidance.settings import MAP, SEEN, GuidanceSettings
+from cmpsp_ros.guidance.settings import LawSettings
+from cmpsp_ros.guidance.world import World
 from cmpsp_ros.robots import braking, least_scale, speeds_and_turns
 from cmpsp_ros.world import FreeSpace
 from cmpsp_ros.world.grids import Cell, GridObstacle, OccupancyGrid
@@ -63,8 +64,8 @@ class Contact(NamedTuple):
 class Approach:
     """Slows plans down before what they lead into."""
 
-    def __init__(self, settings: GuidanceSettings, audit: Audit) -> None:
-        """Take limits, road and obstacles from the settings.
+    def __init__(self, settings: LawSettings, audit: Audit) -> None:
+        """Take limits from the settings.
 
         Args:
             settings: All settings of the guidance law.
@@ -73,20 +74,7 @@ class Approach:
         self._audit = audit
         part = replace(settings.safety, margin=_OF_MARGIN * settings.safety.margin)
         self._lag_audit = Audit(replace(settings, safety=part), with_margin=True)
-        names = (f'obstacle {each.name}' for each in settings.obstacles)
-        self._names = (*settings.road.edge_names, *names)
-        self._take(settings)
-
-    def see(self, settings: GuidanceSettings) -> None:
-        """As `Audit.see`."""
-        self._lag_audit.see(settings)
-        self._take(settings)
-
-    def _take(self, settings: GuidanceSettings) -> None:
         self._settings = settings
-        self._space = settings.space()
-        self._seen = settings.grid(SEEN) if settings.safety.stop_within_sight else None
-        self._map = settings.grid(MAP)
 
     def contact(
         self, plan: Plan, start: PlanStart, worst_margin: float = -math.inf
@@ -101,7 +89,7 @@ class Approach:
             worst_margin: Its least clearance, where it is known [m].
         """
         is_clear = worst_margin >= -TOUCHING and self._settings.max_wheel_change == math.inf
-        if is_clear and self._seen is None:
+        if is_clear and self._seen(start.world) is None:
             return None
         found = None
         for controls, durations in self._to_rest(plan, start):
@@ -132,10 +120,11 @@ class Approach:
             start.robot.roll_out(start.pose, controls, durations),
             start.robot.twist(controls),
         )
-        spaces = [self._space]
-        if self._seen is not None:
-            spaces.append(self._sight(self._seen.grid, poses))
-        names = (*self._names, '', '', _UNSEEN)
+        world = start.world
+        spaces = [world.free_space(self._settings)]
+        if (seen := self._seen(world)) is not None:
+            spaces.append(self._sight(world, seen.grid, poses))
+        names = (*world.names, '', '', _UNSEEN)
         begins = np.hstack([each.at(poses[:1], start.progress)[0] for each in spaces])
         swept = np.hstack(
             [each.along(poses[:-1], twists, durations, start.progress) for each in spaces]
@@ -162,8 +151,9 @@ class Approach:
             obstacles: How far away each is at least along the way, by its name [m].
             start: Where the robot is.
         """
+        space = start.world.free_space(self._settings)
         clearance = dict(
-            zip(self._names, self._space.at(start.pose[None], start.progress)[0], strict=True)
+            zip(start.world.names, space.at(start.pose[None], start.progress)[0], strict=True)
         )
         away = {f'obstacle {name}': along for name, along in obstacles.items()}
         distances = {name: max(float(clearance[name]), along, 0.0) for name, along in away.items()}
@@ -270,24 +260,29 @@ class Approach:
                 return slower, checked
         return None
 
-    def _sight(self, grid: OccupancyGrid, poses: Array) -> FreeSpace:
+    def _seen(self, world: World) -> GridObstacle | None:
+        """What is seen, where the robot must be able to stop within it."""
+        return world.seen if self._settings.safety.stop_within_sight else None
+
+    def _sight(self, world: World, grid: OccupancyGrid, poses: Array) -> FreeSpace:
         """What is known around a path, as far as the first place on it of which nothing is.
 
         Args:
+            world: With the map.
             grid: What has been seen; beside it, what the map says is known.
             poses: Along the path, shape ``(K, 3)`` [m, m, rad].
         """
         points, footprint = poses[:, :2], self._settings.footprint
         radius = self._settings.robot_radius
         known = grid.at(points)
-        if self._map is not None:
-            known = np.where(known == Cell.UNKNOWN, self._map.grid.at(points), known)
+        if world.map is not None:
+            known = np.where(known == Cell.UNKNOWN, world.map.grid.at(points), known)
         beyond = np.append(known != Cell.FREE, True).argmax() + 1
         longest = float(np.hypot(*np.diff(points[:beyond], axis=0).T).max(initial=0.0))
         reach = radius + footprint.reach + longest + _SOME_CELLS * grid.resolution
         near = grid.around(points[:beyond], reach)
-        if self._map is not None:
-            near = near.completed_by(self._map.grid)
+        if world.map is not None:
+            near = near.completed_by(world.map.grid)
         return FreeSpace.of(OpenFloor(), (GridObstacle(_UNSEEN, near),), radius, footprint.discs)
 
     def _to_rest(self, plan: Plan, start: PlanStart) -> Iterator[tuple[Array, Array]]:
@@ -304,10 +299,10 @@ class Approach:
         late, paced = np.array([settings.safety.stopping_time]), settings.robot.time_scaling
         ramp = braking(plan.controls[-2:], late, period, limit, paced, along=False)
         yield self._ending(plan, ramp)
-        if settings.road.has_center_line:
+        if start.world.road.has_center_line:
             end = start._replace(pose=plan.poses[-1])
             lasting = late.item(0), period, limit
-            for each in brakings_on_road(settings.road, end, controls[-1], *lasting):
+            for each in brakings_on_road(end, controls[-1], *lasting):
                 yield self._ending(plan, each)
 
     def _ending(self, plan: Plan, ramp: Array) -> tuple[Array, Array]:

@@ -16,10 +16,13 @@ from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.prediction.response import Response, driven
 from cmpsp_ros.guidance.safety.plan_sweep import FOUND, sweep_plan
 from cmpsp_ros.guidance.safety.road_braking import brakings_on_road
-from cmpsp_ros.guidance.settings import SEEN, GuidanceSettings
+from cmpsp_ros.guidance.settings import LawSettings
+from cmpsp_ros.guidance.world import SEEN, World
 from cmpsp_ros.mpsp.jit import entry_for
 from cmpsp_ros.robots import NO_RAMP, braking, placed
+from cmpsp_ros.world import FreeSpace
 from cmpsp_ros.world.obstacles import NOTHING_MOVES, MovingDiscs
+from cmpsp_ros.world.roads import OpenFloor
 
 TOUCHING: Final = 1e-3
 """Penetration up to which something is said to touch [m]: odometry errs by more."""
@@ -86,32 +89,26 @@ class Audit:
     always stop.
     """
 
-    def __init__(self, settings: GuidanceSettings, *, with_margin: bool = False) -> None:
-        """Take limits, road and obstacles from the settings.
+    def __init__(self, settings: LawSettings, *, with_margin: bool = False) -> None:
+        """Take limits from the settings.
 
         Args:
             settings: All settings of the guidance law.
             with_margin: Whether `safety.margin` counts as part of the robot.
         """
-        self._road = settings.road
+        self._settings = settings
         self._margin = settings.safety.margin if with_margin else 0.0
         self._radius = settings.robot_radius + self._margin
         self._between = settings.safety.between_samples
-        self.see(settings)
-        self._names = (
-            *settings.road.edge_names,
-            *(f'obstacle {obstacle.name}' for obstacle in settings.obstacles),
-        )
         self._slots = settings.moving_obstacles.slots
         self._period, self._max_change = settings.control_period, settings.max_wheel_change
-        self._found, self._scratch = np.empty(FOUND), np.empty((2, len(self._names)))
-        start = PlanStart(np.zeros(3), settings.robot)
+        self._found, self._scratch = np.empty(FOUND), np.empty((2, N_EDGE_CONSTRAINTS))
+        start = PlanStart(np.zeros(3), settings.robot, World(OpenFloor()))
         rest = np.zeros((2, settings.robot.n_controls))
         self._sweep = entry_for(sweep_plan, *self._arguments(start, rest, np.ones(1)))
 
-    def see(self, settings: GuidanceSettings) -> None:
-        """Take settings that differ in what an obstacle is like, not in how many there are."""
-        self._space = settings.space(self._margin)
+    def _space(self, world: World) -> FreeSpace:
+        return world.free_space(self._settings, self._margin)
 
     def check(
         self, start: PlanStart, controls: Array, durations: Array, pending: Verdict | None = None
@@ -148,11 +145,11 @@ class Audit:
         if shortfall > 0.0:
             reason = (
                 f'The next {durations[0]:.3g} s would come {-tightest:.3g} m too close'
-                f' to {self._name(int(short), start.moving)}.'
+                f' to {_name(int(short), start.world, start.moving)}.'
             )
         elif self._max_change < math.inf:
             reason, ramp = self._ramp(start, controls, durations)
-        name = self._name(int(nearest), start.moving)
+        name = _name(int(nearest), start.world, start.moving)
         return Verdict(not reason, reason, margin, worst_margin, name, edges, others, ramp)
 
     def _ramp(self, start: PlanStart, controls: Array, durations: Array) -> tuple[str, Array]:
@@ -174,7 +171,7 @@ class Audit:
             shortfall, short, tightest = found[4:7]
             if not shortfall > _ROUNDING:
                 return '', ramp
-            name = self._name(int(short), start.moving)
+            name = _name(int(short), start.world, start.moving)
             reason = f'To stop after the next {held[0]:.3g} s leads {-tightest:.3g} m into {name}.'
         return reason, NO_RAMP
 
@@ -183,9 +180,9 @@ class Audit:
         limits = self._period, self._max_change
         for along in (True, False):
             yield braking(controls, durations, *limits, start.robot.time_scaling, along=along)
-        if self._road.has_center_line:
+        if start.world.road.has_center_line:
             held = durations.item(0)
-            yield from brakings_on_road(self._road, start, controls[0], held, *limits)
+            yield from brakings_on_road(start, controls[0], held, *limits)
 
     def braking_from(self, start: PlanStart) -> Array:
         """Commands that bring the robot to rest from now on, along the curvature that it drives.
@@ -253,9 +250,9 @@ class Audit:
         if shortfall > _ROUNDING:
             reason = (
                 f'The commands given before come {-tightest:.3g} m too close'
-                f' to {self._name(int(short), start.moving)}.'
+                f' to {_name(int(short), start.world, start.moving)}.'
             )
-        name = self._name(int(nearest), start.moving)
+        name = _name(int(nearest), start.world, start.moving)
         return Verdict(not reason, reason, margin, margin, name, edges, others)
 
     def _swept(
@@ -268,14 +265,15 @@ class Audit:
         self, start: PlanStart, controls: Array, durations: Array, committed: int = 1
     ) -> tuple[Any, ...]:
         """Of `sweep_plan`, each always of the same type."""
-        pose, robot, moving, progress, _ = start
-        space, scratch, discs = self._space, self._scratch, moving
+        pose, robot, world, moving, progress, _ = start
+        space, discs, things = self._space(world), moving, len(world.names) + len(moving)
         if len(moving):
             discs = moving.grown(self._radius)
-            scratch = np.empty((2, len(self._names) + len(moving)))
+        if self._scratch.shape[1] != things:
+            self._scratch = np.empty((2, things))
         return (
             self._found,
-            scratch,
+            self._scratch,
             np.ascontiguousarray(pose, np.float64),
             np.ascontiguousarray(controls, np.float64),
             np.ascontiguousarray(durations, np.float64),
@@ -294,16 +292,21 @@ class Audit:
         )
 
     def clearance_at(
-        self, pose: Array, moving: MovingDiscs = NOTHING_MOVES, progress: float = math.nan
+        self,
+        world: World,
+        pose: Array,
+        moving: MovingDiscs = NOTHING_MOVES,
+        progress: float = math.nan,
     ) -> Array:
         """Clearance of a pose from road edges, obstacles, moving ones last ``(2 + M + D,)`` [m]."""
-        static = self._space.at(pose[None], progress)[0]
+        space = self._space(world)
+        static = space.at(pose[None], progress)[0]
         if not len(moving):
             return np.asarray(static)
-        away = [moving.clearance(point) for point in placed(self._space.discs, pose)]
+        away = [moving.clearance(point) for point in placed(space.discs, pose)]
         return np.concatenate([static, np.min(away, axis=0) - self._radius])
 
-    def why_no_start(self, pose: Array) -> str:
+    def why_no_start(self, world: World, pose: Array) -> str:
         """Why nothing may begin at a pose: it is inside an obstacle, which the robot cannot be.
 
         A robot that is already driving is not stopped for it, but led out; and so is one that
@@ -311,12 +314,13 @@ class Audit:
         seen in it, and so does noise.
 
         Args:
+            world: Road and static obstacles.
             pose: Where the robot is, shape ``(3,)`` [m, m, rad].
 
         Returns:
             A sentence, empty where the pose is inside none.
         """
-        away, names = self.clearance_at(pose), self._names
+        away, names = self.clearance_at(world, pose), world.names
         counts = range(N_EDGE_CONSTRAINTS, len(names))
         nearest = min((k for k in counts if names[k] != _SEEN), key=away.item, default=None)
         if nearest is None or not away[nearest] < -TOUCHING:
@@ -325,18 +329,21 @@ class Audit:
             f'The robot is {-away[nearest]:.3g} m inside {names[nearest]}: nothing is begun there.'
         )
 
-    def names(self, constraints: Sequence[int], moving: MovingDiscs = NOTHING_MOVES) -> str:
+    def names(
+        self, constraints: Sequence[int], world: World, moving: MovingDiscs = NOTHING_MOVES
+    ) -> str:
         """Names of path constraints by their index, for messages."""
-        known, slots = len(self._names), moving.slots.tolist()
+        known, slots = len(world.names), moving.slots.tolist()
         # Every disc of the robot has the same ones.
         things = dict.fromkeys(i % (known + self._slots) for i in constraints)
         places = [i if i < known else known + slots.index(i - known) for i in things]
-        return ', '.join(self._name(index, moving) for index in places)
+        return ', '.join(_name(index, world, moving) for index in places)
 
-    def _name(self, index: int, moving: MovingDiscs) -> str:
-        """What a column of the clearance is about."""
-        known = len(self._names)
-        return self._names[index] if index < known else moving.names[index - known]
+
+def _name(index: int, world: World, moving: MovingDiscs) -> str:
+    """Name of the edge, obstacle or moving disc that a column of the clearance is about."""
+    known = len(world.names)
+    return world.names[index] if index < known else moving.names[index - known]
 
 
 def _refused(reason: str) -> Verdict:

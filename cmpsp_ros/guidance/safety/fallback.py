@@ -10,14 +10,14 @@ from cmpsp_ros.guidance.horizon import NANOSECONDS, Horizon
 from cmpsp_ros.guidance.horizon_functions import shift
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.safety.audit import Audit, Verdict
-from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.robots import within_ramp
 
 
 class Fallback:
     """The last audited plan on a later horizon, and how long its last command may go on."""
 
-    def __init__(self, settings: GuidanceSettings, audit: Audit) -> None:
+    def __init__(self, settings: LawSettings, audit: Audit) -> None:
         """Take what a plan must pass.
 
         Args:
@@ -26,10 +26,6 @@ class Fallback:
         """
         self._audit, self._max_change = audit, settings.max_wheel_change
         self._margin_audit = Audit(settings, with_margin=True)
-
-    def see(self, settings: GuidanceSettings) -> None:
-        """As `Audit.see`."""
-        self._margin_audit.see(settings)
 
     def shifted(
         self,

@@ -8,10 +8,11 @@ from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.decision import Decision
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.prediction.obstacle_tracker import ObstacleTracker
-from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.guidance.settings import LawSettings
+from cmpsp_ros.guidance.world import World
 
 
-def plan_clearance(settings: GuidanceSettings, decision: Decision) -> Array:
+def plan_clearance(settings: LawSettings, world: World, decision: Decision) -> Array:
     """Least clearance of a plan from each pose to the next, and at the last.
 
     From road edges and obstacles, moving ones too, minus the robot's radius; its minimum is the
@@ -19,6 +20,7 @@ def plan_clearance(settings: GuidanceSettings, decision: Decision) -> Array:
 
     Args:
         settings: All settings of the guidance law.
+        world: Road and static obstacles.
         decision: One with a plan of ``N`` stages.
 
     Returns:
@@ -33,7 +35,7 @@ def plan_clearance(settings: GuidanceSettings, decision: Decision) -> Array:
     # The end is an arc that takes no time.
     durations = np.append(plan.horizon.durations, 0.0)
     twists = (1.0 - decision.wheel_slip) * settings.robot.twist(plan.controls)
-    clearance = settings.space().along(plan.poses, twists, durations)
+    clearance = world.free_space(settings).along(plan.poses, twists, durations)
     if decision.tracks:
         known = settings.moving_obstacles
         moving = ObstacleTracker().update(decision.stamp, plan.poses[0], decision.tracks, known)

@@ -11,7 +11,7 @@ import numpy as np
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.robots import braking
-from cmpsp_ros.world.roads import Road, lookahead_points
+from cmpsp_ros.world.roads import lookahead_points
 
 _AHEAD: Final = 1.0
 """Time in which the point that is pursued would be reached [s]."""
@@ -21,17 +21,15 @@ _BESIDE: Final = (0.0, 0.25, -0.25)
 
 
 def brakings_on_road(
-    road: Road, start: PlanStart, first: Array, held: float, period: float, max_change: float
+    start: PlanStart, first: Array, held: float, period: float, max_change: float
 ) -> Iterator[Array]:
     """As `braking_on_road`: along the centre line, to its left and to its right."""
     for part in _BESIDE:
-        yield braking_on_road(
-            road, start, first, held, period, max_change, beside=part * road.width
-        )
+        beside = part * start.world.road.width
+        yield braking_on_road(start, first, held, period, max_change, beside=beside)
 
 
 def braking_on_road(
-    road: Road,
     start: PlanStart,
     first: Array,
     held: float,
@@ -43,8 +41,7 @@ def braking_on_road(
     """Commands that stop a robot on the road, in the direction in which it drives.
 
     Args:
-        road: One with a centre line.
-        start: Where a command before them begins.
+        start: Where a command before them begins, on a road with a centre line.
         first: That command, shape ``(r,)``.
         held: For how long it holds [s].
         period: For how long each of the result does [s].
@@ -54,7 +51,7 @@ def braking_on_road(
     Returns:
         As of `braking`.
     """
-    robot, controls = start.robot, [first]
+    road, robot, controls = start.world.road, start.robot, [first]
     speed = float(robot.twist(first)[0])
     pose = robot.roll_out(start.pose, first[None], np.array([held]))[-1]
     ahead = np.array([1.0, -1.0]) * max(_AHEAD * abs(speed), robot.half_track)

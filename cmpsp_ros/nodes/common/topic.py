@@ -1,4 +1,4 @@
-"""A topic or service of a node: its name, type, quality of service and notes."""
+"""A topic or service of a node, and subscriptions that can be read before their turn."""
 
 from __future__ import annotations
 
@@ -8,17 +8,11 @@ from typing import TYPE_CHECKING, Any, Literal
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
     from rclpy.node import Node
     from rclpy.publisher import Publisher
     from rclpy.subscription import Subscription
-
-
-def publisher_names(node: Node, topic: str) -> list[str]:
-    """Full names of the nodes that publish on a topic, once for each publisher, in order."""
-    found = node.get_publishers_info_by_topic(topic)
-    return sorted(f'{each.node_namespace.rstrip("/")}/{each.node_name}' for each in found)
 
 
 @dataclass(frozen=True)
@@ -50,14 +44,11 @@ class Topic:
     @property
     def qos(self) -> QoSProfile:
         """Quality of service."""
+        reliability, durability = ReliabilityPolicy, DurabilityPolicy
         return QoSProfile(
             depth=self.depth,
-            reliability=ReliabilityPolicy.BEST_EFFORT
-            if self.best_effort
-            else ReliabilityPolicy.RELIABLE,
-            durability=DurabilityPolicy.TRANSIENT_LOCAL
-            if self.latched
-            else DurabilityPolicy.VOLATILE,
+            reliability=reliability.BEST_EFFORT if self.best_effort else reliability.RELIABLE,
+            durability=durability.TRANSIENT_LOCAL if self.latched else durability.VOLATILE,
         )
 
     def publish_on(self, node: Node) -> Publisher:
@@ -69,3 +60,36 @@ class Topic:
     ) -> Subscription:
         """Create a subscription; one that is ``raw`` is given the bytes of each message."""
         return node.create_subscription(self.type, self.name, callback, self.qos, raw=raw)
+
+
+class Listener:
+    """Subscriptions of one input, closed together."""
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._subscriptions: list[Subscription] = []
+
+    def close(self) -> None:
+        """Close the topics."""
+        for each in self._subscriptions:
+            self._node.destroy_subscription(each)
+
+    def drain(self) -> None:
+        """Run the callbacks now for all waiting messages; the executor finds the queues empty."""
+        for each in self._subscriptions:
+            for message in waiting(each):
+                each.callback(message)
+
+
+def waiting(subscription: Subscription) -> Iterator[Any]:
+    """Take the waiting messages of a subscription."""
+    handle = subscription.handle
+    with handle:
+        while (taken := handle.take_message(subscription.msg_type, subscription.raw)) is not None:
+            yield taken[0]
+
+
+def publisher_names(node: Node, topic: str) -> list[str]:
+    """Full names of the nodes that publish on a topic, once for each publisher, in order."""
+    found = node.get_publishers_info_by_topic(topic)
+    return sorted(f'{each.node_namespace.rstrip("/")}/{each.node_name}' for each in found)

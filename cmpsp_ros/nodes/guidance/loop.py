@@ -9,23 +9,19 @@ from typing import TYPE_CHECKING
 from cmpsp_ros.guidance import NANOSECONDS, NEVER, FallbackLevel, GuidanceLaw
 from cmpsp_ros.guidance.messages import Arrival, OdometryError, OdometryGate
 from cmpsp_ros.guidance.mission import reason_not_to_begin
-from cmpsp_ros.nodes.common.health import StepTimes
-from cmpsp_ros.nodes.guidance.inputs.clock_watchdog import ClockWatch
-from cmpsp_ros.nodes.guidance.inputs.goal_input import GoalInput
-from cmpsp_ros.nodes.guidance.inputs.map_input import MapInput
-from cmpsp_ros.nodes.guidance.inputs.obstacle_input import ObstacleInput
-from cmpsp_ros.nodes.guidance.inputs.odometry_input import OdometryInput
-from cmpsp_ros.nodes.guidance.inputs.odometry_watchdog import OdometryWatchdog
-from cmpsp_ros.nodes.guidance.inputs.road_input import RoadInput
-from cmpsp_ros.nodes.guidance.inputs.sensor_input import SensorInput
-from cmpsp_ros.nodes.guidance.inputs.transform_input import TransformInput
+from cmpsp_ros.nodes.guidance.diagnostics import StepTimes
+from cmpsp_ros.nodes.guidance.inputs.course import MapInput, RoadInput
+from cmpsp_ros.nodes.guidance.inputs.goals import GoalInput
+from cmpsp_ros.nodes.guidance.inputs.odometry import ClockWatch, OdometryInput, OdometryWatchdog
+from cmpsp_ros.nodes.guidance.inputs.surroundings import ObstacleInput, SensorInput
+from cmpsp_ros.nodes.guidance.inputs.transforms import TransformInput
 from cmpsp_ros.nodes.guidance.outputs.publishers import GuidanceOutputs
 
 if TYPE_CHECKING:
     from rclpy.lifecycle import LifecycleNode
 
     from cmpsp_ros.guidance import Decision, GuidanceSettings
-    from cmpsp_ros.nodes.timing.garbage import GarbageCollection
+    from cmpsp_ros.nodes.guidance.timing import GarbageCollection
     from cmpsp_ros.parameters import Values
 
 _WATCH_PERIOD = 0.025
@@ -69,7 +65,7 @@ class GuidanceLoop:
         """
         self._node, self._settings, self._garbage = node, settings, garbage
         self.active, self._in_lockstep = False, values['lockstep']
-        self._law = GuidanceLaw(settings, time.perf_counter_ns)
+        self._law = GuidanceLaw(settings, settings.world, time.perf_counter_ns)
         self._outputs = GuidanceOutputs(node, values, settings)
         self._transforms = TransformInput(node, values['robot_frame'], settings)
         self._obstacles = ObstacleInput(node, settings, self._transforms)
@@ -119,7 +115,7 @@ class GuidanceLoop:
     def take(self, settings: GuidanceSettings) -> None:
         """Take other settings, from the next control step on."""
         self._settings = settings
-        self._law.reconfigure(settings)
+        self._law.reconfigure(settings, settings.world)
         self._obstacles.settings = self._transforms.settings = settings
         self._scenery_changed = True
         if not self.active:
@@ -129,7 +125,7 @@ class GuidanceLoop:
         """Send road, obstacles and goals; before a road came there is none to be seen."""
         if not self.road.waits:
             ahead = None if self.decision is None else self.decision.goal
-            self._outputs.show(self._law.task, ahead)
+            self._outputs.show(self._law.task, self._law.world, ahead)
         self._scenery_changed = self.road.waits
 
     def rest(self, reason: str) -> None:

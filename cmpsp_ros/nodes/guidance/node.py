@@ -10,23 +10,27 @@ from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 
 from cmpsp_ros.guidance.mission import infeasibility_warnings
 from cmpsp_ros.nodes.common.health import Health, Report
-from cmpsp_ros.nodes.common.lifecycle import (
-    ACTIVE,
-    FINALIZED,
-    INACTIVE,
-    UNCONFIGURED,
-    guard_change_state,
-)
 from cmpsp_ros.nodes.common.parameters import declare, event_of
 from cmpsp_ros.nodes.common.runtime import overrides, run
 from cmpsp_ros.nodes.common.topics import PARAMETERS, RESET
 from cmpsp_ros.nodes.guidance.command_arbitration import TRUST, CommandArbiter
-from cmpsp_ros.nodes.guidance.lifecycle_bond import LifecycleBond
+from cmpsp_ros.nodes.guidance.diagnostics import report_on
+from cmpsp_ros.nodes.guidance.lifecycle import (
+    ACTIVE,
+    FINALIZED,
+    INACTIVE,
+    UNCONFIGURED,
+    LifecycleBond,
+    guard_change_state,
+)
 from cmpsp_ros.nodes.guidance.loop import GuidanceLoop
-from cmpsp_ros.nodes.guidance.outputs.diagnostics import report_on
-from cmpsp_ros.nodes.timing.compiling import LateCompilations, prepare_aloud
-from cmpsp_ros.nodes.timing.garbage import GarbageCollection
-from cmpsp_ros.nodes.timing.realtime import Scheduling, check_cpu
+from cmpsp_ros.nodes.guidance.timing import (
+    GarbageCollection,
+    LateCompilations,
+    Scheduling,
+    check_cpu,
+    prepare_aloud,
+)
 from cmpsp_ros.parameters import (
     TABLE,
     ParameterError,
@@ -113,7 +117,9 @@ class GuidanceNode(LifecycleNode):
             return self._refuse(str(error) or type(error).__name__, 'configure')
         self._refusal = ''
         start = settings.start_pose
-        self._foretold = [] if start is None else infeasibility_warnings(settings, start[:2])
+        self._foretold = []
+        if start is not None:
+            self._foretold = infeasibility_warnings(settings, settings.world, start[:2])
         self._arbiter = CommandArbiter(self, self._give_way)
         self._scheduling = Scheduling(self._values)
         self._parameters_out = PARAMETERS.publish_on(self)

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import math
 import time
 from typing import TYPE_CHECKING
 
-from geometry_msgs.msg import Quaternion, TransformStamped, Twist, TwistStamped
+from geometry_msgs.msg import TransformStamped, Twist, TwistStamped
 from nav_msgs.msg import Odometry
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
@@ -16,9 +15,9 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.nodes.common.clouds import cloud_of
+from cmpsp_ros.guidance import NANOSECONDS
+from cmpsp_ros.nodes.common.messages import BASE, cloud_of, path_of, set_pose, set_stamp
 from cmpsp_ros.nodes.common.parameters import declare, event_of
-from cmpsp_ros.nodes.common.road_messages import path_of
 from cmpsp_ros.nodes.common.runtime import run
 from cmpsp_ros.nodes.common.topic import Topic
 from cmpsp_ros.nodes.common.topics import (
@@ -33,9 +32,8 @@ from cmpsp_ros.nodes.common.topics import (
     SIM_WHEELS,
     TRUTH,
 )
-from cmpsp_ros.nodes.sim.moving_obstacles import Traffic
 from cmpsp_ros.nodes.sim.pace import Lockstep, RealTime
-from cmpsp_ros.nodes.sim.scanner import Scanner
+from cmpsp_ros.nodes.sim.surroundings import Scanner, Traffic
 from cmpsp_ros.parameters import TABLE, ParameterError, check_pace, check_start, plant_settings
 from cmpsp_ros.quick_exit import quick_exit
 from cmpsp_ros.robots import with_side
@@ -47,14 +45,10 @@ except ImportError:  # tf2 is not among the wheels
     TFMessage = None
 
 if TYPE_CHECKING:
-    from builtin_interfaces.msg import Time as TimeMessage
     from rclpy.parameter import Parameter
 
     from cmpsp_ros.parameters import Values
     from cmpsp_ros.simulator import Motion
-
-_NS = 1_000_000_000
-_BASE = 'base_link'
 
 
 class SimNode(Node):
@@ -76,7 +70,7 @@ class SimNode(Node):
         self._truth = TRUTH.publish_on(self)
         self._wheels = SIM_WHEELS.publish_on(self)
         self._clock_out = CLOCK.publish_on(self) if has_clock else None
-        # What a broadcaster of tf2_ros offers; without the message RViz shows the course alone.
+        # As a broadcaster of tf2_ros; without the message RViz shows the course alone.
         self._transforms = (
             None if TFMessage is None else self.create_publisher(TFMessage, '/tf', 100)
         )
@@ -85,7 +79,7 @@ class SimNode(Node):
 
         # The first motion compiles the kinematics, which must not count as time that passes.
         _ = Plant(settings).motion
-        offset_ns = self._clock_offset_ns = round(self.values['clock_offset'] * _NS)
+        offset_ns = self._clock_offset_ns = round(self.values['clock_offset'] * NANOSECONDS)
         # No stamp is negative, and neither is the time on /clock.
         begin_ns = max(0, offset_ns) if has_clock else time.time_ns() + offset_ns
         self.instants = OdometrySchedule(settings, begin_ns)
@@ -152,7 +146,7 @@ class SimNode(Node):
         """
         stamp_ns = self.plant.stamp_ns
         if self._clock_out is not None:
-            now = _stamp(stamp_ns - self._clock_offset_ns)
+            now = Time(nanoseconds=stamp_ns - self._clock_offset_ns).to_msg()
             self._clock_out.publish(ClockMessage(clock=now))
         if self._moving is not None:
             tracks = self._traffic.at(stamp_ns)
@@ -174,7 +168,7 @@ class SimNode(Node):
         if self._scanner is not None and TFMessage is not None:
             topic = Topic('sim', 'out', '/tf_static', TFMessage, '', depth=1, latched=True)
             self._static = topic.publish_on(self)
-            there = self._scanner.transform(_stamp(self.plant.stamp_ns), _BASE)
+            there = self._scanner.transform(self.plant.stamp_ns)
             self._static.publish(TFMessage(transforms=[there]))
 
     def _drive_to(self, stamp_ns: int) -> None:
@@ -195,14 +189,10 @@ class SimNode(Node):
         self._wheels.publish(wheels)
 
     def _odometry(self, stamp_ns: int, pose: Array, twist: Array) -> Odometry:
-        message = Odometry(child_frame_id=_BASE)
-        message.header.stamp = _stamp(stamp_ns)
+        message = Odometry(child_frame_id=BASE)
+        set_stamp(message.header, stamp_ns)
         message.header.frame_id = self.values['frame_id']
-        x, y, heading = pose.tolist()
-        message.pose.pose.position.x, message.pose.pose.position.y = x, y
-        message.pose.pose.orientation = Quaternion(
-            x=0.0, y=0.0, z=math.sin(heading / 2.0), w=math.cos(heading / 2.0)
-        )
+        set_pose(message.pose.pose, pose.tolist())
         forward, left, turn_rate = with_side(twist).tolist()
         message.twist.twist.linear.x, message.twist.twist.linear.y = forward, left
         message.twist.twist.angular.z = turn_rate
@@ -220,7 +210,9 @@ class SimNode(Node):
         self._publish_truth(self.plant.motion)
         self._pace.after_reset()
         response.success = True
-        response.message = f'at the initial pose, at rest; time is {self.plant.stamp_ns / _NS} s'
+        response.message = (
+            f'at the initial pose, at rest; time is {self.plant.stamp_ns / NANOSECONDS} s'
+        )
         return response
 
     def _on_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
@@ -238,10 +230,6 @@ class SimNode(Node):
         if any(values[key] != before[key] for key in ('road.points', 'road.closed')):
             self._tell_road()
         return SetParametersResult(successful=True)
-
-
-def _stamp(stamp_ns: int) -> TimeMessage:
-    return Time(nanoseconds=stamp_ns).to_msg()
 
 
 def _transform(odometry: Odometry) -> TransformStamped:

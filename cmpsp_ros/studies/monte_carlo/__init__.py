@@ -1,6 +1,6 @@
 """Monte Carlo studies: many random courses, driven by the guidance law and the plant alone."""
 
-from cmpsp_ros.studies.errors import StudyError
+from cmpsp_ros.studies.common import StudyError
 from cmpsp_ros.studies.monte_carlo.eyes import Eyes
 from cmpsp_ros.studies.monte_carlo.kinds import KINDS
 from cmpsp_ros.studies.monte_carlo.run import Order, run, run_one

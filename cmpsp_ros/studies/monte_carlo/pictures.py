@@ -11,9 +11,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from cmpsp_ros.guidance import NANOSECONDS, Decision, GuidanceSettings
+from cmpsp_ros.studies.common import WIDTH, plot_style
 from cmpsp_ros.studies.monte_carlo.driving import Driven
 from cmpsp_ros.studies.monte_carlo.outcome import Outcome, Verdict
-from cmpsp_ros.studies.plot_style import WIDTH, journal
 from cmpsp_ros.view import LEVEL_COLORS, PER_ARC, along, draw_obstacles, draw_road, show
 from cmpsp_ros.world.obstacles import outlines
 
@@ -42,7 +42,7 @@ def draw_study(
         outcomes: Of all runs.
         tolerance: Miss up to which a run has arrived [m].
     """
-    with journal():
+    with plot_style():
         return [
             _save(_paths(title, settings, outcomes, tolerance), folder / 'paths.png'),
             _save(_spread(title, outcomes, tolerance), folder / 'spread.png'),
@@ -51,7 +51,7 @@ def draw_study(
 
 def draw_run(path: Path, title: str, driven: Driven) -> Path:
     """Draw one run: its path by fallback level, and its clearance over time."""
-    with journal():
+    with plot_style():
         figure = Figure(figsize=(WIDTH, 0.55 * WIDTH), layout='constrained')
         figure.suptitle(title, fontsize=7.0, family='monospace', wrap=True)
         way, over_time = figure.subplots(1, 2)

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import cmpsp_ros
-from cmpsp_ros.studies.errors import StudyError
+from cmpsp_ros.studies.common import StudyError
 from cmpsp_ros.studies.monte_carlo.outcome import Outcome
 from cmpsp_ros.studies.monte_carlo.study import Study
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from cmpsp_ros.guidance import NANOSECONDS
-from cmpsp_ros.studies.errors import StudyError
+from cmpsp_ros.studies.common import StudyError
 from cmpsp_ros.studies.monte_carlo import pictures
 from cmpsp_ros.studies.monte_carlo.driving import Driven, drive, outcome
 from cmpsp_ros.studies.monte_carlo.judging import costs

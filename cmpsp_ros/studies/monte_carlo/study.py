@@ -21,7 +21,7 @@ from cmpsp_ros.parameters import (
 )
 from cmpsp_ros.parameters.files import load_robot, parse_assignment
 from cmpsp_ros.simulator import LaserSettings, PlantSettings
-from cmpsp_ros.studies.errors import StudyError
+from cmpsp_ros.studies.common import StudyError
 from cmpsp_ros.studies.monte_carlo.courses.robot_courses import in_proportion, robot_scenario
 from cmpsp_ros.studies.monte_carlo.courses.scenario import FROM_EDGE, GAP, WIDTH, Scenario
 from cmpsp_ros.studies.monte_carlo.eyes import Eyes, map_of

@@ -4,17 +4,24 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from itertools import combinations
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from cmpsp_ros.arrays import Array
+from cmpsp_ros.arrays import Array, BoolArray
 from cmpsp_ros.guidance import GuidanceSettings, warm_up
 from cmpsp_ros.studies.closed_loop import drive
 from cmpsp_ros.studies.paper.experiments import Experiment
 from cmpsp_ros.view import along
+
+ARRIVED = 1e-6
+"""Distance from the goal up to which a run counts as having met it [m]."""
+
+TOUCHED = -1e-6
+"""Clearance down to which an active constraint counts as met [m]: rounding of a linearisation."""
 
 
 @dataclass(frozen=True)
@@ -31,6 +38,12 @@ class Path:
     settings: GuidanceSettings
     poses: Array
     controls: Array
+
+    @classmethod
+    def open_loop(cls, settings: GuidanceSettings, pose: Array, controls: Array) -> Path:
+        """Path under a history of controls ``(N, r)`` from a pose ``(3,)``."""
+        durations = np.full(len(controls), settings.control_period)
+        return cls(settings, settings.robot.roll_out(pose, controls, durations), controls)
 
     @property
     def times(self) -> Array:
@@ -50,7 +63,7 @@ class Path:
     @property
     def off_center(self) -> Array:
         """Distance outward from the centre line at each instant, shape ``(N + 1,)`` [m]."""
-        road = self.settings.annulus
+        road = self.settings.world.annulus
         off: Array = np.linalg.norm(self.poses[:, :2] - road.center, axis=1) - road.center_radius
         return off
 
@@ -60,12 +73,23 @@ class Path:
         off = self.off_center
         return 0.5 * self.settings.weights.road_center * float(off @ off)
 
+    @property
+    def peaks(self) -> Array:
+        """Largest magnitude of each control, shape ``(r,)``."""
+        peaks: Array = np.abs(self.controls).max(axis=0)
+        return peaks
+
+    @property
+    def saturated(self) -> BoolArray:
+        """Wheels at their limit at each step, shape ``(N, 2)``."""
+        at_limit: BoolArray = np.abs(self.controls) >= self.settings.robot.max_wheel_speed - 1e-6
+        return at_limit
+
     def clearance(self, *, between_samples: bool) -> Array:
         """Least clearance from outer edge, inner edge and obstacles, shape ``(2 + M,)`` [m]."""
-        settings = self.settings
-        space = settings.space()
+        space = self.settings.world.free_space(self.settings)
         if between_samples:
-            twists = settings.robot.twist(self.controls)
+            twists = self.settings.robot.twist(self.controls)
             clearance = space.along(self.poses[:-1], twists, self.durations)
         else:
             clearance = space.at(self.poses)
@@ -74,19 +98,18 @@ class Path:
 
     def points(self) -> Array:
         """Positions along the path, several on each arc, shape ``(K, 2)`` [m]."""
-        twists = self.settings.robot.twist(self.controls)
-        return along(self.poses, twists, self.durations)
+        return along(self.poses, self.settings.robot.twist(self.controls), self.durations)
 
     def measures(self) -> dict[str, Any]:
-        """The figures of this path, under the names that `results.json` has."""
+        """Figures of this path, under the names that `results.json` has."""
         limit = self.settings.robot.max_wheel_speed
-        right, left = self.controls.T
+        right, left = self.peaks.tolist()
         return {
             'miss_m': self.miss,
             'clearance_at_samples_m': float(self.clearance(between_samples=False).min()),
             'clearance_between_samples_m': float(self.clearance(between_samples=True).min()),
-            'max_right_rad_s': float(np.abs(right).max()),
-            'max_left_rad_s': float(np.abs(left).max()),
+            'max_right_rad_s': right,
+            'max_left_rad_s': left,
             'limit_rad_s': limit if math.isfinite(limit) else None,
             'cost': self.cost,
         }
@@ -97,7 +120,7 @@ class Drive:
     """A run of the guidance law.
 
     Attributes:
-        experiment: Which run of the paper.
+        experiment: Run of the paper.
         between_samples: Whether the path between samples was constrained, too.
         path: The driven path.
         levels: Fallback level of each control step.
@@ -110,29 +133,56 @@ class Drive:
     levels: tuple[str, ...]
     step_times: Array
 
+    @property
+    def steps_with_slack(self) -> int:
+        """Steps at another level than nominal."""
+        return sum(level != 'nominal' for level in self.levels)
+
     def measures(self) -> dict[str, Any]:
-        """The figures of this run; computing times are left out as they never repeat."""
+        """Figures of this run; computing times are left out as they never repeat."""
         levels = {name: self.levels.count(name) for name in dict.fromkeys(self.levels)}
         return {**self.path.measures(), 'levels': levels}
 
-    def series(self) -> dict[str, Any]:
-        """The run as numbers."""
-        x, y, heading = self.path.poses.T
-        right, left = self.path.controls.T
+    def series(self) -> dict[str, list[float]]:
+        """Time series of the run by the names that `results.json` has."""
+        path = self.path
+        columns = path.times, *path.poses.T, *path.controls.T
+        names = 't_s', 'x_m', 'y_m', 'heading_rad', 'right_rad_s', 'left_rad_s'
+        return {name: column.tolist() for name, column in zip(names, columns, strict=True)}
+
+
+class Panels(NamedTuple):
+    """The same runs with constraints at samples only, as in the paper, and between samples too."""
+
+    plain: list[Drive]
+    bound: list[Drive]
+
+    @property
+    def drives(self) -> list[Drive]:
+        """All runs."""
+        return [*self.plain, *self.bound]
+
+    def numbers(self, series: Sequence[str]) -> dict[str, Any]:
+        """Runs for `results.json`, by panel and by name, with these of their time series."""
         return {
-            't_s': self.path.times.tolist(),
-            'x_m': x.tolist(),
-            'y_m': y.tolist(),
-            'heading_rad': heading.tolist(),
-            'right_rad_s': right.tolist(),
-            'left_rad_s': left.tolist(),
+            name: {
+                drive.experiment.key: {
+                    **{each: drive.series()[each] for each in series},
+                    'measures': drive.measures(),
+                }
+                for drive in drives
+            }
+            for name, drives in zip(('samples_only', 'between_samples'), self, strict=True)
         }
 
 
 def run_law(experiment: Experiment, *, between_samples: bool) -> Drive:
     """Drive one run of the paper with the guidance law."""
-    settings = _as_in_the_paper(experiment.with_bound(between_samples))
-    pose = np.array(experiment.pose)
+    given = experiment.with_bound(between_samples)
+    # As in the paper: one plan, from the guess given, with as many iterations in every step.
+    each = given.solver.iterations_per_step
+    solver = replace(given.solver, candidates=1, initial_iterations=each)
+    settings, pose = replace(given, solver=solver), np.array(experiment.pose)
     decisions, times = [], []
     steps = drive(settings, pose)
     finished = False
@@ -147,41 +197,64 @@ def run_law(experiment: Experiment, *, between_samples: bool) -> Drive:
     return Drive(
         experiment,
         between_samples,
-        drive_open(settings, pose, wheel_speeds),
+        Path.open_loop(settings, pose, wheel_speeds),
         tuple(decision.level.name.lower() for decision in decisions[:-1]),
         np.array(times[:-1]),
     )
 
 
-def _as_in_the_paper(settings: GuidanceSettings) -> GuidanceSettings:
-    """One plan, from the guess given, with as many iterations at the first step as at any other."""
-    each = settings.solver.iterations_per_step
-    return replace(settings, solver=replace(settings.solver, candidates=1, initial_iterations=each))
-
-
-def drive_open(settings: GuidanceSettings, pose: Array, wheel_speeds: Array) -> Path:
-    """The path that a history of wheel speeds ``(N, 2)`` [rad/s] leads along."""
-    durations = np.full(len(wheel_speeds), settings.control_period)
-    return Path(settings, settings.robot.roll_out(pose, wheel_speeds, durations), wheel_speeds)
-
-
 def guessed_path(experiment: Experiment) -> Path:
-    """Where the run's constant first guess would lead."""
+    """Path of the run's constant first guess."""
     settings = experiment.settings
     steps = round(settings.final_time / settings.control_period)
     guess = np.tile(settings.initial_guess.wheel_speeds, (steps, 1))
-    return drive_open(settings, np.array(experiment.pose), guess)
+    return Path.open_loop(settings, np.array(experiment.pose), guess)
+
+
+def worst_miss(drives: Iterable[Drive]) -> float:
+    """Largest miss [m]."""
+    return max(drive.path.miss for drive in drives)
+
+
+def least_clearance(drives: Iterable[Drive], *, between_samples: bool) -> float:
+    """Least clearance from road edges and obstacles [m]."""
+    return min(
+        float(drive.path.clearance(between_samples=between_samples).min()) for drive in drives
+    )
+
+
+def within_limits(drives: Iterable[Drive]) -> bool:
+    """True if no wheel is ever faster than its limit."""
+    return all(each.path.peaks.max() <= each.path.settings.robot.max_wheel_speed for each in drives)
+
+
+def apart(paths: Sequence[Path]) -> Array:
+    """Largest distance at equal times between each two paths, in the order of pairs [m]."""
+    pairs = combinations([path.poses[:, :2] for path in paths], 2)
+    return np.array([np.linalg.norm(one - other, axis=1).max() for one, other in pairs])
+
+
+def wheels_apart(paths: Sequence[Path]) -> Array:
+    """Largest difference of a wheel speed at equal times, in the order of pairs [rad/s]."""
+    pairs = combinations([path.controls for path in paths], 2)
+    return np.array([np.abs(one - other).max() for one, other in pairs])
+
+
+def spans(active: BoolArray) -> int:
+    """Number of uninterrupted spans in which a flag is set."""
+    padded = np.concatenate([[False], active])
+    return int(np.count_nonzero(~padded[:-1] & padded[1:]))
 
 
 class Laboratory:
-    """Runs every experiment once, for any number of figures."""
+    """Every experiment, run once for any number of figures."""
 
     def __init__(self, progress: Callable[[str], None], *, judge: bool = False) -> None:
         """Start with nothing run.
 
         Args:
             progress: Called with a line on the work in progress.
-            judge: Whether an independent solver may be used.
+            judge: Whether IPOPT may be used.
         """
         self.progress = progress
         self.judge = judge
@@ -199,9 +272,9 @@ class Laboratory:
             self._drives[key] = run_law(experiment, between_samples=between_samples)
         return self._drives[key]
 
-    def both(self, experiments: Sequence[Experiment]) -> tuple[list[Drive], list[Drive]]:
-        """All of them twice: at samples only as in the paper, and clear between samples too."""
-        return (
+    def both(self, experiments: Sequence[Experiment]) -> Panels:
+        """All of them, at samples only and clear between samples too."""
+        return Panels(
             [self.drive(each, between_samples=False) for each in experiments],
             [self.drive(each, between_samples=True) for each in experiments],
         )

@@ -32,6 +32,8 @@ TABLE2_HEADINGS: Final = ((60.0, 'black'), (0.0, 'blue'), (-60.0, 'green'))
 TABLE2_GUESS: Final = (36.0, 36.0)
 """Right and left wheel [rad/s]."""
 
+_CASES: Final = (('case1', 'Case 1', 'black'), ('case2', 'Case 2', 'blue'))
+_CASE3: Final = ('case3', 'Case 3', 'red')
 _FEW: Final = (('zero', 'black'), ('one', 'red'), ('two', 'green'))
 _MANY: Final = (('three', 'blue'), ('four', 'magenta'), ('five', 'cyan'))
 
@@ -62,11 +64,7 @@ class Experiment:
 
 def cases() -> tuple[Experiment, ...]:
     """Cases 1 to 3, the last with the 51 rad/s of (94)."""
-    return (
-        _preset('case1', 'Case 1', 'black'),
-        _preset('case2', 'Case 2', 'blue'),
-        _preset('case3', 'Case 3', 'red'),
-    )
+    return tuple(_preset(*each) for each in (*_CASES, _CASE3))
 
 
 def case3_at_45() -> Experiment:
@@ -76,24 +74,15 @@ def case3_at_45() -> Experiment:
 
 def table1() -> tuple[Experiment, ...]:
     """Case 3 from the four guesses of Table 1."""
-    case3 = _preset('case3', '', '')
     return tuple(
-        replace(
-            case3,
-            key=f'table1_{row}',
-            label=f'guess ({right:g}, {left:g})',
-            color=color,
-            settings=replace(case3.settings, initial_guess=_constant(right, left)),
-        )
-        for row, ((right, left), color) in enumerate(TABLE1_GUESSES, 1)
+        _case3(f'table1_{row}', f'guess ({guess[0]:g}, {guess[1]:g})', color, guess)
+        for row, (guess, color) in enumerate(TABLE1_GUESSES, 1)
     )
 
 
 def road_guess() -> Experiment:
     """Case 3 from a guess along the road's centre line."""
-    case3 = _preset('case3', '', '')
-    settings = replace(case3.settings, initial_guess=InitialGuess('road'))
-    return replace(case3, key='road_guess', label='road guess', settings=settings)
+    return _case3('road_guess', 'road guess', '', None)
 
 
 def table2(*, as_printed: bool = False) -> tuple[Experiment, ...]:
@@ -102,15 +91,15 @@ def table2(*, as_printed: bool = False) -> tuple[Experiment, ...]:
     Args:
         as_printed: Whether to start from y = 9.25 m as printed, where a minus sign is missing.
     """
-    y = 9.25 if as_printed else -9.25
-    case3 = _preset('case3', '', '')
+    y, suffix = (9.25, '_as_printed') if as_printed else (-9.25, '')
     return tuple(
         replace(
-            case3,
-            key=f'table2_{row}_as_printed' if as_printed else f'table2_{row}',
-            label=f'heading {heading:g}°'.replace('-', '−'),
-            color=color,
-            settings=replace(case3.settings, initial_guess=_constant(*TABLE2_GUESS)),
+            _case3(
+                f'table2_{row}{suffix}',
+                f'heading {heading:g}°'.replace('-', '−'),
+                color,
+                TABLE2_GUESS,
+            ),
             pose=(0.0, y, math.radians(heading)),
         )
         for row, (heading, color) in enumerate(TABLE2_HEADINGS, 1)
@@ -119,23 +108,27 @@ def table2(*, as_printed: bool = False) -> tuple[Experiment, ...]:
 
 def few_obstacles() -> tuple[Experiment, ...]:
     """Zero, one and two obstacles, sparsely placed."""
-    return tuple(_file(count, color) for count, color in _FEW)
+    return tuple(_obstacle_file(count, color) for count, color in _FEW)
 
 
 def many_obstacles() -> tuple[Experiment, ...]:
     """Three, four and five obstacles, densely packed."""
-    return tuple(_file(count, color) for count, color in _MANY)
+    return tuple(_obstacle_file(count, color) for count, color in _MANY)
 
 
-def _constant(right: float, left: float) -> InitialGuess:
-    return InitialGuess('constant', (right, left))
+def _case3(key: str, label: str, color: str, guess: tuple[float, float] | None) -> Experiment:
+    """Case 3 from a constant guess, or from one along the road."""
+    case3 = _preset(*_CASE3)
+    initial = InitialGuess('road') if guess is None else InitialGuess('constant', guess)
+    settings = replace(case3.settings, initial_guess=initial)
+    return replace(case3, key=key, label=label, color=color, settings=settings)
 
 
 def _preset(name: str, label: str, color: str) -> Experiment:
     return _experiment(name, label, color, load_parameter_file(name))
 
 
-def _file(count: str, color: str) -> Experiment:
+def _obstacle_file(count: str, color: str) -> Experiment:
     label = f'{count} obstacle' if count == 'one' else f'{count} obstacles'
     key = label.replace(' ', '_')
     given = load_parameter_file(config_directory() / 'paper' / f'{key}.yaml')

@@ -14,12 +14,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from cmpsp_ros.studies.paper.drives import Drive, Path
-from cmpsp_ros.studies.plot_style import WIDTH
+from cmpsp_ros.studies.common import WIDTH
+from cmpsp_ros.studies.paper.drives import Drive, Panels, Path
 from cmpsp_ros.view import draw_obstacles, draw_road
 
 Look = dict[str, Any]
-Panels = Sequence[Sequence[Drive]]
 
 PANELS: Final = ('(a) samples only, as in the paper', '(b) clear between samples too')
 
@@ -138,7 +137,7 @@ def key_above(axes: Axes, lines: Sequence[Artist], columns: int) -> None:
 
 def _draw_place(axes: Axes, drives: Sequence[Drive]) -> None:
     """The quarter of the road that is driven, and every obstacle that any of the runs has."""
-    road = drives[0].path.settings.annulus
+    road = drives[0].path.settings.world.annulus
     draw_road(axes, road, _ROAD, _EDGE)
     shapes = {each.name: each for drive in drives for each in drive.path.settings.obstacles}
     draw_obstacles(axes, shapes.values(), **_OBSTACLE)

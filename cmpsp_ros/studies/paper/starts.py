@@ -3,36 +3,40 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from rich.table import Table
 
 from cmpsp_ros.guidance import GuidanceSettings, InitialGuess, SolverSettings
 from cmpsp_ros.studies.closed_loop import drive
-from cmpsp_ros.studies.paper.drives import Path, drive_open
+from cmpsp_ros.studies.paper.drives import Path
 from cmpsp_ros.studies.paper.experiments import cases, table1, table2
-from cmpsp_ros.studies.paper.judge import judge
+from cmpsp_ros.studies.paper.ipopt import reference_solution
 
 _LIMITS = 51.0, 45.0
 _COLUMNS = 'start', 'limit [rad/s]', 'miss [m]', 'clearance [m]', 'cost', "IPOPT's", 'ratio'
 
 
-@dataclass(frozen=True)
-class Started:
+class Start(NamedTuple):
+    """Label, settings and initial pose [m, m, rad] of a start."""
+
+    label: str
+    settings: GuidanceSettings
+    pose: tuple[float, float, float]
+
+
+class StartOutcome(NamedTuple):
     """Result of one start.
 
     Attributes:
-        label: Which guess or heading.
-        limit: Of the wheels [rad/s].
         path: The driven path.
         optimum: Cost of IPOPT's path in the same homotopy class; NaN if IPOPT was not run or found
             none.
     """
 
-    label: str
-    limit: float
     path: Path
     optimum: float
 
@@ -46,58 +50,49 @@ class Started:
         """Cost over that of IPOPT [1]."""
         return self.path.cost / self.optimum
 
-    def row(self) -> tuple[str, ...]:
-        """Its figures, as text."""
-        figures = (f'{self.path.cost:.2f}', f'{self.optimum:.2f}', f'{self.ratio:.3f}')
-        compared = figures if math.isfinite(self.optimum) else (figures[0], '', '')
-        return (
-            self.label,
-            f'{self.limit:g}',
-            f'{self.path.miss:.1e}',
-            f'{self.clearance:+.4f}',
-            *compared,
-        )
 
-
-def starts() -> list[tuple[str, GuidanceSettings, tuple[float, float, float]]]:
-    """All guesses of Table 1, all headings of Table 2, and these along the road, at both limits.
-
-    Returns:
-        Of each its label, settings, and the pose that it starts from [m, m, rad].
-    """
+def starts() -> list[Start]:
+    """All guesses of Table 1, all headings of Table 2, and these along the road, at both limits."""
+    case3 = replace(cases()[-1], label="Case 3, the paper's guess")
+    given = [Start(each.label, each.settings, each.pose) for each in (case3, *table1(), *table2())]
+    for each in table2():
+        settings = replace(each.settings, initial_guess=InitialGuess('road'))
+        given.append(Start(f'{each.label}, road guess', settings, each.pose))
     return [
-        (label, _limited(settings, limit), pose)
+        each._replace(
+            settings=replace(
+                each.settings,
+                robot=replace(each.settings.robot, max_wheel_speed=limit),
+                solver=SolverSettings(),
+            )
+        )
         for limit in _LIMITS
-        for label, settings, pose in _unlimited()
+        for each in given
     ]
 
 
-def start(
-    label: str, settings: GuidanceSettings, pose: tuple[float, float, float], *, compare: bool
-) -> Started:
+def drive_start(start: Start, *, compare: bool) -> StartOutcome:
     """Drive from one of the starts.
 
     Args:
-        label: Its label.
-        settings: Its settings.
-        pose: Its pose [m, m, rad].
+        start: The start.
         compare: Whether IPOPT computes the optimum in the same homotopy class.
 
     Raises:
         StudyError: CasADi is not installed.
     """
-    at = np.array(pose)
-    decisions = list(drive(settings, at))[:-1]
-    path = drive_open(settings, at, np.array([each.wheel_speeds for each in decisions]))
+    settings, pose = start.settings, np.array(start.pose)
+    decisions = list(drive(settings, pose))[:-1]
+    path = Path.open_loop(settings, pose, np.array([each.wheel_speeds for each in decisions]))
     optimum = math.nan
     if compare:
-        found = judge(settings, at, path)
+        found = reference_solution(settings, pose, path)
         optimum = found.cost if found.feasible else math.nan
-    return Started(label, settings.robot.max_wheel_speed, path, optimum)
+    return StartOutcome(path, optimum)
 
 
-def run(progress: Callable[[str, int], None], *, compare: bool) -> Table:
-    """Drive from all of them.
+def run_starts(progress: Callable[[str, int], None], *, compare: bool) -> Table:
+    """Drive from all starts.
 
     Args:
         progress: Called with the label of each, and their number.
@@ -108,21 +103,15 @@ def run(progress: Callable[[str, int], None], *, compare: bool) -> Table:
     """
     table = Table(*_COLUMNS)
     given = starts()
-    for label, settings, pose in given:
-        progress(label, len(given))
-        table.add_row(*start(label, settings, pose, compare=compare).row())
+    for each in given:
+        progress(each.label, len(given))
+        found = drive_start(each, compare=compare)
+        figures = (f'{found.path.cost:.2f}', f'{found.optimum:.2f}', f'{found.ratio:.3f}')
+        table.add_row(
+            each.label,
+            f'{each.settings.robot.max_wheel_speed:g}',
+            f'{found.path.miss:.1e}',
+            f'{found.clearance:+.4f}',
+            *(figures if math.isfinite(found.optimum) else (figures[0], '', '')),
+        )
     return table
-
-
-def _unlimited() -> Iterator[tuple[str, GuidanceSettings, tuple[float, float, float]]]:
-    case3 = replace(cases()[-1], label="Case 3, the paper's guess")
-    road = InitialGuess('road')
-    for each in (case3, *table1(), *table2()):
-        yield each.label, each.settings, each.pose
-    for each in table2():
-        yield f'{each.label}, road guess', replace(each.settings, initial_guess=road), each.pose
-
-
-def _limited(settings: GuidanceSettings, limit: float) -> GuidanceSettings:
-    robot = replace(settings.robot, max_wheel_speed=limit)
-    return replace(settings, robot=robot, solver=SolverSettings())

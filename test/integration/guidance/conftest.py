@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import math
+import signal
 import sys
-from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -13,6 +12,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Twist, TwistStamped
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
+from live import CASE3, PERIOD_NS, fill_pose
 from nav_msgs.msg import Odometry
 from nav_msgs.msg import Path as PathMessage
 from rcl_interfaces.msg import Parameter, ParameterValue
@@ -21,23 +21,20 @@ from rclpy.time import Time
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
+from cmpsp_ros.bags import Names
+from cmpsp_ros.bags.replay.replay import replay
 from cmpsp_ros.nodes import MODULES
 from cmpsp_ros.robots import arc_ends
 
-CASE3 = Path(__file__).parents[3] / 'config' / 'case3.yaml'
 LIMIT = 30.0
 START = (0.0, -9.25, 0.0)
-PERIOD_NS = 200_000_000
 
 
 def odometry(stamp, pose, frame_id='odom'):
     message = Odometry()
     message.header.stamp = Time(nanoseconds=stamp).to_msg()
     message.header.frame_id = frame_id
-    x, y, heading = map(float, pose)
-    message.pose.pose.position.x, message.pose.pose.position.y = x, y
-    message.pose.pose.orientation.z = math.sin(heading / 2.0)
-    message.pose.pose.orientation.w = math.cos(heading / 2.0)
+    fill_pose(message.pose.pose.position, message.pose.pose.orientation, pose)
     return message
 
 
@@ -238,5 +235,56 @@ def start_node(spawn):
         module = MODULES[name]
         command = [sys.executable, '-m', module, '--ros-args', '--params-file', CASE3]
         return spawn([*command, *flags, *more])
+
+    return start
+
+
+@pytest.fixture
+def start_active(start_node, client):
+    """Start a guidance node and wait until it is active and heard: `start_active(parameters)`."""
+
+    def start(parameters=None):
+        running = start_node('guidance_node', parameters)
+        client.connect()
+        client.until_health(state='active')
+        return running
+
+    return start
+
+
+class Recording:
+    """A recorder at work, and the bag that it writes."""
+
+    def __init__(self, client, process, bag):
+        self.client, self.process, self.bag = client, process, bag
+
+    def until_all_is_heard(self, *topics):
+        """Wait until no message of a node that is connected can be missed."""
+        listeners = self.client.node.get_subscriptions_info_by_topic
+        for topic in ('/odom', '/cmd_vel', '/parameter_events', '/guidance/decision', *topics):
+            self.client.until(
+                lambda topic=topic: any(each.node_name == 'recorder' for each in listeners(topic))
+            )
+        # What changes before the recorder knows the parameters, it cannot know.
+        self.client.until(lambda: '/guidance/parameters messages' in self.client.recorded)
+
+    def replayed(self):
+        """End the recorder, and replay its bag without a difference."""
+        self.process.signal(signal.SIGINT)
+        assert self.process.wait(100.0) == 0, self.process.stderr
+        outcome = replay(self.bag, Names.under(''))
+        assert outcome.first is None, outcome.first
+        return outcome
+
+
+@pytest.fixture
+def record(client, spawn, tmp_path):
+    """Start a recorder: `record(*its parameters)`."""
+
+    def start(*parameters):
+        bag = tmp_path / 'bag'
+        flags = [part for each in (f'output:={bag}', *parameters) for part in ('-p', each)]
+        command = [sys.executable, '-m', MODULES['recorder'], '--ros-args', *flags]
+        return Recording(client, spawn(command), bag)
 
     return start

@@ -3,27 +3,22 @@
 from __future__ import annotations
 
 import math
-import signal
 import sys
-from pathlib import Path
 
 import pytest
 from action_msgs.msg import GoalStatus
 from geometry_msgs.msg import PoseStamped
+from live import CASE3
 from nav_msgs.msg import Odometry
 from rclpy.action import ActionClient
 
-from cmpsp_ros.bags import Names
-from cmpsp_ros.bags.replay.replay import replay
 from cmpsp_ros.nodes import MODULES
-from cmpsp_ros.nodes.common.road_messages import path_of
+from cmpsp_ros.nodes.common.messages import path_of
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(300)]
 
 # The first start may compile.
 LIMIT = 120.0
-CASE3 = Path(__file__).parents[3] / 'config' / 'case3.yaml'
-RECORDER = [sys.executable, '-m', 'cmpsp_ros.nodes.recording.recorder', '--ros-args']
 
 
 class Goal:
@@ -98,9 +93,8 @@ def distance(client, x, y):
     return math.dist((position.x, position.y), (x, y))
 
 
-def test_navigate_to_pose(drive, actions, client, spawn, tmp_path):
-    bag = tmp_path / 'bag'
-    recorder = spawn([*RECORDER, '-p', f'output:={bag}'])
+def test_navigate_to_pose(drive, actions, client, record):
+    recording = record()
     guidance = drive({'recorder_timeout': 30.0, 'goal.wait': 'true'})
     client.until(lambda: len(client.decisions) > 3, 60.0)
     assert {each['reason'] for each in client.decisions} == {'No goal has come yet (goal.wait).'}
@@ -161,16 +155,12 @@ def test_navigate_to_pose(drive, actions, client, spawn, tmp_path):
     client.until(lambda: 'navigate_to_pose is rejected: the node is inactive' in guidance.stderr)
     assert 'Traceback' not in guidance.stderr
     guidance.end()
-    recorder.signal(signal.SIGINT)
-    assert recorder.wait(60.0) == 0
-    outcome = replay(bag, Names.under(''))
-    assert outcome.first is None, outcome.first
+    outcome = recording.replayed()
     assert outcome.decisions >= len(client.decisions)
 
 
-def test_follow_path(drive, actions, client, spawn, tmp_path):
-    bag = tmp_path / 'bag'
-    recorder = spawn([*RECORDER, '-p', f'output:={bag}'])
+def test_follow_path(drive, actions, client, record):
+    recording = record()
     corridor = {'road.type': 'corridor', 'road.half_width': '[0.6]', 'initial_pose': '[0.,0.,0.]'}
     road = {'road.source': 'topic', 'goal.position': '[5.,0.]', 'recorder_timeout': 30.0}
     guidance = drive({**corridor, **road, 'road.points': '[0.0,0.0,5.0,0.0]'}, files=())
@@ -191,8 +181,5 @@ def test_follow_path(drive, actions, client, spawn, tmp_path):
     assert 'a turn back by 180 deg' in reason
     assert follow(path, frame_id='map').result()[1] == 102
     guidance.end()
-    recorder.signal(signal.SIGINT)
-    assert recorder.wait(60.0) == 0
-    outcome = replay(bag, Names.under(''))
-    assert outcome.first is None, outcome.first
+    outcome = recording.replayed()
     assert outcome.decisions > 20

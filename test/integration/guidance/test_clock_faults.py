@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from live import ZERO
 from rclpy.time import Time
 from rosgraph_msgs.msg import Clock
 
@@ -11,7 +12,6 @@ pytestmark = pytest.mark.integration
 SECOND = 1_000_000_000
 PERIOD = SECOND // 5
 POSE = (0.0, -9.25, 0.0)
-ZERO = (0.0, 0.0)
 
 
 @pytest.fixture
@@ -83,13 +83,11 @@ def test_in_lockstep_the_odometry_after_the_final_time_ends_the_run(tick, client
     assert (decision['finished'], decision['halted']) == ('true', 'false')
 
 
-def test_a_computer_that_is_too_slow_is_told(fault, start_node, client, make_odometry):
+def test_a_computer_that_is_too_slow_is_told(fault, start_active, client, make_odometry):
     """A thousand steps, and iterations without end: no computer does that in 10 ms."""
     slow = {'control_period': 0.01, 'solver.iterations_per_step': 50, 'odom_timeout': 60.0}
     slow['solver.work_share'] = 0.0
-    start_node('guidance_node', slow)
-    client.connect()
-    client.until_health(state='active')
+    start_active(slow)
     decision, _ = client.decide(make_odometry(client.now(), POSE))
     assert decision['fallback_level'] in {'nominal', 'elastic'}
     health = client.until_health(said='took')
@@ -97,11 +95,9 @@ def test_a_computer_that_is_too_slow_is_told(fault, start_node, client, make_odo
     assert int(health['deadline_misses']) > 0
 
 
-def test_a_plan_that_takes_longer_than_odometry_lives_is_followed(fault, start_node, client):
+def test_a_plan_that_takes_longer_than_odometry_lives_is_followed(fault, start_active, client):
     slow = {'control_period': 0.01, 'solver.iterations_per_step': 50, 'odom_timeout': 0.04}
-    start_node('guidance_node', {**slow, 'solver.work_share': 0.0})
-    client.connect()
-    client.until_health(state='active')
+    start_active({**slow, 'solver.work_share': 0.0})
     client.drive()
 
     def goes_on():

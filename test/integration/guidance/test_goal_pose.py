@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 from geometry_msgs.msg import PoseStamped
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from live import LATCHED, PERIOD_NS, pose_stamped
 from visualization_msgs.msg import MarkerArray
 
 from cmpsp_ros.guidance import GuidanceLaw
@@ -16,20 +14,9 @@ from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 
 pytestmark = pytest.mark.integration
 
-PERIOD_NS = 200_000_000
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 # Odometry is stamped ahead of time here, and the test may be slow between two messages.
 PATIENT = {'odom_timeout': 60.0}
-
-
-def goal_pose(x, y, heading, frame_id='odom'):
-    message = PoseStamped()
-    message.header.frame_id = frame_id
-    message.pose.position.x, message.pose.position.y = x, y
-    message.pose.orientation.z = math.sin(heading / 2.0)
-    message.pose.orientation.w = math.cos(heading / 2.0)
-    return message
 
 
 def assert_logged(fault, running, words):
@@ -44,7 +31,8 @@ def test_a_goal_is_driven_to_and_one_in_another_frame_refused(
     fault, start_node, client, make_odometry
 ):
     values = TABLE.resolve({**load_parameter_file('case3'), **PATIENT})
-    law, shown = GuidanceLaw(guidance_settings(values)), []
+    settings = guidance_settings(values)
+    law, shown = GuidanceLaw(settings, settings.world), []
     running = start_node('guidance_node', PATIENT)
     client.node.create_subscription(MarkerArray, '/guidance/markers', shown.append, LATCHED)
     goals = client.node.create_publisher(PoseStamped, 'goal_pose', 10)
@@ -63,10 +51,10 @@ def test_a_goal_is_driven_to_and_one_in_another_frame_refused(
 
     heard, _ = step()
     assert 'goal' not in heard
-    goals.publish(goal_pose(7.0, -7.0, 0.8, frame_id='map'))
+    goals.publish(pose_stamped(0, 'map', (7.0, -7.0, 0.8)))
     client.until(lambda: "in frame 'map', wanted 'odom'" in running.stderr)
     assert_logged(fault, running, 'goal_pose is refused')
-    wanted = goal_pose(7.0, -7.0, 0.8)
+    wanted = pose_stamped(0, 'odom', (7.0, -7.0, 0.8))
     goals.publish(wanted)
     # What is published first may still be heard last: a step or two are taken meanwhile.
     for _ in range(20):

@@ -8,14 +8,12 @@ import signal
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
+from live import PERIOD_NS, ZERO
 from rclpy.serialization import serialize_message
 from rclpy.time import Time
 from rosgraph_msgs.msg import Clock
 
 pytestmark = pytest.mark.integration
-
-PERIOD_NS = 200_000_000
-ZERO = (0.0, 0.0)
 
 
 def spoil_position(message):
@@ -58,11 +56,9 @@ def assert_is(fault, decision):
 
 @pytest.mark.smoke
 def test_odometry_that_cannot_be_used_stops_the_robot_until_the_next_that_can(
-    fault, start_node, client, make_odometry
+    fault, start_active, client, make_odometry
 ):
-    running = start_node('guidance_node', {'odom_timeout': 60.0, 'final_time': 20.0})
-    client.connect()
-    client.until_health(state='active')
+    running = start_active({'odom_timeout': 60.0, 'final_time': 20.0})
     stamp, pose = client.now(), (0.0, -9.25, 0.0)
     # The first odometry of all may be a bad one; later what is old is out of order.
     for spoil, reason in [(grow_old, 's old (odom_timeout 60.0 s)'), FAULTS[0], *FAULTS]:
@@ -85,11 +81,9 @@ def test_odometry_that_cannot_be_used_stops_the_robot_until_the_next_that_can(
 
 
 def test_bytes_that_are_no_odometry_stop_the_robot_until_odometry_comes(
-    fault, start_node, client, make_odometry
+    fault, start_active, client, make_odometry
 ):
-    running = start_node('guidance_node', {'odom_timeout': 60.0})
-    client.connect()
-    client.until_health(state='active')
+    running = start_active({'odom_timeout': 60.0})
     stamp, pose = client.now(), (0.0, -9.25, 0.0)
     client.decide(make_odometry(stamp, pose))
     good = make_odometry(stamp + PERIOD_NS, pose)
@@ -103,11 +97,9 @@ def test_bytes_that_are_no_odometry_stop_the_robot_until_odometry_comes(
 
 
 def test_bad_odometry_that_goes_on_is_answered_once_a_control_period(
-    start_node, client, make_odometry
+    start_active, client, make_odometry
 ):
-    start_node('guidance_node', {'odom_timeout': 60.0})
-    client.connect()
-    client.until_health(state='active')
+    start_active({'odom_timeout': 60.0})
     client.decide(make_odometry(client.now(), (0.0, -9.25, 0.0)))
     bad = make_odometry(client.now(), (math.nan, -9.25, 0.0))
     begun = client.now()
@@ -141,12 +133,10 @@ def test_odometry_that_stops_stops_the_robot_until_it_comes_back(fault, start_no
 
 
 def test_a_robot_off_the_road_is_told_why_and_a_good_pose_brings_it_back(
-    start_node, client, make_odometry
+    start_active, client, make_odometry
 ):
     anywhere = {'odom_timeout': 60.0, 'safety.max_odom_jump': 0.0}
-    running = start_node('guidance_node', anywhere)
-    client.connect()
-    client.until_health(state='active')
+    running = start_active(anywhere)
     stamp = client.now()
     client.decide(make_odometry(stamp, (0.0, -9.25, 0.0)))
     for place in ((0.0, 0.0, 0.0), (1e6, 0.0, 0.0), (8.0, -6.0, 0.0), (1e300, -1e300, 0.0)):
@@ -163,11 +153,9 @@ def test_a_robot_off_the_road_is_told_why_and_a_good_pose_brings_it_back(
 
 
 def test_one_stamp_from_the_far_future_does_not_end_the_run(
-    fault, start_node, client, make_odometry
+    fault, start_active, client, make_odometry
 ):
-    start_node('guidance_node', {'odom_timeout': 60.0})
-    client.connect()
-    client.until_health(state='active')
+    start_active({'odom_timeout': 60.0})
     stamp, pose = client.now(), (0.0, -9.25, 0.0)
     client.decide(make_odometry(stamp, pose))
     decision, command = client.decide(make_odometry(stamp + 1_000_000 * PERIOD_NS, pose))
@@ -177,10 +165,8 @@ def test_one_stamp_from_the_far_future_does_not_end_the_run(
     client.recover(stamp + PERIOD_NS, pose)
 
 
-def test_simulated_time_that_begins_again_is_noticed(fault, start_node, client, make_odometry):
-    start_node('guidance_node', {'use_sim_time': True})
-    client.connect()
-    client.until_health(state='active')
+def test_simulated_time_that_begins_again_is_noticed(fault, start_active, client, make_odometry):
+    start_active({'use_sim_time': True})
     clock = client.node.create_publisher(Clock, '/clock', 1)
     client.until(clock.get_subscription_count)
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PolygonStamped, TwistStamped
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from live import LATCHED, MS, PERIOD_NS
 from rclpy.time import Time
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -18,9 +18,6 @@ from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 
 pytestmark = pytest.mark.integration
 
-MS = 1_000_000
-PERIOD_NS = 200 * MS
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 # Odometry is stamped ahead of time here, and the test may be slow between two messages.
 PATIENT = {'odom_timeout': 60.0}
@@ -30,7 +27,8 @@ PATIENT = {'odom_timeout': 60.0}
 def law():
     """The law itself, with the settings of the node under test."""
     values = TABLE.resolve({**load_parameter_file('case3'), **PATIENT})
-    return GuidanceLaw(guidance_settings(values))
+    settings = guidance_settings(values)
+    return GuidanceLaw(settings, settings.world)
 
 
 @pytest.mark.smoke
@@ -106,11 +104,9 @@ def test_a_node_that_was_shut_down_shows_it(start_node, client):
 
 
 def test_one_command_at_each_control_instant_as_the_law_says(
-    start_node, client, law, make_odometry
+    start_active, client, law, make_odometry
 ):
-    start_node('guidance_node', PATIENT)
-    client.connect()
-    client.until_health(state='active')
+    start_active(PATIENT)
     robot, pose, begun = guidance_settings(TABLE.resolve({})).robot, [0.0, -9.25, 0.0], client.now()
     stamps = [begun, begun + 250 * MS, *(begun + k * PERIOD_NS for k in range(2, 6))]
     for step, stamp in enumerate(stamps):

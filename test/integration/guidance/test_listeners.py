@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-import sys
-
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import TwistStamped
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
-from cmpsp_ros.bags import Names
-from cmpsp_ros.bags.replay.replay import replay
-from cmpsp_ros.nodes import MODULES
 from cmpsp_ros.nodes.common.topics import DECISION
 
 pytestmark = pytest.mark.integration
@@ -39,19 +34,17 @@ def test_without_a_listener_of_its_type_the_time_does_not_run(fault, start_node,
     client.until_health(state='active', said='Nobody listens to /cmd_vel.')
 
 
-def test_a_recorder_that_is_asked_for_is_waited_for(start_node, client, spawn, tmp_path):
+def test_a_recorder_that_is_asked_for_is_waited_for(start_node, client, record):
     running = start_node('guidance_node', {'recorder_timeout': 60.0})
     client.until(client.odometry.get_subscription_count)
     client.drive()
     client.until_health(state='active', said='Waiting for a recorder (recorder_timeout).')
     assert not client.decisions
-    given = ['-p', f'output:={tmp_path / "bag"}', '-p', 'own_topics:=true']
-    recorder = spawn([sys.executable, '-m', MODULES['recorder'], '--ros-args', *given])
+    recording = record('own_topics:=true')
     client.until(lambda: len(client.decisions) > 5)
     running.end()
-    recorder.end()
-    outcome = replay(tmp_path / 'bag', Names.under(''))
-    assert (outcome.first, outcome.skipped) == (None, 0)
+    outcome = recording.replayed()
+    assert outcome.skipped == 0
     assert outcome.decisions >= 5
 
 
@@ -65,10 +58,8 @@ def test_where_no_recorder_comes_it_goes_on_without(fault, start_node, client):
     fault.assert_said('—', 1, said.partition('[guidance]: ')[2])
 
 
-def test_who_comes_late_is_told_the_latest_decision(start_node, client, make_odometry):
-    start_node('guidance_node', {'odom_timeout': 60.0})
-    client.connect()
-    client.until_health(state='active')
+def test_who_comes_late_is_told_the_latest_decision(start_active, client, make_odometry):
+    start_active({'odom_timeout': 60.0})
     decision, _ = client.decide(make_odometry(client.now(), (0.0, -9.25, 0.0)))
     found, latched = [], QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     client.node.create_subscription(DECISION.type, '/guidance/decision', found.append, latched)

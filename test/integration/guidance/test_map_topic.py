@@ -3,31 +3,22 @@
 from __future__ import annotations
 
 import math
-import signal
-import sys
 from array import array
-from pathlib import Path
 
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
-from geometry_msgs.msg import TransformStamped
+from live import LATCHED, PERIOD_NS, transform
 from nav_msgs.msg import OccupancyGrid
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.time import Time
 
 from cmpsp_ros.bags.audit import CheckOutcome, audit
-from cmpsp_ros.bags.replay.recording import Names
-from cmpsp_ros.bags.replay.replay import replay
 from cmpsp_ros.robots import arc_ends
 
 pytestmark = pytest.mark.integration
 
 LIMIT = 60.0
-PERIOD_NS = 200_000_000
 START = (0.0, 0.0, 0.0)
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-RECORDER = [sys.executable, '-m', 'cmpsp_ros.nodes.recording.recorder', '--ros-args']
 
 # Odometry is stamped ahead of time here, and the test may be slow between two messages.
 TOLD = {
@@ -195,11 +186,7 @@ def test_a_map_in_another_frame_is_placed_by_transforms(
     health = client.until_health(level=DiagnosticStatus.ERROR, said='The map that came is refused')
     assert 'building' in health['said']
 
-    there = TransformStamped(child_frame_id='building')
-    there.header.frame_id = 'map'
-    there.transform.translation.x, there.transform.translation.y = x, y
-    there.transform.rotation.z = math.sin(heading / 2.0)
-    there.transform.rotation.w = math.cos(heading / 2.0)
+    there = transform('map', 'building', (x, y, heading))
     client.node.create_publisher(TFMessage, '/tf_static', LATCHED).publish(
         TFMessage(transforms=[there])
     )
@@ -218,19 +205,11 @@ def test_a_map_in_another_frame_is_placed_by_transforms(
 
 
 def test_a_drive_on_maps_that_change_is_replayed_and_audited(
-    start_node, client, spawn, make_odometry, tell, tmp_path
+    start_active, client, record, make_odometry, tell
 ):
-    bag = Path(tmp_path) / 'bag'
-    recorder = spawn([*RECORDER, '-p', f'output:={bag}'])
-    start_node('guidance_node', TOLD)
-    client.connect()
-    client.until_health(state='active')
-    listeners = client.node.get_subscriptions_info_by_topic
-    for topic in ('/odom', '/cmd_vel', '/parameter_events', '/guidance/decision'):
-        client.until(
-            lambda topic=topic: any(each.node_name == 'recorder' for each in listeners(topic))
-        )
-    client.until(lambda: '/guidance/parameters messages' in client.recorded)
+    recording = record()
+    start_active(TOLD)
+    recording.until_all_is_heard()
     pose, stamp, revisions = np.array(START), client.now(), []
     for step in range(30):
         if step in (0, 10):
@@ -242,9 +221,6 @@ def test_a_drive_on_maps_that_change_is_replayed_and_audited(
         pose = arc_ends(pose[None], np.array([command]), np.array([0.2]))[0]
         stamp += PERIOD_NS
     assert len(set(revisions)) == 2
-    recorder.signal(signal.SIGINT)
-    assert recorder.wait(LIMIT) == 0
-    outcome = replay(bag, Names.under(''))
-    assert (outcome.first, outcome.decisions) == (None, 30)
-    found = {each.check: each.outcome for each in audit(bag)}
+    assert recording.replayed().decisions == 30
+    found = {each.check: each.outcome for each in audit(recording.bag)}
     assert found['as_decided'] is CheckOutcome.PASSED

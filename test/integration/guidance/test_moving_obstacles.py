@@ -7,14 +7,14 @@ from dataclasses import replace
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
+from live import PERIOD_NS
 from sensor_msgs.msg import PointCloud2
 
 from cmpsp_ros.guidance.messages import Track
-from cmpsp_ros.nodes.common.clouds import cloud_of
+from cmpsp_ros.nodes.common.messages import cloud_of
 
 pytestmark = pytest.mark.integration
 
-PERIOD_NS = 200_000_000
 POSE = (0.0, -9.25, 0.0)
 ROOM = {'odom_timeout': 60.0, 'moving_obstacles.capacity': 2, 'moving_obstacles.timeout': 50.0}
 
@@ -32,11 +32,9 @@ def tell(client):
 
 
 def test_what_cannot_be_used_changes_nothing_and_is_said(
-    fault, start_node, client, make_odometry, tell
+    fault, start_active, client, make_odometry, tell
 ):
-    running = start_node('guidance_node', ROOM)
-    client.connect()
-    client.until_health(state='active')
+    running = start_active(ROOM)
     stamp = client.now()
     decision, _ = client.decide(make_odometry(stamp, POSE))
     assert 'moving_obstacles' not in decision
@@ -69,8 +67,6 @@ def test_what_cannot_be_used_changes_nothing_and_is_said(
     assert 'moving_obstacles refused' in running.stderr
 
 
-def test_nothing_is_listened_to_without_capacity(start_node, client):
-    start_node('guidance_node')
-    client.connect()
-    client.until_health(state='active')
+def test_nothing_is_listened_to_without_capacity(start_active, client):
+    start_active()
     assert client.node.count_subscribers('/moving_obstacles') == 0

@@ -3,39 +3,32 @@
 from __future__ import annotations
 
 import math
-import signal
-import sys
 
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
+from live import MS, ZERO
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 
-from cmpsp_ros.bags import Names
-from cmpsp_ros.bags.replay.replay import replay
-
 pytestmark = pytest.mark.integration
 
-MS = 1_000_000
 PERIOD = 200 * MS
-ZERO = (0.0, 0.0)
 ACCELERATION = 100.0
 """Limit of the wheels in these tests [rad/s^2]: a stop takes half a second."""
 LIMITED = {'robot.max_wheel_acceleration': ACCELERATION, 'final_time': 15.0}
 FAST = 0.9
-RECORDER = [sys.executable, '-m', 'cmpsp_ros.nodes.recording.recorder', '--ros-args']
 
 
 @pytest.fixture
-def driving(start_node, spawn, client, tmp_path):
+def driving(start_node, record, client):
     """Start a node and its recorder, and drive until it is on its way: `driving(parameters)`.
 
     What it returns ends both and replays the bag.
     """
 
     def start(parameters=None):
-        recorder = spawn([*RECORDER, '-p', f'output:={tmp_path / "bag"}'])
+        recording = record()
         guidance = start_node('guidance_node', {'recorder_timeout': 60.0, **(parameters or {})})
         client.connect()
         client.drive()
@@ -44,11 +37,8 @@ def driving(start_node, spawn, client, tmp_path):
         def end():
             client.park()
             guidance.end()
-            recorder.signal(signal.SIGINT)
-            assert recorder.wait(60.0) == 0
             assert 'Traceback' not in guidance.stderr
-            outcome = replay(tmp_path / 'bag', Names.under(''))
-            assert outcome.first is None, outcome.first
+            outcome = recording.replayed()
             assert outcome.stops > 0
             return outcome
 

@@ -7,12 +7,12 @@ import math
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
+from live import PERIOD_NS
 from nav_msgs.msg import Path
 from rclpy.time import Time
 
 pytestmark = pytest.mark.integration
 
-PERIOD_NS = 200_000_000
 POSE = (0.0, -9.25, 0.0)
 OTHERS = {'odom_timeout': 60.0, 'others.namespaces': ['/r2'], 'others.radius': 0.2}
 AWAY = [(20.0, 0.0), (20.1, 0.0)]
@@ -44,11 +44,9 @@ def tell(client):
 
 
 def test_what_cannot_be_used_changes_nothing_and_is_said(
-    fault, start_node, client, make_odometry, tell
+    fault, start_active, client, make_odometry, tell
 ):
-    running = start_node('guidance_node', {**OTHERS, 'moving_obstacles.timeout': 50.0})
-    client.connect()
-    client.until_health(state='active')
+    running = start_active({**OTHERS, 'moving_obstacles.timeout': 50.0})
     begun = client.now()
     tell(plan(begun, AWAY))
     stamp = begun
@@ -79,10 +77,8 @@ def test_what_cannot_be_used_changes_nothing_and_is_said(
     assert 'Traceback' not in running.stderr
 
 
-def test_plans_that_come_no_more_are_told(fault, start_node, client, make_odometry, tell):
-    start_node('guidance_node', OTHERS)
-    client.connect()
-    client.until_health(state='active')
+def test_plans_that_come_no_more_are_told(fault, start_active, client, make_odometry, tell):
+    start_active(OTHERS)
     client.decide(make_odometry(client.now(), POSE))
     assert not any('no plan comes' in each['said'] for each in client.health)
     tell(plan(client.now(), AWAY))
@@ -96,10 +92,8 @@ def test_plans_that_come_no_more_are_told(fault, start_node, client, make_odomet
     assert decision['moving_obstacles'] == f'/r2@{begun}'
 
 
-def test_a_robot_that_is_stopped_tells_where_it_stands(start_node, client, make_odometry):
-    start_node('guidance_node')
-    client.connect()
-    client.until_health(state='active')
+def test_a_robot_that_is_stopped_tells_where_it_stands(start_active, client, make_odometry):
+    start_active()
     stamp = client.now()
     client.decide(make_odometry(stamp, POSE))
     client.until(lambda: client.paths)

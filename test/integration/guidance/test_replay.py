@@ -3,31 +3,25 @@
 from __future__ import annotations
 
 import math
-import signal
-import sys
 
 import numpy as np
 import pytest
+from live import COMMAND
 from nav_msgs.msg import Odometry
 from rclpy.time import Time
 from std_srvs.srv import Trigger
 
 from cmpsp_ros.bags import Bag, DecisionRecord, Names
-from cmpsp_ros.bags.replay.replay import replay
-from cmpsp_ros.guidance import present_keys
 
 pytestmark = pytest.mark.integration
 
 LIMIT = 100.0
 NAMES = Names.under('')
-COMMAND = [sys.executable, '-m', 'cmpsp_ros.cli']
-RECORDER = [sys.executable, '-m', 'cmpsp_ros.nodes.recording.recorder', '--ros-args']
 
 
 def decision_to_key_values(values):
     """What of a decision must repeat."""
     told = ('run', 'revision', 'reason', 'level')
-    values = present_keys(values.items())
     return {k: v for k, v in values.items() if not k.endswith('_ms') and k not in told}
 
 
@@ -43,22 +37,16 @@ def recorded(bag):
 
 
 @pytest.fixture
-def begin(start_node, client, spawn):
-    """Have a node recorded that is about to be activated: `begin(bag)` returns the recorder."""
+def begin(start_node, client, record):
+    """Have a node recorded that is about to be activated."""
 
-    def start(bag):
-        recorder = spawn([*RECORDER, '-p', f'output:={bag}'])
+    def start():
+        recording = record()
         start_node('guidance_node', {'autostart': False})
         assert client.change_state('configure')
         client.connect()
-        listeners = client.node.get_subscriptions_info_by_topic
-        for topic in ('/odom', '/cmd_vel', '/parameter_events', NAMES.decision, NAMES.path):
-            client.until(
-                lambda topic=topic: any(each.node_name == 'recorder' for each in listeners(topic))
-            )
-        # What changes before the recorder knows the parameters, it cannot know.
-        client.until(lambda: '/guidance/parameters messages' in client.recorded)
-        return recorder
+        recording.until_all_is_heard(NAMES.path)
+        return recording
 
     return start
 
@@ -66,8 +54,7 @@ def begin(start_node, client, spawn):
 def test_a_run_with_faults_is_identical_and_audited_as_it_was(
     begin, client, spawn, verdicts, tmp_path
 ):
-    bag = tmp_path / 'bag'
-    recorder = begin(bag)
+    recording = begin()
     assert client.change_state('activate')
     client.drive()
     client.until_driving()
@@ -90,14 +77,11 @@ def test_a_run_with_faults_is_identical_and_audited_as_it_was(
     client.until(lambda: len(client.decisions) > count + 5)
     assert client.change_state('deactivate')
     client.park()
-    recorder.signal(signal.SIGINT)
-    assert recorder.wait(LIMIT) == 0
-    outcome = replay(bag, NAMES)
-    assert outcome.first is None, outcome.first
+    outcome = recording.replayed()
     assert outcome.decisions == outcome.commands == len(client.decisions)
     assert outcome.stops > 4
     assert outcome.plans > 6
-    audit = spawn([*COMMAND, 'audit', bag, '--junit', tmp_path / 'audit.xml'])
+    audit = spawn([*COMMAND, 'audit', recording.bag, '--junit', tmp_path / 'audit.xml'])
     assert audit.wait(LIMIT) == 1, audit.stdout + audit.stderr
     said = verdicts(tmp_path / 'audit.xml')
     # The obstacle was put where the robot was, and the run was not driven to its end.
@@ -115,10 +99,8 @@ def test_a_run_with_faults_is_identical_and_audited_as_it_was(
     ],
     ids=['nan', 'inf', 'frame'],
 )
-def test_odometry_that_the_node_refused_is_refused_again(
-    begin, client, tmp_path, pose, frame_id, reason
-):
-    recorder = begin(tmp_path / 'bag')
+def test_odometry_that_the_node_refused_is_refused_again(begin, client, pose, frame_id, reason):
+    recording = begin()
     assert client.change_state('activate')
     client.drive()
     client.until_driving()
@@ -130,10 +112,7 @@ def test_odometry_that_the_node_refused_is_refused_again(
     client.until_driving()
     assert client.change_state('deactivate')
     client.park()
-    recorder.signal(signal.SIGINT)
-    assert recorder.wait(LIMIT) == 0
-    outcome = replay(tmp_path / 'bag', NAMES)
-    assert outcome.first is None, outcome.first
+    outcome = recording.replayed()
     # The bag may have the last one before it is heard here.
     client.until(lambda: outcome.decisions == len(client.decisions))
     assert outcome.stops > 0

@@ -3,29 +3,22 @@
 from __future__ import annotations
 
 import math
-import signal
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
+from live import LATCHED, PERIOD_NS
 from nav_msgs.msg import Path as PathMessage
-from rclpy.qos import DurabilityPolicy, QoSProfile
 
-from cmpsp_ros.bags import Bag, Names
+from cmpsp_ros.bags import Bag
 from cmpsp_ros.bags.audit import CheckOutcome, audit
-from cmpsp_ros.bags.replay.replay import replay
-from cmpsp_ros.nodes.common.road_messages import path_of
+from cmpsp_ros.nodes.common.messages import path_of
 from cmpsp_ros.robots import arc_ends
 
 pytestmark = pytest.mark.integration
 
 LIMIT = 60.0
-PERIOD_NS = 200_000_000
 START = (0.0, -10.0, 0.0)
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-RECORDER = [sys.executable, '-m', 'cmpsp_ros.nodes.recording.recorder', '--ros-args']
 
 # Odometry is stamped ahead of time here, and the test may be slow between two messages.
 TOLD = {
@@ -114,19 +107,11 @@ def test_a_road_is_waited_for_and_a_bad_one_refused(fault, start_node, client, m
 
 
 def test_a_drive_on_roads_that_change_is_replayed_and_audited(
-    start_node, client, spawn, make_odometry, tell, tmp_path
+    start_active, client, record, make_odometry, tell
 ):
-    bag = Path(tmp_path) / 'bag'
-    recorder = spawn([*RECORDER, '-p', f'output:={bag}'])
-    running = start_node('guidance_node', TOLD)
-    client.connect()
-    client.until_health(state='active')
-    listeners = client.node.get_subscriptions_info_by_topic
-    for topic in ('/odom', '/cmd_vel', '/parameter_events', '/guidance/decision'):
-        client.until(
-            lambda topic=topic: any(each.node_name == 'recorder' for each in listeners(topic))
-        )
-    client.until(lambda: '/guidance/parameters messages' in client.recorded)
+    recording = record()
+    running = start_active(TOLD)
+    recording.until_all_is_heard()
     pose, stamp, edges = np.array(START), client.now(), []
     for step in range(30):
         if step in (0, 10, 20):
@@ -139,11 +124,8 @@ def test_a_drive_on_roads_that_change_is_replayed_and_audited(
         pose = arc_ends(pose[None], np.array([command]), np.array([0.2]))[0]
         stamp += PERIOD_NS
     assert sorted(set(edges)) == [edges[0], edges[0] + 1, edges[0] + 2]
-    recorder.signal(signal.SIGINT)
-    assert recorder.wait(LIMIT) == 0
-    with Bag(bag) as opened:
+    assert recording.replayed().decisions == 30
+    with Bag(recording.bag) as opened:
         assert opened.topics['/road'].count == 3
-    outcome = replay(bag, Names.under(''))
-    assert (outcome.first, outcome.decisions) == (None, 30)
-    found = {each.check: each.outcome for each in audit(bag)}
+    found = {each.check: each.outcome for each in audit(recording.bag)}
     assert found['road'] is CheckOutcome.PASSED

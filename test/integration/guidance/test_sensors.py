@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
+from live import PERIOD_NS
 from nav_msgs.msg import OccupancyGrid
 from rclpy.qos import qos_profile_sensor_data
 from rclpy.time import Time
@@ -14,7 +15,6 @@ from sensor_msgs.msg import LaserScan, PointCloud2, PointField
 
 pytestmark = pytest.mark.integration
 
-PERIOD_NS = 200_000_000
 POSE = (0.0, -9.25, 0.0)
 # Tests take their time between messages.
 SEEING = {'odom_timeout': 60.0, 'sensors.names': '[front]', 'sight.timeout': 0.5}
@@ -98,11 +98,9 @@ SEEING_FLOOR = {
 
 
 def test_points_on_the_floor_show_where_to_drive_and_no_points_nothing(
-    start_node, client, make_odometry
+    start_active, client, make_odometry
 ):
-    running = start_node('guidance_node', SEEING_FLOOR)
-    client.connect()
-    client.until_health(state='active')
+    running = start_active(SEEING_FLOOR)
     publisher = client.node.create_publisher(PointCloud2, 'scan', qos_profile_sensor_data)
     client.until(publisher.get_subscription_count)
     stamp = client.now()

@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import pytest
+from live import MS
 
 pytestmark = pytest.mark.integration
 
-MS = 1_000_000
 PATIENT = {'odom_timeout': 60.0, 'safety.max_odom_jump': 0.0}
 
 
 @pytest.mark.smoke
 def test_off_the_road_no_run_begins_until_the_robot_is_on_it(
-    fault, start_node, client, make_odometry
+    fault, start_active, client, make_odometry
 ):
     """Most odometry begins at (0, 0, 0), wherever the course is."""
-    start_node('guidance_node', PATIENT)
-    client.connect()
-    client.until_health(state='active')
+    start_active(PATIENT)
     decision, command = client.decide(make_odometry(client.now(), (0.0, 0.0, 0.0)))
     assert command == (0.0, 0.0)
     fault.assert_said(decision['fallback_level'], decision['level'][0], decision['reason'])
@@ -33,11 +31,9 @@ def test_off_the_road_no_run_begins_until_the_robot_is_on_it(
 
 
 def test_the_clock_stops_the_robot_and_odometry_judges_the_goal(
-    fault, start_node, client, make_odometry
+    fault, start_active, client, make_odometry
 ):
-    start_node('guidance_node', {'odom_timeout': 5.0, 'final_time': 1.0})
-    client.connect()
-    client.until_health(state='active')
+    start_active({'odom_timeout': 5.0, 'final_time': 1.0})
     begun = client.now()
     client.decide(make_odometry(begun, (0.0, -9.25, 0.0)))
     client.until(lambda: client.decisions[-1]['finished'] == 'true')
@@ -51,10 +47,8 @@ def test_the_clock_stops_the_robot_and_odometry_judges_the_goal(
     assert command == (0.0, 0.0)
 
 
-def test_what_cannot_be_done_is_foretold_by_the_node(start_node, client, make_odometry):
-    start_node('guidance_node', {'final_time': 5.0, 'cmd_vel_timeout': 0.1})
-    client.connect()
-    client.until_health(state='active')
+def test_what_cannot_be_done_is_foretold_by_the_node(start_active, client, make_odometry):
+    start_active({'final_time': 5.0, 'cmd_vel_timeout': 0.1})
     decision, _ = client.decide(make_odometry(client.now(), (0.0, -9.25, 0.0)))
     assert 'The goal is out of reach by ' in decision['reason']
     health = client.until_health(said='The goal is out of reach by ')

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from live import CASE3, LATCHED
 from visualization_msgs.msg import MarkerArray
 
 from cmpsp_ros.mpsp.jit import kernel_folder
@@ -17,8 +17,6 @@ from cmpsp_ros.mpsp.jit import kernel_folder
 pytestmark = pytest.mark.integration
 
 ANNOUNCED = 'compiling, once; `cmpsp warmup` does it beforehand'
-CASE3 = Path(__file__).parents[3] / 'config' / 'case3.yaml'
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 # Without CAP_SYS_NICE, whoever runs the tests.
 POWERLESS = """
@@ -150,10 +148,8 @@ def test_a_changed_scene_is_shown_to_all_before_the_first_odometry(start_node, c
     client.until(goal)
 
 
-def test_memory_does_not_grow_from_step_to_step(start_node, client, make_odometry):
-    running = start_node('guidance_node', {'odom_timeout': 600.0, 'final_time': 2.0})
-    client.connect()
-    client.until_health(state='active')
+def test_memory_does_not_grow_from_step_to_step(start_active, client, make_odometry):
+    running = start_active({'odom_timeout': 600.0, 'final_time': 2.0})
     stamp = client.now()
 
     def resident_after(steps):

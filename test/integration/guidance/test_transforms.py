@@ -7,33 +7,25 @@ robot's centre, `base_link`, is beside it.
 from __future__ import annotations
 
 import math
-import signal
-import sys
 
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
-from geometry_msgs.msg import PoseStamped, TransformStamped
-from rclpy.qos import DurabilityPolicy, QoSProfile
-from rclpy.time import Time
+from geometry_msgs.msg import PoseStamped
+from live import LATCHED, PERIOD_NS, pose_stamped, transform
 from sensor_msgs.msg import PointCloud2
 
-from cmpsp_ros.bags import Names
 from cmpsp_ros.bags.audit import CheckOutcome, audit
-from cmpsp_ros.bags.replay.replay import replay
 from cmpsp_ros.bags.report import write_report
 from cmpsp_ros.bags.runs.run import read_driven
 from cmpsp_ros.guidance.messages import Track, compose
-from cmpsp_ros.nodes.common.clouds import cloud_of
+from cmpsp_ros.nodes.common.messages import cloud_of
 from cmpsp_ros.robots import arc_ends
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(300)]
 
-PERIOD_NS = 200_000_000
 START = np.array([0.0, -9.25, 0.0])
 CENTER = np.array([0.1, -0.05, 0.4])
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-RECORDER = [sys.executable, '-m', 'cmpsp_ros.nodes.recording.recorder', '--ros-args']
 PARAMETERS = {'frame_id': 'map', 'robot_frame': 'base_link'}
 # The first start may compile.
 LIMIT = 120.0
@@ -43,16 +35,6 @@ def back(pose):
     """The frame in which a pose is that of, by the pose."""
     there = compose(np.array([0.0, 0.0, -pose[2]]), np.array([-pose[0], -pose[1], 0.0]))
     return np.array([there[0], there[1], -pose[2]])
-
-
-def transform(parent, child, pose, stamp=0):
-    message = TransformStamped(child_frame_id=child)
-    message.header.frame_id, message.header.stamp = parent, Time(nanoseconds=stamp).to_msg()
-    x, y, heading = map(float, pose)
-    message.transform.translation.x, message.transform.translation.y = x, y
-    message.transform.rotation.z = math.sin(heading / 2.0)
-    message.transform.rotation.w = math.cos(heading / 2.0)
-    return message
 
 
 class Localisation:
@@ -89,20 +71,10 @@ def localisation(interfaces, client):
     return Localisation(client)
 
 
-def pose_stamped(stamp, frame_id, x, y, heading):
-    message = PoseStamped()
-    message.header.frame_id, message.header.stamp = frame_id, Time(nanoseconds=stamp).to_msg()
-    message.pose.position.x, message.pose.position.y = x, y
-    message.pose.orientation.z = math.sin(heading / 2.0)
-    message.pose.orientation.w = math.cos(heading / 2.0)
-    return message
-
-
 def test_a_run_reaches_its_goal_and_is_replayed_and_audited_without_transforms(
-    localisation, start_node, spawn, client, make_odometry, tmp_path
+    localisation, start_node, record, client, make_odometry, tmp_path
 ):
-    bag, clock = tmp_path / 'bag', client.node.get_clock()
-    recorder = spawn([*RECORDER, '-p', f'output:={bag}', '-p', 'exclude_topics:=[/tf, /tf_static]'])
+    clock, recording = client.node.get_clock(), record('exclude_topics:=[/tf, /tf_static]')
     guidance = start_node('guidance_node', {**PARAMETERS, 'recorder_timeout': 30.0})
     client.until_health(LIMIT, state='active')
     client.connect()
@@ -127,18 +99,14 @@ def test_a_run_reaches_its_goal_and_is_replayed_and_audited_without_transforms(
     count = len(passed)
     client.until(lambda: len(passed) > count + 20)
     guidance.end()
-    recorder.signal(signal.SIGINT)
-    assert recorder.wait(60.0) == 0
-    outcome = replay(bag, Names.under(''))
-    assert outcome.first is None, outcome.first
-    assert outcome.decisions > 50
-    found = {each.check: each.outcome for each in audit(bag)}
+    assert recording.replayed().decisions > 50
+    found = {each.check: each.outcome for each in audit(recording.bag)}
     for check in ('obstacles', 'road', 'goal', 'obeyed', 'as_decided'):
         assert found[check] is CheckOutcome.PASSED, (check, found)
-    driven = read_driven(bag).poses
+    driven = read_driven(recording.bag).poses
     away = np.hypot(*(driven[:, None, :2] - np.array(passed)[None, :, :2]).transpose(2, 0, 1))
     assert away.min(axis=1).max() < 1e-9
-    write_report([bag], tmp_path / 'report.html')
+    write_report([recording.bag], tmp_path / 'report.html')
 
 
 def test_goals_and_obstacles_of_other_frames_are_led_to_that_of_the_course(
@@ -161,7 +129,7 @@ def test_goals_and_obstacles_of_other_frames_are_led_to_that_of_the_course(
     assert (
         "wanted 'map' (frame_id): no transform from 'odom' to 'map' has come" in decision['reason']
     )
-    goals.publish(pose_stamped(stamp, 'odom', 1.0, 1.0, 0.0))
+    goals.publish(pose_stamped(stamp, 'odom', (1.0, 1.0, 0.0)))
     client.until(lambda: "goal_pose is refused: The goal is in frame 'odom'" in running.stderr)
     client.until_health(level=DiagnosticStatus.ERROR, fallback_level='stop')
 
@@ -181,7 +149,7 @@ def test_goals_and_obstacles_of_other_frames_are_led_to_that_of_the_course(
 
     wanted = np.array([7.0, -7.0, 0.8])
     there = compose(back(localisation.drift(stamp)), wanted).tolist()
-    goals.publish(pose_stamped(stamp, 'odom', *there))
+    goals.publish(pose_stamped(stamp, 'odom', there))
     while 'goals_received' not in decision:
         decision = step()
     assert decision['goals_received'] == '1'

@@ -7,7 +7,7 @@ import sys
 from std_srvs.srv import Trigger
 
 from cmpsp_ros.nodes.common.topics import HEALTH
-from cmpsp_ros.nodes.recording.written import from_values
+from cmpsp_ros.nodes.recording.received import from_values
 
 RECORDER = [sys.executable, '-m', 'cmpsp_ros.nodes.recording.recorder', '--ros-args']
 

@@ -138,7 +138,7 @@ def test_two_robots_live_in_namespaces(simulate, ros):
             ['noise.dropout_windows:', 'for lockstep'],
         ),
         ({'lockstep': 'true', 'odom_rate': 7.0}, ['control_period, odom_rate:', '7.0 Hz']),
-        ({'initial_pose': '[0.0, 0.0, 0.0]'}, ['initial_pose:', 'road.center']),
+        ({'initial_pose': '[0.0, 0.0, 0.0]'}, ['initial_pose:', 'road edge']),
         ({'obstacles.names': '[rock]'}, ['obstacles.rock.center:', 'found nothing']),
         (
             {

@@ -14,9 +14,8 @@ from bag_messages import HELLO, LATCHED, STRING
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import MessageDefinition, MessageDefinitionFormat
 
-from cmpsp_ros.bags import Bag, BagError, BagWriter
+from cmpsp_ros.bags import Bag, BagError, BagWriter, Form
 from cmpsp_ros.bags.recover import recover
-from cmpsp_ros.bags.storage import Form
 
 REPOSITORY = Path(__file__).parents[3]
 OWN = MessageDefinition(MessageDefinitionFormat.MSG, 'float64 value\n')
@@ -53,7 +52,7 @@ def content(folder):
 KILLED = """
 import os, signal, sys
 from pathlib import Path
-from cmpsp_ros.bags.storage.form import Form
+from cmpsp_ros.bags.storage.common import Form
 from cmpsp_ros.bags.writer import BagWriter
 
 bag = BagWriter(Path(sys.argv[1]), eval(sys.argv[2]))

@@ -21,11 +21,10 @@ from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import Reader
 from ruamel.yaml import YAML
 
-from cmpsp_ros.bags import Bag, BagError, BagWriter, UnknownTypeError
+from cmpsp_ros.bags import Bag, BagError, BagWriter, Form, UnknownTypeError
 from cmpsp_ros.bags.custom_data import PARAMETERS_KEY, SOFTWARE_KEY, VERSION_KEY
 from cmpsp_ros.bags.recover import recover
-from cmpsp_ros.bags.storage import Form
-from cmpsp_ros.bags.storage.folder import UNFINISHED
+from cmpsp_ros.bags.storage.common import UNFINISHED
 
 REPOSITORY = Path(__file__).parents[3]
 
@@ -168,7 +167,7 @@ FILL_DISK = """
 import resource, sys
 from pathlib import Path
 from cmpsp_ros.bags.errors import BagError
-from cmpsp_ros.bags.storage.form import Form
+from cmpsp_ros.bags.storage.common import Form
 from cmpsp_ros.bags.writer import BagWriter
 
 bag = BagWriter(Path(sys.argv[1]), Form(sys.argv[4]))

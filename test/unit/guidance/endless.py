@@ -52,7 +52,7 @@ def drive(minutes, changes=None):
         load_parameter_file('endless') | {'final_time': 0.0, 'odom_rate': 5.0} | (changes or {})
     )
     settings, plant = guidance_settings(values), Plant(plant_settings(values))
-    law, period = GuidanceLaw(settings), to_nanoseconds(settings.control_period)
+    law, period = GuidanceLaw(settings, settings.world), to_nanoseconds(settings.control_period)
     space = FreeSpace.of(settings.road, settings.obstacles, settings.robot_radius)
     steps, stamp = round(minutes * 60.0 / settings.control_period / PARTS), 0
     tracemalloc.start()

@@ -18,7 +18,7 @@ class Robot:
     """A robot that drives exactly, with its law."""
 
     def __init__(self, name, given, start, offset=0):
-        self.name, self.given, self.law = name, given, GuidanceLaw(given)
+        self.name, self.given, self.law = name, given, GuidanceLaw(given, given.world)
         self.pose, self.offset = np.array(start), offset
         self.known, self.decisions = Tracks(), []
 

@@ -19,7 +19,7 @@ from hypothesis import HealthCheck, Phase, given
 from hypothesis import strategies as st
 from nav_msgs.msg import Odometry
 from rclpy.time import Time
-from scenarios import FIRST, PAPER, ROAD, SECOND, START, settings
+from scenarios import FIRST, PAPER, ROAD, SECOND, START, reconfigure, settings
 
 from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw, Safety, Weights
 from cmpsp_ros.guidance.messages import Arrival, OdometryError, OdometryGate, OdometryReading
@@ -110,7 +110,7 @@ class Drive:
 
     def __init__(self, number):
         self.given = SETTINGS[number]
-        self.law, self.gate = GuidanceLaw(self.given), OdometryGate()
+        self.law, self.gate = GuidanceLaw(self.given, self.given.world), OdometryGate()
         self.pose, self.held = np.array(START), np.zeros(2)
         self.now, self.outcomes = 100 * SECOND_NS, Counter()
 
@@ -126,7 +126,7 @@ class Drive:
             self.gate = OdometryGate()
         elif event.what == 'reconfigure':
             self.given = replace(self.given, obstacles=self.given.obstacles[:1])
-            self.law.reconfigure(self.given)
+            reconfigure(self.law, self.given)
         else:
             self.hear(message_of(event, self.pose, max(0, self.now - event.age)))
 

@@ -14,9 +14,13 @@ from cmpsp_ros.robots import within_ramp
 
 
 def improve(settings, pose, held, guess, horizon):
-    formulation, solver, durations = OcpFormulation(settings), settings.solver, horizon.durations
+    formulation, solver, durations = (
+        OcpFormulation(settings, settings.world),
+        settings.solver,
+        horizon.durations,
+    )
     target = settings.target
-    space = formulation.space(guess, durations, target, pose)
+    space = formulation.space(formulation.world, guess, durations, target, pose)
     goal, outputs = np.array(target.position), terminal_constraint(target)
     heading = np.nan if target.heading is None else target.heading
     problem = GuidanceProblem(

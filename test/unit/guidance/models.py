@@ -14,7 +14,7 @@ def drive(preset, *given, robot=None):
     """Settings, decisions, motions and the pose at the final time of a run of a preset."""
     scenario = load_scenario(preset, given, lockstep=True, robot=robot)
     settings = scenario.settings
-    law, plant = GuidanceLaw(settings), Plant(plant_settings(scenario.values))
+    law, plant = GuidanceLaw(settings, settings.world), Plant(plant_settings(scenario.values))
     pose, decisions, motions = plant.pose, [], [plant.motion]
     final = round(settings.final_time * 1e9)
     for stamp in range(0, final + 4 * 10**9, 20_000_000):
@@ -30,7 +30,7 @@ def drive(preset, *given, robot=None):
 def clearance(settings, motions):
     poses, twists = (np.array([getattr(m, name) for m in motions]) for name in ('pose', 'twist'))
     durations = np.diff([each.stamp_ns for each in motions]) / 1e9
-    return settings.clearance(poses[:-1], twists[:-1], durations).min()
+    return settings.world.clearance(settings, poses[:-1], twists[:-1], durations).min()
 
 
 def assert_arrives(settings, decisions, motions, pose):

@@ -53,6 +53,16 @@ CASES = {
 }
 
 
+def law_of(given):
+    """The law in the world of its settings."""
+    return GuidanceLaw(given, given.world)
+
+
+def reconfigure(law, given):
+    """Give a law other settings, and their world."""
+    law.reconfigure(given, given.world)
+
+
 def with_plans(given, candidates, initial_iterations=6):
     """The same settings with so many plans to choose from; 1 and 2 iterations are the paper's."""
     solver = replace(given.solver, candidates=candidates, initial_iterations=initial_iterations)
@@ -61,13 +71,13 @@ def with_plans(given, candidates, initial_iterations=6):
 
 def start_of(given, pose, **rest):
     """Where a plan begins, for the robot of the settings."""
-    return PlanStart(np.array(pose, dtype=float), given.robot, **rest)
+    return PlanStart(np.array(pose, dtype=float), given.robot, given.world, **rest)
 
 
 def context_of(given, pose, horizon, previous_control=(0.0, 0.0)):
     """A control step to plan for."""
     pose, previous_control = np.array(pose, dtype=float), np.array(previous_control)
-    return PlanningContext.at_pose(given, pose, horizon, previous_control)
+    return PlanningContext.at_pose(given, given.world, pose, horizon, previous_control)
 
 
 @dataclass
@@ -135,7 +145,7 @@ def drive(law, given, stamps, start=START, pieces=40, before=None):
 
 def closed_loop(given, start=START, steps=50, before=None):
     """The law on time: odometry at every control instant, and at the final time."""
-    law = GuidanceLaw(given)
+    law = GuidanceLaw(given, given.world)
     stamps = [1_000_000_007 + k * PERIOD for k in range(steps + 1)]
     return drive(law, given, stamps, start, before=before)
 

@@ -94,7 +94,7 @@ class Drive:
             given = {key: value for key, value in given.items() if 'sim.obstacles' not in key}
         values = TABLE.resolve({**given, **changes})
         self.settings = settings = guidance_settings(values)
-        self.law, self.decisions, self.searches = GuidanceLaw(settings), [], []
+        self.law, self.decisions, self.searches = GuidanceLaw(settings, settings.world), [], []
         plant, lidar = Plant(plant_settings(values)), laser_settings(values)
         laser, surroundings = Laser(lidar, 0), Surroundings(settings.sight, settings.robot_radius)
         laser.note(plant.motion)

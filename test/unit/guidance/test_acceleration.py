@@ -13,6 +13,7 @@ from scenarios import (
     closed_loop,
     context_of,
     drive,
+    reconfigure,
     settings,
     start_of,
 )
@@ -100,9 +101,9 @@ def test_a_stop_is_the_ramp_that_was_audited():
         if len(run.decisions) == 20:
             ahead = np.arctan2(run.pose[1], run.pose[0]) + 0.26
             center = 10.0 * np.cos(ahead), 10.0 * np.sin(ahead)
-            law.reconfigure(replace(given, obstacles=(Obstacle('new', center, 0.95),)))
+            reconfigure(law, replace(given, obstacles=(Obstacle('new', center, 0.95),)))
 
-    law = GuidanceLaw(given)
+    law = GuidanceLaw(given, given.world)
     run = drive(law, given, [k * PERIOD for k in range(40)], before=block)
     assert_gentle(run, given)
     stops = [each for each in run.decisions if each.level == FallbackLevel.STOP]
@@ -113,7 +114,7 @@ def test_a_stop_is_the_ramp_that_was_audited():
 
 def test_a_halt_is_at_once_but_for_the_final_time():
     given = limited(CASES['case 1'])
-    law = GuidanceLaw(given)
+    law = GuidanceLaw(given, given.world)
     run = drive(law, given, [k * PERIOD for k in range(10)])
     held = run.decisions[-1].wheel_speeds
     by_clock = law.halt(9 * PERIOD + PERIOD, 'The final time has passed.', finished=True)
@@ -128,7 +129,7 @@ def test_a_halt_is_at_once_but_for_the_final_time():
 
 def test_a_goal_that_is_cancelled_ends_in_a_gentle_stop_and_the_next_one_is_driven_to():
     given = limited(CASES['case 1'])
-    law, run, stamp = GuidanceLaw(given), None, 0
+    law, run, stamp = GuidanceLaw(given, given.world), None, 0
     run = drive(law, given, [k * PERIOD for k in range(10)])
     wheels, pose = [run.decisions[-1].wheel_speeds], run.pose
     while np.any(wheels[-1]):
@@ -144,7 +145,7 @@ def test_a_goal_that_is_cancelled_ends_in_a_gentle_stop_and_the_next_one_is_driv
 
 def test_a_new_goal_behind_the_robot_is_turned_to_gently():
     given = limited(settings((), 51.0, ROAD))
-    law = GuidanceLaw(given)
+    law = GuidanceLaw(given, given.world)
 
     def turn(run, stamp):
         if len(run.decisions) == 15:
@@ -158,7 +159,7 @@ def test_a_new_goal_behind_the_robot_is_turned_to_gently():
 @pytest.mark.parametrize('delay', [0.06, 0.3])
 def test_with_a_delay_the_last_command_counts(delay):
     given = limited(CASES['case 3'], command_delay=delay)
-    law = GuidanceLaw(given)
+    law = GuidanceLaw(given, given.world)
     run = drive(law, given, [k * PERIOD for k in range(30)])
     assert_gentle(run, given)
 
@@ -170,7 +171,7 @@ def test_the_limit_is_kept_however_far_the_goal(qp):
     given = replace(given, final_time=4.0, solver=replace(given.solver, qp=qp))
     horizon = remaining(0, PERIOD, to_nanoseconds(4.0))
     context = context_of(given, START, horizon, (8.0, 8.0))
-    planner = Planner(OcpFormulation(given))
+    planner = Planner(OcpFormulation(given, given.world))
     result = planner.improve(context, context.center_line_guess, iterations=4)
     assert result.solved
     assert result.elastic
@@ -181,13 +182,13 @@ def test_the_limit_is_kept_however_far_the_goal(qp):
 @pytest.mark.parametrize(('away', 'stops_at_once'), [(0.6, True), (2.0, False)])
 def test_after_a_late_command_it_brakes_only_where_that_is_clear(away, stops_at_once):
     given = limited(CASES['case 1'])
-    law = GuidanceLaw(given)
+    law = GuidanceLaw(given, given.world)
     run = drive(law, given, [k * PERIOD for k in range(12)])
     law.withdraw(run.decisions[-1], 0.3)
     held = run.decisions[-2].wheel_speeds
     x, y, heading = run.pose
     place = x + away * np.cos(heading), y + away * np.sin(heading)
-    law.reconfigure(replace(given, obstacles=(Obstacle('new', place, 0.3),)))
+    reconfigure(law, replace(given, obstacles=(Obstacle('new', place, 0.3),)))
     decision = law.update(11 * PERIOD + PERIOD // 2, run.pose)
     assert np.any(decision.wheel_speeds) != stops_at_once
     if not stops_at_once:
@@ -196,7 +197,7 @@ def test_after_a_late_command_it_brakes_only_where_that_is_clear(away, stops_at_
 
 def test_slower_commands_for_late_ones_have_a_ramp_that_is_clear():
     given = limited(CASES['case 3'], max_command_delay=0.6)
-    law, pose, slower = GuidanceLaw(given), np.array(START), 0
+    law, pose, slower = GuidanceLaw(given, given.world), np.array(START), 0
     for step in range(STEPS):
         decision = law.update(step * PERIOD, pose)
         slower += 'commands may be late' in decision.reason or 'if it is late' in decision.reason
@@ -213,11 +214,11 @@ def test_slower_commands_for_late_ones_have_a_ramp_that_is_clear():
 @pytest.mark.parametrize('later', [15.0, 60.0])
 def test_an_acceleration_that_changes_under_way_holds_from_the_next_command_on(later):
     given = limited(CASES['case 3'])
-    law, changed = GuidanceLaw(given), limited(CASES['case 3'], later)
+    law, changed = GuidanceLaw(given, given.world), limited(CASES['case 3'], later)
 
     def change(_run, stamp):
         if stamp == 20 * PERIOD:
-            law.reconfigure(changed)
+            reconfigure(law, changed)
 
     run = drive(law, given, [k * PERIOD for k in range(STEPS + 20)], before=change)
     changes = np.abs(np.diff(run.controls, axis=0)).max(axis=1)

@@ -117,7 +117,7 @@ def test_delay(given):
 
 def test_a_stop_holds_the_steering_and_brakes_along_the_arc():
     settings, decisions, _, _ = drive(PRESET, 'final_time=10.0')
-    law = GuidanceLaw(settings)
+    law = GuidanceLaw(settings, settings.world)
     stops = [each for each in decisions if each.level == FallbackLevel.STOP]
     assert len({each.steering_angle for each in stops}) == 1
     speeds = [float(each.wheel_speeds[0]) for each in stops]
@@ -129,7 +129,7 @@ def test_a_plan_that_steers_too_far_is_refused():
     settings, decisions, _, _ = drive(PRESET)
     plan = max((each.plan for each in decisions if each.plan), key=lambda p: abs(p.controls).max())
     robot = replace(settings.robot, max_steering_angle=1e-6)
-    start = PlanStart(plan.poses[0], robot, previous_control=plan.controls[0])
+    start = PlanStart(plan.poses[0], robot, settings.world, previous_control=plan.controls[0])
     audit = Audit(replace(settings, robot=robot))
     verdict = audit.check(start, plan.controls, plan.horizon.durations)
     assert not verdict.passed

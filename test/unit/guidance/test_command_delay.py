@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scenarios import CASES, FIRST, MS, PERIOD, ROAD, START, assert_is, settings
+from scenarios import CASES, FIRST, MS, PERIOD, ROAD, START, assert_is, reconfigure, settings
 
 from cmpsp_ros.guidance import FallbackLevel, Goal, GuidanceLaw, Safety
 from cmpsp_ros.simulator import Plant, PlantSettings
@@ -21,7 +21,7 @@ class Drive:
     """A law and a robot with disturbances, odometry at 50 Hz, up to the final time or later."""
 
     def __init__(self, given, beyond=0, **disturbances):
-        self.law = GuidanceLaw(given)
+        self.law = GuidanceLaw(given, given.world)
         self.plant = Plant(PlantSettings(given.robot, START, **disturbances))
         self.decisions, self.motions, self.poses = [], [self.plant.motion], {}
         self.settings, self.goal = given, given.goal
@@ -105,7 +105,7 @@ def test_where_a_command_would_come_too_late_the_plan_goes_on(fault):
 
 def test_without_a_plan_nothing_goes_on(fault):
     given = replace(CASE_3, command_delay=0.25)
-    law = GuidanceLaw(given)
+    law = GuidanceLaw(given, given.world)
     law.update(0, np.array(START))
     law.halt(9700 * MS, 'Odometry was lost.')
     decision = law.update(9800 * MS, np.array(START))
@@ -160,7 +160,10 @@ def test_behind_the_goal_the_margin_is_kept_as_well():
 
 def test_the_way_under_commands_given_is_swept_too(fault):
     given = replace(CASE_3, command_delay=0.4)
-    law, plant = GuidanceLaw(given), Plant(PlantSettings(given.robot, START, actuation_delay=0.4))
+    law, plant = (
+        GuidanceLaw(given, given.world),
+        Plant(PlantSettings(given.robot, START, actuation_delay=0.4)),
+    )
     for k in range(11):
         stamp = k * PERIOD
         plant.advance(stamp)
@@ -172,7 +175,7 @@ def test_the_way_under_commands_given_is_swept_too(fault):
     # Within the 0.6 m that the robot goes before any new command could take effect.
     x, y, heading = plant.pose
     ahead = (float(x + 0.35 * math.cos(heading)), float(y + 0.35 * math.sin(heading)))
-    law.reconfigure(replace(given, obstacles=(*given.obstacles, Obstacle('box', ahead, 0.1))))
+    reconfigure(law, replace(given, obstacles=(*given.obstacles, Obstacle('box', ahead, 0.1))))
     decision = law.update(stamp, plant.pose)
     assert decision.level == FallbackLevel.STOP
     assert_is(fault, decision)
@@ -183,14 +186,14 @@ def test_the_way_under_commands_given_is_swept_too(fault):
 def test_margins_are_those_of_the_way_as_well():
     # Beside the robot as it stands, and left behind before its first command takes effect.
     given = settings((FIRST, Obstacle('post', (0.0, -9.6), 0.3)), 51.0, command_delay=0.3)
-    decision = GuidanceLaw(given).update(0, np.array(START))
+    decision = GuidanceLaw(given, given.world).update(0, np.array(START))
     assert decision.clearance == pytest.approx(0.05)
     assert decision.worst_clearance <= 0.05 + 1e-12
 
 
 def test_a_reset_forgets_the_commands():
     given = replace(CASE_3, command_delay=0.3)
-    law, fresh = GuidanceLaw(given), GuidanceLaw(given)
+    law, fresh = GuidanceLaw(given, given.world), GuidanceLaw(given, given.world)
     pose = np.array(START)
     first = law.update(0, pose)
     law.update(PERIOD, pose)
@@ -203,7 +206,7 @@ def test_a_reset_forgets_the_commands():
 
 def test_a_stop_by_the_clock_is_foreseen_as_well():
     given = replace(CASE_3, command_delay=0.3)
-    law, pose = GuidanceLaw(given), np.array(START)
+    law, pose = GuidanceLaw(given, given.world), np.array(START)
     law.update(0, pose)
     law.halt(100 * MS, 'Odometry was lost.')
     decision = law.update(500 * MS, pose)

@@ -31,7 +31,12 @@ def tracks(stamp):
 
 
 def test_a_robot_that_gives_way_at_the_crossing_keeps_to_its_branch():
-    law, pose, poses, decisions = GuidanceLaw(SETTINGS), np.array(VALUES['initial_pose']), [], []
+    law, pose, poses, decisions = (
+        GuidanceLaw(SETTINGS, SETTINGS.world),
+        np.array(VALUES['initial_pose']),
+        [],
+        [],
+    )
     for step in range(STEPS):
         decisions.append(law.update(step * PERIOD, pose, tracks(step * PERIOD)))
         poses.append(pose)

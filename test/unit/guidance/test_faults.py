@@ -22,6 +22,8 @@ from scenarios import (
     clearance,
     closed_loop,
     drive,
+    law_of,
+    reconfigure,
     settings,
 )
 
@@ -43,7 +45,7 @@ def assert_safe(run, given):
 
 def under_way(given, steps=21):
     """A law after so many control steps, and where the robot is at the next."""
-    law = GuidanceLaw(given)
+    law = GuidanceLaw(given, given.world)
     run = drive(law, given, ON_TIME[:steps])
     return law, run, after(run, given)
 
@@ -72,7 +74,7 @@ def test_started_a_little_outside_the_road(fault, start):
 @pytest.mark.parametrize('depth', [2e-3, 0.1, 0.5])
 def test_started_inside_an_obstacle(fault, depth):
     given = settings((FIRST, Obstacle('rock', (0.0, -10.5 + depth), 0.5)), 51.0, ROAD)
-    law = GuidanceLaw(given)
+    law = GuidanceLaw(given, given.world)
     for stamp in ON_TIME[:5]:
         decision = law.update(stamp, np.array(MIDDLE))
         assert_is(fault, decision)
@@ -130,11 +132,11 @@ def test_road_blocked(fault):
 
 def test_road_clear_again(fault):
     given = replace(EMPTY, obstacles=(WALL,), final_time=20.0)
-    law = GuidanceLaw(given)
+    law = GuidanceLaw(given, given.world)
     blocked = drive(law, given, ON_TIME)
     assert_safe(blocked, given)
     free = replace(given, obstacles=())
-    law.reconfigure(free)
+    reconfigure(law, free)
     stamps = [k * PERIOD for k in range(51, 101)]
     rest = drive(law, free, stamps, start=blocked.pose)
     assert_is(fault, rest.moves[-1])
@@ -147,7 +149,7 @@ def test_obstacle_put_on_the_path(fault, ahead):
     law, run, pose = under_way(EMPTY)
     center = run.decisions[-1].plan.poses[1 + ahead, :2] + 0.05
     given = replace(EMPTY, obstacles=(Obstacle('sudden', tuple(center), 0.4),))
-    law.reconfigure(given)
+    reconfigure(law, given)
     rest = drive(law, given, ON_TIME[21:], start=pose)
     assert_is(fault, rest.moves[-1])
     assert_safe(rest, given)
@@ -158,7 +160,7 @@ def test_obstacle_put_before_the_wheels(fault):
     law, _, pose = under_way(EMPTY)
     forward = np.array([math.cos(pose[2]), math.sin(pose[2])])
     given = replace(EMPTY, obstacles=(Obstacle('wall', tuple(pose[:2] + 1.002 * forward), 1.0),))
-    law.reconfigure(given)
+    reconfigure(law, given)
     rest = drive(law, given, ON_TIME[21:], start=pose)
     assert_is(fault, rest.decisions[0])
     assert_safe(rest, given)
@@ -174,7 +176,7 @@ def shortest_way(start, goal, inner):
 
 
 def test_what_no_plan_can_do_is_foretold_behind_the_first_command():
-    law, pose = GuidanceLaw(replace(EMPTY, final_time=5.0)), np.array(START)
+    law, pose = law_of(replace(EMPTY, final_time=5.0)), np.array(START)
     first = law.update(0, pose)
     assert law.warnings == []
     assert law.foretell(first, pose).reason == f'{first.reason} {law.warnings[0]}'
@@ -199,7 +201,7 @@ def test_goal_out_of_reach(fault):
 
 def test_wheels_too_slow(fault):
     given = settings((FIRST, SECOND), 5.0, ROAD)
-    law, pose = GuidanceLaw(given), np.array(START)
+    law, pose = GuidanceLaw(given, given.world), np.array(START)
     assert_is(fault, law.foretell(law.update(0, pose), pose))
     run = closed_loop(given)
     assert_safe(run, given)
@@ -226,7 +228,7 @@ def test_goal_behind(fault, behind):
 
 
 def test_first_heard_of_again_after_the_final_time(fault):
-    law = GuidanceLaw(COURSE)
+    law = GuidanceLaw(COURSE, COURSE.world)
     law.update(0, np.array(START))
     decision = law.update(99 * PERIOD, np.array(START))
     assert_is(fault, decision)
@@ -235,7 +237,7 @@ def test_first_heard_of_again_after_the_final_time(fault):
 
 
 def test_at_the_goal_with_another_heading_than_asked_for(fault):
-    law = GuidanceLaw(replace(COURSE, goal_heading=0.5))
+    law = law_of(replace(COURSE, goal_heading=0.5))
     law.update(0, np.array(START))
     decision = law.update(50 * PERIOD, np.array([10.0, 0.0, 1.5]))
     assert_is(fault, decision)
@@ -244,7 +246,7 @@ def test_at_the_goal_with_another_heading_than_asked_for(fault):
 
 
 def test_after_the_final_time(fault):
-    law = GuidanceLaw(COURSE)
+    law = GuidanceLaw(COURSE, COURSE.world)
     run = drive(law, COURSE, ON_TIME)
     for decision in (run.decisions[-1], law.update(60 * PERIOD, run.pose)):
         assert_is(fault, decision)
@@ -257,7 +259,7 @@ def test_after_the_final_time(fault):
 def test_last_steps_under_noise(fault, seed):
     """Odometry with 5 mm and half a degree of noise makes no last command of three violent."""
     rng = np.random.default_rng(seed)
-    law, pose, commands = GuidanceLaw(COURSE), np.array(START), []
+    law, pose, commands = GuidanceLaw(COURSE, COURSE.world), np.array(START), []
     for stamp in ON_TIME[:-1]:
         measured = pose + rng.normal(scale=[5e-3, 5e-3, math.radians(0.5)])
         decision = law.update(stamp, measured)
@@ -275,7 +277,9 @@ def test_last_steps_under_noise(fault, seed):
 def test_odometry_late(fault):
     late = np.random.default_rng(1).integers(0, 90, size=51) * 1_000_000
     late[[0, 50]] = 0
-    run = drive(GuidanceLaw(COURSE), COURSE, [int(k) for k in np.array(ON_TIME) + late])
+    run = drive(
+        GuidanceLaw(COURSE, COURSE.world), COURSE, [int(k) for k in np.array(ON_TIME) + late]
+    )
     assert_is(fault, run.moves[-1])
     assert_safe(run, COURSE)
     assert run.miss() < 1e-2

@@ -18,7 +18,12 @@ def settings():
 
 def drive(settings, stamps, halts=()):
     """Decisions on odometry of these stamps, by exact arcs, and on halts by the clock."""
-    law, pose, speeds, decisions = GuidanceLaw(settings), np.array([0.0, -9.25, 0.0]), None, []
+    law, pose, speeds, decisions = (
+        GuidanceLaw(settings, settings.world),
+        np.array([0.0, -9.25, 0.0]),
+        None,
+        [],
+    )
     before = 0
     for stamp in sorted({*stamps, *halts}):
         if speeds is not None:
@@ -75,7 +80,12 @@ def test_a_goal_that_may_be_late_is_put_off_until_it_is_reached(may_be_late):
     given = {**load_parameter_file('dead_end'), **MAPPED, 'goal.may_be_late': may_be_late}
     values = TABLE.resolve(given)
     settings = guidance_settings(values)
-    law, pose, stamp, decisions = GuidanceLaw(settings), np.array(values['initial_pose']), 0, []
+    law, pose, stamp, decisions = (
+        GuidanceLaw(settings, settings.world),
+        np.array(values['initial_pose']),
+        0,
+        [],
+    )
     while not decisions or not decisions[-1].finished:
         assert stamp < 60 * 10**9
         decisions.append(law.update(stamp, pose))

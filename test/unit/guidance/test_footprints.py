@@ -45,4 +45,6 @@ def test_the_slot_under_other_settings(given):
     assert np.hypot(*(pose[:2] - settings.goal)) < 1e-3
     poses, twists = (np.array([getattr(m, name) for m in motions]) for name in ('pose', 'twist'))
     durations = np.diff([each.stamp_ns for each in motions]) / 1e9
-    assert settings.space().along(poses[:-1], twists[:-1], durations).min() > -1e-3
+    assert (
+        settings.world.free_space(settings).along(poses[:-1], twists[:-1], durations).min() > -1e-3
+    )

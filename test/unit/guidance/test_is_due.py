@@ -9,7 +9,11 @@ from cmpsp_ros.guidance import GuidanceLaw
 
 
 def test_it_foretells_whether_there_is_a_decision():
-    law, begin, pose = GuidanceLaw(CASES['case 3']), 1_000_000_007, np.array(START)
+    law, begin, pose = (
+        GuidanceLaw(CASES['case 3'], CASES['case 3'].world),
+        1_000_000_007,
+        np.array(START),
+    )
     offsets = [0, 1, PERIOD // 2, PERIOD - 1, PERIOD, PERIOD, 0, 3 * PERIOD, 49 * PERIOD]
     stamps = [begin + offset for offset in [*offsets, 50 * PERIOD, 50 * PERIOD + 1, 51 * PERIOD]]
     foretold, decided = [], []
@@ -21,7 +25,7 @@ def test_it_foretells_whether_there_is_a_decision():
 
 
 def test_after_a_halt_the_next_newer_odometry_is_due():
-    law, pose = GuidanceLaw(CASES['case 3']), np.array(START)
+    law, pose = GuidanceLaw(CASES['case 3'], CASES['case 3'].world), np.array(START)
     law.update(0, pose)
     assert not law.is_due(1)
     law.halt(1, 'Why not.')

@@ -18,6 +18,7 @@ from scenarios import (
     clearance,
     closed_loop,
     drive,
+    reconfigure,
     settings,
     with_plans,
 )
@@ -95,7 +96,10 @@ def test_two_runs_give_the_same_bits():
 def test_a_timer_measures_and_decides_nothing():
     ticks = iter(range(0, 10**9, 1_500_000))
     given = with_plans(CASES['case 3'], 1, 2)
-    timed, plain = GuidanceLaw(given, lambda: next(ticks)), GuidanceLaw(given)
+    timed, plain = (
+        GuidanceLaw(given, given.world, lambda: next(ticks)),
+        GuidanceLaw(given, given.world),
+    )
     pose = np.array(START)
     one, other = timed.update(5, pose), plain.update(5, pose)
     np.testing.assert_array_equal(one.wheel_speeds, other.wheel_speeds)
@@ -109,7 +113,7 @@ def test_a_timer_measures_and_decides_nothing():
 def test_odometry_of_any_rate_gives_a_decision_a_period(rate):
     given = CASES['case 3']
     stamps = [k * 1_000_000_000 // rate for k in range(10 * rate + 1)]
-    run = drive(GuidanceLaw(given), given, stamps, pieces=5)
+    run = drive(GuidanceLaw(given, given.world), given, stamps, pieces=5)
     assert_arrives(run, given, miss=1e-2)
 
 
@@ -120,7 +124,7 @@ def test_odometry_with_gaps_longer_than_half_a_period(seed):
     late = rng.integers(0, 150, size=51) * MS
     late[[0, 50]] = 0
     given = CASES['case 3']
-    run = drive(GuidanceLaw(given), given, [int(k) for k in np.array(ON_TIME) + late])
+    run = drive(GuidanceLaw(given, given.world), given, [int(k) for k in np.array(ON_TIME) + late])
     assert clearance(run.path, given) >= -1e-9
 
 
@@ -132,7 +136,7 @@ def test_a_thin_pole_is_passed_whatever_the_rate_of_odometry(interval):
         pole = Obstacle('pole', (9.98 * math.cos(angle), 9.98 * math.sin(angle)), 0.05)
         given = settings((pole,), 51.0, ROAD)
         stamps = [*range(0, 10_000 * MS, interval * MS), 10_000 * MS]
-        run = drive(GuidanceLaw(given), given, stamps)
+        run = drive(GuidanceLaw(given, given.world), given, stamps)
         for decision in run.moves:
             assert decision.level in SETTLED, (place, decision.step, decision.reason)
         assert clearance(run.path, given) >= -1e-9
@@ -141,9 +145,9 @@ def test_a_thin_pole_is_passed_whatever_the_rate_of_odometry(interval):
 
 def test_commands_depend_on_time_since_the_first_odometry_alone():
     given = CASES['case 2']
-    one = drive(GuidanceLaw(given), given, ON_TIME)
+    one = drive(GuidanceLaw(given, given.world), given, ON_TIME)
     epoch = 1_763_697_269_123_456_789
-    other = drive(GuidanceLaw(given), given, [epoch + stamp for stamp in ON_TIME])
+    other = drive(GuidanceLaw(given, given.world), given, [epoch + stamp for stamp in ON_TIME])
     np.testing.assert_array_equal(one.controls, other.controls)
     assert other.decisions[3].stamp == epoch + 3 * PERIOD
 
@@ -158,7 +162,7 @@ def test_heading_wrapped_or_not(name):
         def update(self, stamp, pose):
             return super().update(stamp, np.array([*pose[:2], pose[2] + self.turns * math.tau]))
 
-    plain, law = closed_loop(given), Wrapping(given)
+    plain, law = closed_loop(given), Wrapping(given, given.world)
     for turns in (-1, 2):
         law.reset()
         law.turns = turns
@@ -212,7 +216,7 @@ def test_final_time_that_is_no_whole_number_of_periods(final_time):
     given = replace(CASES['case 3'], final_time=final_time)
     final = round(final_time * 1e9)
     stamps = [*(stamp for stamp in range(0, final, PERIOD)), final]
-    run = drive(GuidanceLaw(given), given, stamps)
+    run = drive(GuidanceLaw(given, given.world), given, stamps)
     assert run.miss() < 1e-2
     assert clearance(run.path, given) >= -1e-9
     assert {decision.level for decision in run.moves} <= SETTLED
@@ -220,7 +224,7 @@ def test_final_time_that_is_no_whole_number_of_periods(final_time):
 
 def test_reset_begins_again():
     given = CASES['case 3']
-    law = GuidanceLaw(given)
+    law = GuidanceLaw(given, given.world)
     one = drive(law, given, ON_TIME)
     law.reset()
     other = drive(law, given, [stamp + 77 for stamp in ON_TIME])
@@ -232,9 +236,9 @@ def test_reset_begins_again():
 
 def test_reconfigure_with_the_same_settings_changes_nothing():
     given = CASES['case 3']
-    law, plain = GuidanceLaw(given), GuidanceLaw(given)
+    law, plain = GuidanceLaw(given, given.world), GuidanceLaw(given, given.world)
     one = drive(plain, given, ON_TIME)
-    other = drive(law, given, ON_TIME, before=lambda run, stamp: law.reconfigure(given))
+    other = drive(law, given, ON_TIME, before=lambda run, stamp: reconfigure(law, given))
     # Only the active rows to begin with are forgotten, which shows in the last bits.
     np.testing.assert_allclose(one.controls, other.controls, rtol=1e-11)
 
@@ -251,7 +255,9 @@ def test_shortest_final_times(final_time):
     start = (10.0, -1.2 * final_time, math.pi / 2)
     given = settings(final_time=final_time, guess=ROAD)
     final = round(final_time * 1e9)
-    run = drive(GuidanceLaw(given), given, [*range(0, final, PERIOD), final], start=start)
+    run = drive(
+        GuidanceLaw(given, given.world), given, [*range(0, final, PERIOD), final], start=start
+    )
     assert run.decisions[0].level in SETTLED
     assert clearance(run.path, given) >= 0.0
     if final_time >= 0.1:

@@ -47,7 +47,9 @@ def driven(name):
     settings = guidance_settings(values)
     period = round(settings.control_period * 1000) * MS
     stamps = [k * period for k in range(round(settings.final_time * 1e9) // period + 1)]
-    return settings, drive(GuidanceLaw(settings), settings, stamps, values['initial_pose'], 8)
+    return settings, drive(
+        GuidanceLaw(settings, settings.world), settings, stamps, values['initial_pose'], 8
+    )
 
 
 @pytest.mark.parametrize('name', PRESETS)
@@ -100,24 +102,27 @@ WALL = (0, 60, 58, 60)
 
 
 def test_the_audit_refuses_to_drive_into_the_map_and_names_it():
-    audit, pose = Audit(course(WALL)), np.array([2.6, 2.0, 0.0])
+    given, pose = course(WALL), np.array([2.6, 2.0, 0.0])
+    audit, start = Audit(given), PlanStart(pose, given.robot, given.world)
     straight = np.full((3, 2), 20.0)
 
-    verdict = audit.check(PlanStart(pose, course().robot), straight, np.full(2, 0.2))
+    verdict = audit.check(start, straight, np.full(2, 0.2))
 
     assert not verdict.passed
     assert 'too close to obstacle map' in verdict.reason
-    away = audit.check(PlanStart(pose, course().robot), -straight, np.full(2, 0.2))
+    away = audit.check(start, -straight, np.full(2, 0.2))
     assert away.passed
     assert away.nearest == 'obstacle map'
-    assert audit.clearance_at(pose)[N_EDGE_CONSTRAINTS] == pytest.approx(0.3 - 0.2, abs=5e-3)
-    assert 'inside obstacle map' in audit.why_no_start(np.array([2.8, 2.0, 0.0]))
+    assert audit.clearance_at(given.world, pose)[N_EDGE_CONSTRAINTS] == pytest.approx(
+        0.3 - 0.2, abs=5e-3
+    )
+    assert 'inside obstacle map' in audit.why_no_start(given.world, np.array([2.8, 2.0, 0.0]))
 
 
 def test_homotopy_classes_are_told_by_what_stands_alone_on_the_map():
     given = course((36, 46, 56, 64))
 
-    decision = GuidanceLaw(given).update(0, np.array([1.0, 2.0, 0.0]))
+    decision = GuidanceLaw(given, given.world).update(0, np.array([1.0, 2.0, 0.0]))
 
     assert 'the best of 2 plans' in decision.reason
     assert 'of the map at (3.0, 2.' in decision.reason
@@ -126,18 +131,24 @@ def test_homotopy_classes_are_told_by_what_stands_alone_on_the_map():
 def test_a_map_without_a_way_is_foretold_and_nothing_is_touched():
     given = course((0, 80, 58, 60))
 
-    (said,) = infeasibility_warnings(given, (1.0, 2.0))
-    run = drive(GuidanceLaw(given), given, [k * 200 * MS for k in range(61)], (1.0, 2.0, 0.0), 8)
+    (said,) = infeasibility_warnings(given, given.world, (1.0, 2.0))
+    run = drive(
+        GuidanceLaw(given, given.world),
+        given,
+        [k * 200 * MS for k in range(61)],
+        (1.0, 2.0, 0.0),
+        8,
+    )
 
     assert said.startswith('The map leaves no way from (1, 2) m to the goal')
-    assert infeasibility_warnings(course(WALL), (1.0, 2.0)) == []
+    assert infeasibility_warnings(given, course(WALL).world, (1.0, 2.0)) == []
     assert distance_to_squares(given.obstacles[0].grid, run.path) >= given.robot_radius
     assert run.decisions[-1].missed
 
 
 def test_a_goal_that_is_received_is_given_the_time_of_the_way_around():
     given = course(WALL)
-    law = GuidanceLaw(given)
+    law = GuidanceLaw(given, given.world)
     pose = np.array([1.0, 2.0, 0.0])
     law.update(0, pose)
 
@@ -160,12 +171,14 @@ def random_map(random):
 
 def way_on(given, random):
     """A start and a goal with a way between them that plans may keep to, and its length [m]."""
-    search = given.map_search
+    search = given.world.map_search(given)
     audit = Audit(given, with_margin=True)
     while True:
         start, goal = random.uniform([0.5, 0.5], [9.5, 7.5], (2, 2))
         line = search.line(start, tuple(goal.tolist()), 0.1)
-        clear = len(line) and min(audit.clearance_at(np.array([*each, 0.0])).min() for each in line)
+        clear = len(line) and min(
+            audit.clearance_at(given.world, np.array([*each, 0.0])).min() for each in line
+        )
         if clear > search.wanted - given.kept and math.dist(start, goal) > 4.0:
             return start, tuple(goal.tolist()), float(np.hypot(*np.diff(line, axis=0).T).sum())
 
@@ -181,7 +194,7 @@ def test_random_maps_are_crossed(seed):
     given = replace(given, goal=goal, final_time=steps * given.control_period)
     stamps = [k * 200 * MS for k in range(steps + 1)]
 
-    run = drive(GuidanceLaw(given), given, stamps, (*start, random.uniform(-3, 3)), 8)
+    run = drive(GuidanceLaw(given, given.world), given, stamps, (*start, random.uniform(-3, 3)), 8)
 
     assert run.miss(goal) < given.goal_tolerance
     assert distance_to_squares(given.obstacles[0].grid, run.path) >= given.robot_radius

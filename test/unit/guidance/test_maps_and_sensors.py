@@ -11,7 +11,7 @@ from seeing import Drive
 
 from cmpsp_ros.guidance import MAP, SEEN, FallbackLevel
 from cmpsp_ros.guidance.planning.seen_way import searched_with
-from cmpsp_ros.guidance.settings import NOT_SEARCHED
+from cmpsp_ros.guidance.world import NOT_SEARCHED
 from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file, text_of
 from cmpsp_ros.world import FreeSpace
 from cmpsp_ros.world.grids import Cell, OccupancyGrid
@@ -43,7 +43,7 @@ def test_what_is_not_on_the_map_is_seen_and_passed():
 
     assert drive.clearance > 0.0
     assert math.dist(drive.pose[:2], drive.settings.goal) < 0.02
-    assert drive.law.task.searched.seen is None
+    assert drive.law.world.searched.seen is None
 
 
 def test_another_way_is_found_where_what_is_seen_blocks_that_of_the_map():
@@ -51,7 +51,7 @@ def test_another_way_is_found_where_what_is_seen_blocks_that_of_the_map():
     drive = Drive('warehouse', **SCANNER, final_time=110.0, **box(2.2, 0.1, 2.6, 1.55), end=12.0)
 
     assert drive.clearance > 0.0
-    assert drive.law.task.searched.seen is not None
+    assert drive.law.world.searched.seen is not None
     assert drive.pose[0] < 2.0
     assert drive.pose[1] > 3.0
     assert all(each.level != FallbackLevel.STOP for each in drive.decisions)
@@ -80,34 +80,36 @@ def test_a_map_that_knows_the_road_ahead_makes_the_robot_no_slower(is_known):
     assert drive.clearance > 0.0
 
 
-def settings_with(cells):
+WAREHOUSE = guidance_settings(TABLE.resolve(load_parameter_file('warehouse')))
+
+
+def world_with(cells):
     """The warehouse, and what is seen on a grid of its own cells."""
-    settings = guidance_settings(TABLE.resolve(load_parameter_file('warehouse')))
-    return settings.seeing(OccupancyGrid((0.0, 0.0, 0.0), 0.05, cells))
+    return WAREHOUSE.world.seeing(OccupancyGrid((0.0, 0.0, 0.0), 0.05, cells))
 
 
 def test_a_way_is_searched_anew_only_when_it_is_blocked():
     start, goal, nothing = np.array([1.0, 1.0]), (11.0, 7.0), np.zeros((160, 240), np.uint8)
-    free, blocked, far = settings_with(nothing), nothing.copy(), nothing.copy()
+    free, blocked, far = world_with(nothing), nothing.copy(), nothing.copy()
     blocked[:35, 45:50] = Cell.OCCUPIED
     far[100:120, 150:170] = Cell.OCCUPIED
 
-    assert searched_with(free, start, goal) is NOT_SEARCHED
-    assert searched_with(settings_with(far), start, goal) is NOT_SEARCHED
-    first = settings_with(blocked)
-    searched = searched_with(first, start, goal)
-    assert searched.seen is first.grid(SEEN)
+    assert searched_with(WAREHOUSE, free, start, goal) is NOT_SEARCHED
+    assert searched_with(WAREHOUSE, world_with(far), start, goal) is NOT_SEARCHED
+    first = world_with(blocked)
+    searched = searched_with(WAREHOUSE, first, start, goal)
+    assert searched.seen is first.seen
     assert searched.is_another
     # What is seen next is a little different: the way that was found is still open.
     blocked[0, 0] = Cell.OCCUPIED
-    next_one = replace(settings_with(blocked), searched=searched)
-    assert searched_with(next_one, start, goal) is searched
+    next_one = replace(world_with(blocked), searched=searched)
+    assert searched_with(WAREHOUSE, next_one, start, goal) is searched
     # What is out of sight and forgotten may be there; what is seen to be gone is not.
     forgotten = nothing.copy()
     forgotten[:40] = Cell.UNKNOWN
     for cells, expected in ((forgotten, searched.seen), (nothing, None)):
-        later = replace(settings_with(cells), searched=searched)
-        assert searched_with(later, start, goal).seen is expected
+        later = replace(world_with(cells), searched=searched)
+        assert searched_with(WAREHOUSE, later, start, goal).seen is expected
 
 
 def test_who_was_led_back_to_the_way_of_the_map_gives_it_up_at_last():
@@ -116,7 +118,9 @@ def test_who_was_led_back_to_the_way_of_the_map_gives_it_up_at_last():
     blocked[:35, 45:50] = Cell.OCCUPIED
 
     for cells in [blocked, nothing] * 10:
-        searched = searched_with(replace(settings_with(cells), searched=searched), start, goal)
+        searched = searched_with(
+            WAREHOUSE, replace(world_with(cells), searched=searched), start, goal
+        )
         found.append(searched.seen is None)
 
     assert any(found)
@@ -126,9 +130,9 @@ def test_who_was_led_back_to_the_way_of_the_map_gives_it_up_at_last():
 def test_both_grids_keep_the_robot_away_each_by_its_own_distance():
     cells = np.zeros((160, 240), np.uint8)
     cells[80:84, 130:134] = Cell.OCCUPIED
-    settings = settings_with(cells)
-    space = FreeSpace.of(settings.road, settings.obstacles, 0.1)
-    names = [each.name for each in settings.obstacles]
+    world = world_with(cells)
+    space = FreeSpace.of(world.road, world.shapes, 0.1)
+    names = [each.name for each in world.shapes]
 
     found = space.at(np.array([[6.0, 4.1, 0.0], [1.75, 4.0, 0.0]]))[:, 2:]
 

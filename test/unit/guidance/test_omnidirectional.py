@@ -70,7 +70,7 @@ def test_a_goal_beside_the_robot_needs_no_turn():
 
 def test_mecanum_wheels_at_their_limit_for_a_hundred_steps():
     scenario = load_scenario('case3_wide', (), lockstep=True, robot='mecanum')
-    law, robot = GuidanceLaw(scenario.settings), scenario.settings.robot
+    law, robot = GuidanceLaw(scenario.settings, scenario.settings.world), scenario.settings.robot
     decision = law.update(0, np.array(scenario.values['initial_pose']))
     assert decision.level == FallbackLevel.NOMINAL
     plan = decision.plan
@@ -84,7 +84,7 @@ def test_a_plan_that_a_wheel_cannot_follow_is_refused():
     settings, decisions, _, _ = drive(PRESET)
     plan = decisions[0].plan
     robot = replace(settings.robot, max_wheel_speed=1.0)
-    start = PlanStart(plan.poses[0], robot, previous_control=robot.at_rest)
+    start = PlanStart(plan.poses[0], robot, settings.world, previous_control=robot.at_rest)
     audit = Audit(replace(settings, robot=robot))
     verdict = audit.check(start, plan.controls, plan.horizon.durations)
     assert not verdict.passed

@@ -143,7 +143,7 @@ def test_who_stands_within_noise_of_a_wall_starts(seed):
 def test_no_control_step_after_the_first_searches_the_grid():
     drive = Drive('clutter', end=6.0)
     assert drive.clearance > 0.0
-    assert drive.law.task.map_search is not None
+    assert drive.law.world.map_search(drive.settings) is not None
     assert not any(drive.searches[1:])
 
 

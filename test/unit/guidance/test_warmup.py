@@ -8,8 +8,8 @@ import sys
 from dataclasses import replace
 
 import pytest
+from scenarios import law_of
 
-from cmpsp_ros.guidance import GuidanceLaw
 from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 
 PERIOD = 200_000_000
@@ -31,6 +31,10 @@ from cmpsp_ros.mpsp.qp.riccati.outcome import ITERATION_LIMIT
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters import load_parameter_file
 from cmpsp_ros.parameters.settings import guidance_settings
+
+
+def law_of(settings):
+    return GuidanceLaw(settings, settings.world)
 
 
 def code():
@@ -69,9 +73,10 @@ for hessian, limit, between, delay in changes:
         'obstacles.a.radius': 1.0,
         'solver.candidates': 4,
     }
-    law = GuidanceLaw(guidance_settings(values))
+    law = law_of(guidance_settings(values))
     law.update(0, START)
-    law.reconfigure(guidance_settings(TABLE.reconfigure(values, changed)))
+    other = guidance_settings(TABLE.reconfigure(values, changed))
+    law.reconfigure(other, other.world)
     for step, jump in enumerate(JUMPS.values(), 1):
         for stamp in (3 * step * PERIOD, (3 * step + 1) * PERIOD + PERIOD // 3):
             levels.add(law.update(stamp, START + jump).level.name)
@@ -83,7 +88,7 @@ assert levels >= {'NOMINAL', 'ELASTIC'}, levels
 # Where the active set gives up, the general iteration has Clarabel's answers.
 def general(radius):
     changed = {'solver.hessian': 'exact', 'obstacles.a.radius': radius}
-    law = GuidanceLaw(guidance_settings(TABLE.reconfigure(values, changed)))
+    law = law_of(guidance_settings(TABLE.reconfigure(values, changed)))
     found = [law.update(step * PERIOD, START) for step in range(2)]
     return [each.level.name for each in found], [each.wheel_speeds for each in found]
 
@@ -124,7 +129,7 @@ def test_a_solver_that_rounding_leads_round_comes_to_an_end():
     given = guidance_settings(TABLE.resolve(load_parameter_file('case1')))
     solver = replace(given.solver, hessian='exact')
     robot = replace(given.robot, max_wheel_speed=math.inf)
-    law = GuidanceLaw(replace(given, solver=solver, robot=robot))
+    law = law_of(replace(given, solver=solver, robot=robot))
     poses = (given.road.middle(), given.road.middle(), given.road.beside(), given.road.beside())
     decisions = [law.update(step * PERIOD, pose) for step, pose in enumerate(poses)]
     assert all(each.reason for each in decisions)

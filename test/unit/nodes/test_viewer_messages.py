@@ -68,7 +68,7 @@ def test_texts_are_shortened():
 
 def test_the_course_is_all_that_stands_in_the_markers():
     settings = guidance_settings(TABLE.resolve(load_parameter_file('case3')))
-    course = course_of(marker_array(settings, Time(nanoseconds=1).to_msg()))
+    course = course_of(marker_array(settings, settings.world, Time(nanoseconds=1).to_msg()))
     kinds = [(each['kind'], each['of']) for each in course]
     assert kinds == [
         ('line', 'road'), ('line', 'road'), ('line', 'centre_line'),

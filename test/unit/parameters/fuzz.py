@@ -118,7 +118,7 @@ def drive(given_):
     """A few steps from the road's centre line; what was decided, each found safe."""
     road, robot = given_.road, given_.robot
     pose = np.array([road.center[0], road.center[1] - road.center_radius, 0.0])
-    law, decided = GuidanceLaw(given_), []
+    law, decided = GuidanceLaw(given_, given_.world), []
     period = round(given_.control_period * 1e9)
     for step in range(STEPS):
         decision = law.update(step * period, pose)

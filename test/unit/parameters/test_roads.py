@@ -72,7 +72,7 @@ def test_open_floor_refuses_no_place_but_an_obstacle():
 
 
 def test_only_an_annulus_is_one():
-    assert guidance_settings(TABLE.resolve({})).annulus == Annulus()
+    assert guidance_settings(TABLE.resolve({})).world.annulus == Annulus()
     with pytest.raises(ValueError, match=r'road\.type: found corridor, wanted annulus'):
-        assert guidance_settings(values()).annulus
+        assert guidance_settings(values()).world.annulus
     assert math.isclose(road_of(values()).width, 2.0)

@@ -32,7 +32,9 @@ def refusal(build, values):
 
 def test_defaults_of_table_and_settings_agree():
     robot = DifferentialDrive(max_wheel_speed=51.0)
-    assert guidance_settings(TABLE.resolve({})) == GuidanceSettings(robot, Annulus(), (10.0, 0.0))
+    assert guidance_settings(TABLE.resolve({})) == GuidanceSettings(
+        robot, (10.0, 0.0), road=Annulus()
+    )
     assert plant_settings(TABLE.resolve({})) == PlantSettings(robot, (0.0, -9.25, 0.0))
 
 

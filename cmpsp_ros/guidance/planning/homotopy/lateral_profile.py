@@ -16,7 +16,7 @@ from cmpsp_ros.guidance.planning.initial_trajectories import (
     wrapped,
 )
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
-from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.mpsp.jit import allocation_free
 from cmpsp_ros.robots import DifferentialDrive, Kinematics, drive
 from cmpsp_ros.robots import steer as steer_by
@@ -79,7 +79,7 @@ def _relax(profiles: Array, low: Array, high: Array, pull: Array, drift: Array) 
 
 
 def follow_profile(
-    settings: GuidanceSettings,
+    settings: LawSettings,
     start: PlanStart,
     durations: Array,
     frame: RoadFrame,

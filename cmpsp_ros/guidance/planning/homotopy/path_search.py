@@ -44,7 +44,7 @@ from cmpsp_ros.guidance.planning.initial_trajectories import (
     wrapped,
 )
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
-from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.mpsp.jit import allocation_free
 from cmpsp_ros.robots import Robot
 from cmpsp_ros.world import FreeSpace
@@ -88,7 +88,7 @@ class GuidePath(NamedTuple):
 
 
 def guide_paths(
-    settings: GuidanceSettings,
+    settings: LawSettings,
     space: FreeSpace,
     start: PlanStart,
     target: Target,
@@ -139,7 +139,7 @@ def guide_paths(
     reach = start.robot.max_speed * float(durations.sum())
     # Where time is scarce the centre line does not matter, nor where there is none.
     scarce = lengths(frame, profiles).sum(axis=1) > reach
-    scarce |= not settings.road.has_center_line
+    scarce |= not start.world.road.has_center_line
     if scarce.any():
         profiles[scarce] = shortest_path(frame, low[scarce], high[scarce], ends)
     costs = _costs(frame, profiles, reach)
@@ -159,7 +159,7 @@ def guide_paths(
 
 
 def searched_paths(
-    settings: GuidanceSettings, space: FreeSpace, start: PlanStart, target: Target, durations: Array
+    settings: LawSettings, space: FreeSpace, start: PlanStart, target: Target, durations: Array
 ) -> list[GuidePath]:
     """The path out of a dead end, or into one, if there is one short enough for the time.
 
@@ -168,7 +168,7 @@ def searched_paths(
     frame = road_frame(settings, start, target)
     if frame.polar:
         return []
-    if (search := settings.map_search) is not None:
+    if (search := start.world.map_search(settings)) is not None:
         points = search.line(start.pose[:2], target.position, SPACING)
     else:
         around = between_samples(space, 0.0)
@@ -215,7 +215,7 @@ def searched_line(space: FreeSpace, start: Array, goal: Array) -> Array:
 
 
 def turning_first(
-    settings: GuidanceSettings, path: GuidePath, start: PlanStart, durations: Array
+    settings: LawSettings, path: GuidePath, start: PlanStart, durations: Array
 ) -> Array:
     """A guess ``(N + 1, 2)`` [rad/s] that turns on the spot first, and then follows a path.
 
@@ -241,7 +241,7 @@ def turning_first(
     return np.concatenate([np.tile([rim, -rim], (steps, 1)), rest])
 
 
-def _straddled(settings: GuidanceSettings, robot: Robot) -> float:
+def _straddled(settings: LawSettings, robot: Robot) -> float:
     """Distance from the nearest sample at which a path may pass an obstacle between two [m]."""
     if not settings.safety.between_samples or math.isinf(robot.max_speed):
         return 0.0

@@ -17,7 +17,7 @@ from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.goals import Target
 from cmpsp_ros.guidance.planning.initial_trajectories import wrapped
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
-from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.mpsp.jit import allocation_free
 from cmpsp_ros.world.roads import Annulus, arc_length_to, lookahead_points
 
@@ -96,22 +96,22 @@ class RoadFrame(NamedTuple):
         return along, across
 
 
-def road_frame(settings: GuidanceSettings, start: PlanStart, target: Target) -> RoadFrame:
+def road_frame(settings: LawSettings, start: PlanStart, target: Target) -> RoadFrame:
     """The coordinates of the way from where a plan begins to its goal.
 
     Args:
-        settings: Road and obstacles.
+        settings: All settings of the guidance law.
         start: Where it begins.
         target: Where it ends.
     """
-    discs = all(len(each.corners) == 1 for each in settings.obstacles)
-    if discs and isinstance(settings.road, Annulus):
-        return _polar(settings, start.pose, target.position)
+    discs = all(len(each.corners) == 1 for each in start.world.shapes)
+    if discs and isinstance(start.world.road, Annulus):
+        return _polar(start.world.annulus, start.pose, target.position)
     return _along_line(settings, start, target)
 
 
-def _polar(settings: GuidanceSettings, pose: Array, goal: tuple[float, float]) -> RoadFrame:
-    road, nothing = settings.annulus, np.zeros((1, 2))
+def _polar(road: Annulus, pose: Array, goal: tuple[float, float]) -> RoadFrame:
+    nothing = np.zeros((1, 2))
     x, y = road.center
     begin = math.atan2(pose[1] - y, pose[0] - x)
     total = math.remainder(math.atan2(goal[1] - y, goal[0] - x) - begin, math.tau)
@@ -124,16 +124,16 @@ def _polar(settings: GuidanceSettings, pose: Array, goal: tuple[float, float]) -
     )  # fmt: skip
 
 
-def _along_line(settings: GuidanceSettings, start: PlanStart, target: Target) -> RoadFrame:
+def _along_line(settings: LawSettings, start: PlanStart, target: Target) -> RoadFrame:
     goal, pose = target.position, np.ascontiguousarray(start.pose, dtype=np.float64)
-    total = arc_length_to(settings.road, pose, goal, target.heading, start.progress)
-    search = settings.map_search
+    total = arc_length_to(start.world.road, pose, goal, target.heading, start.progress)
+    search = start.world.map_search(settings)
     if search is not None and len(points := search.line(pose[:2], goal, SPACING)) > 1:
         return frame_along(points)
     length = max(abs(total), SPACING)
     stations = np.linspace(0.0, length, _count(length))
     lengths = np.copysign(stations, total)
-    frame = frame_along(lookahead_points(settings.road, pose, lengths, goal, start.progress))
+    frame = frame_along(lookahead_points(start.world.road, pose, lengths, goal, start.progress))
     _, ends = frame.local(np.array([pose[:2], goal]), np.array([0, -1]))
     return frame._replace(length=abs(total), ends=(float(ends[0]), float(ends[1])))
 

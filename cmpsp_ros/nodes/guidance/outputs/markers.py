@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from builtin_interfaces.msg import Time
 
-    from cmpsp_ros.guidance import Goal, GuidanceSettings
+    from cmpsp_ros.guidance import Goal, LawSettings, World
 
 _HEIGHT = 0.2
 
@@ -29,13 +29,16 @@ _PASSED = (0.1, 0.6, 0.25, 0.25)
 _ARROW = 0.5
 
 
-def marker_array(settings: GuidanceSettings, stamp: Time, ahead: Goal | None = None) -> MarkerArray:
+def marker_array(
+    settings: LawSettings, world: World, stamp: Time, ahead: Goal | None = None
+) -> MarkerArray:
     """Markers of everything that does not move, replacing all that were there.
 
     Obstacles have a ring around them at the distance that the robot's centre keeps at samples.
 
     Args:
-        settings: The course.
+        settings: With the goals.
+        world: Road and static obstacles.
         stamp: Of all of them.
         ahead: The goal that is driven to; those that come before it are paler, and their headings
             are not shown.
@@ -52,14 +55,14 @@ def marker_array(settings: GuidanceSettings, stamp: Time, ahead: Goal | None = N
         marker.pose.orientation.w = 1.0
         markers.append(marker)
 
-    road = settings.road
+    road = world.road
     for edge in road.edges():
         add('road', _line(edge, 0.05, _ROAD))
     if len(road.center_line()):
         add('centre_line', _line(road.center_line(), 0.02, _ROAD))
-    kept = sample_space(settings)
+    kept = sample_space(settings, world)
     for obstacle, center, radius in zip(
-        settings.obstacles, kept.centers.tolist(), kept.radii.tolist(), strict=True
+        world.shapes, kept.centers.tolist(), kept.radii.tolist(), strict=True
     ):
         if len(obstacle.corners) == 1:
             add('obstacles', _disc(obstacle.center, obstacle.radius, _OBSTACLE))

@@ -19,7 +19,7 @@ from cmpsp_ros.world.obstacles import outline_of
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from cmpsp_ros.guidance import Decision, GuidanceSettings
+    from cmpsp_ros.guidance import Decision, GuidanceSettings, LawSettings, World
     from cmpsp_ros.guidance.messages import Track
 
 PLENTY: Final = 0.3
@@ -64,11 +64,11 @@ class PlanMarkers:
             each.header.frame_id = settings.frame_id
             each.pose.orientation.w = 1.0
             each.lifetime = Duration(seconds=_LIFETIME * settings.control_period).to_msg()
-        self.take(settings)
+        self.take(settings, settings.world)
 
-    def take(self, settings: GuidanceSettings) -> None:
+    def take(self, settings: LawSettings, world: World) -> None:
         """Take another course, in the same frame."""
-        self._settings = settings
+        self._settings, self._world = settings, world
 
     def fill(self, decision: Decision) -> MarkerArray:
         """The message of a decision, good until the next."""
@@ -82,7 +82,9 @@ class PlanMarkers:
         if plan is not None:
             places = plan.poses[:, :2].tolist()
             points = [Point(x=x, y=y) for x, y in places]
-            spare = plan_clearance(self._settings, decision) - self._settings.safety.margin
+            spare = (
+                plan_clearance(self._settings, self._world, decision) - self._settings.safety.margin
+            )
             colors = [color_of(each) for each in spare.tolist()]
             self._text.pose.position.x, self._text.pose.position.y = places[0]
             self._text.action = Marker.ADD

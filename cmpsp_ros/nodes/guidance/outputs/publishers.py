@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
     from rclpy.lifecycle import LifecycleNode
 
-    from cmpsp_ros.guidance import Decision, Goal, GuidanceSettings
+    from cmpsp_ros.guidance import Decision, Goal, GuidanceSettings, LawSettings, World
     from cmpsp_ros.parameters import Values
 
 
@@ -136,18 +136,19 @@ class GuidanceOutputs:
             corners = self._footprint.at(np.array(pose))
             self._corners.publish(polygon_message(corners, self._frame_id, decision.stamp))
 
-    def show(self, settings: GuidanceSettings, ahead: Goal | None) -> None:
+    def show(self, settings: LawSettings, world: World, ahead: Goal | None) -> None:
         """Send road, obstacles and goals to everybody, now and later.
 
         Whether anybody listens does not matter: who comes later is told by the middleware.
 
         Args:
-            settings: The course.
+            settings: With the goals.
+            world: Road and static obstacles.
             ahead: The goal that is driven to, if any.
         """
         now = self._node.get_clock().now().to_msg()
-        self._markers.publish(marker_array(settings, now, ahead))
-        self._plan_message.take(settings)
+        self._markers.publish(marker_array(settings, world, now, ahead))
+        self._plan_message.take(settings, world)
         self._footprint = settings.footprint
 
     def close(self) -> None:

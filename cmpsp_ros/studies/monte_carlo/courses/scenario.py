@@ -82,7 +82,7 @@ def scenario(
     """
     random = np.random.default_rng(np.random.SeedSequence([seed, number]))
     plant_seed = int(random.integers(2**31))
-    road, goal = settings.annulus, settings.goal
+    road, goal = settings.world.annulus, settings.goal
     scale = (road.outer_radius - road.inner_radius) / WIDTH
     away = settings.robot_radius + scale * FROM_EDGE
     start = _point(random, road, bearings, away)

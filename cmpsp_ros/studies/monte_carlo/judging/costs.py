@@ -11,8 +11,7 @@ from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance import NANOSECONDS
 from cmpsp_ros.studies.monte_carlo.driving import drive
 from cmpsp_ros.studies.monte_carlo.study import Task
-from cmpsp_ros.studies.paper.drives import Path
-from cmpsp_ros.studies.paper.judge import judge
+from cmpsp_ros.studies.paper import Path, reference_solution
 
 NAME: Final = 'costs.json'
 
@@ -38,7 +37,7 @@ def compared(task: Task) -> dict[str, Any]:
     stamps = np.arange(steps + 1) * round(settings.control_period * NANOSECONDS)
     poses = np.array([driven.at(stamp) for stamp in stamps.tolist()])
     path = Path(settings, poses, driven.controls[:steps])
-    found = judge(settings, poses[0], path)
+    found = reference_solution(settings, poses[0], path)
     if not found.feasible:
         return {'cost': path.cost}
     others = settings.robot.roll_out(poses[0], found.controls, path.durations)

@@ -22,13 +22,12 @@ from cmpsp_ros.guidance import GuidanceSettings, Safety
 from cmpsp_ros.guidance.planning import along_road, manoeuvres
 from cmpsp_ros.guidance.prediction import PlanStart
 from cmpsp_ros.robots import Robot
-from cmpsp_ros.studies.errors import StudyError
+from cmpsp_ros.studies.common import StudyError
 from cmpsp_ros.studies.monte_carlo.driving import farthest
 from cmpsp_ros.studies.monte_carlo.judging.grid_search import grid_path
 from cmpsp_ros.studies.monte_carlo.judging.slalom import at_constant_speed, slalom
 from cmpsp_ros.studies.monte_carlo.study import Task
-from cmpsp_ros.studies.paper.drives import Path
-from cmpsp_ros.studies.paper.judge import judge
+from cmpsp_ros.studies.paper import Path, reference_solution
 from cmpsp_ros.world.roads import Annulus
 
 FEASIBLE: Final = 'feasible'
@@ -70,7 +69,7 @@ def judged(task: Task) -> dict[str, Any]:
     spaces = ((FEASIBLE, guarded, guarded.safety.margin), (UNGUARDED, unguarded, 0.0))
     for answer, settings, wanted in spaces:
         for place, start in enumerate(_starts(settings, pose)):
-            found = judge(settings, pose, start)
+            found = reference_solution(settings, pose, start)
             whole = np.vstack([found.controls, found.braking])
             if not np.isfinite(whole).all():
                 continue
@@ -134,7 +133,7 @@ def _starts(settings: GuidanceSettings, pose: Array) -> Iterator[Path]:
             if len(points):
                 yield at_constant_speed(settings, pose, points)
         return
-    road = settings.annulus
+    road = settings.world.annulus
     half = (road.outer_radius - road.inner_radius) / 2.0
     steps = round(settings.final_time / settings.control_period)
     durations = np.full(steps, settings.control_period)
@@ -145,11 +144,11 @@ def _starts(settings: GuidanceSettings, pose: Array) -> Iterator[Path]:
             inner_radius=road.inner_radius + offset * half,
             outer_radius=road.outer_radius + offset * half,
         )
-        other, start = replace(settings, road=shifted), PlanStart(pose, settings.robot)
-        controls = along_road(other, start, settings.target, durations)
+        start = PlanStart(pose, settings.robot, replace(settings.world, road=shifted))
+        controls = along_road(settings, start, settings.target, durations)
         yield _driven(settings, pose, controls[:-1])
     if not settings.robot.turns_on_the_spot:
-        start = PlanStart(pose, settings.robot)
+        start = PlanStart(pose, settings.robot, settings.world)
         for controls in manoeuvres(settings, start, settings.target, durations):
             yield _driven(settings, pose, controls[:-1])
 

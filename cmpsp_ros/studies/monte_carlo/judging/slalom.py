@@ -9,7 +9,7 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance import GuidanceSettings
-from cmpsp_ros.studies.paper.drives import Path
+from cmpsp_ros.studies.paper import Path
 
 _FINE = 2000
 
@@ -25,7 +25,7 @@ def slalom(settings: GuidanceSettings, pose: Array) -> Path:
         Poses along it and controls that nearly lead from one to the next; no robot could follow
         its corners.
     """
-    road = settings.annulus
+    road = settings.world.annulus
     start = (float(pose[0]), float(pose[1]))
     ahead = road.angle_between(start, settings.goal)
     knots = [(0.0, math.dist(start, road.center))]
@@ -67,7 +67,7 @@ def at_constant_speed(settings: GuidanceSettings, pose: Array, fine: Array) -> P
 
 def _widest(settings: GuidanceSettings, center: tuple[float, float]) -> float:
     """Distance from the road's centre to the middle of the widest gap abreast of a point [m]."""
-    road = settings.annulus
+    road = settings.world.annulus
     blocked = [(0.0, road.inner_radius), (road.outer_radius, math.inf)]
     for each in settings.obstacles:
         away = math.dist(each.center, road.center)

@@ -143,7 +143,7 @@ def drive(given, *, sees=True, **lied):
     """
     values = TABLE.resolve(given)
     settings, recorder = guidance_settings(values), _Recorder()
-    plant, law = Plant(plant_settings(values)), GuidanceLaw(settings)
+    plant, law = Plant(plant_settings(values)), GuidanceLaw(settings, settings.world)
     hidden = values['sim.obstacles.names']
     discs = [_disc(values, f'obstacles.{each}') for each in values['obstacles.names']]
     unknown = [_disc(values, f'sim.obstacles.{each}') for each in hidden]

@@ -162,7 +162,7 @@ def drive_case(preset='case3', rest=0.4, **changes):
     settings = guidance_settings(values)
     # Where it goes must not depend on what the law makes of its choices.
     solver = replace(settings.solver, candidates=1, initial_iterations=2)
-    law = GuidanceLaw(replace(settings, solver=solver))
+    law = GuidanceLaw(replace(settings, solver=solver), settings.world)
     drive = Drive(values)
     pose, held = np.array(values['initial_pose']), np.zeros(2)
     under_way, delay = deque(), round(values['actuation_delay'] * SECOND)

@@ -117,7 +117,7 @@ def test_what_was_driven_is_judged_by_the_corners_of_a_robot(drive, outcomes):
     assert away - 3e-3 < finding.worst <= away + 1e-6
     assert 'radius' not in finding.sentence
     # A disc that covers it reaches further.
-    assert away > settings.space().at(poses)[:, 2:].min() + 1e-3
+    assert away > settings.world.free_space(settings).at(poses)[:, 2:].min() + 1e-3
 
 
 def test_a_margin_that_is_not_kept_is_caught(drive, outcomes):

@@ -40,7 +40,11 @@ class Drive:
         self.prefix, self.now, self.pose = prefix, begin, np.array(START)
         self.values = TABLE.resolve({**load_parameter_file(preset), **parameters})
         self.settings = guidance_settings(self.values)
-        self.law, self.held, self.decisions = GuidanceLaw(self.settings), np.zeros(2), []
+        self.law, self.held, self.decisions = (
+            GuidanceLaw(self.settings, self.settings.world),
+            np.zeros(2),
+            [],
+        )
         # By how much odometry is behind the recorder's clock.
         self.behind, self.are_told = 0, False
         self.activate()
@@ -172,7 +176,7 @@ class Drive:
         self.settings = guidance_settings(self.values)
         event = parameter_event(f'{self.prefix}/guidance', said)
         self.bag.write('/parameter_events', self.now, raw(event))
-        self.law.reconfigure(self.settings)
+        self.law.reconfigure(self.settings, self.settings.world)
 
 
 def altered(
@@ -211,7 +215,7 @@ def setting(number, **facts):
 
 
 def without(*keys):
-    """A change that makes decisions those of a version which did not say so."""
+    """A change that leaves keys of decisions out."""
 
     def change(topic, _index, message):
         if topic == DECISIONS:

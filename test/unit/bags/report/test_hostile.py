@@ -9,7 +9,7 @@ import warnings
 from cmpsp_ros.bags import BagError
 from cmpsp_ros.bags.audit import read_record
 from cmpsp_ros.bags.report.charts import controls
-from cmpsp_ros.bags.report.tables import summary
+from cmpsp_ros.bags.report.page import summary
 from cmpsp_ros.bags.report.view import view
 
 BAGS = 60

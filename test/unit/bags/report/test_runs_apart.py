@@ -11,10 +11,9 @@ from bag_messages import GRID, ODOMETRY, SECOND, TWIST, grid, odometry, raw, twi
 from cmpsp_ros.bags import BagWriter
 from cmpsp_ros.bags.audit import Sources, read_record
 from cmpsp_ros.bags.report.charts import clearance, controls
-from cmpsp_ros.bags.report.path_chart import path
+from cmpsp_ros.bags.report.page import summary
+from cmpsp_ros.bags.report.path_chart import moving, path
 from cmpsp_ros.bags.report.picture import draw_report
-from cmpsp_ros.bags.report.slider import moving
-from cmpsp_ros.bags.report.tables import summary
 from cmpsp_ros.bags.report.view import view
 from cmpsp_ros.parameters import TABLE, load_parameter_file
 from cmpsp_ros.robots import arc_ends

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cmpsp_ros.bags.runs import Driven, holes, in_words, longest_interval, pieces
-from cmpsp_ros.bags.runs.holes import Hole
+from cmpsp_ros.bags.runs.odometry import Hole
 from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 
 SECOND = 1_000_000_000

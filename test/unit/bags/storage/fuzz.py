@@ -21,11 +21,10 @@ from tempfile import TemporaryDirectory
 
 from rosbags.interfaces import MessageDefinition, MessageDefinitionFormat
 
-from cmpsp_ros.bags import Bag, BagError, BagWriter
+from cmpsp_ros.bags import Bag, BagError, BagWriter, Form
 from cmpsp_ros.bags.definitions import jazzy
-from cmpsp_ros.bags.export.files import export
+from cmpsp_ros.bags.export import export
 from cmpsp_ros.bags.recover import recover
-from cmpsp_ros.bags.storage import Form
 
 MEMORY = 1500 << 20
 """Address space a bag may take, libraries included [bytes]."""

@@ -16,10 +16,9 @@ from backports import zstd
 from bag_messages import HELLO, STATUS, STRING
 from rosbags.interfaces import MessageDefinition, MessageDefinitionFormat
 
-from cmpsp_ros.bags import Bag, BagError, BagWriter
+from cmpsp_ros.bags import Bag, BagError, BagWriter, Form
 from cmpsp_ros.bags.definitions import jazzy
 from cmpsp_ros.bags.recover import recover
-from cmpsp_ros.bags.storage import Form
 from cmpsp_ros.bags.storage.limits import MAX_CHUNK, MAX_METADATA, MAX_TOPICS
 
 HERE = Path(__file__).parent

@@ -10,10 +10,9 @@ from bag_messages import HELLO, STRING
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from cmpsp_ros.bags import Bag, BagError, BagWriter
+from cmpsp_ros.bags import Bag, BagError, BagWriter, Form
 from cmpsp_ros.bags.recover import recover
-from cmpsp_ros.bags.storage import Form
-from cmpsp_ros.bags.storage.mcap_records import CHUNK, MAGIC, chunk, content, records
+from cmpsp_ros.bags.storage.mcap import CHUNK, MAGIC, content, read_chunk, records
 
 
 def write(path, chunks):
@@ -76,7 +75,7 @@ def test_messages_of_one_stamp_stay_in_the_order_of_writing(tmp_path):
 
 def test_not_all_at_once(tmp_path, monkeypatch):
     apart = [[('/a', 10 * number + k) for k in range(5)] for number in range(10)]
-    monkeypatch.setattr('cmpsp_ros.bags.storage.mcap_checks.MAX_HELD', 1_000)
+    monkeypatch.setattr('cmpsp_ros.bags.storage.mcap.MAX_HELD', 1_000)
     with Bag(write(tmp_path / 'apart', apart)) as bag:
         assert len(list(bag.raw('/a'))) == 50
     over = [[('/a', number), ('/a', 1000)] for number in range(1, 20)]
@@ -99,6 +98,9 @@ def test_without_index(tmp_path):
     file = tmp_path / 'file.mcap'
     whole = without_chunks([1])
     file.write_bytes(whole[:-28] + bytes(20) + MAGIC)
+    with Bag(file) as bag:
+        assert [stamp for stamp, _ in bag.messages('/a')] == [1]
+    file.write_bytes(whole[:-28])
     with pytest.raises(BagError, match=r'without an index.*`cmpsp recover` makes one'):
         Bag(file)
 
@@ -132,9 +134,11 @@ def test_checksums(tmp_path, compressed):
     data = file.read_bytes()
     with file.open('rb') as opened:
         found = list(records(opened, len(MAGIC), len(data) - len(MAGIC)))
-        chunks = [chunk(content(opened, each)) for each in found if each.opcode == CHUNK]
+        chunks = [
+            read_chunk(content(opened, each, len(data))) for each in found if each.opcode == CHUNK
+        ]
     assert len(chunks) == 2
-    assert all(each.head.checksum == crc32(each.data) != 0 for each in chunks)
+    assert all(head.checksum == crc32(inner) != 0 for head, inner in chunks)
     index, _, checksum = struct.unpack('<QQI', data[found[-1].body : found[-1].end])
     assert checksum == crc32(data[index : found[-1].end - 4])
     if not compressed:

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scenarios import PERIOD, ROAD, SECOND, drive, settings
+from scenarios import PERIOD, ROAD, SECOND, drive, reconfigure, settings
 from test_command_delay import Drive
 
 from cmpsp_ros.guidance import Goal, GuidanceLaw
@@ -41,13 +41,13 @@ def test_the_robot_stops_before_a_wall_and_stays(how, lag):
 @pytest.mark.parametrize('gone', [True, False], ids=['no wall', 'a goal on this side'])
 def test_it_drives_on_when_it_can(gone):
     given, near = replace(closed(), final_time=20.0), (0.4, -10.2)
-    law = GuidanceLaw(given)
+    law = GuidanceLaw(given, given.world)
 
     def before(run, stamp):
         if stamp == 60 * PERIOD:
             assert run.decisions[-1].reason == CLOSED
             if gone:
-                law.reconfigure(replace(given, obstacles=(SECOND,)))
+                reconfigure(law, replace(given, obstacles=(SECOND,)))
             else:
                 law.tell(stamp, Goal(near, math.nan))
 

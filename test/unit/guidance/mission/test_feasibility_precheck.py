@@ -19,6 +19,14 @@ START = (0.0, -9.25)
 ROCK = Obstacle('rock', (8.0, -6.0), 0.7)
 
 
+def warnings_of(given, start):
+    return infeasibility_warnings(given, given.world, start)
+
+
+def time_of(given, start):
+    return shortest_time(given, given.road, start)
+
+
 def settings(**changes):
     robot = DifferentialDrive(max_wheel_speed=51.0)
     return GuidanceSettings(robot=robot, road=Annulus(), goal=(10.0, 0.0), **changes)
@@ -28,30 +36,30 @@ def test_the_shortest_time_is_that_of_a_taut_string_at_full_speed():
     tangents = math.sqrt(9.25**2 - 81.0) + math.sqrt(100.0 - 81.0)
     turned = math.pi / 2.0 - math.acos(9.0 / 9.25) - math.acos(0.9)
     expected = (tangents + 9.0 * turned - 0.01) / (0.035 * 51.0)
-    assert shortest_time(settings(), START) == pytest.approx(expected, rel=1e-12)
+    assert time_of(settings(), START) == pytest.approx(expected, rel=1e-12)
 
 
 def test_a_wider_robot_goes_a_longer_way_and_one_without_limit_needs_no_time():
-    assert shortest_time(settings(robot_radius=0.2), START) > shortest_time(settings(), START)
+    assert time_of(settings(robot_radius=0.2), START) > time_of(settings(), START)
     unlimited = replace(settings(), robot=DifferentialDrive())
-    assert shortest_time(unlimited, START) == 0.0
-    assert infeasibility_warnings(unlimited, START) == []
+    assert time_of(unlimited, START) == 0.0
+    assert warnings_of(unlimited, START) == []
 
 
 def test_of_a_robot_with_corners_only_what_is_around_its_reference_point_counts():
     """Which is near one side of it here, and may come nearer to an edge than its discs do."""
     footprint, radius = covered([(-0.1, -0.02), (0.1, -0.02), (0.1, 0.3), (-0.1, 0.3)])
     given = settings(robot_radius=radius, footprint=footprint)
-    expected = shortest_time(settings(robot_radius=0.02), START)
-    assert shortest_time(given, START) == pytest.approx(expected)
-    (said,) = infeasibility_warnings(replace(given, obstacles=(replace(ROCK, radius=1.5),)), START)
+    expected = time_of(settings(robot_radius=0.02), START)
+    assert time_of(given, START) == pytest.approx(expected)
+    (said,) = warnings_of(replace(given, obstacles=(replace(ROCK, radius=1.5),)), START)
     assert "(twice its discs' radius and safety.margin)" in said
 
 
 def test_a_goal_out_of_reach_is_told_with_the_time_that_it_takes():
-    needed = shortest_time(settings(), START)
-    assert infeasibility_warnings(settings(final_time=needed + 1e-6), START) == []
-    (said,) = infeasibility_warnings(settings(final_time=needed - 0.5), START)
+    needed = time_of(settings(), START)
+    assert warnings_of(settings(final_time=needed + 1e-6), START) == []
+    (said,) = warnings_of(settings(final_time=needed - 0.5), START)
     assert said.startswith(f'The goal is out of reach by {0.5 * 0.035 * 51.0:.2f} m: ')
     assert f'have to be {math.ceil(10.0 * needed) / 10.0:.1f} s or more.' in said
 
@@ -61,20 +69,20 @@ def test_a_gap_too_narrow_is_told_and_one_just_wide_enough_is_not(radius, margin
     narrow = settings(
         obstacles=(ROCK,), robot_radius=radius + 1e-6, safety=Safety(margin), final_time=20.0
     )
-    (said,) = infeasibility_warnings(narrow, START)
+    (said,) = warnings_of(narrow, START)
     assert said.startswith('There is no way past obstacle rock: the wider gap beside it is 0.300 m')
     wide = replace(narrow, robot_radius=radius - 1e-6)
-    assert infeasibility_warnings(wide, START) == []
+    assert warnings_of(wide, START) == []
 
 
 def test_an_obstacle_that_fills_the_road_stops_even_a_point():
-    (said,) = infeasibility_warnings(settings(obstacles=(replace(ROCK, radius=1.5),)), START)
+    (said,) = warnings_of(settings(obstacles=(replace(ROCK, radius=1.5),)), START)
     assert 'the wider gap beside it is 0.000 m, and this robot needs 0.000 m' in said
 
 
 def test_obstacles_before_the_start_and_behind_the_goal_are_not_in_the_way():
     beside = [replace(ROCK, center=center) for center in ((-8.0, -6.0), (8.0, 6.0))]
-    assert infeasibility_warnings(settings(obstacles=tuple(beside), robot_radius=0.2), START) == []
+    assert warnings_of(settings(obstacles=tuple(beside), robot_radius=0.2), START) == []
 
 
 def test_obstacles_that_close_the_road_together_are_told_and_those_that_leave_a_gap_are_not():
@@ -87,17 +95,17 @@ def test_obstacles_that_close_the_road_together_are_told_and_those_that_leave_a_
         math.dist(middle.center, inner.center) - 0.4,
         math.hypot(*inner.center) - 9.0 - 0.3,
     ]
-    (said,) = infeasibility_warnings(replace(given, robot_radius=0.5001 * max(gaps)), START)
+    (said,) = warnings_of(replace(given, robot_radius=0.5001 * max(gaps)), START)
     assert said.startswith('There is no way past obstacles outer, middle, inner: the widest gap is')
     assert f' is {max(gaps):.3f} m, ' in said
-    assert infeasibility_warnings(replace(given, robot_radius=0.4999 * max(gaps)), START) == []
+    assert warnings_of(replace(given, robot_radius=0.4999 * max(gaps)), START) == []
 
 
 def test_walls_close_a_road_too():
     across = Capsule('wall', (6.3, -6.3), (7.8, -7.8), 0.05)
     box = Polygon('box', ((6.3, -6.3), (7.8, -7.8), (7.9, -7.7), (6.4, -6.2)))
     for shape in (across, box):
-        (said,) = infeasibility_warnings(settings(obstacles=(shape,), final_time=20.0), START)
+        (said,) = warnings_of(settings(obstacles=(shape,), final_time=20.0), START)
         assert said.startswith(f'There is no way past obstacle {shape.name}: ')
 
 
@@ -114,10 +122,10 @@ def test_a_corridor_is_closed_by_two_beside_each_other_and_not_by_two_one_after_
     given = replace(bend, road=straight, goal=(20.0, 0.0), robot_radius=0.3)
     left, right = Obstacle('left', (5.0, 0.6), 0.3), Obstacle('right', (5.2, -0.5), 0.3)
     given = replace(given, obstacles=(left, right))
-    (said,) = infeasibility_warnings(given, (0.0, 0.0))
+    (said,) = warnings_of(given, (0.0, 0.0))
     assert said.startswith('There is no way past obstacles ')
     later = replace(right, center=(8.0, -0.5))
-    assert infeasibility_warnings(replace(given, obstacles=(left, later)), (0.0, 0.0)) == []
+    assert warnings_of(replace(given, obstacles=(left, later)), (0.0, 0.0)) == []
 
 
 def test_the_length_of_a_corridor_is_that_of_the_road_and_never_too_long(bend):
@@ -126,9 +134,9 @@ def test_the_length_of_a_corridor_is_that_of_the_road_and_never_too_long(bend):
     inner = bend.road.edges()[0]
     driven = float(np.hypot(*np.diff(inner, axis=0).T).sum())
     assert math.dist((0.0, 0.0), (14.0, 14.0)) + 0.5 < length <= driven
-    needed = shortest_time(bend, (0.0, 0.0))
-    assert infeasibility_warnings(replace(bend, final_time=needed + 0.1), (0.0, 0.0)) == []
-    (said,) = infeasibility_warnings(replace(bend, final_time=needed - 0.1), (0.0, 0.0))
+    needed = time_of(bend, (0.0, 0.0))
+    assert warnings_of(replace(bend, final_time=needed + 0.1), (0.0, 0.0)) == []
+    (said,) = warnings_of(replace(bend, final_time=needed - 0.1), (0.0, 0.0))
     assert said.startswith('The goal is out of reach by ')
 
 
@@ -153,8 +161,8 @@ def followed(speed, horizon=2.0, robot=WIDE):
 def test_a_speed_that_the_outer_wheel_does_not_allow_is_foretold(direction):
     # Along the innermost circle of 0.95 m the outer wheel is at its limit.
     largest = 1.0 / (0.95 + 0.3)
-    assert infeasibility_warnings(followed(0.999 * direction * largest), START) == []
-    (said,) = infeasibility_warnings(followed(1.001 * direction * largest), START)
+    assert warnings_of(followed(0.999 * direction * largest), START) == []
+    (said,) = warnings_of(followed(1.001 * direction * largest), START)
     assert said.startswith('follow.speed is out of reach: round this road the wheels allow 0.8 m/s')
 
 
@@ -163,6 +171,6 @@ def test_an_acceleration_that_is_too_small_to_set_out_is_foretold():
     needed = 0.5 * 2.0 * 0.95
     for gain, expected in ((1.01, 0), (0.99, 1)):
         robot = replace(WIDE, max_wheel_acceleration=gain * needed / 2.0 / 0.1)
-        said = infeasibility_warnings(followed(0.5, robot=robot), START)
+        said = warnings_of(followed(0.5, robot=robot), START)
         assert len(said) == expected
         assert all(each.startswith('follow.horizon is too short to set out: ') for each in said)

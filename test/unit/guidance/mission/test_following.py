@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from endless import NOISE, drive, is_steady
-from scenarios import PERIOD
+from scenarios import PERIOD, law_of
 from scenarios import drive as drive_law
 
 from cmpsp_ros.guidance import FallbackLevel, Follow, Goal, GoalError, GuidanceLaw, GuidanceSettings
@@ -27,7 +27,7 @@ def settings(speed, **changes):
     robot = DifferentialDrive(max_wheel_speed=51.0)
     follow = Follow(speed, 5.0)
     return GuidanceSettings(
-        robot, Annulus(), (10.0, 0.0), final_time=math.inf, follow=follow, **changes
+        robot, (10.0, 0.0), road=Annulus(), final_time=math.inf, follow=follow, **changes
     )
 
 
@@ -35,7 +35,7 @@ def settings(speed, **changes):
 def test_a_ring_is_followed_in_either_direction(speed):
     given = settings(speed, obstacles=(Obstacle('a', (10.0, 0.3), 0.4),))
     start = (0.0, -10.2, 0.0 if speed > 0.0 else math.pi)
-    law, steps = GuidanceLaw(given), 400
+    law, steps = GuidanceLaw(given, given.world), 400
     run = drive_law(law, given, [k * PERIOD for k in range(steps + 1)], start)
     assert {decision.level for decision in run.decisions} == {FallbackLevel.NOMINAL}
     assert all(math.isinf(decision.time_left) for decision in run.decisions)
@@ -50,7 +50,7 @@ def test_a_ring_is_followed_in_either_direction(speed):
 
 def test_it_ends_at_the_final_time_where_there_is_one():
     given = replace(settings(1.2), final_time=1.0)
-    law, start = GuidanceLaw(given), (0.0, -10.0, 0.0)
+    law, start = GuidanceLaw(given, given.world), (0.0, -10.0, 0.0)
     run = drive_law(law, given, [k * PERIOD for k in range(7)], start)
     assert [decision.finished for decision in run.decisions] == [False] * 5 + [True] * 2
     assert not run.decisions[-1].missed
@@ -58,7 +58,7 @@ def test_it_ends_at_the_final_time_where_there_is_one():
 
 
 def test_no_goal_is_taken():
-    law = GuidanceLaw(settings(1.2))
+    law = law_of(settings(1.2))
     with pytest.raises(GoalError, match='follows the road'):
         law.tell(0, Goal((10.0, 0.0), 0.0))
 

@@ -32,7 +32,9 @@ def off(one, other):
 @pytest.fixture(scope='module')
 def goals_driven():
     given, start = preset('goals')
-    return given, drive(GuidanceLaw(given), given, [k * PERIOD for k in range(301)], start)
+    return given, drive(
+        GuidanceLaw(given, given.world), given, [k * PERIOD for k in range(301)], start
+    )
 
 
 def test_every_goal_is_passed_at_its_time(goals_driven):
@@ -70,7 +72,7 @@ def test_the_change_from_goal_to_goal_is_no_dip(goals_driven):
 
 def test_one_goal_is_told_as_ever():
     given, start = preset('corridor')
-    decision = GuidanceLaw(given).update(0, np.array(start))
+    decision = GuidanceLaw(given, given.world).update(0, np.array(start))
     keys = {'goal', 'goal_x', 'heading_error', 'goals_received'}
     assert not keys & set(decision_to_key_values(decision))
 
@@ -78,7 +80,7 @@ def test_one_goal_is_told_as_ever():
 @pytest.mark.parametrize('heading', [0.6, 3.0])
 def test_a_heading_is_met_exactly(heading):
     given, start = preset('corridor', goal_heading=heading)
-    run = drive(GuidanceLaw(given), given, [k * PERIOD for k in range(101)], start)
+    run = drive(GuidanceLaw(given, given.world), given, [k * PERIOD for k in range(101)], start)
     assert run.miss(given.goal) < 1e-6
     assert off(run.pose[2], heading) < 1e-6
     assert run.decisions[-1].heading_error < 1e-6
@@ -137,7 +139,7 @@ def test_places_that_are_refused(fault):
         ((3.0, 3.3), 'inside or beyond obstacle a'),
         ((-4.743, -3.62), 'beyond the end of the road'),
     ):
-        law, goal = GuidanceLaw(given), Goal(position, 0.0)
+        law, goal = GuidanceLaw(given, given.world), Goal(position, 0.0)
         before = law.update(0, np.array(start))
         assert_refused(fault, lambda law=law, goal=goal: law.tell(0, goal), why)
         after = law.update(PERIOD, before.plan.poses[1])
@@ -147,7 +149,7 @@ def test_places_that_are_refused(fault):
 
 def test_where_a_road_is_followed_no_goal_is_taken(fault):
     given, start = preset('endless')
-    law, twin = GuidanceLaw(given), GuidanceLaw(given)
+    law, twin = GuidanceLaw(given, given.world), GuidanceLaw(given, given.world)
     pose = np.array(start)
     place, goal = law.update(0, pose).plan.poses[1], Goal((start[0], start[1]), 0.0)
     twin.update(0, pose)
@@ -159,7 +161,7 @@ def test_where_a_road_is_followed_no_goal_is_taken(fault):
 
 def test_a_goal_of_a_time_that_is_not_is_refused_and_one_of_later_waits(fault):
     given, start = preset('corridor')
-    law, goal = GuidanceLaw(given), Goal((0.939, 1.082), 0.0, None, 'goal_pose')
+    law, goal = GuidanceLaw(given, given.world), Goal((0.939, 1.082), 0.0, None, 'goal_pose')
     decision = law.update(0, np.array(start))
     assert_refused(fault, lambda: law.tell(10 * PERIOD, goal), 'ahead of the last odometry')
     law.tell(2 * PERIOD, goal)
@@ -172,7 +174,7 @@ def test_a_goal_of_a_time_that_is_not_is_refused_and_one_of_later_waits(fault):
 
 def test_a_goal_is_driven_to_under_way_and_after_the_end():
     given, start = preset('corridor')
-    law, reached = GuidanceLaw(given), []
+    law, reached = GuidanceLaw(given, given.world), []
 
     def tell(run, stamp):
         if stamp == 25 * PERIOD:
@@ -203,7 +205,9 @@ def test_a_goal_is_held(fault, heading):
         if stamp == 110 * PERIOD:
             run.pose = run.pose + pushed
 
-    run = drive(GuidanceLaw(given), given, [k * PERIOD for k in range(160)], start, before=push)
+    run = drive(
+        GuidanceLaw(given, given.world), given, [k * PERIOD for k in range(160)], start, before=push
+    )
     assert run.decisions[105].finished
     assert not run.decisions[111].finished
     back = run.decisions[115]
@@ -220,6 +224,8 @@ def test_without_hold_the_robot_stays_where_it_was_moved():
         if stamp == 110 * PERIOD:
             run.pose = run.pose + np.array([0.05, 0.08, 0.3])
 
-    run = drive(GuidanceLaw(given), given, [k * PERIOD for k in range(130)], start, before=push)
+    run = drive(
+        GuidanceLaw(given, given.world), given, [k * PERIOD for k in range(130)], start, before=push
+    )
     assert all(decision.finished for decision in run.decisions[100:])
     assert run.miss(given.goal) > 0.09

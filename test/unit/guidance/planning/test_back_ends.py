@@ -29,7 +29,7 @@ def assert_alike(compiled, general):
 
 def side_by_side(given, start, steps=8, late=0):
     """Drive by the compiled plans, and compare each of them with the other kind."""
-    compiled = Planner(OcpFormulation(given))
+    compiled = Planner(OcpFormulation(given, given.world))
     period, final = to_nanoseconds(given.control_period), to_nanoseconds(given.final_time)
     pose, held = np.array(start, dtype=float), given.robot.at_rest
     horizon, seen = remaining(0, period, final), []
@@ -93,7 +93,7 @@ def test_what_the_compiled_solver_gives_up_is_done_by_a_back_end():
     given, horizon = CASES['case 3'], remaining(0, PERIOD, 50 * PERIOD)
     pose, held = np.array(START), np.zeros(2)
     guess = initial_guess(given, start_of(given, pose), given.target, horizon.durations)
-    planner, context = Planner(OcpFormulation(given)), context_of(given, pose, horizon)
+    planner, context = Planner(OcpFormulation(given, given.world)), context_of(given, pose, horizon)
     assert not planner.improve(context, guess, work_limit=60).solved
     wanted = improve(given, pose, held, guess, horizon)
     driver = planner._driver

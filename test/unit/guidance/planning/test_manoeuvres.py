@@ -17,7 +17,7 @@ from cmpsp_ros.world import FreeSpace
 def course(preset, **changes):
     values = TABLE.resolve({**load_parameter_file(preset), **changes})
     settings = guidance_settings(values)
-    start = PlanStart(np.array(values['initial_pose']), settings.robot)
+    start = PlanStart(np.array(values['initial_pose']), settings.robot, settings.world)
     steps = round(settings.final_time / settings.control_period)
     return settings, start, np.full(steps, settings.control_period)
 
@@ -25,7 +25,7 @@ def course(preset, **changes):
 @pytest.mark.parametrize('heading', [math.pi / 2.0, -math.pi / 2.0])
 def test_into_a_bay_in_either_direction(heading):
     settings, start, durations = course('parking', **{'goal.heading': [heading]})
-    assert has_to_turn(settings, start, settings.target)
+    assert has_to_turn(start, settings.target)
     guesses = manoeuvres(settings, start, settings.target, durations)
     space = FreeSpace.of(settings.road, settings.obstacles, settings.robot_radius)
     poses = settings.robot.roll_out(start.pose, guesses[0][:-1], durations)
@@ -42,7 +42,7 @@ def test_a_car_that_faces_the_wrong_way_turns_round_and_follows_the_road():
     settings, start, durations = course(
         'lane_change', initial_pose=[10.0, 0.0, math.pi], final_time=20.0
     )
-    assert has_to_turn(settings, start, settings.target)
+    assert has_to_turn(start, settings.target)
     guesses = manoeuvres(settings, start, settings.target, durations)
     for guess in guesses:
         assert guess.shape == (201, 2)
@@ -52,9 +52,9 @@ def test_a_car_that_faces_the_wrong_way_turns_round_and_follows_the_road():
 
 def test_who_faces_ahead_or_turns_on_the_spot_needs_none():
     settings, start, _ = course('lane_change')
-    assert not has_to_turn(settings, start, settings.target)
+    assert not has_to_turn(start, settings.target)
     settings, start, _ = course('case3', initial_pose=[0.0, -9.25, math.pi])
-    assert not has_to_turn(settings, start, settings.target)
+    assert not has_to_turn(start, settings.target)
 
 
 def test_without_time_there_is_none():

@@ -19,6 +19,8 @@ from scenarios import (
     closed_loop,
     context_of,
     drive,
+    law_of,
+    reconfigure,
     settings,
     start_of,
     with_plans,
@@ -86,7 +88,7 @@ def test_no_heading_is_a_trap(heading, guess, limit):
 def test_a_poor_plan_is_left_for_a_better_one():
     """From this guess the first plan meets every constraint, and keeps swinging to the end."""
     given = settings((), math.inf, InitialGuess('constant', (45.0, 45.0)))
-    alone = drive(GuidanceLaw(with_plans(given, 1, 2)), given, ON_TIME)
+    alone = drive(law_of(with_plans(given, 1, 2)), given, ON_TIME)
     run = closed_loop(given)
     assert_arrives(run, given)
     assert cost(alone, given) > 30.0
@@ -100,13 +102,13 @@ def test_a_poor_plan_is_left_for_a_better_one():
 @pytest.mark.parametrize('radius', [0.2, 0.4])
 def test_an_obstacle_put_in_the_middle_of_the_plan_is_passed(steps, radius, limit):
     given = settings((), limit, ROAD)
-    law = GuidanceLaw(given)
+    law = GuidanceLaw(given, given.world)
     before = drive(law, given, ON_TIME[:16])
     wheels = before.decisions[-1].wheel_speeds[None]
     pose = given.robot.roll_out(before.pose, wheels, np.array([0.2]))[-1]
     center = tuple(before.decisions[-1].plan.poses[1 + steps, :2].tolist())
     blocked = replace(given, obstacles=(Obstacle('sudden', center, radius),))
-    law.reconfigure(blocked)
+    reconfigure(law, blocked)
     run = drive(law, blocked, ON_TIME[16:], start=pose)
     assert clearance(run.path, blocked) >= -1e-9
     if steps > 3 or radius < 0.4:
@@ -142,7 +144,7 @@ def test_no_more_plans_than_candidates(monkeypatch):
     for candidates in (2, 8):
         counts.clear()
         solver = replace(given.solver, candidates=candidates)
-        run = drive(GuidanceLaw(replace(given, solver=solver)), given, ON_TIME)
+        run = drive(law_of(replace(given, solver=solver)), given, ON_TIME)
         assert_arrives(run, given)
         assert max(counts[steps] for steps in range(1, 50)) <= candidates
 
@@ -160,7 +162,7 @@ def test_a_plan_that_may_not_be_followed_is_replaced_at_every_step(monkeypatch):
     given = replace(settings(BOTH, 51.0, ROAD), failure_tolerance=50)
     # It stands still all the time.
     given = replace(given, delay_tolerance=0.0, safety=Safety(max_prediction_error=0.0))
-    law = GuidanceLaw(given)
+    law = GuidanceLaw(given, given.world)
     run = drive(law, given, ON_TIME[:6])
     improve, guesses = Planner.improve, []
 
@@ -177,14 +179,14 @@ def test_a_plan_that_may_not_be_followed_is_replaced_at_every_step(monkeypatch):
         durations = np.full(50 - k, 0.2)
         start, target = start_of(given, pose), given.target
         guess = along_road(given, start, target, durations)
-        space = OcpFormulation(given).space(guess, durations, target)
+        space = OcpFormulation(given, given.world).space(given.world, guess, durations, target)
         fresh = guide_paths(given, space, start, target, durations)[0].guess
         assert any(np.array_equal(guess, fresh) for guess in guesses)
         assert len(guesses) <= 4
 
 
 def test_the_reason_names_the_way():
-    first = GuidanceLaw(settings(BOTH, 51.0, ROAD)).update(0, np.array(START))
+    first = law_of(settings(BOTH, 51.0, ROAD)).update(0, np.array(START))
     assert 'the best of 4 plans, ' in first.reason
     assert ' of first and ' in first.reason
     assert first.reason.endswith(' of second.')
@@ -197,7 +199,7 @@ def test_late_odometry_uses_up_no_more_time_than_there_is():
         late = np.random.default_rng(seed).integers(0, 90, size=51) * 1_000_000
         late[[0, 50]] = 0
         stamps = [int(stamp) for stamp in np.array(ON_TIME) + late]
-        run = drive(GuidanceLaw(given), given, stamps)
+        run = drive(GuidanceLaw(given, given.world), given, stamps)
         assert clearance(run.path, given) >= -1e-9
         misses.append(run.miss())
     assert np.count_nonzero(np.array(misses) > 1e-3) <= 3
@@ -208,7 +210,7 @@ def test_plans_that_are_as_good_do_not_take_turns():
     """A robot that comes straight at the middle of an obstacle, seen a little off to and fro."""
     place = (10.0 * math.cos(-0.7), 10.0 * math.sin(-0.7))
     given = settings((Obstacle('post', place, 0.4),), 51.0, ROAD)
-    law, rng = GuidanceLaw(given), np.random.default_rng(1)
+    law, rng = GuidanceLaw(given, given.world), np.random.default_rng(1)
     pose = np.array([10.0 * math.cos(-1.4), 10.0 * math.sin(-1.4), math.pi / 2.0 - 1.4])
     changes = 0
     for k in range(30):
@@ -223,9 +225,10 @@ def test_one_candidate_is_the_warm_plan_or_a_fresh_one_along_the_road(name):
     """The same loop in a few lines, bit for bit."""
     given = replace(CASES[name], robot=replace(CASES[name].robot, max_wheel_speed=51.0))
     given = with_plans(given, 1, 2)
-    law, audit = GuidanceLaw(given), Audit(given)
-    warm, second = Planner(OcpFormulation(given)), Planner(OcpFormulation(given))
-    ranking = Ranking(given, None)
+    law, audit = GuidanceLaw(given, given.world), Audit(given)
+    formulation = OcpFormulation(given, given.world)
+    warm, second = Planner(formulation), Planner(formulation)
+    ranking = Ranking(given, compares=False)
     pose, held, plan = np.array(START), np.zeros(2), None
 
     def improved(planner, guess):
@@ -235,16 +238,16 @@ def test_one_candidate_is_the_warm_plan_or_a_fresh_one_along_the_road(name):
         return Candidate.of(result, verdict, given.target)
 
     for now in ON_TIME[:-1]:
-        horizon = remaining(now, PERIOD, 10_000_000_000)
+        horizon, start = remaining(now, PERIOD, 10_000_000_000), start_of(given, pose)
         if plan is None:
-            guess = initial_guess(given, start_of(given, pose), given.target, horizon.durations)
+            guess = initial_guess(given, start, given.target, horizon.durations)
         else:
             guess = shift(plan.controls, plan.horizon, horizon)
         candidate = improved(warm, guess)
         if not candidate.feasible:
             second.forget()
             fresh = improved(second, context_of(given, pose, horizon).center_line_guess)
-            if ranking.score(fresh, held).beats(ranking.score(candidate, held)):
+            if ranking.score(fresh, start).beats(ranking.score(candidate, start)):
                 warm, second, candidate = second, warm, fresh
         decision = law.update(now, pose)
         plan = candidate.plan
@@ -284,7 +287,7 @@ def test_where_there_is_no_room_to_drive_in_a_bow_the_robot_turns_on_the_spot_fi
 
 def test_no_turn_on_the_spot_is_tried_where_a_plan_has_no_flaw(monkeypatch):
     counts = counted(monkeypatch)
-    GuidanceLaw(settings(BOTH, 51.0, ROAD)).update(0, np.array(START))
+    law_of(settings(BOTH, 51.0, ROAD)).update(0, np.array(START))
     # Four plans, and one of them again.
     assert counts == {50: 5}
 
@@ -299,7 +302,7 @@ def test_where_hardly_any_time_is_left_a_plan_cuts_short():
 def test_a_plan_that_may_be_followed_is_given_time_to_mend_a_flaw(seed):
     """Odometry that is a little off puts a flaw into plans; seldom is one changed for it."""
     given, rng = settings(BOTH, 51.0, ROAD), np.random.default_rng(seed)
-    law, pose, changes = GuidanceLaw(given), np.array(START), 0
+    law, pose, changes = GuidanceLaw(given, given.world), np.array(START), 0
     for k in range(45):
         decision = law.update(k * PERIOD, pose + rng.normal(0.0, [0.03, 0.03, 0.03]))
         changes += 'Changed over' in decision.reason

@@ -18,7 +18,9 @@ POSE = np.array(START)
 def improve(given, guess=None, held=(0.0, 0.0)):
     if guess is None:
         guess = initial_guess(given, start_of(given, POSE), given.target, HORIZON.durations)
-    return Planner(OcpFormulation(given)).improve(context_of(given, POSE, HORIZON, held), guess)
+    return Planner(OcpFormulation(given, given.world)).improve(
+        context_of(given, POSE, HORIZON, held), guess
+    )
 
 
 @pytest.mark.parametrize('iterations', [1, 2, 7])

@@ -61,17 +61,17 @@ def test_a_little_more_to_spare_is_no_reason_to_change_over():
 @pytest.mark.parametrize(('limit', 'replanned'), [(51.0, False), (45.0, True)])
 def test_a_plan_that_needs_nearly_all_of_the_wheels_needs_replanning(limit, replanned):
     given, pose = settings(BOTH, limit, ROAD), np.array(START)
-    horizon, ranking = remaining(0, PERIOD, 50 * PERIOD), Ranking(given, given.road)
+    horizon, ranking = remaining(0, PERIOD, 50 * PERIOD), Ranking(given, compares=True)
     context = context_of(given, pose, horizon)
     guess = context.center_line_guess
-    result = Planner(OcpFormulation(given)).improve(context, guess, 6)
+    result = Planner(OcpFormulation(given, given.world)).improve(context, guess, 6)
     verdict = Audit(given).check(context.start, result.plan.controls, horizon.durations)
     candidate = Candidate.of(result, verdict, given.target)
-    score, speeds = ranking.score(candidate, np.zeros(2)), result.plan.controls[:-1]
+    score, speeds = ranking.score(candidate, context.start), result.plan.controls[:-1]
     spared = 1.0 - np.abs(speeds).max(axis=1).mean() / limit
     assert score.reserve == pytest.approx(min(spared, 0.1))
     assert not score.flawed
-    assert ranking.needs_replanning(candidate) == replanned
+    assert ranking.needs_replanning(candidate, context.start) == replanned
 
 
 def test_what_is_in_a_margin_is_a_flaw_before_it_touches_anything():
@@ -79,13 +79,13 @@ def test_what_is_in_a_margin_is_a_flaw_before_it_touches_anything():
     horizon = remaining(0, PERIOD, 50 * PERIOD)
     context = context_of(given, pose, horizon)
     guess = context.center_line_guess
-    result = Planner(OcpFormulation(given)).improve(context, guess, 6)
+    result = Planner(OcpFormulation(given, given.world)).improve(context, guess, 6)
     verdict = Audit(given).check(context.start, result.plan.controls, horizon.durations)
     assert verdict.nearest.startswith('obstacle')
     for over, depth in ((-0.01, 0.0), (0.02, 0.02)):
         margin = verdict.worst_margin + over
-        ranking = Ranking(replace(given, safety=Safety(margin=margin)), given.road)
-        score = ranking.score(Candidate.of(result, verdict, given.target), np.zeros(2))
+        ranking = Ranking(replace(given, safety=Safety(margin=margin)), compares=True)
+        score = ranking.score(Candidate.of(result, verdict, given.target), context.start)
         assert score.obstacle == pytest.approx(depth, abs=1e-9)
         assert score.flawed == (depth > 0.0)
 
@@ -100,10 +100,10 @@ def test_a_plan_beside_that_has_no_prospect_is_let_go():
 
 def test_a_path_that_winds_around_itself_is_replanned():
     given, pose = settings((), 51.0, ROAD), np.array(START)
-    horizon, ranking = remaining(0, PERIOD, 50 * PERIOD), Ranking(given, given.road)
+    horizon, ranking = remaining(0, PERIOD, 50 * PERIOD), Ranking(given, compares=True)
     context = context_of(given, pose, horizon)
     straight = context.center_line_guess
-    result = Planner(OcpFormulation(given)).improve(context, straight, 6)
+    result = Planner(OcpFormulation(given, given.world)).improve(context, straight, 6)
     verdict = Audit(given).check(context.start, result.plan.controls, horizon.durations)
     wound = result.plan.poses.copy()
     wound[20:, 2] -= 2.0 * math.pi
@@ -112,7 +112,7 @@ def test_a_path_that_winds_around_itself_is_replanned():
         Candidate.of(result, verdict, given.target),
         Candidate.of(twice, verdict, given.target),
     )
-    assert not ranking.needs_replanning(plain)
-    assert ranking.needs_replanning(turned)
-    assert ranking.score(turned, np.zeros(2)).turns == 1
-    assert ranking.score(plain, np.zeros(2)).beats(ranking.score(turned, np.zeros(2)))
+    assert not ranking.needs_replanning(plain, context.start)
+    assert ranking.needs_replanning(turned, context.start)
+    assert ranking.score(turned, context.start).turns == 1
+    assert ranking.score(plain, context.start).beats(ranking.score(turned, context.start))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cmpsp_ros.guidance.planning.seen_way import searched_with
-from cmpsp_ros.guidance.settings import NOT_SEARCHED
+from cmpsp_ros.guidance.world import NOT_SEARCHED
 from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 from cmpsp_ros.world.grids import Cell, OccupancyGrid
 
@@ -31,10 +31,10 @@ def sides(settings, scans, searched=NOT_SEARCHED):
     """Where the path crosses the wall after each scan (y) [m], and with what it is searched."""
     found = []
     for cells in scans:
-        given = replace(settings, searched=searched)
-        seen = given.seeing(OccupancyGrid((-1.0, -5.0, 0.0), CELL, cells))
-        searched = searched_with(seen, START, GOAL)
-        line = replace(seen, searched=searched).map_search.line(START, GOAL, 0.1)
+        world = replace(settings.world, searched=searched)
+        seen = world.seeing(OccupancyGrid((-1.0, -5.0, 0.0), CELL, cells))
+        searched = searched_with(settings, seen, START, GOAL)
+        line = replace(seen, searched=searched).map_search(settings).line(START, GOAL, 0.1)
         found.append(float(line[np.abs(line[:, 0] - 4.1).argmin(), 1]))
     return np.array(found), searched
 
@@ -46,9 +46,9 @@ def noisy_walls(count):
         yield wall(MIDDLE - 30 + low, MIDDLE + 30 + high)
 
 
-@pytest.mark.parametrize('reluctance', [0.0, NOT_SEARCHED.reluctance])
+@pytest.mark.parametrize('reluctance', [0.0, NOT_SEARCHED.hysteresis])
 def test_noise_does_not_change_the_side(settings, reluctance):
-    crossings, _ = sides(settings, noisy_walls(30), NOT_SEARCHED._replace(reluctance=reluctance))
+    crossings, _ = sides(settings, noisy_walls(30), NOT_SEARCHED._replace(hysteresis=reluctance))
 
     assert (np.abs(crossings) > 1.4).all()
     assert (np.ptp(np.sign(crossings)) > 0.0) == (reluctance == 0.0)
@@ -61,7 +61,7 @@ def test_a_way_is_changed_for_one_that_is_clearly_better(settings):
     assert (crossings[:2] > 2.9).all()
     assert -2.0 < crossings[2] < -1.0
     assert searched.is_another
-    assert searched.reluctance > NOT_SEARCHED.reluctance
+    assert searched.hysteresis > NOT_SEARCHED.hysteresis
 
 
 def test_a_way_that_is_blocked_is_changed_at_once(settings):
@@ -72,7 +72,7 @@ def test_a_way_that_is_blocked_is_changed_at_once(settings):
     assert first > 1.4
     assert second < -1.4
     assert searched.kept is None
-    assert searched.reluctance == NOT_SEARCHED.reluctance
+    assert searched.hysteresis == NOT_SEARCHED.hysteresis
 
 
 def test_a_gap_that_noise_opens_and_closes_is_given_up(settings):

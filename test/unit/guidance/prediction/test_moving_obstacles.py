@@ -38,7 +38,7 @@ def told(movers, stamp, since=0):
 
 def drive(given_, movers, tell=told, start=START, steps=51):
     """Decisions of a closed loop, and the least clearance from the movers while it moved."""
-    law, pose, decisions, least = GuidanceLaw(given_), np.array(start), [], []
+    law, pose, decisions, least = GuidanceLaw(given_, given_.world), np.array(start), [], []
     parts = np.full(PIECES, 0.2 / PIECES)
     for step in range(steps):
         stamp = step * PERIOD

@@ -117,7 +117,7 @@ def test_a_robot_as_told_is_predicted_exactly():
 def test_predictions_that_are_beyond_all_bounds_stop_the_robot(fault):
     """Its wheels do not turn, whatever is commanded."""
     given = replace(CASES['case 3'], initial_guess=ROAD, safety=Safety(max_prediction_error=0.25))
-    law, stopped = GuidanceLaw(given), []
+    law, stopped = GuidanceLaw(given, given.world), []
     for step in range(5):
         decision = law.update(step * PERIOD, np.array(START))
         if 'safety.max_prediction_error' in decision.reason:
@@ -131,7 +131,7 @@ def test_predictions_that_are_beyond_all_bounds_stop_the_robot(fault):
 
 def test_a_delay_is_taken_for_no_lag():
     given = replace(CASES['case 3'], initial_guess=ROAD, max_lag=LONGEST, command_delay=0.1)
-    law = GuidanceLaw(given)
+    law = GuidanceLaw(given, given.world)
     run = drive(law, replace(given, command_delay=0.1), [k * PERIOD for k in range(5)])
     assert run.decisions[-1].prediction_error > 0.01
 

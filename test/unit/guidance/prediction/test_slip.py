@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scenarios import CASES, START
+from scenarios import CASES, START, reconfigure
 from test_command_delay import Drive
 
 from cmpsp_ros.guidance.prediction.slip import SlipEstimate
@@ -105,7 +105,7 @@ def test_a_robot_without_slip_arrives_as_well():
 def test_a_reset_forgets_it_and_a_live_change_does_not():
     drive = Drive(replace(CASE_3, max_slip=0.1), wheel_slip=(0.03, 0.03))
     law = drive.law
-    law.reconfigure(replace(drive.settings, goal_tolerance=0.02))
+    reconfigure(law, replace(drive.settings, goal_tolerance=0.02))
     stamp = drive.decisions[-1].stamp + PERIOD
     assert law.halt(stamp, 'Test.').wheel_slip > 0.0
     law.reset()

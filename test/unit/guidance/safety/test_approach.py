@@ -136,7 +136,7 @@ def test_a_robot_heavier_than_its_model_stops_before_a_wall(plant, acceleration)
         pytest.importorskip('mujoco')
     values = course_with_a_wall(**plant, **{'robot.max_wheel_acceleration': acceleration})
     given, body = guidance_settings(values), Plant(plant_settings(values))
-    law, motions = GuidanceLaw(given), []
+    law, motions = GuidanceLaw(given, given.world), []
     for stamp in range(0, 11_000 * MS, 20 * MS):
         motions += [*body.advance(stamp), body.motion]
         decision = law.update(stamp, body.measure())
@@ -156,7 +156,7 @@ def test_a_robot_heavier_than_its_model_stops_before_a_wall(plant, acceleration)
 def test_far_away_nothing_is_slowed_down():
     """A first plan that is not good yet leads into something, far ahead."""
     given = settings((FIRST,), 51.0, ROAD)
-    law = GuidanceLaw(given)
+    law = GuidanceLaw(given, given.world)
     run = drive(law, given, [k * PERIOD for k in range(50)])
     assert not any('Slows' in each.reason for each in run.decisions)
 
@@ -195,6 +195,7 @@ def test_what_lies_between_the_paths_of_less_lag_and_more():
     known = Risk(lags, 0.0, 'its wheels may lag.')
     assert approach(given).calmed(plan, verdict, start, None, start, known) is None
     away = replace(given, obstacles=(FIRST,))
+    start = start._replace(world=away.world)
     assert approach(away).calmed(plan, verdict, start, None, start, known)[0] is plan
 
 

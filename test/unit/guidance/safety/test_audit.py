@@ -138,7 +138,7 @@ def test_path_is_swept_between_samples():
     pole = Obstacle('pole', (0.1575, -10.0), 0.1)
     given = replace(GIVEN, obstacles=(pole,))
     plan = controls(45, 45)
-    swept = Audit(given).check(start_of(GIVEN, HERE), plan, TIMES)
+    swept = Audit(given).check(start_of(given, HERE), plan, TIMES)
     assert not swept.passed
     assert swept.margin == pytest.approx(-0.1, abs=1e-9)
     sampled = Audit(replace(given, safety=Safety(between_samples=False))).check(
@@ -150,11 +150,11 @@ def test_path_is_swept_between_samples():
 def test_duration_of_the_first_period_counts():
     given = replace(GIVEN, obstacles=(Obstacle('ahead', (0.6, -10.0), 0.2),))
     assert (
-        Audit(given).check(start_of(GIVEN, HERE), controls(45, 45, 2), np.array([0.2, 0.2])).passed
+        Audit(given).check(start_of(given, HERE), controls(45, 45, 2), np.array([0.2, 0.2])).passed
     )
     assert (
         not Audit(given)
-        .check(start_of(GIVEN, HERE), controls(45, 45, 2), np.array([0.29, 0.2]))
+        .check(start_of(given, HERE), controls(45, 45, 2), np.array([0.29, 0.2]))
         .passed
     )
 
@@ -163,8 +163,8 @@ def test_radius_of_the_robot_counts_and_the_margin_does_not():
     pose = np.array([0.0, -10.85, 0.0])
     wide = replace(GIVEN, robot_radius=0.2)
     assert Audit(GIVEN).check(start_of(GIVEN, pose), controls(1, 1), TIMES).passed
-    assert Audit(GIVEN).clearance_at(pose)[0] == pytest.approx(0.15)
-    assert Audit(wide).clearance_at(pose)[0] == pytest.approx(-0.05)
+    assert Audit(GIVEN).clearance_at(GIVEN.world, pose)[0] == pytest.approx(0.15)
+    assert Audit(wide).clearance_at(wide.world, pose)[0] == pytest.approx(-0.05)
     careful = replace(GIVEN, safety=Safety(margin=0.2))
     assert Audit(careful).check(start_of(GIVEN, pose), controls(1, 1), TIMES).passed
 
@@ -174,34 +174,35 @@ def test_outside_the_road_it_may_come_back_but_not_get_further_out(between):
     given = replace(GIVEN, safety=Safety(between_samples=between))
     audit = Audit(given)
     out = np.array([0.0, -11.3, math.pi / 2])
-    assert audit.check(start_of(GIVEN, out), controls(20, 20), TIMES).passed
-    assert not audit.check(start_of(GIVEN, out), controls(-20, -20), TIMES).passed
-    assert audit.check(start_of(GIVEN, out), controls(0, 0), TIMES).passed
-    assert audit.check(start_of(GIVEN, out), controls(5, -5), TIMES).passed
+    assert audit.check(start_of(given, out), controls(20, 20), TIMES).passed
+    assert not audit.check(start_of(given, out), controls(-20, -20), TIMES).passed
+    assert audit.check(start_of(given, out), controls(0, 0), TIMES).passed
+    assert audit.check(start_of(given, out), controls(5, -5), TIMES).passed
     assert (
-        'the outer road edge' in audit.check(start_of(GIVEN, out), controls(-20, -20), TIMES).reason
+        'the outer road edge' in audit.check(start_of(given, out), controls(-20, -20), TIMES).reason
     )
 
 
 def test_inside_an_obstacle_it_may_come_out_but_not_get_deeper():
     audit = Audit(GIVEN)
     inside = np.array([7.5, -6.0, 0.0])
-    assert audit.clearance_at(inside)[2] == pytest.approx(-0.2)
+    assert audit.clearance_at(GIVEN.world, inside)[2] == pytest.approx(-0.2)
     assert audit.check(start_of(GIVEN, inside), controls(-20, -20), TIMES).passed
     assert not audit.check(start_of(GIVEN, inside), controls(20, 20), TIMES).passed
     # What it is not inside of may still not be touched on the way out.
     pole = Obstacle('pole', (7.35, -6.0), 0.05)
-    hemmed = Audit(replace(GIVEN, obstacles=(FIRST, pole)))
-    assert not hemmed.check(start_of(GIVEN, inside), controls(-20, -20), TIMES).passed
+    hemmed = replace(GIVEN, obstacles=(FIRST, pole))
+    assert not audit.check(start_of(hemmed, inside), controls(-20, -20), TIMES).passed
 
 
 def test_at_gives_every_clearance_and_names_go_with_them():
     audit = Audit(GIVEN)
     np.testing.assert_allclose(
-        audit.clearance_at(HERE), [1.0, 1.0, math.hypot(8, 4) - 0.7, math.hypot(10, 8) - 0.5]
+        audit.clearance_at(GIVEN.world, HERE),
+        [1.0, 1.0, math.hypot(8, 4) - 0.7, math.hypot(10, 8) - 0.5],
     )
-    assert audit.names([0, 3]) == 'the outer road edge, obstacle second'
-    assert audit.names([]) == ''
+    assert audit.names([0, 3], GIVEN.world) == 'the outer road edge, obstacle second'
+    assert audit.names([], GIVEN.world) == ''
 
 
 def test_standing_still_always_passes():

@@ -48,7 +48,7 @@ def given_for(robot, obstacles=SHAPES, road=None):
 def sampled(given, pose, plan, moving):
     """Least clearance of all discs on 200 poses a step, ``(4, 200)``."""
     fine = given.robot.roll_out(pose, np.repeat(plan[:-1], 200, axis=0), np.full(800, 1e-3))
-    point = replace(given, footprint=type(FOOTPRINT)()).space()
+    point = given.world.free_space(replace(given, footprint=type(FOOTPRINT)()))
     least = []
     for k, at in enumerate(fine[1:]):
         discs = placed(FOOTPRINT.discs, at)
@@ -75,7 +75,7 @@ def test_margins_are_those_of_a_fine_sampling_of_every_disc(name, bent):
         gap = 5e-3 + 0.01 * abs(least.min())
         assert least[0].min() - gap <= verdict.margin <= least[0].min() + gap
         assert least.min() - gap <= verdict.worst_margin <= least.min() + gap
-        at_rest = audit.clearance_at(pose, CART).min()
+        at_rest = audit.clearance_at(given.world, pose, CART).min()
         if at_rest >= 0.0 and abs(least[0].min()) > gap:
             assert verdict.passed == (least[0].min() > 0.0), verdict.reason
             seen.add(verdict.passed)
@@ -104,7 +104,7 @@ def test_between_samples_the_front_is_nearest_in_the_middle_of_a_turn():
     plan = np.tile([7.0, -7.0], (5, 1))
     turn = float(robot.twist(plan[0])[1]) * 0.2
     start = start_of(given, np.array([0.0, 0.0, -turn / 2.0]))
-    assert Audit(given).clearance_at(start.pose).min() > 0.01
+    assert Audit(given).clearance_at(given.world, start.pose).min() > 0.01
     assert 'too close to obstacle pole' in Audit(given).check(start, plan, TIMES).reason
     samples = replace(given, safety=Safety(between_samples=False))
     assert Audit(samples).check(start, plan, TIMES).passed
@@ -115,8 +115,10 @@ def test_a_robot_whose_front_is_in_an_obstacle_may_leave_it_and_not_go_deeper():
     given = given_for(robot, (Obstacle('pole', (1.3, 0.0), 0.1),))
     start, plan = start_of(given, np.zeros(3)), np.tile([10.0, 10.0], (5, 1))
     audit = Audit(given)
-    assert audit.clearance_at(start.pose).min() < -0.05
-    assert audit.why_no_start(start.pose).endswith('inside obstacle pole: nothing is begun there.')
+    assert audit.clearance_at(given.world, start.pose).min() < -0.05
+    assert audit.why_no_start(given.world, start.pose).endswith(
+        'inside obstacle pole: nothing is begun there.'
+    )
     assert audit.check(start, -plan, TIMES).passed
     assert not audit.check(start, plan, TIMES).passed
 
@@ -136,8 +138,9 @@ def test_a_stop_must_be_clear_for_every_disc():
 
 
 def test_rows_of_every_disc_have_the_same_names():
-    audit = Audit(given_for(ROBOTS['differential'][0]))
+    given = given_for(ROBOTS['differential'][0])
+    audit = Audit(given)
     rows = 2 + len(SHAPES) + 1
     names = 'obstacle pole, obstacle box, cart'
-    assert audit.names([2, 4, rows + 2, rows + 4, rows + 5], CART) == names
-    assert not math.isnan(audit.clearance_at(np.zeros(3)).min())
+    assert audit.names([2, 4, rows + 2, rows + 4, rows + 5], given.world, CART) == names
+    assert not math.isnan(audit.clearance_at(given.world, np.zeros(3)).min())

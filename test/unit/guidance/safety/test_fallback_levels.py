@@ -16,6 +16,7 @@ from scenarios import (
     broken,
     clearance,
     drive,
+    reconfigure,
     settings,
 )
 
@@ -26,7 +27,7 @@ from cmpsp_ros.world.obstacles import Obstacle
 
 def test_the_levels_when_the_solver_fails(monkeypatch):
     given = replace(CASES['case 3'], failure_tolerance=3)
-    law = GuidanceLaw(given)
+    law = GuidanceLaw(given, given.world)
     run = drive(law, given, ON_TIME[:21])
     good = run.decisions[-1]
     broken(monkeypatch)
@@ -52,7 +53,7 @@ def test_the_levels_when_the_solver_fails(monkeypatch):
 
 def test_the_levels_recover_when_the_solver_does(monkeypatch):
     given = replace(CASES['case 1'], failure_tolerance=5)
-    law = GuidanceLaw(given)
+    law = GuidanceLaw(given, given.world)
 
     def disturb(run, stamp):
         if stamp == 20 * PERIOD:
@@ -70,7 +71,7 @@ def test_the_levels_recover_when_the_solver_does(monkeypatch):
 
 
 def test_failure_at_the_very_first_step_stops(monkeypatch):
-    law = GuidanceLaw(CASES['case 1'])
+    law = GuidanceLaw(CASES['case 1'], CASES['case 1'].world)
     broken(monkeypatch)
     decision = law.update(0, np.array(START))
     assert decision.level is FallbackLevel.STOP
@@ -83,14 +84,14 @@ def test_failure_at_the_very_first_step_stops(monkeypatch):
 @pytest.mark.parametrize('limit', [math.inf, 51.0])
 def test_an_obstacle_put_on_the_plan_is_never_touched(ahead, radius, limit):
     given = settings(limit=limit)
-    law = GuidanceLaw(given)
+    law = GuidanceLaw(given, given.world)
     run = drive(law, given, ON_TIME[:21])
     pose = after(run, given)
     forward = np.array([math.cos(pose[2]), math.sin(pose[2])])
     # Its edge is `ahead` of the robot, straight on.
     center = tuple(pose[:2] + (ahead + radius) * forward)
     blocked = replace(given, obstacles=(Obstacle('sudden', center, radius),))
-    law.reconfigure(blocked)
+    reconfigure(law, blocked)
     rest = drive(law, blocked, ON_TIME[21:], start=pose)
     assert clearance(rest.path, blocked) >= -1e-9
     assert np.abs(rest.controls).max() <= limit
@@ -104,7 +105,7 @@ def test_an_obstacle_put_on_the_plan_is_never_touched(ahead, radius, limit):
 
 def test_a_warm_start_is_thrown_away_after_failures(monkeypatch):
     given = replace(settings(guess=ROAD), failure_tolerance=2)
-    law = GuidanceLaw(given)
+    law = GuidanceLaw(given, given.world)
     run = drive(law, given, ON_TIME[:11])
     warm = run.decisions[-1].plan.controls
     guesses = {}
@@ -126,7 +127,7 @@ def test_a_warm_start_is_thrown_away_after_failures(monkeypatch):
 
 def test_halt():
     given = CASES['case 3']
-    law = GuidanceLaw(given)
+    law = GuidanceLaw(given, given.world)
     early = law.halt(5, 'Nothing heard yet.')
     assert early.level is FallbackLevel.STOP
     assert early.reason == 'Nothing heard yet.'
@@ -147,7 +148,7 @@ def test_halt():
 
 def test_odometry_from_before_a_halt_is_not_decided_on():
     given = CASES['case 3']
-    law = GuidanceLaw(given)
+    law = GuidanceLaw(given, given.world)
     run = drive(law, given, ON_TIME[:11])
     law.halt(10 * PERIOD + 5, 'Odometry is stale.')
     assert law.update(8 * PERIOD, run.pose) is None

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scenarios import CASES, MS, PERIOD, ROAD, START, clearance
+from scenarios import CASES, MS, PERIOD, ROAD, START, clearance, reconfigure
 
 from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw
 from cmpsp_ros.guidance.safety.lateness import Lateness
@@ -19,7 +19,7 @@ TOOK = 0.62
 @pytest.fixture
 def late():
     """A law whose second step took three periods and was not sent; and where the robot is."""
-    law = GuidanceLaw(CASE_3)
+    law = GuidanceLaw(CASE_3, CASE_3.world)
     first = law.update(0, np.array(START))
     pose = CASE_3.robot.roll_out(np.array(START), first.wheel_speeds[None], np.array([0.2]))[-1]
     second = law.update(PERIOD, pose)
@@ -48,7 +48,7 @@ def test_a_late_plan_goes_on_shifted_by_the_time_that_it_took(late):
 def test_a_late_plan_that_is_not_clear_any_more_is_a_stop_and_a_start_for_the_next(late):
     law, _, _, pose = late
     ahead = pose[:2] + 0.25 * np.array([np.cos(pose[2]), np.sin(pose[2])])
-    law.reconfigure(replace(CASE_3, obstacles=(Obstacle('box', tuple(ahead), 0.2),)))
+    reconfigure(law, replace(CASE_3, obstacles=(Obstacle('box', tuple(ahead), 0.2),)))
     decision = law.update(PERIOD + 640 * MS, pose)
     assert (decision.level, decision.iterations) == (FallbackLevel.STOP, 0)
     assert decision.reason == (
@@ -65,7 +65,7 @@ def test_newer_odometry_is_decided_on_at_once(late):
 
 def test_a_command_that_was_not_sent_is_not_foreseen_either():
     given = replace(CASE_3, command_delay=0.1)
-    law = GuidanceLaw(given)
+    law = GuidanceLaw(given, given.world)
     first = law.update(0, np.array(START))
     pose = given.robot.roll_out(np.array(START), first.wheel_speeds[None], np.array([0.1]))[-1]
     law.withdraw(law.update(PERIOD, pose), 0.25)
@@ -92,7 +92,7 @@ def test_half_the_work_is_done_where_it_is_bounded():
     tight = replace(CASE_3, solver=replace(CASE_3.solver, work_share=2e-4))
     reasons = []
     for late_steps in (0, 4):
-        law = GuidanceLaw(tight)
+        law = GuidanceLaw(tight, tight.world)
         law._state.lateness.late_steps = late_steps
         reasons.append(law.update(0, np.array(START)).iterations)
     assert reasons[1] < reasons[0]
@@ -102,7 +102,7 @@ def test_half_the_work_is_done_where_it_is_bounded():
 def test_where_a_late_command_would_not_find_the_path_clear_the_robot_is_slower(delay):
     """Any command may go on for six tenths of a second more than planned."""
     given = replace(CASE_3, initial_guess=ROAD, max_command_delay=delay)
-    law, pose, nearest, slowed = GuidanceLaw(given), np.array(START), np.inf, 0
+    law, pose, nearest, slowed = GuidanceLaw(given, given.world), np.array(START), np.inf, 0
     for stamp in range(0, 10_000 * MS, PERIOD):
         decision = law.update(stamp, pose)
         slowed += 'Slowed to' in decision.reason

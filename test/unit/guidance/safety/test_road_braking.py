@@ -38,9 +38,9 @@ def driven(settings, start, commands):
 def test_it_stays_on_the_road_and_within_the_limits(settings, speed):
     pose = np.array([0.0, -77.0, 0.0])
     command = np.array([speed, 0.05])
-    start = PlanStart(pose, settings.robot, previous_control=command)
+    start = PlanStart(pose, settings.robot, settings.world, previous_control=command)
     limits = PERIOD, settings.max_wheel_change
-    ramp = braking_on_road(settings.road, start, command, PERIOD, *limits)
+    ramp = braking_on_road(start, command, PERIOD, *limits)
     commands = np.vstack([command, ramp])
     assert commands[-1, 0] == 0.0
     changes = np.abs(np.diff(commands, axis=0))
@@ -52,7 +52,7 @@ def test_it_stays_on_the_road_and_within_the_limits(settings, speed):
 
 def test_a_command_is_sent_whose_arc_could_not_be_held(settings):
     pose, command = np.array([0.0, -77.0, 0.0]), np.array([12.0, 0.1])
-    start = PlanStart(pose, settings.robot, previous_control=command)
+    start = PlanStart(pose, settings.robot, settings.world, previous_control=command)
     held = np.vstack([np.linspace(1.0, 0.0, 16)[:, None] * [12.0, 0.0] + [0.0, 0.1]])
     assert driven(settings, start, held) < -0.5
     plan = np.vstack([command, command])

@@ -8,7 +8,8 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.time import Time
 
-from cmpsp_ros.nodes.common.health import Health, Report, StepTimes
+from cmpsp_ros.nodes.common.health import Health, Report
+from cmpsp_ros.nodes.guidance.diagnostics import StepTimes
 
 
 class FakeNode:

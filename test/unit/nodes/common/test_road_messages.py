@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from cmpsp_ros.nodes.common.road_messages import road_in
+from cmpsp_ros.nodes.common.messages import road_in
 from cmpsp_ros.parameters import TABLE, ParameterError, check_start, guidance_settings, lacks_road
 
 OPEN = [(0.0, 0.0), (3.0, 0.0), (6.0, 1.0)]

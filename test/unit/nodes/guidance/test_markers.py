@@ -18,13 +18,17 @@ from cmpsp_ros.world.obstacles import Capsule, convex
 STAMP = Time(nanoseconds=3_000_000_005).to_msg()
 
 
+def array_of(given, *arguments):
+    return marker_array(given, given.world, *arguments)
+
+
 def settings(preset='case3', **changes):
     return guidance_settings(TABLE.resolve({**load_parameter_file(preset), **changes}))
 
 
 @pytest.fixture
 def markers():
-    return marker_array(settings(), STAMP).markers
+    return array_of(settings(), STAMP).markers
 
 
 def of(markers, namespace):
@@ -40,7 +44,7 @@ def test_old_markers_are_removed_first_and_every_new_one_has_an_identity(markers
 
 @pytest.mark.parametrize('frame_id', ['odom', 'map'])
 def test_all_are_in_the_frame_of_the_settings(frame_id):
-    made = marker_array(settings(frame_id=frame_id), STAMP).markers
+    made = array_of(settings(frame_id=frame_id), STAMP).markers
     assert {each.header.frame_id for each in made} == {frame_id}
     assert all(each.header.stamp == STAMP for each in made[1:])
     assert all(each.pose.orientation.w == 1.0 for each in made[1:])
@@ -55,7 +59,7 @@ def test_all_are_in_the_frame_of_the_settings(frame_id):
     ],
 )
 def test_every_number_is_a_plain_float(changes):
-    for each in marker_array(settings(**changes), STAMP).markers:
+    for each in array_of(settings(**changes), STAMP).markers:
         place, turn, size, color = each.pose.position, each.pose.orientation, each.scale, each.color
         numbers = [place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w]
         numbers += [size.x, size.y, size.z, color.r, color.g, color.b, color.a]
@@ -82,7 +86,7 @@ def test_rings_have_the_radii_of_what_they_show(markers):
 
     assert list(radii('road', (0.0, 0.0))) == pytest.approx([9.0, 11.0])
     assert list(radii('centre_line', (0.0, 0.0))) == pytest.approx([10.0])
-    kept = sample_space(settings()).radii
+    kept = sample_space(settings(), settings().world).radii
     rings = of(markers, 'margins')
     for ring, radius, center in zip(rings, kept, [(8.0, -6.0), (10.0, -2.0)], strict=True):
         point = ring.points[17]
@@ -99,21 +103,21 @@ def test_discs_and_names_stand_where_the_obstacles_are(markers):
 
 
 def test_the_goal_has_its_tolerance_and_can_be_seen():
-    (goal,) = of(marker_array(settings(), STAMP).markers, 'goal')
+    (goal,) = of(array_of(settings(), STAMP).markers, 'goal')
     assert (goal.pose.position.x, goal.pose.position.y) == (10.0, 0.0)
     assert goal.scale.x == 0.2
     wide = settings(**{'goal.tolerance': 0.5})
-    (goal,) = of(marker_array(wide, STAMP).markers, 'goal')
+    (goal,) = of(array_of(wide, STAMP).markers, 'goal')
     assert goal.scale.x == 1.0
 
 
 def test_goals_show_their_headings_and_those_that_are_passed_are_paler():
     course = settings('goals')
-    made = marker_array(course, STAMP).markers
+    made = array_of(course, STAMP).markers
     goals = of(made, 'goal')
     assert len(goals) == len(course.goals) == 6
     assert len({each.color.a for each in goals}) == 1
-    markers = marker_array(course, STAMP, replace(course.goals[2], heading=0.5)).markers
+    markers = array_of(course, STAMP, replace(course.goals[2], heading=0.5)).markers
     alphas = [each.color.a for each in of(markers, 'goal')]
     assert alphas[0] == alphas[1] < alphas[2] == alphas[5] == goals[0].color.a
     # Only the second has a heading.
@@ -126,19 +130,19 @@ def test_goals_show_their_headings_and_those_that_are_passed_are_paler():
 
 def test_a_goal_that_was_told_is_ahead():
     told = Goal((7.0, -7.0), 12.0, 0.8)
-    (goal,) = of(marker_array(settings().towards(told), STAMP, told).markers, 'goal')
+    (goal,) = of(array_of(settings().towards(told), STAMP, told).markers, 'goal')
     assert goal.color.a > 0.5
 
 
 def test_no_obstacles_no_limit():
-    made = marker_array(settings('case1'), STAMP).markers
+    made = array_of(settings('case1'), STAMP).markers
     assert {each.ns for each in made[1:]} == {'road', 'centre_line', 'goal'}
 
 
 def test_walls_and_polygons_are_drawn_by_their_edges():
     wall = Capsule('wall', (4.0, -9.5), (5.0, -9.5), 0.1)
     crate = convex('crate', [(9.5, -3.0), (10.5, -3.0), (10.5, -2.0), (9.5, -2.0)])
-    found = marker_array(replace(settings(), obstacles=(wall, crate)), STAMP).markers
+    found = array_of(replace(settings(), obstacles=(wall, crate)), STAMP).markers
     edges, rings = of(found, 'obstacles'), of(found, 'margins')
     assert [each.type for each in (*edges, *rings)] == [Marker.LINE_STRIP] * 4
     assert [(each.x, each.y) for each in edges[1].points] == [*crate.vertices, crate.vertices[0]]
@@ -151,7 +155,7 @@ def test_walls_and_polygons_are_drawn_by_their_edges():
 
 
 def test_a_map_is_drawn_by_its_outlines_without_a_name():
-    made = marker_array(settings('door'), STAMP).markers
+    made = array_of(settings('door'), STAMP).markers
     walls, margins = of(made, 'obstacles'), of(made, 'margins')
     # The walls of the room, and what it leaves free on either side of the door.
     assert len(walls) == 2

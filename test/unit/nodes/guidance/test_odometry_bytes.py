@@ -14,7 +14,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 
 from cmpsp_ros.bags.definitions import jazzy
 from cmpsp_ros.guidance.messages import OdometryError, OdometryReading
-from cmpsp_ros.nodes.guidance.inputs.odometry_bytes import read_odometry
+from cmpsp_ros.nodes.guidance.inputs.odometry import read_odometry
 
 TYPE = 'nav_msgs/msg/Odometry'
 

@@ -1,6 +1,6 @@
 """Odometry that stays away, by a clock that may jump."""
 
-from cmpsp_ros.nodes.guidance.inputs.odometry_watchdog import OdometryWatchdog
+from cmpsp_ros.nodes.guidance.inputs.odometry import OdometryWatchdog
 
 SECOND = 1_000_000_000
 

@@ -26,7 +26,7 @@ def settings():
 
 @pytest.fixture(scope='module')
 def law(settings):
-    return GuidanceLaw(settings)
+    return GuidanceLaw(settings, settings.world)
 
 
 @pytest.fixture(scope='module')
@@ -98,9 +98,9 @@ def test_the_line_goes_from_red_at_the_margin_to_green(fill, decision):
 
 def test_each_stage_has_the_colour_of_its_own_clearance(decision):
     settings = settings_of(**{'safety.margin': 0.05})
-    law = GuidanceLaw(settings)
+    law = GuidanceLaw(settings, settings.world)
     made = law.update(0, np.array([0.0, -9.25, 0.0]))
-    room = plan_clearance(settings, made)
+    room = plan_clearance(settings, settings.world, made)
     _, line, _ = PlanMarkers(settings).fill(made).markers
     assert line.colors == [color_of(each - 0.05) for each in room.tolist()]
     assert len(set(map(rgb, line.colors))) > 5
@@ -109,7 +109,8 @@ def test_each_stage_has_the_colour_of_its_own_clearance(decision):
 def test_another_course_is_taken(law, decision):
     message = PlanMarkers(settings_of())
     before = list(message.fill(decision).markers[1].colors)
-    message.take(settings_of('case1'))
+    course = settings_of('case1')
+    message.take(course, course.world)
     assert before != message.fill(decision).markers[1].colors
 
 
@@ -164,7 +165,7 @@ def test_what_moves_reddens_the_stages_that_it_comes_near(fill, decision):
 
 def test_a_robot_with_corners_is_drawn_where_the_plan_begins():
     given = settings_of('slot')
-    decision = GuidanceLaw(given).update(0, np.array([0.0, -0.3, 0.5]))
+    decision = GuidanceLaw(given, given.world).update(0, np.array([0.0, -0.3, 0.5]))
     (outline,) = [
         each for each in PlanMarkers(given).fill(decision).markers if each.ns == 'footprint'
     ]

@@ -3,8 +3,8 @@
 import pytest
 
 from cmpsp_ros.guidance.messages import Track, tracks_of
-from cmpsp_ros.nodes.common.clouds import cloud_of
-from cmpsp_ros.nodes.sim.moving_obstacles import Traffic
+from cmpsp_ros.nodes.common.messages import cloud_of
+from cmpsp_ros.nodes.sim.surroundings import Traffic
 from cmpsp_ros.parameters import TABLE
 
 SECOND = 1_000_000_000

@@ -15,7 +15,7 @@ from cmpsp_ros.studies.monte_carlo.driving import drive, farthest, outcome
 from cmpsp_ros.studies.monte_carlo.judging import judge as judges
 from cmpsp_ros.studies.monte_carlo.judging.costs import passed_alike
 from cmpsp_ros.studies.monte_carlo.outcome import Verdict
-from cmpsp_ros.studies.paper.judge_motion import excess, moved
+from cmpsp_ros.studies.paper.ipopt import limit_excess, motion
 
 ROBOTS = {
     'f1tenth': (),
@@ -34,7 +34,7 @@ def test_courses_are_in_proportion_and_in_reach(robot):
     for number in range(30):
         task = study(robot).run(number)
         settings, obstacles = task.settings, task.scenario.obstacles
-        road = settings.annulus
+        road = settings.world.annulus
         scale = (road.outer_radius - road.inner_radius) / WIDTH
         assert settings.goal == pytest.approx((10.0 * scale, 0.0))
         assert is_open(road, obstacles, scale * GAP + 2.0 * settings.robot_radius)
@@ -64,7 +64,7 @@ def test_the_judge_knows_how_each_robot_moves(robot):
         most = np.minimum(model.bounds, 0.7)
         control, heading = random.uniform(-most, most), float(random.uniform(-3.0, 3.0))
         pose = np.array([0.0, 0.0, heading])
-        found = np.array(casadi.DM(moved(casadi, model, heading, control.tolist(), 0.2))).ravel()
+        found = np.array(casadi.DM(motion(casadi, model, heading, control.tolist(), 0.2))).ravel()
         wanted = model.roll_out(pose, control[None], np.array([0.2]))[-1] - pose
         np.testing.assert_allclose(found, wanted, atol=1e-12)
 
@@ -73,11 +73,11 @@ def test_what_is_beyond_a_limit_is_found():
     settings = study('f1tenth').run(0).settings
     robot = settings.robot
     steps = np.array([[0.5, 0.4], [1.0, 0.41]])
-    assert excess(robot, steps, 0.2) <= 0.0
-    assert excess(robot, np.add(steps, [0.01, 0.0]), 0.2) == pytest.approx(0.01)
-    assert excess(robot, np.add(steps, [0.0, 0.01]), 0.2) == pytest.approx(0.0011, abs=1e-4)
+    assert limit_excess(robot, steps, 0.2) <= 0.0
+    assert limit_excess(robot, np.add(steps, [0.01, 0.0]), 0.2) == pytest.approx(0.01)
+    assert limit_excess(robot, np.add(steps, [0.0, 0.01]), 0.2) == pytest.approx(0.0011, abs=1e-4)
     slow = replace(robot, max_steering_rate=1.0)
-    assert excess(slow, steps, 0.2) == pytest.approx(0.2)
+    assert limit_excess(slow, steps, 0.2) == pytest.approx(0.2)
 
 
 @pytest.mark.parametrize('robot', ['f1tenth', 'mecanum'])
@@ -88,7 +88,7 @@ def test_a_run_keeps_every_limit(robot):
     assert made.verdict(1e-3) == Verdict.ARRIVED
     assert made.over_limit == 0
     settings = task.settings
-    assert excess(settings.robot, driven.controls, settings.control_period) < 1e-6
+    assert limit_excess(settings.robot, driven.controls, settings.control_period) < 1e-6
     # A robot that could not do as much would have broken its limits.
     weaker = replace(settings.robot, max_wheel_acceleration=0.9 * 2.5)
     weak = replace(task, settings=replace(settings, robot=weaker))

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 from cmpsp_ros.studies.paper import table1
-from cmpsp_ros.studies.paper.artefacts import conditions
-from cmpsp_ros.studies.paper.artefacts.fixed_point import Convergence, converge
 from cmpsp_ros.studies.paper.drives import guessed_path, run_law
 from cmpsp_ros.studies.paper.experiments import FIG5_GUESSES, cases
+from cmpsp_ros.studies.paper.iterations import Convergence, converge, measure_conditions
 
 GUESSES = [guess for guess, _ in FIG5_GUESSES]
 
@@ -45,7 +44,7 @@ def test_errors_stop_at_rounding():
 @pytest.mark.parametrize('index', [0, 2])
 def test_conditions(index):
     path = run_law(cases()[index], between_samples=False).path
-    found = conditions.measure(path)
+    found = measure_conditions(path)
     assert found.size == 102
     assert found.rank_S_N == 2
     assert found.rank_G == found.columns_G
@@ -56,4 +55,4 @@ def test_conditions(index):
 
 
 def test_the_cost_is_not_convex_everywhere():
-    assert conditions.measure(guessed_path(table1()[1])).least_eigenvalue < -1.0
+    assert measure_conditions(guessed_path(table1()[1])).least_eigenvalue < -1.0

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from cmpsp_ros.studies.paper import table1, table2
-from cmpsp_ros.studies.paper.compare import TOUCHED, spans
-from cmpsp_ros.studies.paper.drives import drive_open, guessed_path, run_law
+from cmpsp_ros.studies.paper.drives import TOUCHED, Path, guessed_path, run_law, spans
 from cmpsp_ros.studies.paper.experiments import case3_at_45, cases, few_obstacles, many_obstacles
-from cmpsp_ros.studies.paper.recipes import Recipe, follow
+from cmpsp_ros.studies.paper.iterations import Recipe, follow
 
 TEN = {each.key: each for each in (*cases(), *table1(), *table2())}
 OTHERS = {each.key: each for each in (case3_at_45(), *few_obstacles(), *many_obstacles())}
@@ -105,15 +104,15 @@ def test_an_independent_solver_finds_every_layout_feasible(each, between_samples
     pytest.importorskip('casadi')
     from cmpsp_ros.guidance.planning import along_road
     from cmpsp_ros.guidance.prediction import PlanStart
-    from cmpsp_ros.studies.paper.judge import judge
+    from cmpsp_ros.studies.paper import reference_solution
 
     settings, pose = each.with_bound(between_samples), np.array(each.pose)
-    start = PlanStart(pose, settings.robot)
+    start = PlanStart(pose, settings.robot, settings.world)
     guess = along_road(settings, start, settings.target, np.full(50, 0.2))[:-1]
-    verdict = judge(settings, pose, drive_open(settings, pose, guess))
-    assert verdict.feasible, verdict.status
+    found = reference_solution(settings, pose, Path.open_loop(settings, pose, guess))
+    assert found.feasible, found.status
     # Its own word is not taken for it.
-    path = drive_open(settings, pose, verdict.controls)
+    path = Path.open_loop(settings, pose, found.controls)
     assert path.miss < 1e-6
     assert path.clearance(between_samples=False).min() > -1e-6
     assert np.abs(path.controls).max() < settings.robot.max_wheel_speed + 1e-6
@@ -126,12 +125,12 @@ def test_judge_says_when_there_is_no_way():
     pytest.importorskip('casadi')
     from dataclasses import replace
 
-    from cmpsp_ros.studies.paper.judge import judge
+    from cmpsp_ros.studies.paper import reference_solution
     from cmpsp_ros.world.obstacles import Obstacle
 
     settings = replace(cases()[0].settings, obstacles=(Obstacle('wall', (7.0, -7.0), 1.5),))
     path = guessed_path(few_obstacles()[0])
-    assert not judge(settings, np.array(cases()[0].pose), path).feasible
+    assert not reference_solution(settings, np.array(cases()[0].pose), path).feasible
 
 
 @pytest.mark.parametrize(

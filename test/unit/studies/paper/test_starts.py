@@ -6,7 +6,7 @@ import pytest
 from typer.testing import CliRunner
 
 from cmpsp_ros.cli import app
-from cmpsp_ros.studies.paper.starts import start, starts
+from cmpsp_ros.studies.paper.starts import drive_start, starts
 
 STARTS = starts()
 
@@ -16,8 +16,7 @@ pytestmark = pytest.mark.slow
 @pytest.mark.parametrize('given', STARTS, ids=lambda each: f'{each[0]}-{each[1].robot}'[:60])
 def test_every_start_arrives_at_little_more_than_the_least_cost(given):
     """Of the way that is taken; not further off than 15 % wherever the law chooses its guesses."""
-    label, settings, pose = given
-    found = start(label, settings, pose, compare=True)
+    found = drive_start(given, compare=True)
     assert found.path.miss < 1e-6
     assert found.clearance >= 0.0
     assert 1.0 - 1e-4 <= found.ratio <= 1.15

@@ -32,7 +32,7 @@ DURATIONS = np.full(50, 0.2)
 def search(given, start=START, limit=MAX_CLASSES):
     pose, begin, target = np.array(start), start_of(given, start), given.target
     guess = along_road(given, begin, target, DURATIONS)
-    space = OcpFormulation(given).space(guess, DURATIONS, target)
+    space = OcpFormulation(given, given.world).space(given.world, guess, DURATIONS, target)
     ways = guide_paths(given, space, begin, target, DURATIONS, limit)
     paths = [given.robot.roll_out(pose, way.guess, DURATIONS) for way in ways]
     return space, ways, paths

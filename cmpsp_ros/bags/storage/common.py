@@ -1,0 +1,127 @@
+"""What both storages share: the format of a bag, its folder and lock, recovered topics."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+from rosbags.interfaces import MessageDefinition, MessageDefinitionFormat
+from rosbags.rosbag2 import ReaderError
+from rosbags.rosbag2.metadata import parse_qos
+
+from cmpsp_ros.bags.storage.limits import check_yaml
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from rosbags.interfaces import Qos
+
+    Remark = Callable[[str], None]
+
+StorageName = Literal['mcap', 'sqlite3']
+
+SUFFIXES: dict[str, StorageName] = {'.mcap': 'mcap', '.db3': 'sqlite3'}
+"""Storage by the suffix of its files."""
+
+METADATA = 'metadata.yaml'
+"""Description of a complete bag."""
+
+UNFINISHED = 'unfinished.json'
+"""Custom data of a bag that is being written."""
+
+NO_MESSAGE_YET = 2**63 - 1
+"""Start time that rosbag2 writes for a bag without messages [ns]."""
+
+_FORMATS = {'ros2msg': MessageDefinitionFormat.MSG, 'ros2idl': MessageDefinitionFormat.IDL}
+
+
+@dataclass(frozen=True)
+class Form:
+    """Format of a bag.
+
+    Attributes:
+        storage: Format of its files.
+        compressed: Whether chunks are compressed by zstd; mcap only.
+        split_size: Size at which a new file is begun [bytes]; 0 for a single file.
+        split_duration: Duration after which a new file is begun [ns]; 0 for a single file.
+    """
+
+    storage: StorageName = 'mcap'
+    compressed: bool = False
+    split_size: int = 0
+    split_duration: int = 0
+
+
+@dataclass(frozen=True)
+class FoundTopic:
+    """A topic as its storage file describes it; no definition where the file has none."""
+
+    name: str
+    msgtype: str
+    definition: MessageDefinition | None
+    qos_profiles: tuple[Qos, ...]
+
+
+Found = tuple[FoundTopic, int, bytes] | FoundTopic
+"""A topic, or a message of it with its stamp [ns]."""
+
+
+def read_definition(encoding: str, text: str) -> MessageDefinition | None:
+    """Definition of a type from its text in a storage file."""
+    kind = _FORMATS.get(encoding)
+    return MessageDefinition(kind, text) if kind and text else None
+
+
+def read_profiles(text: str) -> tuple[Qos, ...]:
+    """QoS profiles, empty where they are damaged: that is no reason to lose the messages."""
+    try:
+        check_yaml(text)
+        return tuple(parse_qos(text))
+    except (ReaderError, ValueError, LookupError, TypeError, AttributeError):
+        return ()
+
+
+class FolderLock:
+    """The writer's lock, released by `release` or by the end of the process."""
+
+    def __init__(self, folder: Path) -> None:
+        self._file = os.open(folder, os.O_RDONLY)
+        # Some network file systems have no locks, and the bag is good all the same.
+        with suppress(OSError):
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+    def sync(self) -> None:
+        """Have the names of the files in the folder survive a loss of power."""
+        os.fsync(self._file)
+
+    def release(self) -> None:
+        """Release the lock."""
+        os.close(self._file)
+
+
+def is_locked(folder: Path) -> bool:
+    """True while a writer holds the lock of a folder."""
+    file = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except OSError:
+        return False
+    finally:
+        os.close(file)
+    return False
+
+
+def write_atomically(path: Path, text: str) -> None:
+    """Write a file that is either complete or not there."""
+    draft = path.with_name(f'{path.name}.tmp')
+    with draft.open('w', encoding='utf-8') as file:
+        file.write(text)
+        file.flush()
+        os.fsync(file.fileno())
+    draft.replace(path)

@@ -1,0 +1,290 @@
+"""Goals that are received: on a topic, and as Nav2's actions where `nav2_msgs` is installed."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from builtin_interfaces.msg import Duration
+from geometry_msgs.msg import PoseStamped
+from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.task import Future
+
+from cmpsp_ros.guidance import NANOSECONDS, Goal, GoalError
+from cmpsp_ros.guidance.messages import TransformError
+from cmpsp_ros.nodes.common.messages import set_pose
+from cmpsp_ros.nodes.common.topic import Listener
+from cmpsp_ros.nodes.common.topics import GOAL_POSE
+from cmpsp_ros.robots import speeds_and_turns
+
+try:
+    from nav2_msgs.action import FollowPath, NavigateToPose
+except ImportError:  # Nav2 is not among the wheels
+    FollowPath = NavigateToPose = None
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from rclpy.action.server import ServerGoalHandle
+    from rclpy.lifecycle import LifecycleNode
+
+    from cmpsp_ros.guidance import Decision, GuidanceLaw
+    from cmpsp_ros.nodes.guidance.inputs.course import RoadInput
+    from cmpsp_ros.nodes.guidance.inputs.transforms import TransformInput
+
+NAVIGATE, FOLLOW = 'navigate_to_pose', 'follow_path'
+
+_CANCELLED, _NONE_YET = 'The goal was cancelled.', 'No goal has come yet (goal.wait).'
+
+_CODES = {'': 0, 'unknown': 100, 'transform': 102, 'refused': 103, 'missed': 105}
+"""Error codes of FollowPath in Jazzy: NONE, UNKNOWN, TF_ERROR, INVALID_PATH and
+FAILED_TO_MAKE_PROGRESS. NavigateToPose has none of its own there: Nav2 hands on those of a path."""
+
+
+class GoalInput(Listener):
+    """Gives received goals to the law.
+
+    Attributes:
+        cancelled: Reason to stand until the next goal; empty where there is none.
+    """
+
+    def __init__(
+        self,
+        node: LifecycleNode,
+        law: GuidanceLaw,
+        transforms: TransformInput,
+        road: RoadInput,
+        is_active: Callable[[], bool],
+        *,
+        waits: bool,
+    ) -> None:
+        """Open topic and actions.
+
+        Args:
+            node: The node.
+            law: Receives the goals.
+            transforms: Lead to the frame of the course.
+            road: May be changed by the path of an action.
+            is_active: Whether the robot is guided.
+            waits: Whether the robot stands until the first goal of a run.
+        """
+        super().__init__(node)
+        self._law, self._transforms, self._road = law, transforms, road
+        self._is_active, self._at_first = is_active, _NONE_YET if waits else ''
+        self.cancelled = self._at_first
+        self._subscriptions.append(GOAL_POSE.listen_on(node, self._on_message))
+        drives = {NAVIGATE: self._navigate, FOLLOW: self._follow}
+        frame = transforms.settings.frame_id
+        self._actions = GoalActions(node, frame, drives, self._rejection_reason, self._cancel)
+
+    def close(self) -> None:
+        """Close topic and actions."""
+        super().close()
+        self._actions.close()
+
+    def end(self, reason: str) -> None:
+        """End the run for a reason in a sentence."""
+        self.cancelled = self._at_first
+        self._actions.abort(reason)
+
+    def note(self, decision: Decision, pose: Sequence[float]) -> None:
+        """Report a decision, at a pose [m, m, rad], to the client of an action."""
+        self._actions.note(decision, pose, self._law.distance_to)
+
+    def _on_message(self, message: PoseStamped) -> None:
+        if why := self._rejection_reason(NAVIGATE):
+            self._node.get_logger().warning(f'goal_pose is not heard: {why}')
+            return
+        try:
+            self._set_goal(message)
+        except GoalError as error:
+            self._node.get_logger().warning(f'goal_pose is refused: {error}')
+        else:
+            self._actions.abort('Another goal came on goal_pose.')
+
+    def _set_goal(self, message: PoseStamped) -> Goal:
+        stamp, goal = self._transforms.goal_of(message)
+        self._law.tell(stamp, goal)
+        self.cancelled = ''
+        return goal
+
+    def _navigate(self, request: Any) -> Goal:
+        return self._set_goal(request.pose)
+
+    def _follow(self, request: Any) -> Goal:
+        """Make a path the road, and its end the goal."""
+        end = PoseStamped()
+        end.header.frame_id = self._transforms.settings.frame_id
+        try:
+            x, y = self._road.drive_along(request.path)
+        except ValueError as error:
+            reason = ' '.join(str(error).splitlines())
+            raise GoalError(f'The path is refused: {reason}.') from error.__cause__
+        end.pose.position.x, end.pose.position.y, end.pose.orientation.w = x, y, 0.0
+        return self._set_goal(end)
+
+    def _cancel(self) -> None:
+        self.cancelled = _CANCELLED
+
+    def _rejection_reason(self, name: str) -> str:
+        if not self._is_active():
+            return 'the node is inactive'
+        return 'the node is waiting for a road' if self._road.waits and name != FOLLOW else ''
+
+
+class _Running(NamedTuple):
+    """A goal that is driven to."""
+
+    name: str
+    handle: ServerGoalHandle
+    goal: Goal
+    begun: int
+    ended: Future
+
+
+class GoalActions:
+    """Servers of both actions; one goal is driven to at a time, and the newest counts.
+
+    A goal is rejected where no goal is accepted. One that is accepted and cannot be driven to is
+    aborted, with the reason.
+    """
+
+    def __init__(
+        self,
+        node: LifecycleNode,
+        frame_id: str,
+        drives: Mapping[str, Callable[[Any], Goal]],
+        rejection_reason: Callable[[str], str],
+        cancel: Callable[[], None],
+    ) -> None:
+        """Offer the actions, where they can be.
+
+        Args:
+            node: The node.
+            frame_id: Frame of the course.
+            drives: Takes a request of each action; raises GoalError.
+            rejection_reason: Reason to reject requests of an action now; empty for none.
+            cancel: Stops the robot.
+        """
+        self._node, self._frame_id, self._cancel = node, frame_id, cancel
+        self._rejection_reason = rejection_reason
+        self._running: _Running | None = None
+        kinds = ((NAVIGATE, NavigateToPose), (FOLLOW, FollowPath))
+        self._servers = [
+            ActionServer(
+                node,
+                kind,
+                name,
+                partial(self._execute, name, kind, drives[name]),
+                goal_callback=partial(self._on_request, name),
+                cancel_callback=self._on_cancel,
+            )
+            for name, kind in kinds
+            if kind is not None
+        ]
+
+    def close(self) -> None:
+        """Withdraw the actions."""
+        for each in self._servers:
+            each.destroy()
+
+    def abort(self, reason: str) -> None:
+        """End the goal that is driven to, if there is one, for a reason in a sentence."""
+        if self._running is not None:
+            self._end(self._running.handle.abort, 'unknown', reason)
+
+    def note(
+        self,
+        decision: Decision,
+        pose: Sequence[float],
+        distance: Callable[[Sequence[float], Goal], float],
+    ) -> None:
+        """Report a decision to the client, and end its goal where that is due.
+
+        Args:
+            decision: The decision.
+            pose: Pose of the robot (x, y, heading) [m, m, rad].
+            distance: From a pose to a goal [m].
+        """
+        running = self._running
+        if running is None:
+            return
+        if running.handle.is_cancel_requested:
+            if decision.cancelled and not np.any(decision.twist):
+                self._end(running.handle.canceled, '', decision.reason)
+            return
+        ours = decision.goal is not None and decision.goal.position == running.goal.position
+        if ours and decision.finished and not decision.halted:
+            if decision.missed:
+                self._end(running.handle.abort, 'missed', decision.reason)
+            else:
+                self._end(running.handle.succeed, '', '')
+        elif ours and len(pose):
+            far = distance(pose, running.goal)
+            running.handle.publish_feedback(self._feedback(running, decision, pose, far))
+
+    def _on_request(self, name: str, _request: Any) -> GoalResponse:
+        if why := self._rejection_reason(name):
+            self._node.get_logger().warning(f'{name} is rejected: {why}')
+            return GoalResponse.REJECT
+        return GoalResponse.ACCEPT
+
+    def _on_cancel(self, handle: ServerGoalHandle) -> CancelResponse:
+        if self._running is None or self._running.handle.goal_id != handle.goal_id:
+            return CancelResponse.REJECT
+        self._cancel()
+        return CancelResponse.ACCEPT
+
+    async def _execute(
+        self, name: str, kind: Any, drive: Callable[[Any], Goal], handle: ServerGoalHandle
+    ) -> Any:
+        """Drive to a goal; its result."""
+        try:
+            goal = drive(handle.request)
+        except GoalError as error:
+            self._node.get_logger().warning(f'{name} is aborted: {error}')
+            cause = 'transform' if isinstance(error.__cause__, TransformError) else 'refused'
+            handle.abort()
+            return _result(kind, cause, str(error))
+        self.abort('Another goal came.')
+        begun = self._node.get_clock().now().nanoseconds
+        running = self._running = _Running(name, handle, goal, begun, Future())
+        end, cause, reason = await running.ended
+        end()
+        return _result(kind, cause, reason)
+
+    def _end(self, end: Callable[[], None], cause: str, reason: str) -> None:
+        running, self._running = self._running, None
+        if running is not None:
+            running.ended.set_result((end, cause, reason))
+
+    def _feedback(
+        self, running: _Running, decision: Decision, pose: Sequence[float], far: float
+    ) -> Any:
+        if running.name == FOLLOW:
+            speed = float(speeds_and_turns(decision.twist)[0])
+            return FollowPath.Feedback(distance_to_goal=far, speed=speed)
+        here, now = PoseStamped(), self._node.get_clock().now()
+        here.header.frame_id, here.header.stamp = self._frame_id, now.to_msg()
+        set_pose(here.pose, pose)
+        return NavigateToPose.Feedback(
+            current_pose=here,
+            navigation_time=_duration((now.nanoseconds - running.begun) / NANOSECONDS),
+            estimated_time_remaining=_duration(decision.time_left),
+            distance_remaining=far,
+        )
+
+
+def _duration(seconds: float) -> Duration:
+    sec, nanosec = divmod(round(max(0.0, seconds) * NANOSECONDS), NANOSECONDS)
+    return Duration(sec=sec, nanosec=nanosec)
+
+
+def _result(kind: Any, cause: str, reason: str) -> Any:
+    result = kind.Result()
+    # Which fields there are depends on the version of Nav2; Jazzy had no text at first.
+    for field, value in (('error_code', _CODES[cause]), ('error_msg', reason)):
+        if hasattr(result, field):
+            setattr(result, field, value)
+    return result

@@ -1,0 +1,205 @@
+"""Moving obstacles, plans of other robots, and sensors, as the guidance node receives them.
+
+A message that cannot be used changes nothing: a warning is given, and what is known grows old.
+"""
+
+from __future__ import annotations
+
+from array import array
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from nav_msgs.msg import OccupancyGrid as GridMessage
+from sensor_msgs.msg import LaserScan, PointCloud2
+
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.guidance import NANOSECONDS
+from cmpsp_ros.guidance.messages import PeerTrajectory, TrackError, Tracks, check_track_age
+from cmpsp_ros.nodes.common.messages import set_stamp
+from cmpsp_ros.nodes.common.topic import Listener
+from cmpsp_ros.nodes.common.topics import GUIDANCE_MOVING, SCAN, SIGHTING, plans_of
+from cmpsp_ros.sensing import ScanError, Sensor, Surroundings, sight_of
+from cmpsp_ros.world.grids import Cell
+
+if TYPE_CHECKING:
+    from nav_msgs.msg import Path
+    from rclpy.lifecycle import LifecycleNode
+
+    from cmpsp_ros.guidance import GuidanceSettings
+    from cmpsp_ros.guidance.messages import MovingObject, Track
+    from cmpsp_ros.nodes.guidance.inputs.transforms import TransformInput
+    from cmpsp_ros.sensing import Sighting
+
+_THROTTLE = 2.0
+_MESSAGES = {'scan': LaserScan, 'cloud': PointCloud2}
+
+# Values of a nav_msgs/OccupancyGrid by `Cell`.
+_VALUES = np.zeros(len(Cell), dtype=np.int8)
+_VALUES[[Cell.OCCUPIED, Cell.UNKNOWN]] = 100, -1
+
+
+class SurroundingsInput(Listener):
+    """Topics whose last message may have been refused."""
+
+    def __init__(self, node: LifecycleNode) -> None:
+        super().__init__(node)
+        self._refusals: dict[str, str] = {}
+
+    def _refuse(self, source: str, reason: str, said: str) -> None:
+        self._refusals[source] = reason
+        self._node.get_logger().warning(said, throttle_duration_sec=_THROTTLE)
+
+    @property
+    def refusals(self) -> list[str]:
+        """Reasons why last messages were refused."""
+        return [each for each in self._refusals.values() if each]
+
+
+class ObstacleInput(SurroundingsInput):
+    """Listens where plans have room for moving obstacles, and keeps what is known.
+
+    Attributes:
+        settings: All settings of the guidance law, as they are now.
+    """
+
+    def __init__(
+        self, node: LifecycleNode, settings: GuidanceSettings, transforms: TransformInput
+    ) -> None:
+        """Open the topics: of obstacles unless `moving_obstacles.capacity` is 0, and of others."""
+        super().__init__(node)
+        self.settings, self._transforms = settings, transforms
+        self._tracks: Tracks[Track] = Tracks()
+        self._plans: Tracks[PeerTrajectory] = Tracks()
+        # Robots that were never heard are none to miss.
+        self._heard: dict[str, PeerTrajectory] = {}
+        known, own = settings.moving_obstacles, node.get_namespace()
+        if known.capacity:
+            self._subscriptions.append(GUIDANCE_MOVING.listen_on(node, self._hear))
+        self._subscriptions += [
+            plans_of(each).listen_on(node, partial(self._hear_plan, each))
+            for each in known.others
+            if each != own
+        ]
+
+    def at(self, stamp: int) -> tuple[MovingObject, ...]:
+        """Moving objects known at a time [ns]: obstacles by number, then robots by name."""
+        if not self._subscriptions:
+            return ()
+        self.drain()
+        timeout = self.settings.moving_obstacles.timeout
+        return (*self._tracks.at(stamp, timeout), *self._plans.at(stamp, timeout))
+
+    def forget_after(self, stamp: int) -> None:
+        """Time has jumped back to an instant [ns]: later reports are of another run."""
+        self._tracks.forget_after(stamp)
+        self._plans.forget_after(stamp)
+        self._heard = {}
+
+    def warnings(self, now: int) -> list[str]:
+        """Refusals of last messages, and robots that have gone silent at a time [ns]."""
+        oldest = now - round(self.settings.moving_obstacles.timeout * NANOSECONDS)
+        silent = [name for name, each in self._heard.items() if each.is_older(oldest)]
+        lost = [f'Not kept clear of, for no plan comes: {", ".join(silent)}.'] if silent else []
+        return [*self.refusals, *lost]
+
+    def _hear(self, message: PointCloud2) -> None:
+        try:
+            tracks = self._transforms.tracks_of(message)
+            self._check_age(message, 'Obstacles are')
+        except TrackError as error:
+            self._refuse_topic(GUIDANCE_MOVING.name, error)
+        else:
+            self._refusals[GUIDANCE_MOVING.name] = ''
+            self._tracks.add(tracks)
+
+    def _hear_plan(self, namespace: str, message: Path) -> None:
+        topic = plans_of(namespace).name
+        try:
+            plan = PeerTrajectory.of(message, namespace, self.settings.frame_id)
+            self._check_age(message, f'The plan of {namespace} is')
+        except TrackError as error:
+            self._refuse_topic(topic, error)
+        else:
+            self._refusals[topic] = ''
+            self._plans.add([plan])
+            self._heard[namespace] = plan
+
+    def _check_age(self, message: PointCloud2 | Path, what: str) -> None:
+        now = self._node.get_clock().now().nanoseconds
+        check_track_age(message, now, self.settings.moving_obstacles.timeout, what)
+
+    def _refuse_topic(self, topic: str, error: TrackError) -> None:
+        self._refuse(topic, str(error), f'{topic} refused: {error}')
+
+
+class SensorInput(SurroundingsInput):
+    """Listens to all sensors, and publishes the grid that a decision uses."""
+
+    def __init__(self, node: LifecycleNode, settings: GuidanceSettings) -> None:
+        super().__init__(node)
+        self._frame_id = settings.frame_id
+        footprint = settings.robot_radius, settings.footprint
+        self._surroundings = Surroundings(settings.sight, *footprint)
+        self._sensors = settings.sight.sensors
+        for each in self._sensors:
+            topic = replace(SCAN, name=each.topic, type=_MESSAGES[each.type])
+            self._subscriptions.append(topic.listen_on(node, partial(self._hear, each)))
+        self._publisher = SIGHTING.publish_on(node) if self._sensors else None
+
+    def note(self, stamp: int, pose: Array) -> str:
+        """Note the robot's pose; reason to stop, if a sensor has shown nothing for too long.
+
+        Args:
+            stamp: Time stamp of odometry [ns].
+            pose: Shape ``(3,)`` [m, m, rad].
+        """
+        if not self._sensors:
+            return ''
+        self.drain()
+        self._surroundings.update(stamp, pose)
+        return self._surroundings.blindness(stamp)
+
+    def at(self, stamp: int, pose: Array) -> Sighting | None:
+        """The grid where odometry was noted last; published where it is new."""
+        sighting = self._surroundings.at(stamp, pose)
+        if self._publisher is not None and sighting is not None and sighting.stamp == stamp:
+            self._publisher.publish(self._message(sighting))
+        return sighting
+
+    def forget(self) -> None:
+        """Know nothing again: time has jumped back."""
+        self._surroundings.forget()
+
+    def warnings(self) -> list[str]:
+        """Refusals of last messages."""
+        return self.refusals
+
+    def close(self) -> None:
+        """Close the topics."""
+        super().close()
+        if self._publisher is not None:
+            self._node.destroy_publisher(self._publisher)
+
+    def _hear(self, sensor: Sensor, message: Any) -> None:
+        try:
+            sight = sight_of(message, sensor)
+        except ScanError as error:
+            said = f'A message of a sensor is refused: {error}.'
+            self._refuse(sensor.name, said, said)
+        else:
+            self._refusals[sensor.name] = ''
+            self._surroundings.add(sight)
+
+    def _message(self, sighting: Sighting) -> GridMessage:
+        grid, message = sighting.grid, GridMessage()
+        set_stamp(message.header, sighting.stamp)
+        message.header.frame_id = self._frame_id
+        message.info.resolution = grid.resolution
+        message.info.height, message.info.width = grid.cells.shape
+        x, y, _ = grid.origin
+        message.info.origin.position.x, message.info.origin.position.y = x, y
+        message.info.origin.orientation.w = 1.0
+        message.data = array('b', _VALUES[grid.cells].tobytes())
+        return message

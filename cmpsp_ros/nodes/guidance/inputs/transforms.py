@@ -1,0 +1,222 @@
+"""Messages in other frames, transformed to the frame of the course by `/tf`."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Odometry
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.serialization import deserialize_message
+from std_msgs.msg import Header
+
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.guidance import GoalError
+from cmpsp_ros.guidance.messages import (
+    OdometryError,
+    OdometryReading,
+    TrackError,
+    TransformError,
+    Transforms,
+    compose,
+    goal_of,
+    tracks_of,
+)
+from cmpsp_ros.nodes.common.messages import cloud_of, road_in, set_pose
+from cmpsp_ros.nodes.common.topic import Listener
+from cmpsp_ros.nodes.common.topics import OWN_GOAL_POSE, OWN_MOVING, OWN_ODOM
+from cmpsp_ros.parameters import ParameterError, Problem
+from cmpsp_ros.sensing import stamp_of
+
+try:
+    from tf2_msgs.msg import TFMessage
+except ImportError:  # tf2 is not among the wheels
+    TFMessage = None
+
+if TYPE_CHECKING:
+    from nav_msgs.msg import Path
+    from rclpy.lifecycle import LifecycleNode
+    from sensor_msgs.msg import PointCloud2
+
+    from cmpsp_ros.guidance import Goal, GuidanceSettings
+    from cmpsp_ros.guidance.messages import Track
+
+
+_DEPTH = 500
+
+
+class TransformInput(Listener):
+    """Listens to transforms, which are read only where one is asked for.
+
+    Messages that it has transformed to the frame of the course are published there, so that a bag
+    has what decided and needs no transforms.
+
+    Attributes:
+        settings: All settings of the guidance law, as they are now.
+    """
+
+    def __init__(self, node: LifecycleNode, robot_frame: str, settings: GuidanceSettings) -> None:
+        """Open the topics; without a robot's frame its centre is that of odometry."""
+        super().__init__(node)
+        self.settings, self._robot_frame = settings, robot_frame
+        self._transforms = Transforms()
+        self._unread: deque[bytes] = deque(maxlen=_DEPTH)
+        self._odometry = OWN_ODOM.publish_on(node)
+        self._goals = OWN_GOAL_POSE.publish_on(node)
+        self._moving = OWN_MOVING.publish_on(node)
+        topics = (
+            ('/tf', DurabilityPolicy.VOLATILE, self._unread.append),
+            ('/tf_static', DurabilityPolicy.TRANSIENT_LOCAL, self._hear_static),
+        )
+        for topic, durability, hear in topics if TFMessage is not None else ():
+            qos = QoSProfile(depth=_DEPTH, durability=durability)
+            listen = node.create_subscription(TFMessage, topic, hear, qos, raw=True)
+            self._subscriptions.append(listen)
+
+    def close(self) -> None:
+        """Close the topics."""
+        super().close()
+        for publisher in (self._odometry, self._goals, self._moving):
+            self._node.destroy_publisher(publisher)
+
+    def robot_frame(self, child_frame: str) -> str:
+        """Frame of the robot's centre, where odometry is of a child frame."""
+        return self._robot_frame or child_frame
+
+    def pose_of(self, reading: OdometryReading, data: bytes) -> tuple[Array, bool]:
+        """Pose of the robot's centre by odometry, and whether it took a transform.
+
+        Args:
+            reading: The odometry.
+            data: Its message, serialised.
+
+        Raises:
+            OdometryError: It cannot be used, or there is no transform.
+        """
+        stamp, frame, child = reading[:3]
+        center = self.robot_frame(child)
+        if frame == self.settings.frame_id and center == child:
+            return reading.pose_in(frame), False
+        there = self._in_frame('Odometry is', frame, stamp, OdometryError)
+        try:
+            upon = self._look_up(child, center, stamp)
+        except TransformError as error:
+            why = f'Odometry is of {child!r}, wanted {center!r} (robot_frame): {error}.'
+            raise OdometryError(why) from error
+        pose = compose(compose(there, reading.pose_in(frame)), upon)
+        if self._odometry.get_subscription_count():
+            self._publish_odometry(data, center, pose, upon)
+        return pose, True
+
+    def goal_of(self, message: PoseStamped) -> tuple[int, Goal]:
+        """Time stamp [ns] and goal of a message, published in the frame of the course.
+
+        Raises:
+            GoalError: It cannot be used, or there is no transform.
+        """
+        wanted, frame = self.settings.frame_id, message.header.frame_id
+        if frame != wanted:
+            stamp, goal = goal_of(message, frame)
+            there = self._in_frame('The goal is', frame, stamp, GoalError)
+            message = PoseStamped(header=Header(stamp=message.header.stamp, frame_id=wanted))
+            set_pose(message.pose, compose(there, np.array([*goal.position, goal.heading or 0.0])))
+            if goal.heading is None:
+                message.pose.orientation.z = message.pose.orientation.w = 0.0
+        received = goal_of(message, wanted)
+        self._goals.publish(message)
+        return received
+
+    def tracks_of(self, message: PointCloud2) -> list[Track]:
+        """Moving obstacles in a message; their velocities are over ground, along its axes.
+
+        Raises:
+            TrackError: They cannot be used, or there is no transform.
+        """
+        wanted, frame = self.settings.frame_id, message.header.frame_id
+        tracks, stamp = tracks_of(message, frame), stamp_of(message)
+        if frame == wanted:
+            return tracks
+        there = self._in_frame('Obstacles are', frame, stamp, TrackError)
+        tracks = [_moved(each, there) for each in tracks]
+        self._moving.publish(cloud_of(tracks, stamp, wanted))
+        return tracks
+
+    def road_in(self, message: Path) -> dict[str, Any]:
+        """Parameters of a road, placed by the latest transform.
+
+        Raises:
+            ParameterError: It cannot be used, or there is no transform.
+        """
+        wanted, frame = self.settings.frame_id, message.header.frame_id
+        changes = road_in(message, frame)
+        if frame == wanted:
+            return changes
+        try:
+            there = self.frame_pose(frame)
+        except TransformError as error:
+            problem = Problem('road', f'frame {frame!r}', f'{wanted!r} (frame_id): {error}')
+            raise ParameterError(problem) from error
+        numbers = changes['road.points']
+        points = zip(numbers[::2], numbers[1::2], strict=True)
+        moved = [compose(there, np.array([*each, 0.0]))[:2].tolist() for each in points]
+        return {**changes, 'road.points': [number for each in moved for number in each]}
+
+    def frame_pose(self, frame: str) -> Array:
+        """Pose of a frame in that of the course by the latest transform, ``(3,)`` [m, m, rad].
+
+        Raises:
+            TransformError: It is not known.
+        """
+        return self._look_up(self.settings.frame_id, frame, 0)
+
+    def _publish_odometry(self, data: bytes, center: str, pose: Array, upon: Array) -> None:
+        """Publish odometry of the robot's centre, with covariances as they are."""
+        message = deserialize_message(data, Odometry)
+        message.header.frame_id, message.child_frame_id = self.settings.frame_id, center
+        set_pose(message.pose.pose, pose)
+        twist = message.twist.twist
+        x = twist.linear.x - twist.angular.z * float(upon[1])
+        y = twist.linear.y + twist.angular.z * float(upon[0])
+        twist.linear.x, twist.linear.y = _turned(x, y, -float(upon[2]))
+        self._odometry.publish(message)
+
+    def _in_frame(self, what: str, frame: str, stamp: int, error: type[ValueError]) -> Array:
+        """Pose of a message's frame in the course's, shape ``(3,)`` [m, m, rad]."""
+        wanted = self.settings.frame_id
+        try:
+            return self._look_up(wanted, frame, stamp)
+        except TransformError as why:
+            raise error(f'{what} in frame {frame!r}, wanted {wanted!r} (frame_id): {why}.') from why
+
+    def _look_up(self, target: str, source: str, stamp: int) -> Array:
+        """Pose of a frame in another one at a time [ns].
+
+        Raises:
+            TransformError: It is not known.
+        """
+        if target == source:
+            return np.zeros(3)
+        if TFMessage is None:
+            raise TransformError('tf2_msgs, for a transform, is not installed')
+        self.drain()
+        while self._unread:
+            self._transforms.add(deserialize_message(self._unread.popleft(), TFMessage))
+        return self._transforms.look_up(target, source, stamp, self.settings.odom_timeout)
+
+    def _hear_static(self, data: bytes) -> None:
+        self._transforms.add(deserialize_message(data, TFMessage), is_static=True)
+
+
+def _turned(x: float, y: float, angle: float) -> tuple[float, float]:
+    cosine, sine = math.cos(angle), math.sin(angle)
+    return cosine * x - sine * y, sine * x + cosine * y
+
+
+def _moved(track: Track, there: Array) -> Track:
+    x, y, _ = compose(there, np.array([track.x, track.y, 0.0])).tolist()
+    vx, vy = _turned(track.vx, track.vy, float(there[2]))
+    return replace(track, x=x, y=y, vx=vx, vy=vy)

@@ -1,0 +1,197 @@
+"""Keeping control steps on time: compilation, garbage collection, scheduling."""
+
+from __future__ import annotations
+
+import gc
+import math
+import os
+import resource
+import time
+from contextlib import ExitStack
+from typing import TYPE_CHECKING
+
+from cmpsp_ros.guidance import prepare
+from cmpsp_ros.mpsp.jit import compilations, progress
+from cmpsp_ros.parameters import ParameterError, Problem
+
+if TYPE_CHECKING:
+    from rclpy.impl.rcutils_logger import RcutilsLogger
+
+    from cmpsp_ros.guidance import GuidanceSettings
+    from cmpsp_ros.parameters import Values
+
+_ANY_CPU = -1
+_YOUNG, _FULL = 1, 2
+_FULL_EVERY = 50
+_SHARE_OF_SLACK = 0.25
+_OVERDUE = 1.0
+
+
+def prepare_aloud(settings: GuidanceSettings, logger: RcutilsLogger) -> None:
+    """Compile or load everything now: later a control step would have to wait for it.
+
+    Raises:
+        ValueError: The settings cannot be worked with.
+    """
+    began, hints = time.monotonic(), ['compiling, once; `cmpsp warmup` does it beforehand']
+
+    def say(text: str) -> None:
+        while hints:
+            logger.info(hints.pop())
+        logger.info(text)
+
+    with progress(say=say) as kernels:
+        prepare(settings)
+    if kernels:
+        logger.info(f'compiled {len(kernels)} kernels in {time.monotonic() - began:.1f} s')
+
+
+class LateCompilations:
+    """Detects kernels that are compiled while a node is active: each delays a control step."""
+
+    def __init__(self) -> None:
+        """Notice nothing yet."""
+        self._names: list[str] = []
+        self._watch = ExitStack()
+
+    def begin(self) -> None:
+        """Notice them from now on."""
+        self.end()
+        self._names = self._watch.enter_context(compilations())
+
+    def end(self) -> None:
+        """Stop the detection; `errors` is kept."""
+        self._watch.close()
+
+    def errors(self) -> list[str]:
+        """What has been compiled, in a sentence; nothing if all was there."""
+        if not self._names:
+            return []
+        return [f'A control step had to wait for a compiler: {", ".join(self._names)}.']
+
+
+class GarbageCollection:
+    """Collects garbage on request instead of automatically.
+
+    Objects that exist at its start are not examined again, so only the few objects of a control
+    step remain.
+    """
+
+    def __init__(self) -> None:
+        """Change nothing until `begin`."""
+        self._on = False
+
+    @property
+    def overdue(self) -> bool:
+        """Whether there was no time for it for so long that some must be taken."""
+        return self._on and time.monotonic() - self._latest > _OVERDUE
+
+    def settle(self) -> None:
+        """Go through the whole heap, once: it takes a tenth of a second, in which nobody waits."""
+        gc.collect()
+        gc.freeze()
+
+    def begin(self) -> None:
+        """Take it over from Python."""
+        self._took = {_YOUNG: 0.0, _FULL: 0.0}
+        self._since_full = 0
+        self._latest = time.monotonic()
+        self._on = True
+        self.settle()
+        gc.disable()
+
+    def end(self) -> None:
+        """Give it back to Python."""
+        gc.unfreeze()
+        if self._on:
+            self._on = False
+            gc.enable()
+
+    def collect(self, slack: float = math.inf) -> None:
+        """Collect, if that takes a small part of the time there is.
+
+        Args:
+            slack: Time until the next control step [s].
+        """
+        if not self._on:
+            return
+        fits = [each for each, took in self._took.items() if took <= _SHARE_OF_SLACK * slack]
+        full_due = self._since_full >= _FULL_EVERY
+        if _FULL in fits and full_due:
+            self._collect(_FULL)
+            self._since_full = 0
+        elif _YOUNG in fits:
+            self._collect(_YOUNG)
+            self._since_full += 1
+
+    def _collect(self, generation: int) -> None:
+        self._latest = time.monotonic()
+        gc.collect(generation)
+        self._took[generation] = time.monotonic() - self._latest
+
+
+def check_cpu(values: Values) -> None:
+    """Refuse a core that this process may not run on.
+
+    Args:
+        values: A set resolved by the table.
+
+    Raises:
+        ParameterError: `realtime.cpu` names no such core.
+    """
+    cpu, allowed = values['realtime.cpu'], sorted(os.sched_getaffinity(0))
+    if cpu != _ANY_CPU and cpu not in allowed:
+        wanted = f'{_ANY_CPU} for any, or one of {", ".join(map(str, allowed))}'
+        raise ParameterError(Problem('realtime.cpu', str(cpu), wanted))
+
+
+class Scheduling:
+    """Scheduling of the calling thread, as set by the parameters or as before."""
+
+    def __init__(self, values: Values) -> None:
+        """Take the wishes from a set of parameters."""
+        self._priority: int = values['realtime.priority']
+        self._cpu: int = values['realtime.cpu']
+        self._policy_before: tuple[int, os.sched_param] | None = None
+        self._cpus_before: set[int] | None = None
+
+    def apply(self) -> list[str]:
+        """Schedule the calling thread as configured.
+
+        Returns:
+            Sentences on what the system has refused; the thread continues without it.
+        """
+        refused = []
+        if self._cpu != _ANY_CPU:
+            before = os.sched_getaffinity(0)
+            try:
+                os.sched_setaffinity(0, {self._cpu})
+                self._cpus_before = before
+            except OSError as error:
+                refused.append(f'realtime.cpu = {self._cpu} was refused ({error.strerror}).')
+        if self._priority:
+            policy = os.sched_getscheduler(0), os.sched_getparam(0)
+            try:
+                # Threads and processes started from here on do not inherit it.
+                wanted = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
+                os.sched_setscheduler(0, wanted, os.sched_param(self._priority))
+                self._policy_before = policy
+            except OSError as error:
+                limit, _ = resource.getrlimit(resource.RLIMIT_RTPRIO)
+                refused.append(
+                    f'realtime.priority = {self._priority} was refused ({error.strerror}; the'
+                    f' limit is {limit}). A line "USER - rtprio {self._priority}" in'
+                    ' /etc/security/limits.conf and a new login permit it, or CAP_SYS_NICE.'
+                )
+        return refused
+
+    def restore(self) -> None:
+        """Restore the previous scheduling."""
+        if self._policy_before is not None:
+            policy, parameters = self._policy_before
+            # Only with CAP_SYS_NICE may the flag be taken back; it changes nothing here.
+            os.sched_setscheduler(0, policy | os.SCHED_RESET_ON_FORK, parameters)
+            self._policy_before = None
+        if self._cpus_before is not None:
+            os.sched_setaffinity(0, self._cpus_before)
+            self._cpus_before = None

@@ -1,0 +1,132 @@
+"""Surroundings of the simulated robot: moving obstacles, and scans of all shapes as messages."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from geometry_msgs.msg import TransformStamped
+from sensor_msgs.msg import LaserScan
+
+from cmpsp_ros.guidance import NANOSECONDS
+from cmpsp_ros.guidance.messages import Track
+from cmpsp_ros.nodes.common.messages import BASE, rotation_of, set_stamp
+from cmpsp_ros.nodes.common.topics import SIM_SCAN
+from cmpsp_ros.parameters import laser_settings, scenery
+from cmpsp_ros.simulator import Laser, discs_of, edges_of
+
+if TYPE_CHECKING:
+    from cmpsp_ros.nodes.sim.node import SimNode
+    from cmpsp_ros.parameters import Values
+    from cmpsp_ros.simulator import Motion
+
+
+class Traffic:
+    """Obstacles on straight paths, from the robot's first command on; at rest before it."""
+
+    def __init__(self, values: Values) -> None:
+        self._blocks = [
+            [values[f'moving_obstacles.{name}.{key}'] for key in ('center', 'velocity', 'radius')]
+            for name in values['moving_obstacles.names']
+        ]
+        self._moves_since: int | None = None
+
+    def __len__(self) -> int:
+        return len(self._blocks)
+
+    def begin(self, stamp_ns: int) -> None:
+        """Move from now on, unless they move already."""
+        if self._moves_since is None:
+            self._moves_since = stamp_ns
+
+    def reset(self) -> None:
+        """Return to the initial places, at rest."""
+        self._moves_since = None
+
+    def at(self, stamp_ns: int) -> list[Track]:
+        """The obstacles at an instant [ns]."""
+        moves, since = self._moves_since is not None, self._moves_since or 0
+        seconds = (stamp_ns - since) / NANOSECONDS if moves else 0.0
+        tracks = []
+        for number, ((x, y), (vx, vy), radius) in enumerate(self._blocks):
+            u, v = (vx, vy) if moves else (0.0, 0.0)
+            x_now, y_now = x + seconds * u, y + seconds * v
+            tracks.append(Track(number, stamp_ns, radius, x_now, y_now, u, v))
+        return tracks
+
+
+class Scanner:
+    """A laser among the shapes of a course, those that only the simulator knows, and traffic."""
+
+    def __init__(self, sim: SimNode, traffic: Traffic) -> None:
+        """Start scanning.
+
+        Raises:
+            ParameterError: The parameters of the scanner do not fit together.
+        """
+        values, motion = sim.values, sim.plant.motion
+        self._settings, self._traffic = laser_settings(values), traffic
+        self._laser = Laser(self._settings, motion.stamp_ns)
+        self._frame_id = values['sim.scan.frame_id']
+        self._publisher = SIM_SCAN.publish_on(sim)
+        self._complete: list[LaserScan] = []
+        self._published_ns = motion.stamp_ns
+        self.look_around(values)
+        self.note(motion)
+
+    def look_around(self, values: Values) -> None:
+        """Take over the shapes of a course."""
+        shapes, lines = scenery(values)
+        self._edges, self._discs = edges_of(shapes, lines), discs_of(shapes)
+
+    def reset(self, motion: Motion) -> None:
+        """Begin anew."""
+        self._complete.clear()
+        self._laser.reset(motion.stamp_ns)
+        self.note(motion)
+
+    def note(self, *motions: Motion) -> None:
+        """Remember how the robot moves from some instants on, in order."""
+        self._laser.note(*motions)
+
+    def publish(self, stamp_ns: int) -> None:
+        """Publish the scans completed by an instant [ns], at the same instant again the same."""
+        if stamp_ns != self._published_ns:
+            self._complete.clear()
+        self._published_ns = stamp_ns
+        while self._laser.is_due(stamp_ns):
+            self._complete.append(self._next())
+        for each in self._complete:
+            self._publisher.publish(each)
+
+    def transform(self, stamp_ns: int) -> TransformStamped:
+        """Pose of the scanner on the robot."""
+        x, y, heading = self._settings.pose
+        message = TransformStamped(child_frame_id=self._frame_id)
+        set_stamp(message.header, stamp_ns)
+        message.header.frame_id = BASE
+        message.transform.translation.x, message.transform.translation.y = x, y
+        message.transform.rotation = rotation_of(heading)
+        return message
+
+    def _next(self) -> LaserScan:
+        settings = self._settings
+        moving = [
+            (each.x, each.y, each.vx, each.vy, each.radius)
+            for each in self._traffic.at(self._laser.next_ns)
+        ]
+        discs = np.vstack([self._discs, np.array(moving).reshape(-1, 5)])
+        scan = self._laser.scan(self._edges, discs)
+        message = LaserScan(
+            angle_min=settings.angle_min,
+            angle_max=settings.angle_max,
+            angle_increment=settings.angle_increment,
+            time_increment=settings.time_increment,
+            scan_time=1.0 / settings.rate,
+            range_min=settings.range_min,
+            range_max=settings.range_max,
+            ranges=scan.ranges.astype(np.float32),
+        )
+        set_stamp(message.header, scan.stamp_ns)
+        message.header.frame_id = self._frame_id
+        return message

@@ -1,1 +1,0 @@
-"""Keeping control steps on time: compilation, garbage collection, scheduling, queues."""

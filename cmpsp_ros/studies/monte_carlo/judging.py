@@ -161,13 +161,8 @@ def _slowed(task: Task) -> Robot:
 
 
 def _starts(settings: GuidanceSettings, pose: Array) -> Iterator[Path]:
-<<<<<<< HEAD:cmpsp_ros/studies/monte_carlo/judging/judge.py
-    """Where to start from decides on which side obstacles are passed: where most room is, first."""
-    if not isinstance(settings.road, Annulus):
-=======
     """Paths to start from, which decide on which side obstacles are passed: widest gaps first."""
     if not isinstance(settings.road, Annulus):
->>>>>>> main:cmpsp_ros/studies/monte_carlo/judging.py
         for spare in _SPARE:
             points = grid_path(settings, pose, spare)
             if len(points):

@@ -162,7 +162,7 @@ def _slowed(task: Task) -> Robot:
 
 def _starts(settings: GuidanceSettings, pose: Array) -> Iterator[Path]:
     """Paths to start from, which decide on which side obstacles are passed: widest gaps first."""
-    if not isinstance(settings.road, Annulus):
+    if not isinstance(settings.world.road, Annulus):
         for spare in _SPARE:
             points = grid_path(settings, pose, spare)
             if len(points):

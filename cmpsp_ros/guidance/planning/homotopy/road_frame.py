@@ -18,7 +18,7 @@ from cmpsp_ros.guidance.goals import Target
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.mpsp.jit import allocation_free
-from cmpsp_ros.world.roads import ANNULUS, Annulus, arc_length_to, lookahead_points
+from cmpsp_ros.world.roads import Annulus, arc_length_to, lookahead_points
 
 SPACING: Final = 0.2
 """Least distance of stations [m]."""
@@ -96,7 +96,7 @@ class RoadFrame(NamedTuple):
 def road_frame(settings: LawSettings, start: PlanStart, target: Target) -> RoadFrame:
     """Coordinates of the road from the beginning of a plan to its target."""
     discs = all(len(each.corners) == 1 for each in start.world.shapes)
-    if discs and start.world.road_space.kind == ANNULUS:
+    if discs and isinstance(start.world.road, Annulus):
         return _polar(start.world.annulus, start.pose, target.position)
     return _along_line(settings, start, target)
 

@@ -13,7 +13,7 @@ from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.formulation import begun_at
 from cmpsp_ros.guidance.planning import FUNCTIONS
 from cmpsp_ros.mpsp import SLACK_TOLERANCE
-from cmpsp_ros.mpsp.qp.riccati import SOLVED
+from cmpsp_ros.mpsp.qp.riccati import Outcome
 from cmpsp_ros.mpsp.sqp import Driver
 
 
@@ -52,7 +52,7 @@ class RiccatiActiveSet:
         ws.trial.U[: steps + 1] = U
         data = begun_at(self._data, pose, durations, math.nan)
         self._driver.improve(self._functions, data, steps, over)
-        if self._outcome[0] != SOLVED:
+        if self._outcome[0] != Outcome.SOLVED:
             raise BenchError('it does not solve one of its programs')
         return ws.now.U[: steps + 1].copy()
 

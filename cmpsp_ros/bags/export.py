@@ -9,9 +9,10 @@ from itertools import islice
 from pathlib import Path
 from typing import Any, Literal
 
-from cmpsp_ros.bags.decision_record import ENTRIES, DecisionRecord, entries_of, status_of, truth
+from cmpsp_ros.bags.decision_record import DecisionRecord, entries_of, status_of
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.guidance import DECISION_KEYS, truth
 from cmpsp_ros.guidance.messages import TrackError, heading_of, tracks_of
 from cmpsp_ros.sensing import stamp_of
 
@@ -230,9 +231,10 @@ def _decision_columns(bag: Bag, topics: list[str]) -> tuple[Column, ...]:
 def _entry_column(key: str) -> Column:
     if key.endswith('_ms'):
         return Column(f'{key.removesuffix("_ms")}_time', 'float', 'ms')
-    if key not in ENTRIES:
+    if key not in DECISION_KEYS:
         return Column(key, 'text')
-    return Column(key, _KINDS.get(ENTRIES[key].parse, 'text'), ENTRIES[key].unit)
+    parse, unit = DECISION_KEYS[key]
+    return Column(key, _KINDS.get(parse, 'text'), unit)
 
 
 def _key(column: Column) -> str:

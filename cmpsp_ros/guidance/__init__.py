@@ -5,22 +5,22 @@ from typing import TYPE_CHECKING
 from cmpsp_ros.front_door import lazy_exports
 
 if TYPE_CHECKING:
-    from cmpsp_ros.guidance.decision import Decision, FallbackLevel, Plan
-    from cmpsp_ros.guidance.goals import Follow, Goal, GoalError
-    from cmpsp_ros.guidance.horizon import NANOSECONDS, NEVER, Horizon, to_nanoseconds
-    from cmpsp_ros.guidance.horizon_functions import remaining, shift
-    from cmpsp_ros.guidance.key_values import (
-        MOVING,
-        WHEELS,
+    from cmpsp_ros.guidance.decision import (
+        DECISION_KEYS,
+        FIELDS,
+        Decision,
+        FallbackLevel,
+        Plan,
         decision_to_key_values,
-        exact_repr,
         is_at_rest,
-        present_keys,
         response_ms,
         severity,
         waypoints,
-        with_former_keys,
     )
+    from cmpsp_ros.guidance.decision_entries import Key, exact_repr, truth
+    from cmpsp_ros.guidance.goals import Follow, Goal, GoalError
+    from cmpsp_ros.guidance.horizon import NANOSECONDS, NEVER, Horizon, to_nanoseconds
+    from cmpsp_ros.guidance.horizon_functions import remaining, shift
     from cmpsp_ros.guidance.law import GuidanceLaw
     from cmpsp_ros.guidance.settings import GOAL, LawSettings
     from cmpsp_ros.guidance.solver_settings import (
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
         MovingObstacles,
         Safety,
         SolverSettings,
+        TaskSettings,
         Weights,
     )
     from cmpsp_ros.guidance.warmup import prepare, warm_up

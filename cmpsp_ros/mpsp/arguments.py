@@ -1,4 +1,4 @@
-"""What users hand in as numbers, brought to the shapes of the method or refused by name."""
+"""The error of this package, and numbers from users brought to the shapes of the method."""
 
 from __future__ import annotations
 
@@ -6,7 +6,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.mpsp.errors import ProblemError
+
+
+class ProblemError(ValueError):
+    """A problem, guess or setting the method cannot work with; the message names the argument."""
 
 
 def numbers(name: str, value: ArrayLike) -> Array:

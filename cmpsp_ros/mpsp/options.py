@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.mpsp.arguments import numbers
-from cmpsp_ros.mpsp.errors import ProblemError
+from cmpsp_ros.mpsp.arguments import ProblemError, numbers
 from cmpsp_ros.mpsp.problem import Dimensions, Hessian
 from cmpsp_ros.mpsp.qp import RICCATI_ACTIVE_SET, backend
 

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.mpsp.arguments import check_bounds, not_finite, numbers
-from cmpsp_ros.mpsp.errors import ProblemError
+from cmpsp_ros.mpsp.arguments import ProblemError, check_bounds, not_finite, numbers
 
 Hessian = Literal['gauss_newton', 'exact', 'projected']
 """Which second derivative of the stage costs ``L_k`` a problem returns, (49)-(52).

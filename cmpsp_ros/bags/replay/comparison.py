@@ -8,13 +8,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from cmpsp_ros.bags.decision_record import DecisionRecord
-from cmpsp_ros.guidance import MOVING, Decision, decision_to_key_values, waypoints
+from cmpsp_ros.guidance import FIELDS, Decision, decision_to_key_values, waypoints
 from cmpsp_ros.robots import with_side
 
 Pairs = Iterator[tuple[str, str | None, str | None]]
 
-_INPUTS = frozenset(('halted', 'late', 'skipped', 'pose', 'run', 'revision', MOVING))
-"""Entries that say what the law received: they are followed, not compared."""
+_COMPARED = [key for each in FIELDS.values() if not each.is_input for key in each.keys]
 
 _NUMBER = re.compile(r'-?\d+(\.\d+)?(e[+-]?\d+)?')
 _FRACTION = re.compile(r'-?(\d+\.\d+(e[+-]?\d+)?|\d+e[+-]?\d+|inf|nan)')
@@ -82,9 +81,8 @@ class Comparison:
 def _pairs(recorded: DecisionRecord, decision: Decision) -> Pairs:
     """Every field, as recorded and as decided, in text."""
     now = decision_to_key_values(decision)
-    for key in {**now, **recorded.entries}:
-        if key not in _INPUTS and not key.endswith('_ms'):
-            yield key, recorded.entries.get(key), now.get(key)
+    for key in _COMPARED:
+        yield key, recorded.entries.get(key), now.get(key)
     yield 'reason', recorded.reason, decision.reason
     if recorded.command is not None:
         names = ('command.linear.x', 'command.linear.y', 'command.angular.z')

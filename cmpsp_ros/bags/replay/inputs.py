@@ -200,18 +200,15 @@ class Inputs:
 
     def _beforehand(self, before: DecisionRecord, decision: DecisionRecord) -> Iterator[Input]:
         """What happened to the law since the decision before, apart from odometry."""
-        if decision.revision is None or before.revision is None:
-            self._refuse_to_guess(decision)
-        else:
-            for _ in range(decision.revision - before.revision):
-                if not self._has_change():
-                    raise BagError(
-                        f'{self._bag.path}: found a decision (stamp {decision.stamp}) after live'
-                        f' change {decision.revision} of the parameters of {self._node}, wanted'
-                        ' that change in /parameter_events'
-                    )
-                self._change(used=True)
-                yield ParametersChanged(self.values)
+        for _ in range(decision.revision - before.revision):
+            if not self._has_change():
+                raise BagError(
+                    f'{self._bag.path}: found a decision (stamp {decision.stamp}) after live'
+                    f' change {decision.revision} of the parameters of {self._node}, wanted'
+                    ' that change in /parameter_events'
+                )
+            self._change(used=True)
+            yield ParametersChanged(self.values)
         if decision.run != before.run or decision.step < before.step:
             yield RunReset()
 
@@ -244,14 +241,6 @@ class Inputs:
         if received >= since:
             self._parameters.change(received, changes, used=used)
 
-    def _refuse_to_guess(self, decision: DecisionRecord) -> None:
-        if self._has_change(until=decision.received):
-            raise BagError(
-                f'{self._bag.path}: found parameters of {self._node} that were changed live,'
-                f' wanted decisions that say from which on (this recording is of version'
-                f' {self._bag.version}, before they did)'
-            )
-
     def _missing(self, decision: DecisionRecord) -> OdometryMissing:
         if not self._recording.odometry and self._recording.unusable:
             raise BagError(f'{self._bag.path}: no usable odometry: {self._recording.unusable}')
@@ -260,9 +249,5 @@ class Inputs:
 
 def _began_anew(before: DecisionRecord, decision: DecisionRecord) -> bool:
     """Whether another law than before decides: the node was configured or started again."""
-    if before.run is None or decision.run is None:
-        return False
-    if before.revision is None or decision.revision is None:
-        return False
     again = decision.run == before.run and decision.step < before.step
-    return decision.run < before.run or decision.revision < before.revision or again
+    return bool(decision.run < before.run or decision.revision < before.revision or again)

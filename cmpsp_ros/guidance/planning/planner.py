@@ -26,7 +26,7 @@ from cmpsp_ros.guidance.solver_settings import UNLIMITED
 from cmpsp_ros.mpsp import SLACK_TOLERANCE, Dimensions, Options
 from cmpsp_ros.mpsp.models import CONTROL_RATE, ControlRateData
 from cmpsp_ros.mpsp.qp import RICCATI_ACTIVE_SET, QPStatus
-from cmpsp_ros.mpsp.qp.riccati import INFEASIBLE, ITERATION_LIMIT, NO_CURVATURE, SOLVED
+from cmpsp_ros.mpsp.qp.riccati import Outcome
 from cmpsp_ros.mpsp.sqp import Driver, Functions
 from cmpsp_ros.robots import Robot, within_ramp
 from cmpsp_ros.world import FreeSpace
@@ -36,10 +36,10 @@ FUNCTIONS: Final = Functions(ocp_functions.predict, ocp_functions.evaluate, ocp_
 
 # What an iteration of a QP back end takes at a stage, in visits of a stage.
 _WORK_OF_BACK_END: Final = 10_000
-_STATUS: Final = {
-    SOLVED: QPStatus.SOLVED,
-    INFEASIBLE: QPStatus.INFEASIBLE,
-    NO_CURVATURE: QPStatus.FAILED,
+_STATUS: Final[dict[int, QPStatus]] = {
+    Outcome.SOLVED: QPStatus.SOLVED,
+    Outcome.INFEASIBLE: QPStatus.INFEASIBLE,
+    Outcome.NO_CURVATURE: QPStatus.FAILED,
 }
 _WORK_USED_UP: Final = 'The work of this control step was used up, or rounding was too large.'
 
@@ -119,9 +119,9 @@ class Planner:
         data = self._data(context, guess)
         self._driver.improve(self._functions, data, steps, over)
         outcome = self._counters[0].item()
-        if self._compiled and outcome in (NO_CURVATURE, ITERATION_LIMIT):
+        if self._compiled and outcome in (Outcome.NO_CURVATURE, Outcome.ITERATION_LIMIT):
             work = self._counters[-1].item() + _WORK_OF_BACK_END * limit * (steps + 1)
-            if outcome == NO_CURVATURE or work <= work_limit:
+            if outcome == Outcome.NO_CURVATURE or work <= work_limit:
                 return self._improve_otherwise(guess, context, data, limit)._replace(work=work)
         return _summary(self._driver, self._counters, horizon)
 
@@ -259,19 +259,19 @@ def _summary(driver: Driver, counters: tuple[IntArray, ...], horizon: Horizon) -
         each.item() for each in counters
     ]
     largest, left, path = 0.0, [], 0
-    if outcome == SOLVED and level > 0:
+    if outcome == Outcome.SOLVED and level > 0:
         # A handful of numbers is searched faster in a Python list.
         slack = ws.slack.tolist()
         largest, path = max(slack), len(slack) - len(ws.now.output_error)
         left = [index for index, each in enumerate(slack) if each > SLACK_TOLERANCE]
     if back_end is None:
-        reason = _WORK_USED_UP if outcome == ITERATION_LIMIT else _STATUS[outcome].value
+        reason = _WORK_USED_UP if outcome == Outcome.ITERATION_LIMIT else _STATUS[outcome].value
     else:
         qp_iterations = back_end.solution.iterations
         reason = back_end.solution.status.value
     return SolveResult(
         Plan(horizon, ws.now.U[:stages].copy(), ws.now.X[:stages, :3].copy()),
-        outcome == SOLVED,
+        outcome == Outcome.SOLVED,
         bool(left),
         largest,
         tuple([index for index in left if index < path]),

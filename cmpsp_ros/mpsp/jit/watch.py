@@ -1,4 +1,4 @@
-"""Notices when kernels are compiled, and shows progress."""
+"""Names of kernels as they are compiled, and progress on a terminal or in a log."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ class ProgressLine:
         self._next: float | None = None
 
     def show(self, count: int, what: str) -> None:
-        """Show what is compiled now, and how many kernels have been begun."""
+        """Show the kernel being compiled and the number begun."""
         total, bar = '', ''
         if self._expected is not None and count <= self._expected:
             total = f' of about {self._expected}'

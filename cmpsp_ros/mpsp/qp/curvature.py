@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.mpsp.qp.active_set.fill import is_positive_definite
+from cmpsp_ros.mpsp.qp.active_set.records import is_positive_definite
 from cmpsp_ros.mpsp.qp.dense.closed_form import (
     CURVATURE_MARGIN,
     has_closed_form,

@@ -9,16 +9,25 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.mpsp.iterate import SLACK_TOLERANCE, Iterate, Record, Size, Step, record
 from cmpsp_ros.mpsp.options import Options
 from cmpsp_ros.mpsp.problem import Evaluation, Linearisation, OptimalControlProblem
 from cmpsp_ros.mpsp.qp import QPStatus
-from cmpsp_ros.mpsp.qp.active_set.fill import put_derivatives
+from cmpsp_ros.mpsp.qp.active_set.records import put_derivatives
 from cmpsp_ros.mpsp.qp.riccati.program import Records
 from cmpsp_ros.mpsp.qp.subproblem import Subproblem
+from cmpsp_ros.mpsp.results import (
+    SLACK_TOLERANCE,
+    Iterate,
+    Record,
+    Size,
+    Solution,
+    Status,
+    Step,
+    record,
+    violations,
+)
 from cmpsp_ros.mpsp.sqp.driver import Driver, Functions
-from cmpsp_ros.mpsp.sqp.workspace import EVALUATED
-from cmpsp_ros.mpsp.status import Solution, Status, violations
+from cmpsp_ros.mpsp.sqp.workspace import Phase
 
 
 class CMPSP:
@@ -108,7 +117,7 @@ class CMPSP:
         run, there = ws.run, ws.trial
         there.U[:, : size.control], there.X[:, : size.state] = at.U, at.X
         there.output_error[:], there.g[:] = at.evaluation.output_error, at.evaluation.g
-        run['trial_cost'], run['phase'] = at.evaluation.cost, EVALUATED
+        run['trial_cost'], run['phase'] = at.evaluation.cost, Phase.EVALUATED
         run['iterations'], run['max_iterations'] = at.index, at.index + 1
         run['length'] = 0.0 if at.step is None else at.step.length
         run['full_change'] = run['active_rows'] = run['is_corrected'] = 0

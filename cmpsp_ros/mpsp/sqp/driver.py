@@ -9,26 +9,66 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.mpsp.jit.addresses import address_of
-from cmpsp_ros.mpsp.jit.compiled import entry_for
+from cmpsp_ros.mpsp.jit.compiled import (
+    address_of,
+    allocation_free,
+    call,
+    call_for_float,
+    call_for_int,
+    entry_for,
+)
 from cmpsp_ros.mpsp.problem import Dimensions, Hessian
-from cmpsp_ros.mpsp.qp.active_set.correction import correct
-from cmpsp_ros.mpsp.qp.active_set.fill import Space, compiled_size
-from cmpsp_ros.mpsp.qp.active_set.solver import solve
-from cmpsp_ros.mpsp.qp.active_set.state import Indices, empty_active_set, empty_warm_start
+from cmpsp_ros.mpsp.qp.active_set.records import Space, compiled_size
+from cmpsp_ros.mpsp.qp.active_set.solver import correct, solve
+from cmpsp_ros.mpsp.qp.active_set.state import (
+    ActiveSet,
+    Indices,
+    WarmStart,
+    empty_active_set,
+    empty_warm_start,
+)
 from cmpsp_ros.mpsp.sqp.back_end import BackEnd
 from cmpsp_ros.mpsp.sqp.iteration import advance
-from cmpsp_ros.mpsp.sqp.run import run
-from cmpsp_ros.mpsp.sqp.workspace import (
-    ADD_CURVATURE,
-    CORRECT,
-    EVALUATE,
-    LINEARISE,
-    SOLVE_QP,
-    START,
-    Workspace,
-    workspace,
-)
+from cmpsp_ros.mpsp.sqp.workspace import Phase, Request, Workspace, workspace
+
+
+@allocation_free
+def run(
+    ws: Workspace,
+    active: ActiveSet,
+    hard: WarmStart,
+    relaxed: WarmStart,
+    solver: Indices,
+    problem: Indices,
+    data: Any,
+) -> None:
+    """Provide what the iteration asks for until it is over, or the Hessian lacks curvature.
+
+    Args:
+        ws: The workspace.
+        active: Memory for the active-set method.
+        hard: Warm start of subproblems without slack.
+        relaxed: Warm start of relaxed ones.
+        solver: Addresses of `advance`, `solve` and `correct`.
+        problem: Addresses of predict, evaluate and linearise.
+        data: The problem's.
+    """
+    state, p, now, trial = ws.run[0], ws.program, ws.now, ws.trial
+    while True:
+        request = call_for_int(solver[0], (ws,))
+        if request == Request.EVALUATE:
+            call(problem[0], (data, trial.U, trial.X))
+            at = (data, trial.X, trial.U, trial.output_error, trial.g)
+            state.trial_cost = call_for_float(problem[1], at)
+        elif request == Request.LINEARISE:
+            call(problem[2], (data, now.X, now.U, p.stages, p.path, p.terminal))
+        elif request == Request.SOLVE_QP:
+            warm = relaxed if state.level > 0 else hard
+            state.outcome = call_for_int(solver[1], (p, active, warm))
+        elif request == Request.CORRECT:
+            call(solver[2], (p, active, trial.output_error, trial.g))
+        else:
+            return
 
 
 class Functions(NamedTuple):
@@ -43,7 +83,7 @@ class Functions(NamedTuple):
             terminal error (5), shape ``(m,)``, and the path constraints (4), shape
             ``(N + 1, l)``, ``-inf`` where one does not apply.
         linearise: ``linearise(data, X, U, stages, path, terminal)`` fills the derivatives of
-            `cmpsp_ros.mpsp.qp.riccati.layout`. Entries that are always 0 need not be written.
+            `cmpsp_ros.mpsp.qp.riccati.program`. Entries that are always 0 need not be written.
     """
 
     predict: Callable[[Any, Array, Array], None]
@@ -94,7 +134,7 @@ class Entries(NamedTuple):
     Attributes:
         functions: To be called one by one, where a QP back end solves the subproblems.
         addresses: `Functions.addresses`.
-        run: The whole iteration: `cmpsp_ros.mpsp.sqp.run.run`.
+        run: The whole iteration: `cmpsp_ros.mpsp.sqp.driver.run`.
     """
 
     functions: Functions
@@ -166,7 +206,8 @@ class Driver:
 
     def forget(self) -> None:
         """Begin the next plan without what is known of the last one."""
-        self._warm_hard[0] = self._warm_relaxed[0] = 0
+        self._warm_hard.clear()
+        self._warm_relaxed.clear()
 
     def improve(self, functions: Functions | Entries, data: Any, steps: int, over: int) -> None:
         """Improve the plan in ``ws.trial.U``; the result is in ``ws.now`` and ``ws.run``.
@@ -182,7 +223,7 @@ class Driver:
         """
         self._horizon[0] = steps
         self._begun[0] += over
-        self._phase[0] = START
+        self._phase[0] = Phase.START
         self.go_on(functions, data)
 
     def go_on(self, functions: Functions | Entries, data: Any) -> None:
@@ -200,17 +241,17 @@ class Driver:
         assert back_end is not None  # noqa: S101 (functions that are not compiled have one)
         while True:
             request = advance(ws)
-            if request == EVALUATE:
+            if request == Request.EVALUATE:
                 predict(data, trial.U, trial.X)
                 cost[0] = evaluate(data, trial.X, trial.U, trial.output_error, trial.g)
-            elif request == LINEARISE:
+            elif request == Request.LINEARISE:
                 linearise(data, now.X, now.U, program.stages, program.path, program.terminal)
                 back_end.begin()
-            elif request == SOLVE_QP:
+            elif request == Request.SOLVE_QP:
                 outcome[0] = back_end.solve(self._level[0])
-            elif request == ADD_CURVATURE:
+            elif request == Request.ADD_CURVATURE:
                 back_end.add_curvature()
-            elif request == CORRECT:
+            elif request == Request.CORRECT:
                 back_end.correct(trial.output_error, trial.g)
             else:
                 return

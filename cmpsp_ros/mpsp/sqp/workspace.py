@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from enum import IntEnum
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -11,17 +12,45 @@ from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.problem import Dimensions
 from cmpsp_ros.mpsp.qp.riccati.program import Program, Records, empty_program
 
-START, EVALUATED, LINEARISED, QP_ANSWERED, SEARCHING, CORRECTED, FULL_STEP = 0, 1, 2, 3, 4, 5, 6
-"""Where the iteration goes on; values of `phase` in `RUN`."""
 
-DONE, EVALUATE, LINEARISE, SOLVE_QP, ADD_CURVATURE, CORRECT = 0, 1, 2, 3, 4, 5
-"""What the iteration asks for next: see `cmpsp_ros.mpsp.sqp.iteration.advance`."""
+class Phase(IntEnum):
+    """Where the iteration goes on."""
+
+    START = 0
+    EVALUATED = 1
+    LINEARISED = 2
+    QP_ANSWERED = 3
+    SEARCHING = 4
+    CORRECTED = 5
+    FULL_STEP = 6
+
+
+class Request(IntEnum):
+    """What the iteration asks for next: see `cmpsp_ros.mpsp.sqp.iteration.advance`."""
+
+    DONE = 0
+    EVALUATE = 1
+    LINEARISE = 2
+    SOLVE_QP = 3
+    ADD_CURVATURE = 4
+    CORRECT = 5
+
+
+class Search(IntEnum):
+    """Which trial the line search is at."""
+
+    FIRST = 0
+    BACKTRACKING = 1
+    BEST = 2
+    LAST_RESORT = 3
+
 
 _INTEGERS = (
     # Options.
     'max_iterations', 'line_search', 'elastic',
     # State.
-    'phase', 'stage', 'halvings', 'is_corrected', 'best_is_corrected', 'level', 'is_hard',
+    'phase', 'search', 'asked_for_curvature', 'is_corrected', 'best_is_corrected', 'level',
+    'is_hard',
     # What came of it.
     'iterations', 'outcome', 'active_rows',
 )  # fmt: skip

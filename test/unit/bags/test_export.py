@@ -62,10 +62,13 @@ def bag(write):
         ('/sim/truth', at(2, 1.0)),
         ('/guidance/wheel_speeds', joints(7, (51.0, -THIRD))),
         ('/joint_states', joints(7, (1.0, 2.0, 3.0))),
-        ('/guidance/decision', decision(stamp='5', rung='stop', miss='0.25', own='x')),
         (
             '/guidance/decision',
-            decision(stamp='6', finished='true', miss='nan', step='4', step_ms='1.5'),
+            decision(stamp='5', fallback_level='stop', terminal_error='0.25', own='x'),
+        ),
+        (
+            '/guidance/decision',
+            decision(stamp='6', finished='true', terminal_error='nan', step='4', step_ms='1.5'),
         ),
         ('/guidance/predicted_path', path(8, [(0.0, 0.0, 0.0), (1.0, 2.0, -0.5)], stamps=(9, 9))),
         ('/battery', decision(level='low')),
@@ -119,7 +122,13 @@ def test_csv(bag, tmp_path):
 
 
 def test_goals_obstacles_that_move_and_roads(write, tmp_path):
-    known = {'goal': 'b', 'goal_x': '0.5', 'goal_time': '17.0', 'told': '2', 'missed': 'true'}
+    known = {
+        'goal': 'b',
+        'goal_x': '0.5',
+        'goal_time': '17.0',
+        'goals_received': '2',
+        'missed': 'true',
+    }
     bag = write(
         ('/guidance/decision', decision(stamp='5', **known)),
         ('/goal_pose', pose_stamped(3, (THIRD, 2.0, 0.5), 'map')),
@@ -172,7 +181,7 @@ def test_many_rows(write, tmp_path, monkeypatch):
 
 
 def test_decisions_in_arrays(write, tmp_path):
-    array = make(ARRAY, header(5), [decision(stamp='5', miss='0.25')])
+    array = make(ARRAY, header(5), [decision(stamp='5', terminal_error='0.25')])
     export(write(('/guidance/decision', array)), tmp_path / 'tables')
     (row,) = rows(tmp_path / 'tables' / 'decisions.csv')
     assert (row['stamp [ns]'], row['terminal_error [m]'], row['reason'][:3]) == ('5', '0.25', 'All')

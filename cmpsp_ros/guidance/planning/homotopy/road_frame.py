@@ -19,7 +19,7 @@ from cmpsp_ros.guidance.planning.initial_trajectories import wrapped
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.mpsp.jit import allocation_free
-from cmpsp_ros.world.roads import ANNULUS, Annulus, arc_length_to, lookahead_points
+from cmpsp_ros.world.roads import Annulus, arc_length_to, lookahead_points
 
 SPACING: Final = 0.2
 """Of the stations, at least [m]."""
@@ -105,7 +105,7 @@ def road_frame(settings: LawSettings, start: PlanStart, target: Target) -> RoadF
         target: Where it ends.
     """
     discs = all(len(each.corners) == 1 for each in start.world.shapes)
-    if discs and start.world.road_space.kind == ANNULUS:
+    if discs and isinstance(start.world.road, Annulus):
         return _polar(start.world.annulus, start.pose, target.position)
     return _along_line(settings, start, target)
 

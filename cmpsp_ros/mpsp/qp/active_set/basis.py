@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.jit.compiled import allocation_free, inner
-from cmpsp_ros.mpsp.qp.riccati.intrinsics import dot
+from cmpsp_ros.mpsp.jit.intrinsics import dot
 
 # Fraction of its length that a row must have outside the basis to count as independent.
 _INDEPENDENT = 1e-10

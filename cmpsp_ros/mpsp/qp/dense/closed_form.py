@@ -12,9 +12,8 @@ from dataclasses import replace
 import numpy as np
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.mpsp.qp.active_set.fill import kkt_residual
-from cmpsp_ros.mpsp.qp.solution import QPSolution, QPStatus
-from cmpsp_ros.mpsp.qp.subproblem import Subproblem
+from cmpsp_ros.mpsp.qp.active_set.records import kkt_residual
+from cmpsp_ros.mpsp.qp.subproblem import QPSolution, QPStatus, Subproblem
 
 CURVATURE_MARGIN = 1e-10
 """Least eigenvalue that counts as positive, relative to the largest entry of the diagonal."""

@@ -48,6 +48,11 @@ class CondensedQP:
     lower: Array
     upper: Array
 
+    @property
+    def rows(self) -> Array:
+        """Terminal, path and trust rows, stacked; shape ``(m + p + t, q)``."""
+        return np.concatenate([self.S_N, self.B_C, self.T])
+
 
 def sensitivities(A: Array, B: Array) -> Array:
     """State sensitivities ``B_j^k`` of the recursion (23).
@@ -100,11 +105,11 @@ def condense(
     _rows(B_C, blocks, stage, lin.g_X[stage, index], lin.g_U[stage, index])
 
     tight = [] if trust_radius is None else list(np.flatnonzero(trust_radius != np.inf))
-    trust_stage = np.tile(np.arange(1, steps + 1), len(tight))
+    trust_stage = np.repeat(np.arange(1, steps + 1), len(tight))
     T = np.empty((len(trust_stage), q))
-    unit = np.repeat(np.eye(n)[tight].reshape(-1, n), steps, axis=0)
+    unit = np.tile(np.eye(n)[tight].reshape(-1, n), (steps, 1))
     _rows(T, blocks, trust_stage, unit, np.zeros((len(T), r)))
-    radius = np.empty(0) if trust_radius is None else np.repeat(trust_radius[tight], steps)
+    radius = np.empty(0) if trust_radius is None else np.tile(trust_radius[tight], steps)
 
     return CondensedQP(
         H=H,

@@ -17,7 +17,7 @@ from typing import Any
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.jit.compiled import allocation_free, inner
-from cmpsp_ros.mpsp.qp.riccati.intrinsics import room_for
+from cmpsp_ros.mpsp.jit.intrinsics import room_for
 from cmpsp_ros.mpsp.qp.riccati.program import Program
 
 _SMALLEST_PIVOT = 1e-14

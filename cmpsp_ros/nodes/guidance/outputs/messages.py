@@ -11,7 +11,7 @@ from nav_msgs.msg import Path
 from std_msgs.msg import Header
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.guidance import decision_to_key_values, severity, waypoints, with_former_keys
+from cmpsp_ros.guidance import decision_to_key_values, severity, waypoints
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -61,8 +61,7 @@ class DecisionMessage:
         self._message.level = level_of(decision)
         self._message.message = decision.reason
         self._message.values = [
-            self._value(*item)
-            for item in with_former_keys(decision_to_key_values(decision)).items()
+            self._value(*item) for item in decision_to_key_values(decision).items()
         ]
         return self._array
 

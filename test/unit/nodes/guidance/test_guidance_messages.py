@@ -37,6 +37,7 @@ def decision(**changes):
         'level': FallbackLevel.NOMINAL,
         'reason': 'Well.',
         'wheel_speeds': np.array([45.1, 44.2]),
+        'steering_angle': None,
         'twist': np.array([1.5, 0.1 + 0.2]),
         'time_left': 8.6,
         'plan': None,

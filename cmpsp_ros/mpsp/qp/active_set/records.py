@@ -1,4 +1,4 @@
-"""Between a subproblem and the records that compiled code works on.
+"""Conversion of subproblems to the records that compiled code works on, and back.
 
 Code is compiled for a size, which takes long; a program of another size is filled up with states
 and controls that nothing moves and that cost nothing else. They are 0 in every solution.
@@ -19,15 +19,14 @@ from cmpsp_ros.mpsp.problem import Dimensions, Linearisation
 from cmpsp_ros.mpsp.qp.active_set.fixed_bounds import free_all
 from cmpsp_ros.mpsp.qp.active_set.state import (
     ActiveSet,
-    Indices,
+    WarmStart,
     empty_active_set,
     empty_warm_start,
 )
 from cmpsp_ros.mpsp.qp.riccati import kkt
 from cmpsp_ros.mpsp.qp.riccati.factorisation import factorise
-from cmpsp_ros.mpsp.qp.riccati.program import Program, Records, empty_program
-from cmpsp_ros.mpsp.qp.solution import Penalties, QPSolution, QPStatus
-from cmpsp_ros.mpsp.qp.subproblem import Subproblem
+from cmpsp_ros.mpsp.qp.riccati.program import Program, Records, RowKind, empty_program, locate
+from cmpsp_ros.mpsp.qp.subproblem import Penalties, QPSolution, QPStatus, Row, Subproblem
 
 SIZES: Final = ((3, 2), (5, 2), (8, 4), (16, 8), (32, 16), (64, 32))
 """States and controls that code is compiled for; those of the guidance law first."""
@@ -46,7 +45,7 @@ class Space(NamedTuple):
     size: Dimensions
     program: Program
     active: ActiveSet
-    warm: Indices
+    warm: WarmStart
 
 
 def compiled_size(n: int, r: int) -> tuple[int, int]:
@@ -97,7 +96,7 @@ def put_derivatives(stages: Records, path: Records, terminal: Records, lin: Line
     """Write derivatives along a trajectory into records, which may be larger in any size.
 
     Args:
-        stages: Of `cmpsp_ros.mpsp.qp.riccati.layout.stage_type`.
+        stages: Of `cmpsp_ros.mpsp.qp.riccati.program.stage_type`.
         path: Of `row_type`.
         terminal: Of `row_type`.
         lin: The derivatives.
@@ -171,6 +170,22 @@ def solution_in(of: Space) -> QPSolution:
         stages['bounds'][:, :r].copy(),
         int(of.program.head['iterations'][0]),
     )
+
+
+def conflict_in(of: Space) -> tuple[Row, ...]:
+    """The rows named by the solver as contradicting each other; a bound with both sides once."""
+    count = int(of.program.head['conflicting'][0])
+    numbers = sorted(of.active.conflict[:count].tolist())
+    return tuple(dict.fromkeys(_row(of, number) for number in numbers))
+
+
+def _row(of: Space, number: int) -> Row:
+    if number < of.size.output:
+        return Row('terminal', of.size.horizon, number)
+    kind, stage, component, _ = locate(of.program, number)
+    if kind == RowKind.PATH:
+        return Row('path', stage, component)
+    return Row('bound' if kind == RowKind.BOUND else 'trust', stage, component)
 
 
 def kkt_residual(qp: Subproblem, solution: QPSolution, penalties: Penalties | None) -> float:

@@ -1,4 +1,4 @@
-"""Whether the conditions of Theorem 2, which promise Q-linear convergence, hold at a solution."""
+"""The conditions of Theorem 2, which promise Q-linear convergence, checked at a solution."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.mpsp.models.differences import central_differences
+from cmpsp_ros.mpsp.models.derivatives import central_differences
 from cmpsp_ros.mpsp.problem import Hessian, OptimalControlProblem
 from cmpsp_ros.mpsp.qp.dense.condensing import CondensedQP, condense, gradient
-from cmpsp_ros.mpsp.status import Solution, Status
+from cmpsp_ros.mpsp.results import Solution, Status
 
 ACTIVE_TOLERANCE = 1e-6
 """A constraint this near to its limit, in its own units, counts as active."""

@@ -66,12 +66,11 @@ def test_signal_while_messages_keep_coming(record, ros, bag):
 def test_refused(spawn, tmp_path, output, parameters, reason):
     place = f'output:={tmp_path / output}' if output else 'output:=""'
     settings = [*([] if output is None else [place]), *parameters]
-    before = sorted(tmp_path.iterdir())
     recorder = spawn([*RECORDER, *(text for each in settings for text in ('-p', each))])
     assert recorder.wait() == 1
     assert re.search(reason, recorder.stderr)
     assert 'Traceback' not in recorder.stderr
-    assert sorted(tmp_path.iterdir()) == before
+    assert not [*tmp_path.glob('bag'), *tmp_path.glob('*.mcap'), *tmp_path.glob('*.yaml')]
 
 
 def test_memory_and_custom_data(record, bag):

@@ -12,11 +12,11 @@ from benchmarks.common import BenchError
 from benchmarks.task import Task
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance import GuidanceLaw, GuidanceSettings, Plan, remaining, shift, to_nanoseconds
-from cmpsp_ros.guidance.formulation import OcpFormulation, begun_at
+from cmpsp_ros.guidance.formulation import OcpFormulation
 from cmpsp_ros.guidance.planning import FUNCTIONS, Planner, PlanningContext
 from cmpsp_ros.guidance.safety import Audit
 from cmpsp_ros.mpsp import SLACK_TOLERANCE, Options
-from cmpsp_ros.mpsp.qp.riccati import SOLVED
+from cmpsp_ros.mpsp.qp.riccati import Outcome
 from cmpsp_ros.mpsp.sqp import CMPSP, Driver
 
 ITERATIONS = 2
@@ -124,9 +124,9 @@ class RiccatiActiveSet:
         steps, ws = len(durations), self._driver.ws
         over, self._left = self._left - steps, steps
         ws.trial.U[: steps + 1] = U
-        data = begun_at(self._data, pose, durations, math.nan)
+        data = self._data._replace(pose=pose, durations=durations, progress=math.nan)
         self._driver.improve(self._functions, data, steps, over)
-        if self._outcome[0] != SOLVED:
+        if self._outcome[0] != Outcome.SOLVED:
             raise BenchError('it does not solve one of its programs')
         return ws.now.U[: steps + 1].copy()
 

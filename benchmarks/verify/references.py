@@ -15,15 +15,7 @@ from scipy.sparse.linalg import splu
 from benchmarks.verify.case import Program
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.qp import Penalties, QPSolution, QPStatus, Row, kkt_residual
-from cmpsp_ros.mpsp.qp.dense import (
-    SparseQP,
-    cone_program,
-    daqp_backend,
-    multipliers_of,
-    run,
-    solution_of,
-    sparse_qp,
-)
+from cmpsp_ros.mpsp.qp.dense import SparseQP, cone_program, run, solve_by_daqp, sparse_qp
 
 _BITS_CHANGED = 5
 
@@ -104,10 +96,10 @@ def duality_gap(program: Program, solution: QPSolution) -> float:
     """
     qp = sparse_qp(program.subproblem, program.penalties)
     # Beyond the weight a multiplier proves nothing, and without a limit none does.
-    smallest = np.where(np.isfinite(qp.lower), -qp.weight, 0.0)
-    largest = np.where(np.isfinite(qp.upper), qp.weight, 0.0)
-    multipliers = np.clip(multipliers_of(qp, solution), smallest, largest)
-    limit = np.where(multipliers > 0.0, qp.upper, qp.lower)
+    smallest = np.where(np.isfinite(qp.rows.lower), -qp.rows.weight, 0.0)
+    largest = np.where(np.isfinite(qp.rows.upper), qp.rows.weight, 0.0)
+    multipliers = np.clip(qp.rows.multipliers(solution), smallest, largest)
+    limit = np.where(multipliers > 0.0, qp.rows.upper, qp.rows.lower)
     active = multipliers != 0.0
     gradient = qp.q + qp.G.T @ multipliers
     bound = 0.5 * float(gradient @ _least(qp, gradient))
@@ -139,7 +131,7 @@ def clarabel_solve(program: Program) -> QPSolution:
     """
     qp = program.subproblem
     matrices = sparse_qp(qp, program.penalties)
-    cones = cone_program(matrices, matrices.weight)
+    cones = cone_program(matrices, matrices.rows.weight)
     answer = run(cones, matrices.P, matrices.q)
     status = str(answer.status)
     if status not in _ENDED_AT_A_POINT:
@@ -147,8 +139,8 @@ def clarabel_solve(program: Program) -> QPSolution:
         failure = QPStatus.INFEASIBLE if infeasible else QPStatus.FAILED
         return replace(QPSolution.unsolved(qp.size, failure), iterations=answer.iterations)
     dU = np.array(answer.x[: qp.lower.size]).reshape(qp.lower.shape)
-    multipliers = cones.row_multipliers(np.array(answer.z), len(matrices.upper))
-    return solution_of(qp, matrices, dU, multipliers, answer.iterations)
+    multipliers = cones.row_multipliers(np.array(answer.z), len(matrices.rows.upper))
+    return matrices.rows.solution(qp, dU, multipliers, answer.iterations)
 
 
 def least_violation(program: Program) -> float:
@@ -157,7 +149,7 @@ def least_violation(program: Program) -> float:
     Zero to rounding where the program has a solution; ``inf`` where Clarabel fails.
     """
     matrices = sparse_qp(program.subproblem, program.penalties)
-    cones = cone_program(matrices, np.isinf(matrices.weight).astype(float))
+    cones = cone_program(matrices, np.isinf(matrices.rows.weight).astype(float))
     answer = run(cones)
     if str(answer.status) not in _ENDED_AT_A_POINT:
         return np.inf
@@ -252,7 +244,7 @@ def references(program: Program) -> list[Reference]:
     """
     answers = {'clarabel': clarabel_solve(program)}
     if program.penalties is None and program.subproblem.lower.size <= _MAX_DENSE_CONTROLS:
-        answers['daqp'] = daqp_backend.solve(program.subproblem, None, _DAQP_TOLERANCE)
+        answers['daqp'] = solve_by_daqp(program.subproblem, None, _DAQP_TOLERANCE)
     judged = [
         Reference(name, answer, accuracy(program, answer)) for name, answer in answers.items()
     ]

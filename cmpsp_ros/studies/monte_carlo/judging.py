@@ -27,7 +27,7 @@ from cmpsp_ros.studies.monte_carlo.driving import drive, farthest
 from cmpsp_ros.studies.monte_carlo.guesses import at_constant_speed, grid_path, slalom
 from cmpsp_ros.studies.monte_carlo.study import Task
 from cmpsp_ros.studies.paper import Path, reference_solution
-from cmpsp_ros.world.roads import ANNULUS
+from cmpsp_ros.world.roads import Annulus
 
 FEASIBLE: Final = 'feasible'
 UNGUARDED: Final = 'feasible, but not between samples by the guard'
@@ -162,7 +162,7 @@ def _slowed(task: Task) -> Robot:
 
 def _starts(settings: GuidanceSettings, pose: Array) -> Iterator[Path]:
     """Paths to start from, which decide on which side obstacles are passed: widest gaps first."""
-    if settings.road.space(0.0).kind != ANNULUS:
+    if not isinstance(settings.world.road, Annulus):
         for spare in _SPARE:
             points = grid_path(settings, pose, spare)
             if len(points):

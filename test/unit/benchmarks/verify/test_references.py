@@ -23,7 +23,7 @@ from benchmarks.verify.references import (
 )
 from benchmarks.verify.run import cases
 from cmpsp_ros.mpsp.qp import Penalties, QPStatus, Subproblem
-from cmpsp_ros.mpsp.qp.dense import daqp_backend
+from cmpsp_ros.mpsp.qp.dense import solve_by_daqp
 
 
 def prices(terminal, path):
@@ -31,7 +31,7 @@ def prices(terminal, path):
 
 
 def daqp(program):
-    return daqp_backend.solve(program.subproblem, program.penalties, 1e-9)
+    return solve_by_daqp(program.subproblem, program.penalties, 1e-9)
 
 
 @pytest.mark.parametrize('solve', [clarabel_solve, daqp])

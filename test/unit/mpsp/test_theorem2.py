@@ -7,11 +7,11 @@ import pytest
 from problems import LinearQuadratic, VanDerPol, differences
 
 from cmpsp_ros.mpsp import Options
-from cmpsp_ros.mpsp.analysis.theorem2 import Verdict, check, lagrangian_gradient, lagrangian_hessian
 from cmpsp_ros.mpsp.models.functions import from_functions
 from cmpsp_ros.mpsp.qp.dense import condense
+from cmpsp_ros.mpsp.results import Status
 from cmpsp_ros.mpsp.sqp.cmpsp import solve
-from cmpsp_ros.mpsp.status import Status
+from cmpsp_ros.mpsp.theorem2 import Verdict, check, lagrangian_gradient, lagrangian_hessian
 
 YES, NO, CANNOT_TELL = Verdict.YES, Verdict.NO, Verdict.CANNOT_TELL
 

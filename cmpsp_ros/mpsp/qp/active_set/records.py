@@ -1,4 +1,4 @@
-"""Between a subproblem and the records that compiled code works on.
+"""Conversion of subproblems to the records that compiled code works on, and back.
 
 Code is compiled for a size, which takes long; a program of another size is filled up with states
 and controls that nothing moves and that cost nothing else. They are 0 in every solution.
@@ -19,34 +19,26 @@ from cmpsp_ros.mpsp.problem import Dimensions, Linearisation
 from cmpsp_ros.mpsp.qp.active_set.fixed_bounds import free_all
 from cmpsp_ros.mpsp.qp.active_set.state import (
     ActiveSet,
-    Indices,
+    WarmStart,
     empty_active_set,
     empty_warm_start,
 )
 from cmpsp_ros.mpsp.qp.riccati import kkt
 from cmpsp_ros.mpsp.qp.riccati.factorisation import factorise
-from cmpsp_ros.mpsp.qp.riccati.program import Program, Records, empty_program
-from cmpsp_ros.mpsp.qp.solution import Penalties, QPSolution, QPStatus
-from cmpsp_ros.mpsp.qp.subproblem import Subproblem
+from cmpsp_ros.mpsp.qp.riccati.program import Program, Records, RowKind, empty_program, locate
+from cmpsp_ros.mpsp.qp.subproblem import Penalties, QPSolution, QPStatus, Row, Subproblem
 
 SIZES: Final = ((3, 2), (5, 2), (8, 4), (16, 8), (32, 16), (64, 32))
 """States and controls that code is compiled for; those of the guidance law first."""
 
 
 class Space(NamedTuple):
-    """Memory for one program, with the sizes that the user's has.
-
-    Attributes:
-        size: The user's sizes.
-        program: The records.
-        active: Memory for the active-set method.
-        warm: A warm start with nothing in it.
-    """
+    """Memory for one program: the user's sizes, records, active set and an empty warm start."""
 
     size: Dimensions
     program: Program
     active: ActiveSet
-    warm: Indices
+    warm: WarmStart
 
 
 def compiled_size(n: int, r: int) -> tuple[int, int]:
@@ -94,14 +86,7 @@ def fill(into: Space, qp: Subproblem, penalties: Penalties | None = None) -> Non
 
 
 def put_derivatives(stages: Records, path: Records, terminal: Records, lin: Linearisation) -> None:
-    """Write derivatives along a trajectory into records, which may be larger in any size.
-
-    Args:
-        stages: Of `cmpsp_ros.mpsp.qp.riccati.layout.stage_type`.
-        path: Of `row_type`.
-        terminal: Of `row_type`.
-        lin: The derivatives.
-    """
+    """Write derivatives along a trajectory into records, which may be larger in any size."""
     arrays = _derivatives(stages, path, terminal, lin.size)
     for array, field in zip(arrays, fields(lin), strict=True):
         array[...] = getattr(lin, field.name)
@@ -173,13 +158,24 @@ def solution_in(of: Space) -> QPSolution:
     )
 
 
-def kkt_residual(qp: Subproblem, solution: QPSolution, penalties: Penalties | None) -> float:
-    """Largest violation of the optimality conditions, relative to the size of the data.
+def conflict_in(of: Space) -> tuple[Row, ...]:
+    """The rows named by the solver as contradicting each other; a bound with both sides once."""
+    count = int(of.program.head['conflicting'][0])
+    numbers = sorted(of.active.conflict[:count].tolist())
+    return tuple(dict.fromkeys(_row(of, number) for number in numbers))
 
-    Covers stationarity, feasibility (of the rows that are hard), signs of multipliers, and
-    complementarity, in which a relaxed row may be violated only at its full penalty. NaN where
-    the data or the solution are.
-    """
+
+def _row(of: Space, number: int) -> Row:
+    if number < of.size.output:
+        return Row('terminal', of.size.horizon, number)
+    kind, stage, component, _ = locate(of.program, number)
+    if kind == RowKind.PATH:
+        return Row('path', stage, component)
+    return Row('bound' if kind == RowKind.BOUND else 'trust', stage, component)
+
+
+def kkt_residual(qp: Subproblem, solution: QPSolution, penalties: Penalties | None) -> float:
+    """Largest violation of the optimality conditions, as `kkt.kkt_residual`; of any solution."""
     with borrowed_space(qp.size) as mine:
         fill(mine, qp, penalties)
         put_solution(mine, solution, qp.propagate(solution.dU))
@@ -187,10 +183,7 @@ def kkt_residual(qp: Subproblem, solution: QPSolution, penalties: Penalties | No
 
 
 def is_positive_definite(qp: Subproblem, shift: float = 0.0, sign: float = 1.0) -> bool:
-    """Whether ``sign H + shift I`` is positive definite, with ``H`` the condensed Hessian.
-
-    One Riccati sweep, which takes time linear in the horizon.
-    """
+    """True where ``sign H + shift I`` is, with ``H`` the condensed Hessian; one Riccati sweep."""
     lin = qp.linearisation
     # Infinite entries are not definite.
     with np.errstate(over='ignore', invalid='ignore'):

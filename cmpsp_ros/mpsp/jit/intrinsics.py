@@ -1,4 +1,4 @@
-"""What numba does not offer: inner products in vector registers, and small arrays on the stack.
+"""Inner products in vector registers and small arrays on the stack, which numba does not offer.
 
 A compiler may not reorder a sum without changing its bits, so it adds the products one by one. Here
 the order is laid down: eight sums run side by side, those of the entries ``i``, ``i + 8``, ``i +

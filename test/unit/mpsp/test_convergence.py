@@ -7,7 +7,7 @@ import pytest
 from problems import LinearQuadratic, VanDerPol
 
 from cmpsp_ros.mpsp import Options
-from cmpsp_ros.mpsp.analysis.convergence import Convergence
+from cmpsp_ros.mpsp.convergence import Convergence
 from cmpsp_ros.mpsp.sqp.cmpsp import solve
 
 TARGET = np.array([[1.0, -2.0], [0.5, 3.0]])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numba.core.errors import TypingError
 
-from cmpsp_ros.mpsp.qp.riccati.intrinsics import dot
+from cmpsp_ros.mpsp.jit.intrinsics import dot
 
 RNG = np.random.default_rng(8)
 A, B = RNG.normal(size=(2, 120))

@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from cmpsp_ros.guidance.formulation import Cost, GuidanceProblem
+from cmpsp_ros.guidance import Weights
+from cmpsp_ros.guidance.formulation import GuidanceProblem
 from cmpsp_ros.guidance.planning import FUNCTIONS
 from cmpsp_ros.mpsp import SLACK_TOLERANCE, Options
 from cmpsp_ros.mpsp.qp import QPStatus
@@ -23,7 +24,7 @@ def robot_problem(steps=25, limit=51.0, obstacles=OBSTACLES, pose=POSE, change=1
     return GuidanceProblem(
         DifferentialDrive(max_wheel_speed=limit),
         FreeSpace.of(Annulus(), obstacles, 0.05),
-        Cost(15.0, change, 0.0),
+        Weights(15.0, change),
         pose,
         GOAL,
         np.full(steps, 10.0 / steps),

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cmpsp_ros.guidance.planning.seen_way import searched_with
+from cmpsp_ros.guidance.planning.grid_path_memory import searched_with
 from cmpsp_ros.guidance.world import NOT_SEARCHED
 from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 from cmpsp_ros.world.grids import Cell, OccupancyGrid

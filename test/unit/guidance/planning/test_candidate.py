@@ -10,15 +10,14 @@ from scenarios import FIRST, PERIOD, ROAD, SECOND, START, context_of, settings
 from cmpsp_ros.guidance import Safety, remaining
 from cmpsp_ros.guidance.formulation import OcpFormulation
 from cmpsp_ros.guidance.planning import Planner
-from cmpsp_ros.guidance.planning.candidate import Candidate
-from cmpsp_ros.guidance.planning.ranking import Ranking, Score
+from cmpsp_ros.guidance.planning.candidate import Candidate, Ranking, Score
 from cmpsp_ros.guidance.safety import Audit
 
 BOTH = (FIRST, SECOND)
 
 
 def test_change_over_needs_a_clear_advantage():
-    plain = Score(True, 0.0, 0.0, 0.0, False, 0.0, 0, 0.1, 10.0)
+    plain = Score(reserve=0.1, cost=10.0)
     assert not plain.beats(plain)
     assert not plain._replace(cost=8.5).beats(plain)
     assert plain._replace(cost=7.0).beats(plain)
@@ -31,7 +30,7 @@ def test_change_over_needs_a_clear_advantage():
 
 def test_the_order_of_criteria():
     """Obstacle, edge, goal, slack, turns, reserve, cost: none outweighs what comes before it."""
-    best = Score(True, 0.0, 0.0, 0.0, False, 0.0, 0, 0.1, 1.0)
+    best = Score(reserve=0.1, cost=1.0)
     worse = [
         best._replace(cost=100.0),
         best._replace(reserve=0.05),
@@ -51,7 +50,7 @@ def test_the_order_of_criteria():
 
 
 def test_a_little_more_to_spare_is_no_reason_to_change_over():
-    plain = Score(True, 0.0, 0.0, 0.0, False, 0.0, 0, 0.05, 10.0)
+    plain = Score(reserve=0.05, cost=10.0)
     assert not plain._replace(reserve=0.06).beats(plain)
     assert plain._replace(reserve=0.07).beats(plain)
     assert plain._replace(reserve=0.045, cost=5.0).beats(plain)
@@ -91,7 +90,7 @@ def test_what_is_in_a_margin_is_a_flaw_before_it_touches_anything():
 
 
 def test_a_plan_beside_that_has_no_prospect_is_let_go():
-    best = Score(True, 0.0, 0.0, 0.0, False, 0.0, 0, 0.1, 1.0)
+    best = Score(reserve=0.1, cost=1.0)
     assert best.outclasses(best._replace(cost=2.5))
     assert best.outclasses(best._replace(terminal_error=0.1, cost=0.1))
     assert not best.outclasses(best._replace(cost=1.9))

@@ -1,4 +1,4 @@
-"""Which way across a grid is taken: what sensors see opens and blocks ways from scan to scan."""
+"""Memory of the path across a grid: what sensors see opens and blocks paths from scan to scan."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from cmpsp_ros.world.roads import OpenFloor
 Point = tuple[float, float]
 
 _SPACING: Final = 0.1
-_MOST_RELUCTANT: Final = 5.0
+_MAX_HYSTERESIS: Final = 5.0
 
 
 def search_ahead(
     settings: LawSettings, world: World, place: Array, goals: Sequence[Point]
 ) -> Searched:
-    """Search for the paths to the next goals; returns and arguments as of `searched_with`."""
+    """Search for the paths to the next goals; arguments and result as of `searched_with`."""
     searched = searched_with(settings, world, place, goals[0])
     search = replace(world, searched=searched).map_search(settings)
     if search is not None:
@@ -36,15 +36,15 @@ def search_ahead(
 def searched_with(settings: LawSettings, world: World, place: Array, goal: Point) -> Searched:
     """Inputs of the search for the path from a place to the goal at the next control step.
 
-    Another way is taken where the present one is blocked, or where the other is shorter by more
-    than a part, which doubles each time: where noise opens and closes a gap, the robot would else
-    drive to and fro. It takes as long as a search of the grid.
+    Another path is taken if the present one is blocked, or if it is shorter by more than the
+    hysteresis, which doubles each time: where noise opens and closes a gap, the robot would
+    otherwise drive to and fro. It takes as long as a search of the grid.
 
     Args:
         settings: All settings of the guidance law.
-        world: With what is seen now, and what was searched with last.
-        place: Where the robot is, shape ``(2,)`` [m].
-        goal: Where it is to go (x, y) [m].
+        world: What is seen now, and the inputs of the last search.
+        place: Position of the robot, shape ``(2,)`` [m].
+        goal: Its goal (x, y) [m].
     """
     if world.seen is None:
         return world.searched
@@ -55,7 +55,7 @@ def searched_with(settings: LawSettings, world: World, place: Array, goal: Point
 def _by_sight(
     settings: LawSettings, world: World, seen: GridObstacle, place: Array, goal: Point
 ) -> Searched:
-    """By what is seen now: the path is kept while it is open."""
+    """Search what is seen now; the path is kept while it is open."""
     before, line = world.searched, _line(settings, world, place, goal)
     if not len(line):
         return before._replace(seen=seen, kept=None, is_another=False)
@@ -65,17 +65,17 @@ def _by_sight(
     found_line = _line(settings, replace(world, searched=found), place, goal)
     is_another = not is_beside(found_line, line)
     if is_another and is_open:
-        found = _more_reluctant(found)
+        found = _with_more_hysteresis(found)
     return found._replace(is_another=is_another)
 
 
 def _with_a_map(
     settings: LawSettings, world: World, seen: GridObstacle, place: Array, goal: Point
 ) -> Searched:
-    """By the map alone, or what blocked its path as well.
+    """Search the map alone, or with what blocked its path.
 
-    The path of the map alone counts again once all that blocked it is seen to be free: what is only
-    forgotten may still be there.
+    The path of the map alone counts again once all that blocked it is seen to be free: an obstacle
+    that is only forgotten may still be there.
     """
     before, line = world.searched, _line(settings, world, place, goal)
     if _is_blocked(settings, seen, line).any():
@@ -89,11 +89,11 @@ def _with_a_map(
     blocked = other[_is_blocked(settings, before.seen, other)]
     is_shorter = 0 < len(other) * (1.0 + before.hysteresis) < len(line)
     is_free = is_shorter and (seen.grid.at(blocked) == Cell.FREE).all()
-    return _more_reluctant(alone) if is_free else before
+    return _with_more_hysteresis(alone) if is_free else before
 
 
-def _more_reluctant(searched: Searched) -> Searched:
-    return searched._replace(hysteresis=min(2.0 * searched.hysteresis, _MOST_RELUCTANT))
+def _with_more_hysteresis(searched: Searched) -> Searched:
+    return searched._replace(hysteresis=min(2.0 * searched.hysteresis, _MAX_HYSTERESIS))
 
 
 def _line(settings: LawSettings, world: World, place: Array, goal: Point) -> Array:
@@ -102,7 +102,7 @@ def _line(settings: LawSettings, world: World, place: Array, goal: Point) -> Arr
 
 
 def _is_blocked(settings: LawSettings, seen: GridObstacle, line: Array) -> BoolArray:
-    """Whether the robot cannot pass points, shape ``(K,)``."""
+    """Points that the robot cannot pass, shape ``(K,)``."""
     poses = np.column_stack([line, np.zeros(len(line))])
     clearance = FreeSpace.of(OpenFloor(), (seen,), settings.kept / 2.0).at(poses)[:, 2]
     return np.asarray(clearance < 0.0)

@@ -169,10 +169,8 @@ class Audit:
             found = self._swept(start, path, held, len(held))
             if not found.shortfall > _ROUNDING:
                 return '', ramp
-            name = _name_of(found.short_of, start)
-            reason = (
-                f'To stop after the next {held[0]:.3g} s leads {-found.tightest:.3g} m into {name}.'
-            )
+            into = f'{-found.tightest:.3g} m into {_name_of(found.short_of, start)}'
+            reason = f'To stop after the next {held[0]:.3g} s leads {into}.'
         return reason, NO_RAMP
 
     def _ramps(self, start: PlanStart, controls: Array, durations: Array) -> Iterator[Array]:

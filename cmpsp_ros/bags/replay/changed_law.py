@@ -1,4 +1,4 @@
-"""What if: a changed guidance law on recorded odometry, beside the one that drove.
+"""What if: a changed guidance law on recorded odometry beside the recorded law, as bag and picture.
 
 It is open-loop: the robot followed the recorded commands, not those of the changed law.
 """
@@ -6,11 +6,16 @@ It is open-loop: the robot followed the recorded commands, not those of the chan
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.bags.decision_record import DecisionRecord
 from cmpsp_ros.bags.errors import UnknownTypeError
 from cmpsp_ros.bags.messages import (
@@ -29,9 +34,16 @@ from cmpsp_ros.bags.replay.recording import OdometrySample
 from cmpsp_ros.bags.writer import BagWriter
 from cmpsp_ros.guidance import Decision, GuidanceSettings
 from cmpsp_ros.parameters import TABLE, Values, guidance_settings
+from cmpsp_ros.robots import with_side
+from cmpsp_ros.view import BAGS, GOAL, course, draw, show, traces
 
 PREFIX = '/what_if'
-"""Before the names of what the changed law says."""
+"""Before the names of topics of the changed law."""
+
+_PLANS_DRAWN = 4
+_MARGIN = 0.5
+
+_RECORDED, _CHANGED = BAGS[:2]
 
 
 @dataclass(frozen=True)
@@ -39,8 +51,7 @@ class Change:
     """The change to the recorded law.
 
     Attributes:
-        base: A parameter set instead of the recorded one; None: the recorded one with its live
-            changes.
+        base: A parameter set instead of the recorded one with its live changes, or None.
         assignments: Values by key that replace those of the set.
     """
 
@@ -48,11 +59,7 @@ class Change:
     assignments: Mapping[str, Any]
 
     def of(self, recorded: Values) -> Values:
-        """The complete changed set, for a recorded one.
-
-        Raises:
-            ParameterError: It cannot be used.
-        """
+        """The complete changed set, for a recorded one; raises `ParameterError`."""
         base = recorded if self.base is None else self.base
         return TABLE.resolve({**base, **self.assignments})
 
@@ -62,11 +69,10 @@ class WhatIf:
     """Two laws on the same odometry.
 
     Attributes:
-        settings: Of the changed law, at the beginning.
+        settings: Initial settings of the changed law.
         odometry: All odometry received.
         recorded: Decisions of the recorded law.
-        decisions: Decisions of the changed law, each with the time of reception of its odometry
-            [ns].
+        decisions: Decisions of the changed law, with the time of reception of odometry [ns].
         left_out: Topics that could not be copied.
     """
 
@@ -180,3 +186,57 @@ def _write(new: BagWriter, names: Names, result: WhatIf) -> None:
         if decision.plan is not None:
             path = path_message(decision.plan, result.settings.frame_id, decision.stamp)
             new.write(planned, received, path)
+
+
+def draw_what_if(result: WhatIf, title: str, path: Path) -> None:
+    """Draw commands over time and plans on the road, of both laws."""
+    figure = Figure(figsize=(13.0, 6.5), layout='constrained')
+    figure.suptitle(f'{title}\nOpen loop: the robot followed the recorded commands only.')
+    grid = figure.add_gridspec(2, 2)
+    above = figure.add_subplot(grid[0, 0])
+    below = figure.add_subplot(grid[1, 0], sharex=above)
+    _draw_commands((above, below), result)
+    _draw_plans(figure.add_subplot(grid[:, 1]), result)
+    figure.savefig(path, dpi=120)
+
+
+def _draw_commands(axes: Sequence[Axes], result: WhatIf) -> None:
+    commanded = [each for each in result.recorded if each.command is not None]
+    begin = result.recorded[0].stamp
+    before = np.array([each.stamp - begin for each in commanded]) / 1e9
+    changed = np.array([each.stamp - begin for _, each in result.decisions]) / 1e9
+    recorded_twists = np.array([each.command for each in commanded]).reshape(-1, 3)
+    decided = [with_side(each.twist) for _, each in result.decisions]
+    twists = np.array(decided).reshape(-1, 3)
+    for one, index, name in zip(axes, (0, 2), ('speed [m/s]', 'turn rate [rad/s]'), strict=True):
+        one.step(before, recorded_twists[:, index], where='post', color=_RECORDED, label='recorded')
+        one.step(changed, twists[:, index], where='post', color=_CHANGED, ls='--', label='changed')
+        one.set_ylabel(name)
+        one.grid(alpha=0.3)
+    axes[0].legend()
+    axes[-1].set_xlabel('time since the first decision [s]')
+
+
+def _draw_plans(axes: Axes, result: WhatIf) -> None:
+    draw(axes, traces(course([result.settings.road], result.settings.obstacles), ''))
+    driven = np.array([each.pose[:2] for each in result.odometry]).reshape(-1, 2)
+    recorded = [np.array(each.path)[:, :2] for each in result.recorded if each.path]
+    changed = [each.plan.poses[:, :2] for _, each in result.decisions if each.plan is not None]
+    for plans, color, style, name in (
+        (recorded, _RECORDED, '-', 'recorded plans'),
+        (changed, _CHANGED, '--', 'changed plans'),
+    ):
+        for index, plan in enumerate(_some(plans)):
+            label = name if index == 0 else None
+            axes.plot(*plan.T, style, color=color, lw=1.2, label=label, zorder=4)
+    axes.plot(*driven.T, color='black', lw=2.0, label='driven, as recorded', zorder=3)
+    axes.plot(*result.settings.goal, '*', color=GOAL, ms=14, label='goal', zorder=5)
+    show(axes, [driven, np.array([result.settings.goal]), *recorded, *changed], _MARGIN)
+    axes.legend(loc='best')
+
+
+def _some(plans: Sequence[Array]) -> list[Array]:
+    """A few of the plans, from the first on."""
+    return (
+        [plans[part * len(plans) // _PLANS_DRAWN] for part in range(_PLANS_DRAWN)] if plans else []
+    )

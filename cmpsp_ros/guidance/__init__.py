@@ -28,6 +28,7 @@ if TYPE_CHECKING:
         MovingObstacles,
         Safety,
         SolverSettings,
+        TaskSettings,
         Weights,
     )
     from cmpsp_ros.guidance.warmup import prepare, warm_up

@@ -13,7 +13,7 @@ from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.commands.decision_builder import DecisionBuilder
 from cmpsp_ros.guidance.commands.final_time import FinalTime
 from cmpsp_ros.guidance.commands.late_commands import LateCommands
-from cmpsp_ros.guidance.commands.stopping import closed_ahead, reason_to_stop
+from cmpsp_ros.guidance.commands.stopping import PATIENCE, closed_ahead, reason_to_stop
 from cmpsp_ros.guidance.decision import Decision, FallbackLevel, Plan
 from cmpsp_ros.guidance.goals import Goal
 from cmpsp_ros.guidance.horizon import NEVER
@@ -21,10 +21,9 @@ from cmpsp_ros.guidance.messages.tracks import MovingObject
 from cmpsp_ros.guidance.mission.closed_road import ClosedRoad
 from cmpsp_ros.guidance.mission.feasibility_precheck import infeasibility_warnings
 from cmpsp_ros.guidance.mission.return_to_goal import return_to_goal
+from cmpsp_ros.guidance.planning.grid_path_memory import search_ahead
 from cmpsp_ros.guidance.planning.plan_selector import PlanSelector
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
-from cmpsp_ros.guidance.planning.seen_way import search_ahead
-from cmpsp_ros.guidance.planning.stagnation import PATIENCE
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.safety.approach import Approach
 from cmpsp_ros.guidance.safety.audit import Audit
@@ -44,9 +43,7 @@ class GuidanceLaw:
     from the commands that the law itself has given.
     """
 
-    def __init__(
-        self, settings: LawSettings, world: World, timer: Callable[[], int] = lambda: 0
-    ) -> None:
+    def __init__(self, settings: LawSettings, world: World, timer: Callable[[], int] = int) -> None:
         """Start at rest, waiting for the first odometry.
 
         Args:
@@ -154,7 +151,7 @@ class GuidanceLaw:
             return
         state.sighting = sighting
         if is_searched and state.searched.is_another:
-            self._selector.look_again()
+            self._selector.request_replanning()
         state.world = replace(state.world.seeing(sighting.grid), searched=state.searched)
 
     def search(self, pose: Array) -> None:
@@ -276,7 +273,7 @@ class GuidanceLaw:
         if state.plan is None and (reason := self._audit.why_no_start(start.world, pose)):
             return self._decisions.stop(state, stamp, pose, reason, moving=start.moving)
         if state.tracker.new_obstacle_seen:
-            self._selector.look_again()
+            self._selector.request_replanning()
         state.waiting = None
         waits = '' if len(start.moving) else state.closed_road.waits
         if reason := state.response.reason_to_stop(self._settings) or waits:

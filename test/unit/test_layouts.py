@@ -14,8 +14,7 @@ from rclpy.time import Time
 from cmpsp_ros.guidance import DECISION_KEYS, GuidanceLaw
 from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.nodes.common.topics import GOAL_POSE, TOPICS
-from cmpsp_ros.nodes.guidance.outputs.markers import marker_array
-from cmpsp_ros.nodes.guidance.outputs.plan_markers import PlanMarkers
+from cmpsp_ros.nodes.guidance.outputs.markers import PlanMarkers, marker_array
 from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 
 COMMANDS = (Twist, TwistStamped)

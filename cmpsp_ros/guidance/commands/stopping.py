@@ -8,10 +8,12 @@ from typing import Final
 from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.planning.candidate import Candidate
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
-from cmpsp_ros.guidance.planning.stagnation import PATIENCE, reason_to_wait
 from cmpsp_ros.guidance.safety.approach import STANDSTILL, Approach, Contact
 from cmpsp_ros.guidance.safety.audit import TOUCHING
 from cmpsp_ros.guidance.state import LawState
+
+PATIENCE: Final = 3
+"""Control steps for which a plan that gains too little is driven: it may yet be improved."""
 
 _TINY: Final = 1e-6
 """Of lengths and of angles [m, rad]."""
@@ -65,6 +67,34 @@ def reason_to_stop(
     if not why and ahead is not None and ahead.speed < STANDSTILL and not _turns(selected.plan):
         return f'The robot stops: {ahead}'
     return why
+
+
+def reason_to_wait(
+    idle_steps: int, context: PlanningContext, selected: Candidate
+) -> tuple[str, int]:
+    """Reason to wait rather than follow a plan that soon gets no nearer to the goal, or empty.
+
+    A closed road leaves time over. Nothing in the cost keeps a robot from spending it on the move,
+    to and fro before what is in its way, clear of everything and to no end.
+
+    Args:
+        idle_steps: Control steps that brought the goal no nearer, since a plan could reach it.
+        context: The control step.
+        selected: The plan that is selected.
+
+    Returns:
+        The reason, and the idle steps with this one.
+    """
+    if not (selected.result.elastic and selected.result.slack_terminal):
+        return '', 0
+    # Patience comes back with the goal only: else it would be spent on driving to and fro.
+    if context.is_gaining(selected.plan):
+        return '', idle_steps
+    if idle_steps < PATIENCE:
+        return '', idle_steps + 1
+    error = selected.terminal_error
+    reason = f'The robot waits: no plan soon gets it nearer to the goal, {error:.3g} m off at best.'
+    return reason, idle_steps + 1
 
 
 def _turns(plan: Plan) -> bool:

@@ -1,18 +1,21 @@
-"""Compiles, once and for all processes to come, whatever the nodes and commands run."""
+"""Compiles what nodes and commands run, for all processes to come, and measures the work rate."""
 
 from __future__ import annotations
 
+import math
 import os
+import signal
+import threading
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import wait
+from concurrent.futures import ProcessPoolExecutor, wait
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
-from multiprocessing import get_context
+from multiprocessing import connection, get_context, parent_process
 from multiprocessing.queues import SimpleQueue
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -27,8 +30,34 @@ from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 from cmpsp_ros.parameters.files import preset_names, robots_in
 from cmpsp_ros.sensing import Beams, LocalGrid
 from cmpsp_ros.simulator import cast
-from cmpsp_ros.warmup.process_pool import new_pool
 from cmpsp_ros.world.grids import GridObstacle
+
+
+def new_pool(workers: int, *begin: Any) -> ProcessPoolExecutor:
+    """Processes that leave the keyboard to their parent, and end when it does, however it ends.
+
+    Args:
+        workers: How many.
+        begin: A function that each of them calls first, and its arguments.
+    """
+    # A fork would copy the locks of the numerical libraries' threads.
+    return ProcessPoolExecutor(workers, get_context('spawn'), partial(_begin, *begin))
+
+
+def _begin(call: Callable[..., None] | None = None, *arguments: Any) -> None:
+    if call is not None:
+        call(*arguments)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = parent_process()
+    if parent is not None:
+        threading.Thread(target=_end_with, args=(parent.sentinel,), daemon=True).start()
+
+
+def _end_with(sentinel: int) -> None:
+    # A worker whose parent was killed would wait for work for ever.
+    connection.wait([sentinel])
+    os._exit(1)
+
 
 _GIGABYTE: Final = 1 << 30
 _NEEDED: Final = 2
@@ -201,3 +230,33 @@ def _method() -> None:
     for qp in (RICCATI_ACTIVE_SET, CLARABEL, 'daqp', 'hildreth'):
         options = Options(penalty_terminal=np.array([100.0]), penalty_path=np.array([100.0]), qp=qp)
         solve(problem, np.zeros((4, 1)), options, max_iterations=2)
+
+
+# Sizes of the guidance law, on a long horizon.
+_SIZES: Final = (400, 3, 2, 2, 4)
+_RUNS: Final = 21
+
+
+def work_rate() -> float:
+    """Visits of a stage in a second [1/s], to two digits: the parameter `solver.work_rate`.
+
+    The median of some solutions, from scratch, of one program with many active bounds.
+    """
+    p, active, warm = empty_program(*_SIZES), empty_active_set(*_SIZES), empty_warm_start(*_SIZES)
+    rng, stages = np.random.default_rng(1), p.stages
+    stages['A'], stages['L_XX'], stages['L_UU'] = np.eye(3), np.eye(3), np.eye(2)
+    stages['B'] = 0.1 * rng.standard_normal(stages['B'].shape)
+    stages['L_X'] = rng.standard_normal(stages['L_X'].shape)
+    stages['lower'], stages['upper'] = -0.5, 0.5
+    p.path['value'] = -math.inf
+    p.terminal['X'][:, :2] = np.eye(2)
+    enter, rates = entry_for(solve_program, p, active, warm), []
+    for _ in range(_RUNS):
+        warm.clear()
+        p.head['work'] = p.head['is_factorised'] = 0
+        began = time.perf_counter()
+        enter(p, active, warm)
+        rates.append(int(p.head['work'][0]) / (time.perf_counter() - began))
+    rate = float(np.median(rates))
+    digits = 10.0 ** (math.floor(math.log10(rate)) - 1)
+    return round(rate / digits) * digits

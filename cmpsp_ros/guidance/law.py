@@ -43,9 +43,7 @@ class GuidanceLaw:
     from the commands that the law itself has given.
     """
 
-    def __init__(
-        self, settings: LawSettings, world: World, timer: Callable[[], int] = lambda: 0
-    ) -> None:
+    def __init__(self, settings: LawSettings, world: World, timer: Callable[[], int] = int) -> None:
         """Start at rest, waiting for the first odometry.
 
         Args:

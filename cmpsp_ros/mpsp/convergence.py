@@ -60,11 +60,9 @@ class Convergence:
 
     @classmethod
     def of(cls, iterates: Sequence[HasControls], optimum: Array | None = None) -> Convergence:
-        """Estimate the rate.
+        """Estimate the rate from the iterates or records of one run, the guess first.
 
-        Args:
-            iterates: Iterates or records of one run, the guess first.
-            optimum: ``U*``, shape ``(N + 1, r)``; None for the last iterate.
+        `optimum` is ``U*``, shape ``(N + 1, r)``; None for the last iterate.
         """
         U = np.array([iterate.U for iterate in iterates])
         if len(U) < _LEAST_POINTS:
@@ -102,13 +100,9 @@ class Convergence:
         return cls(errors, (), None, None, None, f'The rate cannot be determined: {reason}.')
 
     def iterations_for(self, error: float) -> int | None:
-        """Iterations after which (90) puts ``|U^i - U*|`` at an error or below.
+        """Iterations after which (90) puts ``|U^i - U*|`` at `error` = ``zeta`` or below.
 
-        Args:
-            error: ``zeta``, positive.
-
-        Returns:
-            ``log(zeta / gamma) / log r``, rounded up; None without a rate.
+        ``log(zeta / gamma) / log r``, rounded up; None without a rate.
         """
         if self.rate is None or self.gamma is None:
             return None

@@ -73,8 +73,7 @@ class Options:
         """Penalties of outputs ``(m,)`` and paths ``(l,)``, and the trust region's radius ``(n,)``.
 
         Raises:
-            ProblemError: Names the option, what was found and what was wanted, or says which QP
-                back ends are installed.
+            ProblemError: Names the option, or says which QP back ends are installed.
         """
         backend(self.qp)
         for name in _TOLERANCES:

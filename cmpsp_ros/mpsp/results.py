@@ -86,16 +86,10 @@ class Size(NamedTuple):
 
 @dataclass(frozen=True)
 class Iterate:
-    """State of the iteration.
+    """State of the iteration after `index` = ``i`` steps: ``U``, ``X`` and their evaluation.
 
-    Attributes:
-        index: Iterations done, ``i``.
-        U: Controls, shape ``(N + 1, r)``.
-        X: Predicted states, shape ``(N + 1, n)``.
-        evaluation: Value along them.
-        guess_size: Cost and controls of the guess.
-        previous_U: Controls before the last step; None at the start.
-        step: The last step; None at the start.
+    `guess_size` is that of the guess; controls before the last step, and that step, are None at the
+    start.
     """
 
     index: int
@@ -160,12 +154,7 @@ class Record:
 
 
 def record(at: Iterate, subproblem: Subproblem | None) -> Record:
-    """Measure an iterate.
-
-    Args:
-        at: The iterate.
-        subproblem: The subproblem there, which has the gradients; None where it is not finite.
-    """
+    """Measure an iterate; its subproblem has the gradients, None where it is not finite."""
     step, evaluation, residual = at.step, at.evaluation, math.nan
     g, moved = evaluation.g, 0.0 if at.previous_U is None else np.linalg.norm(at.U - at.previous_U)
     terminal = np.zeros_like(evaluation.output_error)
@@ -218,13 +207,9 @@ class Status(Enum):
 
 @dataclass(frozen=True)
 class Violation:
-    """A constraint that is not met.
+    """A path constraint (4) at a stage, or a terminal output (5) at ``N``, that is not met.
 
-    Attributes:
-        stage: Stage ``k``; ``N`` for a terminal output.
-        index: Which of the stage's path constraints, or which component of the output.
-        is_terminal: Whether it is a terminal output (5), else a path constraint (4).
-        amount: By how much, positive for a path constraint, of either sign for an output.
+    `amount` is positive for a path constraint, of either sign for an output.
     """
 
     stage: int
@@ -242,13 +227,7 @@ class Violation:
 
 
 def violations(evaluation: Evaluation, terminal: float, path: float) -> tuple[Violation, ...]:
-    """All constraints violated by more than a tolerance, the worst first.
-
-    Args:
-        evaluation: Value along a trajectory.
-        terminal: Tolerance of each terminal output, absolute.
-        path: Tolerance of each path constraint, absolute.
-    """
+    """All constraints violated by more than absolute tolerances, the worst first."""
     error, g = evaluation.output_error, evaluation.g
     last = len(g) - 1
     found = [

@@ -32,13 +32,9 @@ class Verdict(Enum):
 
 
 class Condition(NamedTuple):
-    """One condition of Theorem 2.
+    """One condition of Theorem 2 by its number, its verdict, and the figure it is read off.
 
-    Attributes:
-        name: Its number in the theorem.
-        verdict: Whether it holds.
-        figure: The number the verdict is read off; None where there is none.
-        remark: What the figure is, and what limits the verdict.
+    The remark says what the figure is, and what limits the verdict.
     """
 
     name: str
@@ -111,9 +107,6 @@ def check(
         hessian: Which Hessian of the cost condition (ii) is asked of; ``exact`` is that of the
             stage costs, condensed as in (45), which leaves out how the dynamics curve.
         smooth: Whether condition (i) is known to hold, which numbers do not show; None if not.
-
-    Returns:
-        The five verdicts with their figures.
     """
     at = solution.iterate
     lower, upper = problem.control_lower - at.U, problem.control_upper - at.U
@@ -134,15 +127,9 @@ def check(
 
 
 def lagrangian_gradient(problem: OptimalControlProblem, U: Array, solution: Solution) -> Array:
-    """Gradient by ``U`` of (63), with the multipliers of a solution held.
+    """Gradient by ``U`` of (63), shape ``(q,)``, with the multipliers of a solution held.
 
-    Args:
-        problem: The problem.
-        U: Where, shape ``(N + 1, r)``.
-        solution: Gives ``lambda`` and ``rho``.
-
-    Returns:
-        Shape ``(q,)``, without the multipliers of the control bounds: these are constant.
+    Without those of the control bounds: these are constant.
     """
     lin = problem.linearise(problem.predict(U), U)
     applies, rho = (lin.g != -np.inf)[..., None], solution.path_multipliers[..., None]
@@ -154,14 +141,11 @@ def lagrangian_gradient(problem: OptimalControlProblem, U: Array, solution: Solu
 
 
 def lagrangian_hessian(problem: OptimalControlProblem, solution: Solution) -> Array:
-    """Hessian by ``U`` of (63) at the last iterate, by central differences of its gradient.
+    """Hessian by ``U`` of (63) at the last iterate, by central differences; symmetric, ``(q, q)``.
 
     All curvature is in it, that of the dynamics and the constraints too. Step ``6e-6 (1 + |U|)``
     for each control: an error of about 1e-10 relative to the fourth derivative of the Lagrangian
     and of 1e-10 of its gradient's parts. Controls at a bound are varied beyond it.
-
-    Returns:
-        Symmetric, shape ``(q, q)``.
     """
     H = central_differences(lambda U: lagrangian_gradient(problem, U, solution), solution.iterate.U)
     return 0.5 * (H + H.T)

@@ -292,7 +292,7 @@ class PlanSelector:
         generosity: int = 1,
     ) -> Candidate:
         """Improve a plan by as many iterations as given, or as every plan gets, and check it."""
-        if iterations is None and context.at_rest:
+        if iterations is None and context.plan is None:
             initial = self._settings.solver.initial_iterations
             iterations = initial if self._limit == 1 else min(initial, SCREENING)
         work_limit = max(self._work_left, 0) * generosity

@@ -47,9 +47,7 @@ _nodes: WeakKeyDictionary[FunctionType, _Node] = WeakKeyDictionary()
 
 
 def fingerprint(kernel: Any) -> str:
-    """The digest of a function, compiled or not.
-
-    Names are looked up now: they may be defined after the function.
+    """The digest of a function, compiled or not, by what its names stand for now.
 
     Raises:
         TypeError: It refers to an object without a known content.

@@ -49,10 +49,8 @@ def compilations(
 ) -> Iterator[list[str]]:
     """The names of all kernels that are compiled within; those loaded from files are not.
 
-    Args:
-        begin: Called with the name of a kernel before it is compiled; not for the kernels that it
-            calls, which are compiled as a part of it.
-        wait: Called with the name of a kernel that another process is compiling.
+    `begin` is called with the name of a kernel before it is compiled, not for those that it calls;
+    `wait` with the name of a kernel that another process is compiling.
     """
     watch = _Watch(begin, wait)
     with install_listener('numba:compile', watch), install_listener(WAITING, watch):

@@ -93,18 +93,11 @@ class ControlRateProblem(OptimalControlProblem):
         max_change: float = math.inf,
         rows: Array | None = None,
     ) -> None:
-        """Wrap a problem.
-
-        Args:
-            problem: The problem without them.
-            weight: As in `ControlRateData`, not negative.
-            previous: See `weight`; shape ``(r,)``.
-            max_change: See `weight`; positive.
-            rows: See `weight`; None for the controls themselves.
+        """Wrap a problem; arguments as in `ControlRateData`, all controls without `rows`.
 
         Raises:
-            ProblemError: The weight or the limit is out of range, or ``previous`` has the wrong
-                shape.
+            ProblemError: The weight is negative, the limit not positive, or ``previous`` has the
+                wrong shape.
         """
         inner = problem.size
         if not weight >= 0.0:

@@ -27,10 +27,7 @@ _AGREEMENT = 1e-5
 class StageFunction:
     """A function ``(k, x, u)`` of the user's as one of ``k`` and ``Z_k = (X_k, U_k)``.
 
-    Attributes:
-        name: What the user calls it.
-        shape: Of its value.
-        scheme: How it is differentiated.
+    `name` is what the user calls it, `shape` that of its value, `scheme` how it is differentiated.
     """
 
     scheme: Scheme = 'central'
@@ -126,13 +123,9 @@ def central_differences(
     relative_step: float = STEP,
     places: Iterable[tuple[int, ...]] | None = None,
 ) -> Array:
-    """Derivatives by components of ``at``, along a last axis.
+    """Derivatives by components of `at`, all or those at `places`, along a last axis.
 
-    Args:
-        function: What is differentiated.
-        at: Where.
-        relative_step: Step, relative to 1 plus the size of the component.
-        places: Which components; None for all.
+    Steps are relative to 1 plus the size of the component.
     """
     columns = []
     for place in np.ndindex(at.shape) if places is None else places:
@@ -158,17 +151,10 @@ _REACHED = 1e-4
 
 @dataclass(frozen=True)
 class Entry:
-    """One derivative, found and expected.
+    """One derivative of an array of `Linearisation`, found and by central differences.
 
-    Attributes:
-        array: Name in `Linearisation`.
-        stage: ``k``.
-        row: Row of the stage's matrix; None in a gradient.
-        column: Column of it, or component of the gradient.
-        found: Value that the problem returns.
-        by_differences: Value by central differences.
-        error: ``|found - by_differences|`` beyond the rounding of the differences, relative to
-            ``1 + |by_differences|``; infinite where either is not finite.
+    `error` is ``|found - by_differences|`` beyond the rounding of the differences, relative to ``1
+    + |by_differences|``; infinite where either is not finite. Gradients have no `row`.
     """
 
     array: str
@@ -189,12 +175,7 @@ class Entry:
 
 @dataclass(frozen=True)
 class DerivativeReport:
-    """Outcome of a check.
-
-    Attributes:
-        tolerance: Largest error that passes.
-        worst: The entry with the largest error of each array that has entries, worst first.
-    """
+    """The entry with the largest error of each array, worst first, and the tolerance."""
 
     tolerance: float
     worst: tuple[Entry, ...]

@@ -84,9 +84,8 @@ class StageProblem(OptimalControlProblem):
     def _derivatives(self, X: Array, U: Array, hessian: Hessian) -> tuple[Array, ...]:
         """Jacobians and Hessians by ``Z_k``, with ``d = n + r``.
 
-        Returns:
-            ``F_Z (N or more, n, d)``, ``L_Z (N + 1, d)``, ``L_ZZ (N + 1, d, d)``, ``h_Z (m, d)``
-            and ``g_Z (N + 1, l, d)``.
+        ``F_Z (N or more, n, d)``, ``L_Z (N + 1, d)``, ``L_ZZ (N + 1, d, d)``, ``h_Z (m, d)`` and
+        ``g_Z (N + 1, l, d)``.
         """
 
     @abstractmethod

@@ -50,11 +50,8 @@ def solve(subproblem: Subproblem, penalties: Penalties | None) -> QPSolution:
 def solve_from(subproblem: Subproblem, penalties: Penalties | None, warm: WarmStart) -> QPSolution:
     """Solve a subproblem, beginning with the active rows of another one of its sizes.
 
-    Args:
-        subproblem: The program.
-        penalties: Weights of the exact L1 relaxation; None keeps all rows hard.
-        warm: Rows to begin with; left as those of this solution, and empty where Clarabel found
-            it: there are too many of them, or the active-set method cannot use them.
+    `warm` is left with the rows of this solution, and empty where Clarabel found it: there are too
+    many of them, or the active-set method cannot use them.
     """
     size = subproblem.size
     otherwise = QPSolution.unsolved(size, QPStatus.FAILED)
@@ -76,7 +73,7 @@ def solve_from(subproblem: Subproblem, penalties: Penalties | None, warm: WarmSt
 
 
 def _contradict(subproblem: Subproblem, rows: Sequence[Row]) -> bool:
-    """Whether rows that seem to contradict each other do: among very many, rounding may do it."""
+    """True where rows that seem to contradict each other do; among many, rounding misleads."""
     size = subproblem.size
     least = Penalties(np.zeros(size.output), np.zeros((size.horizon + 1, size.path)))
     for row in rows:
@@ -127,15 +124,11 @@ def backend(name: str) -> Backend:
 
 
 def solve_qp(subproblem: Subproblem, name: str, penalties: Penalties | None = None) -> QPSolution:
-    """Solve a subproblem and check the answer against the optimality conditions.
+    """Solve a subproblem by a back end's name, and check the answer.
 
-    Args:
-        subproblem: The program.
-        name: Back end.
-        penalties: Weights of the exact L1 relaxation of (54) and (57); None keeps them hard.
-
-    Returns:
-        The solution; its status is `QPStatus.FAILED` where a back end claims one that is not.
+    Penalties are the weights of the exact L1 relaxation of (54) and (57); None keeps them hard. The
+    status is `QPStatus.FAILED` where a back end claims a solution that does not meet the optimality
+    conditions.
     """
     solution = backend(name)(subproblem, penalties)
     if solution.status is QPStatus.SOLVED:

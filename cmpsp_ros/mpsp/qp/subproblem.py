@@ -18,11 +18,8 @@ from cmpsp_ros.mpsp.qp.dense.condensing import CondensedQP, condense
 class Row(NamedTuple):
     """One constraint of a subproblem.
 
-    Attributes:
-        kind: Which constraints it is one of.
-        stage: Stage ``k``; ``N`` for a terminal output.
-        index: Component of the output, number of the path constraint, or component of the control
-            (bound) or of the state (trust region).
+    `stage` is ``N`` for a terminal output; `index` is the component of the output, the number of
+    the path constraint, or the component of the control (bound) or of the state (trust region).
     """
 
     kind: Literal['terminal', 'path', 'bound', 'trust']
@@ -88,11 +85,7 @@ class Subproblem:
         )
 
     def propagate(self, dU: Array) -> Array:
-        """Linearised change of the states (7), shape ``(N + 1, n)``.
-
-        Args:
-            dU: Control deviations, shape ``(N + 1, r)``.
-        """
+        """Linearised change of the states (7), shape ``(N + 1, n)``."""
         lin = self.linearisation
         dX: Array = np.zeros((self.size.horizon + 1, self.size.state))
         moved = np.einsum('kia,ka->ki', lin.B, dU[:-1])
@@ -101,21 +94,13 @@ class Subproblem:
         return dX
 
     def terminal(self, dU: Array, dX: Array) -> Array:
-        """Linearised terminal error, the left-hand side of (54); shape ``(m,)``.
-
-        Args:
-            dU: Control deviations, shape ``(N + 1, r)``.
-            dX: Their `propagate`, shape ``(N + 1, n)``.
-        """
+        """Linearised terminal error, the left-hand side of (54), shape ``(m,)``."""
         lin = self.linearisation
         error: Array = lin.output_error + lin.h_X @ dX[-1] + lin.h_U @ dU[-1]
         return error
 
     def path(self, dU: Array, dX: Array) -> Array:
-        """Linearised path constraints (57), ``-inf`` where one does not apply; ``(N + 1, l)``.
-
-        Arguments as of `terminal`.
-        """
+        """Linearised path constraints (57), ``-inf`` where one does not apply; ``(N + 1, l)``."""
         lin = self.linearisation
         change = np.einsum('kli,ki->kl', lin.g_X, dX) + np.einsum('kla,ka->kl', lin.g_U, dU)
         return np.where(lin.g == -np.inf, -np.inf, lin.g + change)
@@ -137,10 +122,8 @@ class QPStatus(Enum):
 class Penalties:
     """Weights of the exact L1 relaxation: cost of violating each row by one unit.
 
-    Attributes:
-        terminal: One for each terminal output, shape ``(m,)``.
-        path: One for each path constraint, of no effect where it does not apply, shape
-            ``(N + 1, l)``.
+    Of terminal outputs ``(m,)``, and of path constraints ``(N + 1, l)``, of no effect where one
+    does not apply.
     """
 
     terminal: Array

@@ -15,13 +15,7 @@ from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 
 
 class BackEnd:
-    """A QP back end, with what it was asked last and what it answered.
-
-    Attributes:
-        subproblem: The program that was solved last.
-        solution: Its solution, or why there is none.
-        shift: What was added to the diagonal of its Hessian.
-    """
+    """A QP back end, with the program it was asked last, its answer, and the Hessian's shift."""
 
     subproblem: Subproblem
     solution: QPSolution
@@ -73,12 +67,7 @@ class BackEnd:
             self._is_new = True
 
     def correct(self, output_error: Array, g: Array) -> None:
-        """Second-order correction of the step, into the records; 0 where there is none.
-
-        Args:
-            output_error: Terminal error after the full step, shape ``(m,)``.
-            g: Path constraints after the full step, shape ``(N + 1, l)``.
-        """
+        """Second-order correction, into the records, as `solver.correct`; 0 where there is none."""
         program, active = self._space.program, self._space.active
         if self._activate(program, active):
             correct(program, active, output_error, g)

@@ -57,10 +57,7 @@ class CMPSP:
         ws.upper[:, : size.control] = problem.control_upper
 
     def init(self, U: ArrayLike) -> Iterate:
-        """Predict along a guessed control history, brought within its bounds.
-
-        Args:
-            U: Guess ``U^0``, shape ``(N + 1, r)``.
+        """Predict along a guess ``U^0 (N + 1, r)``, brought within its bounds.
 
         Raises:
             ProblemError: The guess has the wrong shape or is not finite.
@@ -94,9 +91,7 @@ class CMPSP:
     def step(self, at: Iterate, subproblem: Subproblem | None = None) -> Iterate:
         """One iteration; an iterate that cannot be improved keeps its controls.
 
-        Args:
-            at: The iterate.
-            subproblem: Its `subproblem`, where it is at hand already.
+        The iterate's `subproblem` may be given where it is at hand already.
         """
         if subproblem is None:
             subproblem = self.subproblem(at)
@@ -242,12 +237,7 @@ def _summary(driver: Driver, subproblem: Subproblem) -> Step:
 def costates(linearisation: Linearisation, step: Step) -> Array:
     """Multipliers of the dynamics (1), for which the Lagrangian is stationary in the states.
 
-    Args:
-        linearisation: Derivatives along a trajectory.
-        step: The multipliers of its constraints.
-
-    Returns:
-        Gradient of the cost to go by ``X_k``, shape ``(N + 1, n)``.
+    The gradient of the cost to go by ``X_k``, shape ``(N + 1, n)``.
     """
     lin = linearisation
     rows = np.einsum('kli,kl->ki', lin.g_X, step.path_multipliers)

@@ -44,14 +44,8 @@ def run(
 ) -> None:
     """Provide what the iteration asks for until it is over, or the Hessian lacks curvature.
 
-    Args:
-        ws: The workspace.
-        active: Memory for the active-set method.
-        hard: Warm start of subproblems without slack.
-        relaxed: Warm start of relaxed ones.
-        solver: Addresses of `advance`, `solve` and `correct`.
-        problem: Addresses of predict, evaluate and linearise.
-        data: The problem's.
+    Warm starts are for subproblems without and with slack. `solver` has the addresses of `advance`,
+    `solve` and `correct`, `problem` those of predict, evaluate and linearise.
     """
     state, p, now, trial = ws.run[0], ws.program, ws.now, ws.trial
     while True:
@@ -91,7 +85,7 @@ class Functions(NamedTuple):
     linearise: Callable[..., None]
 
     def machine_code(self, data: Any, ws: Workspace) -> Functions:
-        """The machine code of compiled functions, for data of this type, called one by one."""
+        """Entries of compiled functions, for data of this type, called one by one."""
         predict, evaluate, linearise = _arguments(data, ws)
         return Functions(
             entry_for(self.predict, *predict),
@@ -100,7 +94,7 @@ class Functions(NamedTuple):
         )
 
     def addresses(self, data: Any, ws: Workspace) -> Indices:
-        """Where the machine code of compiled functions is, shape ``(3,)``."""
+        """Addresses of compiled functions, shape ``(3,)``."""
         predict, evaluate, linearise = _arguments(data, ws)
         return np.array(
             [
@@ -129,13 +123,7 @@ def _arguments(data: Any, ws: Workspace) -> tuple[tuple[Any, ...], ...]:
 
 
 class Entries(NamedTuple):
-    """A compiled problem.
-
-    Attributes:
-        functions: To be called one by one, where a QP back end solves the subproblems.
-        addresses: `Functions.addresses`.
-        run: The whole iteration: `cmpsp_ros.mpsp.sqp.driver.run`.
-    """
+    """A compiled problem: functions to be called one by one, their addresses, and `run` for it."""
 
     functions: Functions
     addresses: Indices
@@ -145,9 +133,8 @@ class Entries(NamedTuple):
 class Driver:
     """One plan's memory, and the loop that improves the plan in it.
 
-    Attributes:
-        ws: The workspace. Its `run` has the options before, and the results after.
-        back_end: What solves the subproblems; None for the compiled solver.
+    `ws.run` has the options before, and the results after; `back_end` is None for the compiled
+    solver.
     """
 
     ws: Workspace
@@ -163,20 +150,17 @@ class Driver:
         *,
         exact: bool = False,
     ) -> None:
-        """Make room for plans of some sizes.
+        """Make room for plans of some sizes; arguments as of `workspace`.
 
         Args:
-            size: As of `workspace`, and so are the penalties.
+            size: Dimensions.
             penalty_terminal: Shape ``(m,)``.
             penalty_path: Shape ``(l,)``.
-            trust_radius: Largest predicted change of each state in one iteration, infinite where
-                free, shape ``(n,)``.
+            trust_radius: Shape ``(n,)``.
             back_end: Name of a QP back end, and the kind of Hessian that the problem's functions
                 give; the compiled solver without.
-            exact: Whether the memory has no more states and controls than the problem. It is
-                filled up otherwise to sizes that code may have been compiled for already, with
-                states and controls that stay 0: the first answer comes a minute sooner, and each
-                takes longer.
+            exact: No padding to sizes that code may have been compiled for already, with states and
+                controls that stay 0: the first answer comes a minute later, and each is faster.
         """
         n, r = size.state, size.control
         if not exact:
@@ -212,14 +196,9 @@ class Driver:
     def improve(self, functions: Functions | Entries, data: Any, steps: int, over: int) -> None:
         """Improve the plan in ``ws.trial.U``; the result is in ``ws.now`` and ``ws.run``.
 
-        Where the condensed Hessian is not positive definite the compiled solver ends.
-
-        Args:
-            functions: The problem's, compiled ones by their `Functions.entries`; others need a back
-                end.
-            data: The problem's data.
-            steps: ``N``, at most those there is room for.
-            over: How many stages of the last plan's horizon are over.
+        Compiled functions come by their `Functions.entries`; others need a back end. `steps` is
+        ``N``, and `over` how many stages of the last plan's horizon are over. Where the condensed
+        Hessian is not positive definite the compiled solver ends.
         """
         self._horizon[0] = steps
         self._begun[0] += over

@@ -37,15 +37,7 @@ LEVELS: Final = 3
 
 @allocation_free
 def relax(p: Program, level: int) -> bool:
-    """Set the penalties of a relaxation level.
-
-    Args:
-        p: The program; the penalty of a row is infinite where it stays hard.
-        level: 0 without slack, then those of `LEVELS`.
-
-    Returns:
-        Whether any row is hard.
-    """
+    """Set the penalties of a relaxation level, infinite for hard rows; false if no row is hard."""
     heaviest = -math.inf
     for _ in range(level):
         heaviest = _next_weight(p, heaviest)
@@ -79,18 +71,13 @@ def _next_weight(p: Program, lighter: float) -> float:
 
 @allocation_free
 def advance(ws: Workspace) -> int:
-    """Go on with the iteration as far as it goes by itself.
+    """Go on as far as the iteration goes by itself, and return what is wanted next.
 
-    Args:
-        ws: The workspace, with what was asked for last.
-
-    Returns:
-        What is wanted next. `EVALUATE`: predict along ``trial.U`` and evaluate, into `trial` and
-        ``run.trial_cost``. `LINEARISE`: the derivatives along `now`, into `program`. `SOLVE_QP`:
-        the step and its multipliers by a QP back end, into `program`, and ``run.outcome``.
-        `CORRECT`: the second-order correction of the step, into `program`. `ADD_CURVATURE`: the
-        condensed Hessian is not positive definite; mend it or leave it. `DONE`: the iteration is
-        over, and the plan is in `now`.
+    `EVALUATE`: predict along ``trial.U`` and evaluate, into `trial` and ``run.trial_cost``.
+    `LINEARISE`: the derivatives along `now`, into `program`. `SOLVE_QP`: the step and its
+    multipliers, into `program`, and ``run.outcome``. `CORRECT`: the second-order correction of the
+    step, into `program`. `ADD_CURVATURE`: the condensed Hessian is not positive definite; mend it
+    or leave it. `DONE`: the iteration is over, and the plan is in `now`.
     """
     run = ws.run[0]
     if run.phase == Phase.START:

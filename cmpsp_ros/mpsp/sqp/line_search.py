@@ -75,10 +75,8 @@ def magnitude(p: Program, cost: float) -> float:
 def predicted_reduction(p: Program, slack: Array) -> float:
     """Decrease of the merit that its linearisation predicts for the full step.
 
-    Args:
-        p: The subproblem, solved, with the weights of the merit.
-        slack: Filled with the largest slack of each path constraint and of each terminal output
-            in the linearised constraints, shape ``(l + m,)``.
+    `slack` ``(l + m,)`` is filled with the largest slack of each path constraint and of each
+    terminal output in the linearised constraints.
     """
     l, decrease = p.path.shape[1], 0.0  # noqa: E741 (the paper's l)
     slack[:] = 0.0

@@ -141,11 +141,11 @@ def run(qp, penalties=None, warm=None, begun=0, work_limit=UNLIMITED, mine=None)
     return found
 
 
-def warm_with(qp, rows):
+def warm_with(qp, rows, states=RowState.ACTIVE):
     """A warm start with these rows."""
     warm = space(staged(qp).size).warm
     warm.head['rows'] = len(rows)
-    warm.rows[: len(rows)] = [(row, RowState.ACTIVE) for row in rows]
+    warm.rows['row'][: len(rows)], warm.rows['state'][: len(rows)] = rows, states
     return warm
 
 

@@ -228,13 +228,7 @@ def _combine(p: Program, at: ActiveSet, row: int, sign: float) -> None:
 def add_violated_rows(p: Program, at: ActiveSet, may_crowd: bool) -> StepOutcome:
     """Meet one violated row after the other, from where the method has begun.
 
-    Args:
-        p: The program, factorised, with the step of the present point.
-        at: Holds the point, and how it ended.
-        may_crowd: Whether to stop where many bounds have become active.
-
-    Returns:
-        An outcome of `step.active_set_step`; `DONE` where nothing is violated any more.
+    With `may_crowd` it stops where many bounds have become active.
     """
     head, bounds = p.head[0], 0
     outcome, looked_at, recovered_at = StepOutcome.DONE, -1, head.iterations

@@ -38,12 +38,9 @@ _THRESHOLDS = (1e-12, 0.0)
 
 @allocation_free
 def contradicts(p: Program, at: ActiveSet, largest: float) -> bool:
-    """Whether the multipliers of the rows prove that nothing meets them; names them if so.
+    """True where the multipliers of the rows prove that nothing meets them; names them.
 
-    Args:
-        p: The program, with multipliers of hard rows, and of bounds what these leave over.
-        at: `conflict` is filled.
-        largest: The largest multiplier of a bound.
+    `largest` is the largest multiplier of a bound.
     """
     for threshold in _THRESHOLDS:  # noqa: SIM110 (numba knows no generators here)
         if proves(p, at, threshold * largest):
@@ -62,12 +59,7 @@ def proves(p: Program, at: ActiveSet, negligible: float) -> bool:
 
 @inner
 def _least_value(p: Program, negligible: float) -> float:
-    """Least value of the sum of the rows within the bounds, less its rounding.
-
-    Args:
-        p: The program, with all multipliers.
-        negligible: Bounds whose multiplier is not larger are not used.
-    """
+    """Least value of the sum of the rows within the bounds, less its rounding."""
     head, total, size = p.head[0], 0.0, 0.0
     for j in range(p.terminal.shape[0]):
         row = p.terminal[j]
@@ -108,7 +100,7 @@ def name_rows(p: Program, at: ActiveSet, negligible: float) -> None:
 
 @allocation_free
 def bounds_cross(p: Program, at: ActiveSet, row: int) -> bool:
-    """Whether a row is the bound of a control whose bounds leave nothing between them; names it."""
+    """True for a bound of a control whose bounds leave nothing between them; names both."""
     if not is_bound(p, row):
         return False
     _, k, a, _ = locate(p, row)
@@ -142,7 +134,7 @@ def leave_proof(p: Program, at: ActiveSet, warm: WarmStart) -> None:
 
 @allocation_free
 def still_contradicts(p: Program, at: ActiveSet, warm: WarmStart) -> bool:
-    """Whether the proof in a warm start, moved to the present horizon, holds for this program."""
+    """True where the proof in a warm start, on the present horizon, holds for this program."""
     head = warm.head[0]
     if head.rows == 0:
         head.proof = 0

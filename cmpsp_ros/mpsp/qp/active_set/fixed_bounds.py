@@ -105,12 +105,8 @@ def write_multipliers(p: Program, at: ActiveSet) -> None:
 def recover_bound_multipliers(p: Program, cost: float) -> float:
     """Multipliers of the held bounds: what the gradient of all else leaves over there.
 
-    Args:
-        p: The program, with its step and all other multipliers.
-        cost: 1, or 0 to leave the cost out; then those of all bounds.
-
-    Returns:
-        The largest part of a gradient.
+    With `cost` = 0 the cost is left out, and all bounds get one. Returns the largest part of a
+    gradient.
     """
     head, first, largest = p.head[0], p.stages[0], 0.0
     n, r = first.B.shape
@@ -214,11 +210,7 @@ def _violated_path_rows(p: Program) -> int:
 def restart_from(p: Program, at: ActiveSet, warm: WarmStart, absorbs: bool) -> None:
     """Leave a warm start of the rows alone, after bounds have been held or let go.
 
-    Args:
-        p: The program.
-        at: Its active set.
-        warm: Filled.
-        absorbs: Whether active bounds are held from now on.
+    With `absorbs` active bounds are held from now on.
     """
     fixed = p.head[0].fixed
     p.head[0].fixed = 0

@@ -33,14 +33,7 @@ SIZES: Final = ((3, 2), (5, 2), (8, 4), (16, 8), (32, 16), (64, 32))
 
 
 class Space(NamedTuple):
-    """Memory for one program, with the sizes that the user's has.
-
-    Attributes:
-        size: The user's sizes.
-        program: The records.
-        active: Memory for the active-set method.
-        warm: A warm start with nothing in it.
-    """
+    """Memory for one program: the user's sizes, records, active set and an empty warm start."""
 
     size: Dimensions
     program: Program
@@ -93,14 +86,7 @@ def fill(into: Space, qp: Subproblem, penalties: Penalties | None = None) -> Non
 
 
 def put_derivatives(stages: Records, path: Records, terminal: Records, lin: Linearisation) -> None:
-    """Write derivatives along a trajectory into records, which may be larger in any size.
-
-    Args:
-        stages: Of `cmpsp_ros.mpsp.qp.riccati.program.stage_type`.
-        path: Of `row_type`.
-        terminal: Of `row_type`.
-        lin: The derivatives.
-    """
+    """Write derivatives along a trajectory into records, which may be larger in any size."""
     arrays = _derivatives(stages, path, terminal, lin.size)
     for array, field in zip(arrays, fields(lin), strict=True):
         array[...] = getattr(lin, field.name)
@@ -189,12 +175,7 @@ def _row(of: Space, number: int) -> Row:
 
 
 def kkt_residual(qp: Subproblem, solution: QPSolution, penalties: Penalties | None) -> float:
-    """Largest violation of the optimality conditions, relative to the size of the data.
-
-    Covers stationarity, feasibility (of the rows that are hard), signs of multipliers, and
-    complementarity, in which a relaxed row may be violated only at its full penalty. NaN where
-    the data or the solution are.
-    """
+    """Largest violation of the optimality conditions, as `kkt.kkt_residual`; of any solution."""
     with borrowed_space(qp.size) as mine:
         fill(mine, qp, penalties)
         put_solution(mine, solution, qp.propagate(solution.dU))
@@ -202,10 +183,7 @@ def kkt_residual(qp: Subproblem, solution: QPSolution, penalties: Penalties | No
 
 
 def is_positive_definite(qp: Subproblem, shift: float = 0.0, sign: float = 1.0) -> bool:
-    """Whether ``sign H + shift I`` is positive definite, with ``H`` the condensed Hessian.
-
-    One Riccati sweep, which takes time linear in the horizon.
-    """
+    """True where ``sign H + shift I`` is, with ``H`` the condensed Hessian; one Riccati sweep."""
     lin = qp.linearisation
     # Infinite entries are not definite.
     with np.errstate(over='ignore', invalid='ignore'):

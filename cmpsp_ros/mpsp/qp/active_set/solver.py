@@ -45,16 +45,8 @@ def solve(p: Program, whole: ActiveSet, warm: WarmStart) -> int:
 
     A guess of the bounds to hold is put right under way. The answer of the active-set method is
     believed only if it meets the optimality conditions, or proves that nothing meets all rows. A
-    doubtful one is looked for once more from scratch.
-
-    Args:
-        p: The program; filled with the solution.
-        whole: Memory for the active-set method.
-        warm: Rows to begin with. They change the way to the solution, not the solution. Those of
-            this solution are left in it.
-
-    Returns:
-        An `Outcome`.
+    doubtful one is looked for once more from scratch. The rows of a warm start change the way to
+    the solution, not the solution; those of this solution are left in it.
     """
     head, warm_started = p.head[0], warm.head[0].rows > 0
     sweeps, in_vain, fewest = 0, 0, p.stages.shape[0] * p.stages[0].B.shape[1]
@@ -128,12 +120,8 @@ def correct(p: Program, whole: ActiveSet, output_error: Array, g: Array) -> None
     Least is meant in the metric of the Hessian, in which the rows that are active already have an
     orthonormal basis; controls that are held at a bound stay there.
 
-    Args:
-        p: The subproblem, as it was solved last; `correction_U` of its stages is filled with the
-            deviations on top of the step.
-        whole: Its active set; the rows that the full step violates join it.
-        output_error: Terminal error after the full step, shape ``(m,)``.
-        g: Path constraints after the full step, shape ``(N + 1, l)``.
+    `correction_U` of the stages is filled, from the terminal error ``(m,)`` and the path
+    constraints ``(N + 1, l)`` after the full step; the rows that it violates join the active set.
     """
     at, head = on_horizon(p, whole), p.head[0]
     for k in range(head.horizon + 1):
@@ -159,12 +147,9 @@ def correct(p: Program, whole: ActiveSet, output_error: Array, g: Array) -> None
 
 @allocation_free
 def activate(p: Program, whole: ActiveSet) -> bool:
-    """Take the rows that have a multiplier, and the terminal ones, for the active ones.
+    """Make the terminal rows and those with a multiplier active, after another solver's answer.
 
-    For `correct` after a solution that another solver has found.
-
-    Returns:
-        Whether the program can be factorised at all.
+    Returns whether the program can be factorised at all.
     """
     head = p.head[0]
     head.active = 0

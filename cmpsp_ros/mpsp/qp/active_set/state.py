@@ -76,22 +76,11 @@ class WarmStart(NamedTuple):
 class ActiveSet(NamedTuple):
     """State of the method and room for its vectors; counters are in the program's head.
 
-    Attributes:
-        v: The point, shape ``(q,)``.
-        basis: Of the active rows.
-        rows: Numbers of the active rows, shape ``(M,)``.
-        multipliers: Theirs, shape ``(M,)``.
-        upper: Their largest multipliers, infinite for hard rows; shape ``(M,)``.
-        states: State of every row, shape ``(rows,)``.
-        norms: Length of every row in ``v``, 0 where it was not asked for yet; shape ``(rows,)``.
-        distances: How far away in ``v`` the furthest violated row of each kind begins to be met,
-            shape ``(kinds,)``.
-        furthest: Which it is, shape ``(kinds,)``.
-        conflict: Rows that contradict each other, where infeasible; shape ``(rows,)``.
-        row: Scratch, shape ``(q,)``.
-        outside: Scratch, shape ``(q,)``.
-        inside: Scratch, shape ``(M,)``.
-        dependence: Scratch, shape ``(M,)``.
+    `v` is the point ``(q,)``. Of the active rows there are `basis`, the numbers `rows`,
+    `multipliers` and their largest values `upper`, infinite for hard rows, all ``(M,)``. Every row
+    has a `states` entry, and its length in ``v`` in `norms`, 0 where it was not asked for yet.
+    `furthest` is the violated row of each kind that is furthest away in ``v``, and `distances` says
+    how far. `conflict` names rows that contradict each other. The rest is scratch.
     """
 
     v: Array
@@ -168,16 +157,7 @@ def on_horizon(p: Program, whole: ActiveSet) -> ActiveSet:
 def add_constraint(
     p: Program, at: ActiveSet, row: int, multiplier: float, upper: float, sign: float
 ) -> None:
-    """Make a row active.
-
-    Args:
-        p: The program.
-        at: There is room in it; `inside` and `outside` are the row's `split`, times the sign.
-        row: Its number.
-        multiplier: Its multiplier.
-        upper: Its largest one.
-        sign: 1 or -1.
-    """
+    """Make a row active; `inside` and `outside` are its `split`, times the sign."""
     head = p.head[0]
     count = head.active
     append(at.basis, count, at.inside, at.outside, sign)

@@ -48,10 +48,7 @@ _PASSES: Final = 3
 def begin(p: Program, at: ActiveSet, warm: WarmStart) -> None:
     """Begin at the terminal rows and those of the warm start, and recover the step there.
 
-    Args:
-        p: The program, factorised.
-        at: Filled. A terminal row that depends on those before it is the furthest of its kind.
-        warm: Rows to begin with.
+    A terminal row that depends on those before it is the furthest of its kind.
     """
     head, r, terminal = p.head[0], p.stages[0].B.shape[1], p.terminal.shape[0]
     head.active = head.saturated = head.implied = head.conflicting = head.is_proved = 0

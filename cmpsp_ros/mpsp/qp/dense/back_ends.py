@@ -29,10 +29,7 @@ def solve_by_daqp(
 ) -> QPSolution:
     """Condense and solve with daqp; relaxed rows are its native soft constraints.
 
-    Args:
-        subproblem: The program.
-        penalties: Weights of the exact L1 relaxation; None keeps all rows hard.
-        primal_tol: daqp's tolerance of constraints.
+    `primal_tol` is its tolerance of constraints.
     """
     rows = Rows.of(subproblem, penalties)
     if penalties is None:

@@ -41,16 +41,10 @@ _THRESHOLDS = (0.3, 0.1, 0.03, 1e-2, 1e-3, 1e-6, 1e-9, 0.0)
 class ConeProgram(NamedTuple):
     """Constraints ``A z + s = b`` with ``s`` zero or not negative; slack variables end ``z``.
 
-    Attributes:
-        A: Dynamics, equalities, upper and lower limits, signs of slack variables.
-        b: Right-hand sides.
-        equalities: Number of rows with a zero ``s``, the first ones.
-        first: Where the rows begin, after the dynamics.
-        rows: Which row of the program each is.
-        side: -1 where it is a lower limit, else 1.
-        price: Cost of each slack variable.
-        slack_row: Row of the program that each slack variable relaxes.
-        slack_sign: 1 where it lets the row exceed its limit, -1 where it lets it fall below.
+    Rows of `A` are the dynamics, equalities, upper and lower limits, and signs of slack variables;
+    the first `equalities` of them have a zero ``s``, and from `first` on each is one of the
+    program's `rows`, with `side` -1 at a lower limit, else 1. A slack variable costs `price` and
+    lets `slack_row` exceed its limit (`slack_sign` 1) or fall below it (-1).
     """
 
     A: Any
@@ -105,12 +99,7 @@ def solve(subproblem: Subproblem, penalties: Penalties | None) -> QPSolution:
 
 
 def cone_program(program: SparseQP, weight: Array) -> ConeProgram:
-    """The constraints in Clarabel's form.
-
-    Args:
-        program: The program.
-        weight: Penalty of each row, ``inf`` where hard; without a positive one a row is left out.
-    """
+    """The constraints in Clarabel's form, with the penalty of each row, left out where 0."""
     from scipy import sparse  # noqa: PLC0415 (takes 0.2 s to import, and few runs need it)
 
     lower, upper = program.rows.lower, program.rows.upper
@@ -150,10 +139,8 @@ def cone_program(program: SparseQP, weight: Array) -> ConeProgram:
 def run(program: ConeProgram, P: Any = None, q: Array | None = None) -> Any:
     """Clarabel's answer, with ``x``, ``z``, ``s``, ``status`` and ``iterations``.
 
-    Args:
-        program: The constraints.
-        P: Upper triangle of the Hessian without the slack variables; None for 0.
-        q: Gradient without the slack variables; None for 0.
+    `P` is the upper triangle of the Hessian and `q` the gradient, without the slack variables; None
+    for 0.
     """
     import clarabel  # noqa: PLC0415 (few runs need it)
     from scipy import sparse  # noqa: PLC0415 (as above)
@@ -184,12 +171,7 @@ def _solution(
 ) -> QPSolution:
     """The point that Clarabel came to, with multipliers of inactive rows exactly 0.
 
-    Args:
-        subproblem: The program.
-        program: The same as sparse matrices.
-        cones: What was solved.
-        answer: The answer.
-        threshold: A multiplier smaller than that times its slack, both scaled, is 0.
+    A multiplier smaller than `threshold` times its slack, both scaled, is 0.
     """
     x, z, s = np.array(answer.x), np.array(answer.z), np.array(answer.s)
     dU = x[: subproblem.lower.size].reshape(subproblem.lower.shape)
@@ -228,13 +210,9 @@ def contradicting_rows(
 ) -> tuple[Row, ...]:
     """Hard rows that a dual ray proves to contradict each other; empty where it proves nothing.
 
-    Rows with small multipliers are left out where the others still prove it (see `farkas`).
-
-    Args:
-        subproblem: The program.
-        program: The same as sparse matrices.
-        multipliers: The ray, positive at upper limits and of any length, shape ``(R,)``. Those of
-            the bounds are not used: the others determine them.
+    The ray ``(R,)`` is positive at upper limits; its entries for bounds are not used: the others
+    determine them. Rows with small multipliers are left out where the rest proves it (see
+    `farkas`).
     """
     rows, length = program.rows, _row_lengths(program)
     limit = np.where(multipliers > 0.0, rows.upper, rows.lower)

@@ -96,20 +96,8 @@ def _ascend(
 ) -> tuple[int, int]:
     """Maximise the dual of ``min |z - z_0|^2 / 2, lower <= V z <= upper``, in place.
 
-    Args:
-        z: ``z_0``, and on return the primal point, shape ``(q,)``.
-        multipliers: 0, and on return the dual point, positive at upper bounds, shape ``(R,)``.
-        V: Rows, shape ``(R, q)``.
-        lower: ``-inf`` where there is none, shape ``(R,)``.
-        upper: ``inf`` where there is none, shape ``(R,)``.
-        cap: Largest size of each multiplier, shape ``(R,)``.
-        limit: Sweeps at most.
-        tolerance: Longest move of a converged sweep, relative to ``1 + |z|``.
-        between_checks: Sweeps between two looks for a proof of infeasibility.
-        farthest: See `FARTHEST`.
-
-    Returns:
-        How it ended, and the sweeps done.
+    `z` begins as ``z_0`` and `multipliers` as 0; these are positive at upper bounds, and at most
+    `cap` in size. Returns how it ended, and the sweeps done.
     """
     count, q = V.shape
     square = np.zeros(count)

@@ -27,13 +27,10 @@ _FACTORISE = 4
 
 @allocation_free
 def factorise(p: Program) -> bool:
-    """Sweep backward over all stages.
+    """Sweep backward over all stages; false where the condensed Hessian is not positive definite.
 
     The Hessian of a stage is split as ``C D C'`` with ones on the diagonal of ``C``: the next stage
     need not wait for roots.
-
-    Returns:
-        Whether the condensed Hessian is positive definite; else the factorisation is of no use.
     """
     head, first = p.head[0], p.stages[0]
     n, r = first.B.shape

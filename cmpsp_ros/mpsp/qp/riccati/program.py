@@ -104,13 +104,10 @@ def _record(**shapes: tuple[int, ...]) -> RecordType:
 
 
 class Program(NamedTuple):
-    """A program with a horizon of at most so many steps, and its solution.
+    """A program with a horizon of at most ``N``, and its solution.
 
-    Attributes:
-        head: Of `head_type`, shape ``(1,)``.
-        stages: Of `stage_type`, shape ``(N + 1,)``.
-        terminal: Of `row_type`, shape ``(m,)``.
-        path: Of `row_type`, shape ``(N + 1, l)``.
+    Of `head_type` ``(1,)``, of `stage_type` ``(N + 1,)``, and of `row_type` ``(m,)`` and
+    ``(N + 1, l)``.
     """
 
     head: Records

@@ -126,15 +126,9 @@ def keep_origin(p: Program, v: Array) -> None:
 
 @allocation_free
 def transform_row(p: Program, k: int, row: Array) -> int:
-    """The row in the head's `X` and `U` in ``v``.
+    """The row in the head's `X` and `U`, of stage `k`, in ``v``.
 
-    Args:
-        p: The program, factorised.
-        k: Stage of the row.
-        row: Filled up to the count returned, shape ``((N + 1) r,)``.
-
-    Returns:
-        How many leading entries may be other than 0.
+    Returns how many leading entries of `row` may be other than 0; it is filled up to there.
     """
     stage, given, U = p.stages[k], p.head[0].X, p.head[0].U
     n, r = stage.B.shape

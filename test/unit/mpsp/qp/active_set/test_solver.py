@@ -15,6 +15,7 @@ from stage_programs import (
 )
 
 from cmpsp_ros.mpsp.qp import QPStatus
+from cmpsp_ros.mpsp.qp.active_set.state import RowState
 from cmpsp_ros.mpsp.qp.dense import clarabel_backend, solve_by_daqp
 from cmpsp_ros.mpsp.qp.riccati import Outcome
 from cmpsp_ros.mpsp.qp.riccati.kkt import kkt_residual
@@ -119,7 +120,7 @@ def test_a_saturated_output_is_released_and_may_end_at_its_other_penalty(
 def test_a_saturated_inequality_is_released():
     """``u_0 >= 2`` is too dear until the output asks for as much in any case."""
     qp = walled(chain(2, 6.0, 1), 0, 2.0)
-    warm = warm_with(qp, [-1 - place(qp, 'path', 0, 0)])
+    warm = warm_with(qp, [place(qp, 'path', 0, 0)], RowState.AT_PENALTY)
     found = controls(qp, relaxed(qp, np.inf, 0.5), warm)
     np.testing.assert_allclose(found, [3.0, 3.0, 0.0], atol=1e-14)
 
@@ -226,10 +227,11 @@ def test_random_programs_end_as_with_other_solvers(seed):
     # A warm start changes the way: that of a neighbour, and rows at random.
     near = qp._replace(L_X=qp.L_X + 0.2 * rng.normal(size=qp.L_X.shape), g=qp.g - 0.05)
     last = len(dense(qp).limits)
-    anything = rng.integers(-last - 5, last + 5, size=min(last, 60))
+    anything = rng.integers(-5, last + 5, size=min(last, 60))
     # Rows of no program are not looked at.
     anything[:2] = 2**62, -(2**62)
-    for warm in (found.warm.copy(), run(near, penalties).warm, warm_with(qp, anything)):
+    states = rng.integers(RowState.ACTIVE, RowState.IMPLIED, size=len(anything))
+    for warm in (found.warm.copy(), run(near, penalties).warm, warm_with(qp, anything, states)):
         other = run(qp, penalties, warm)
         assert other.outcome == found.outcome
         if found.outcome == Outcome.SOLVED:
@@ -334,7 +336,7 @@ def test_a_saturated_row_may_have_come_to_a_stage_where_it_does_not_apply():
     qp = walled(chain(2, l=1), 1, 2.0)
     found = run(qp, relaxed(qp, path=1.0))
     np.testing.assert_allclose(found.dU[:, 0], [0.0, 1.0, 0.0])
-    warm = warm_with(qp, [-1 - place(qp, 'path', 2, 0)])
+    warm = warm_with(qp, [place(qp, 'path', 2, 0)], RowState.AT_PENALTY)
     found = run(qp, relaxed(qp, path=1.0), warm)
     assert found.outcome == Outcome.SOLVED
     np.testing.assert_array_equal(found.multipliers.path[:, 0], [0.0, 1.0, 0.0])

@@ -14,7 +14,7 @@ from benchmarks.errors import BenchError
 from benchmarks.families.presets import Preset
 from benchmarks.quiet import collector_off
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.guidance import GuidanceLaw, GuidanceSettings, to_nanoseconds
+from cmpsp_ros.guidance import GuidanceLaw, GuidanceSettings, Observation, to_nanoseconds
 from cmpsp_ros.world.obstacles import Obstacle
 
 COUNTS: Final = (1, 2, 4, 8)
@@ -86,14 +86,14 @@ def _two_steps(law: GuidanceLaw, preset: Preset, count: int) -> tuple[float, flo
     law.reset()
     with collector_off():
         began = time.perf_counter_ns()
-        decision = law.update(0, pose)
+        decision = law.step(Observation(0, pose))
         first = time.perf_counter_ns() - began
         if decision is None:
             raise BenchError('plans: found no decision on the first odometry')
         held = np.array([settings.control_period])
         pose = settings.robot.roll_out(pose, decision.wheel_speeds[None], held)[-1]
         began = time.perf_counter_ns()
-        decision = law.update(to_nanoseconds(settings.control_period), pose)
+        decision = law.step(Observation(to_nanoseconds(settings.control_period), pose))
         second = time.perf_counter_ns() - began
     if count > 1 and (decision is None or f'best of {count} plans' not in decision.reason):
         found = None if decision is None else decision.reason

@@ -12,7 +12,7 @@ import numpy as np
 from benchmarks.families.spread import Spread
 from benchmarks.quiet import collector_off
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.guidance import Decision, GuidanceLaw, GuidanceSettings, to_nanoseconds
+from cmpsp_ros.guidance import Decision, GuidanceLaw, GuidanceSettings, Observation, to_nanoseconds
 from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.parameters import TABLE, check_start, guidance_settings, load_parameter_file
 from cmpsp_ros.parameters.files import preset_names
@@ -139,7 +139,7 @@ def drive(
         for stamp in itertools.count(0, period):
             seen = tracks(stamp)
             began = clock()
-            decision = law.update(stamp, pose, seen)
+            decision = law.step(Observation(stamp, pose, seen))
             took = (clock() - began) * 1e-6
             if decision is None:
                 continue

@@ -15,7 +15,7 @@ from benchmarks.errors import BenchError
 from benchmarks.families.presets import drive
 from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.demo import Scenario, load_scenario
-from cmpsp_ros.guidance import GuidanceLaw
+from cmpsp_ros.guidance import GuidanceLaw, Observation
 from cmpsp_ros.guidance.planning import Planner, SolveResult
 from cmpsp_ros.parameters import ParameterError
 from cmpsp_ros.parameters.files import robot_names
@@ -118,7 +118,7 @@ def _drive(name: str, scenario: Scenario) -> RobotDrive:
     """One run by the exact model, commands held for a control period."""
     settings, pose = scenario.settings, np.array(scenario.values['initial_pose'], float)
     # One step that does not count has compiled code loaded.
-    GuidanceLaw(settings, settings.world).update(0, pose)
+    GuidanceLaw(settings, settings.world).step(Observation(0, pose))
     times, work, levels = [], [], Counter[str]()
     with _counted_work() as counted:
         for took, decision, reached in drive(settings, pose, time.thread_time_ns):

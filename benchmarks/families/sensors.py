@@ -11,7 +11,7 @@ import numpy as np
 from benchmarks.families.spread import Spread
 from benchmarks.quiet import collector_off
 from benchmarks.table import Table
-from cmpsp_ros.guidance import GuidanceLaw, to_nanoseconds
+from cmpsp_ros.guidance import GuidanceLaw, Observation, to_nanoseconds
 from cmpsp_ros.parameters import (
     TABLE,
     guidance_settings,
@@ -90,11 +90,11 @@ def _steps(preset: str) -> Iterator[tuple[float, ...]]:
             sighting = eyes.see(stamp, pose)
             seen = time.thread_time_ns()
             if law.is_due(stamp):
-                decision = law.update(stamp, pose, (), sighting)
+                decision = law.step(Observation(stamp, pose, (), sighting))
                 decided = time.thread_time_ns()
                 if decision is None or decision.finished or sighting is None:
                     return
-                law.search(pose)
+                law.after_step()
                 searched = time.thread_time_ns()
                 distance_field(sighting.grid, unknown_is_free=True)
                 done = time.thread_time_ns()

@@ -7,8 +7,14 @@ from cmpsp_ros.front_door import lazy_exports
 if TYPE_CHECKING:
     from cmpsp_ros.guidance.decision import Decision, FallbackLevel, Plan
     from cmpsp_ros.guidance.goals import Follow, Goal, GoalError
-    from cmpsp_ros.guidance.horizon import NANOSECONDS, NEVER, Horizon, to_nanoseconds
-    from cmpsp_ros.guidance.horizon_functions import remaining, shift
+    from cmpsp_ros.guidance.horizon import (
+        NANOSECONDS,
+        NEVER,
+        Horizon,
+        remaining,
+        shift,
+        to_nanoseconds,
+    )
     from cmpsp_ros.guidance.key_values import (
         MOVING,
         WHEELS,
@@ -22,6 +28,7 @@ if TYPE_CHECKING:
         with_former_keys,
     )
     from cmpsp_ros.guidance.law import GuidanceLaw
+    from cmpsp_ros.guidance.prediction.estimator import Observation
     from cmpsp_ros.guidance.settings import GOAL, LawSettings
     from cmpsp_ros.guidance.solver_settings import (
         InitialGuess,

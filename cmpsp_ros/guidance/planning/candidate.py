@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.goals import Target
-from cmpsp_ros.guidance.prediction.plan_start import PlanStart
+from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.safety.audit import TOUCHING, Audit, Verdict
 from cmpsp_ros.guidance.settings import LawSettings
 

@@ -11,11 +11,10 @@ import numpy as np
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.goals import Target
-from cmpsp_ros.guidance.horizon import Horizon
-from cmpsp_ros.guidance.horizon_functions import shift
+from cmpsp_ros.guidance.horizon import Horizon, shift
 from cmpsp_ros.guidance.planning.homotopy.road_frame import RoadFrame, road_frame
 from cmpsp_ros.guidance.planning.initial_trajectories import along_road
-from cmpsp_ros.guidance.prediction.plan_start import PlanStart
+from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.safety.audit import Verdict
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.world import World

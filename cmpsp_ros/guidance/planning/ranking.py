@@ -13,7 +13,7 @@ from cmpsp_ros.guidance.formulation.priorities import BY_PRIORITY
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.planning.candidate import Candidate
 from cmpsp_ros.guidance.planning.initial_trajectories import wrapped
-from cmpsp_ros.guidance.prediction.plan_start import PlanStart
+from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.mpsp.jit import allocation_free
 from cmpsp_ros.robots import Kinematics, fastest_wheel

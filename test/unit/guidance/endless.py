@@ -59,7 +59,7 @@ def drive(minutes, changes=None):
     for _ in range(PARTS):
         poses, twists, levels = [plant.pose], [], Counter()
         for _ in range(steps):
-            decision = law.update(stamp, plant.measure())
+            decision = law.step(Observation(stamp, plant.measure()))
             levels[decision.level.name.lower()] += 1
             plant.command(stamp, *decision.twist.tolist())
             stamp += period

@@ -26,7 +26,7 @@ class Robot:
         """Decide on odometry; the plan that the others hear of."""
         timeout = self.given.moving_obstacles.timeout
         seen = self.known.at(stamp, timeout)
-        decision = self.law.update(stamp, self.pose, seen)
+        decision = self.law.step(Observation(stamp, self.pose, seen))
         self.decisions.append(decision)
         if decision.plan is None:
             return PeerTrajectory(self.name, stamp, (stamp,), (tuple(self.pose[:2].tolist()),))

@@ -146,7 +146,7 @@ class Drive:
         if self.gate.fault:
             self.halt()
             return
-        decision = self.law.update(stamp, pose)
+        decision = self.law.step(Observation(stamp, pose))
         if decision is None:
             self.outcomes['not due'] += 1
         else:

@@ -20,7 +20,7 @@ def drive(preset, *given, robot=None):
     for stamp in range(0, final + 4 * 10**9, 20_000_000):
         motions += [*plant.advance(stamp), plant.motion]
         pose = plant.pose if stamp <= final else pose
-        decision = law.update(stamp, plant.measure())
+        decision = law.step(Observation(stamp, plant.measure()))
         if decision is not None:
             decisions.append(decision)
             plant.command(stamp, *decision.twist.tolist())

@@ -128,7 +128,7 @@ class Drive:
             if self.law.is_due(stamp):
                 sighting = surroundings.at(stamp, pose)
                 known = _lengths.cache_info().misses
-                decision = self.law.update(stamp, pose, (), sighting)
+                decision = self.law.step(Observation(stamp, pose, (), sighting))
                 self.searches.append(_lengths.cache_info().misses - known)
                 plant.command(stamp, *decision.twist)
                 self.law.search(pose)

@@ -38,7 +38,7 @@ def test_a_robot_that_gives_way_at_the_crossing_keeps_to_its_branch():
         [],
     )
     for step in range(STEPS):
-        decisions.append(law.update(step * PERIOD, pose, tracks(step * PERIOD)))
+        decisions.append(law.step(Observation(step * PERIOD, pose, tracks(step * PERIOD))))
         poses.append(pose)
         held = decisions[-1].wheel_speeds[None]
         pose = SETTINGS.robot.roll_out(pose, held, np.array([0.2]))[-1]

@@ -231,7 +231,7 @@ def test_reset_begins_again():
     np.testing.assert_array_equal(one.controls, other.controls)
     assert [decision.step for decision in other.moves] == list(range(50))
     law.reset()
-    assert law.update(3, np.array(START)).step == 0, 'time may go back across a reset'
+    assert law.step(Observation(3, np.array(START))).step == 0, 'time may go back across a reset'
 
 
 def test_reconfigure_with_the_same_settings_changes_nothing():

@@ -121,7 +121,7 @@ def drive(given_):
     law, decided = GuidanceLaw(given_, given_.world), []
     period = round(given_.control_period * 1e9)
     for step in range(STEPS):
-        decision = law.update(step * period, pose)
+        decision = law.step(Observation(step * period, pose))
         decided.append(decision.level.name.lower())
         assert decision.reason[-1] in '.?', decision.reason
         assert np.isfinite([*decision.wheel_speeds, *decision.twist]).all(), decision

@@ -159,7 +159,7 @@ def drive(given, *, sees=True, **lied):
             noted, sighting = len(motions), eyes.look(stamp, pose, recorder)
         spread = values['noise.position_stddev']
         recorder.write('/odom', stamp, 1.0, odometry(START + stamp, pose, spread=spread))
-        decision = law.update(START + stamp, pose, (), sighting if sees else None)
+        decision = law.step(Observation(START + stamp, pose, (), sighting if sees else None))
         if decision is not None:
             if sighting is not None and sighting.stamp == START + stamp:
                 eyes.publish(sighting, recorder)

@@ -169,7 +169,7 @@ def drive_case(preset='case3', rest=0.4, **changes):
     stamp, end = START, START + round((settings.final_time + rest) * SECOND)
     while stamp <= end:
         drive.odometry.append(Sample(stamp + 1_000_000, stamp, pose))
-        decision = law.update(stamp, pose)
+        decision = law.step(Observation(stamp, pose))
         if decision is not None:
             drive.decisions.append(decision._replace(phases={'step': 2.5 + 0.1 * (stamp % 7)}))
             drive.commands.append(Command(stamp + LATENCY, stamp, decision.twist))

@@ -100,7 +100,7 @@ class Drive:
             self.go(TICK / SECOND)
         stamp = self.now
         self.say(odometry(stamp, self.pose))
-        decision = self.law.update(stamp, self.measured())
+        decision = self.law.step(Observation(stamp, self.measured()))
         for _ in range(round(seconds * SECOND / TICK)):
             self.tick()
             self.say(odometry(self.now, self.pose))
@@ -113,7 +113,7 @@ class Drive:
             self.say(odometry(self.now, self.pose))
             self.tick()
         self.say(odometry(self.now, self.pose))
-        decision = self.law.update(self.now, self.measured())
+        decision = self.law.step(Observation(self.now, self.measured()))
         self.publish(decision._replace(skipped=True))
         self.tick()
 
@@ -137,7 +137,7 @@ class Drive:
                 self.gate.note_stop()
                 self.publish(self.law.halt(self.now, self.gate.reason(self.settings), braking=True))
             return
-        decision = self.law.update(stamp, pose)
+        decision = self.law.step(Observation(stamp, pose))
         if decision is not None:
             self.publish(self.law.foretell(decision, pose))
 
@@ -167,7 +167,7 @@ class Drive:
         self.bag.write(topic, self.now + 500, raw(message))
         if heard:
             with suppress(GoalError):
-                self.law.tell(*goal_of(message, self.settings.frame_id))
+                self.law.set_goal(*goal_of(message, self.settings.frame_id))
 
     def change(self, **changes):
         """A live change of parameters, `__` standing for a dot."""

@@ -54,7 +54,7 @@ class Encounter(Drive):
         self.say(odometry(stamp, self.pose))
         if self.law.is_due(stamp):
             known = self.known.at(stamp, self.settings.moving_obstacles.timeout)
-            self.publish(self.law.update(stamp, self.measured(), known))
+            self.publish(self.law.step(Observation(stamp, self.measured(), known)))
 
 
 class Beside(Encounter):

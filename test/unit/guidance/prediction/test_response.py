@@ -119,7 +119,7 @@ def test_predictions_that_are_beyond_all_bounds_stop_the_robot(fault):
     given = replace(CASES['case 3'], initial_guess=ROAD, safety=Safety(max_prediction_error=0.25))
     law, stopped = GuidanceLaw(given, given.world), []
     for step in range(5):
-        decision = law.update(step * PERIOD, np.array(START))
+        decision = law.step(Observation(step * PERIOD, np.array(START)))
         if 'safety.max_prediction_error' in decision.reason:
             stopped.append(decision)
     assert stopped

@@ -139,7 +139,7 @@ def test_a_robot_heavier_than_its_model_stops_before_a_wall(plant, acceleration)
     law, motions = GuidanceLaw(given, given.world), []
     for stamp in range(0, 11_000 * MS, 20 * MS):
         motions += [*body.advance(stamp), body.motion]
-        decision = law.update(stamp, body.measure())
+        decision = law.step(Observation(stamp, body.measure()))
         if decision is not None:
             body.command(stamp, *decision.twist.tolist())
     poses, twists = (

@@ -16,9 +16,8 @@ def first(preset, tracks=(), **changes):
     """Settings of a preset, and the first decision."""
     values = TABLE.resolve({**load_parameter_file(preset), **changes})
     settings = guidance_settings(values)
-    return settings, GuidanceLaw(settings, settings.world).update(
-        0, np.array(values['initial_pose']), tracks
-    )
+    return settings, GuidanceLaw(settings, settings.world).step(Observation(
+        0, np.array(values['initial_pose']), tracks))
 
 
 @pytest.mark.parametrize('preset', ['case3', 'corridor', 'goals', 'endless'])

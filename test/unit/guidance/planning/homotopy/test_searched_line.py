@@ -30,7 +30,7 @@ def test_the_law_drives_towards_a_goal_that_no_time_is_enough_for(distance):
     values = {**load_parameter_file('floor'), 'goal.position': [distance, distance / 3.0]}
     settings = guidance_settings(TABLE.resolve(values))
     law, pose = GuidanceLaw(settings, settings.world), np.zeros(3)
-    decision = law.update(0, pose)
+    decision = law.step(Observation(0, pose))
     law.foretell(decision, pose)
     assert 'final_time would have to be' in law.warnings[0]
     assert decision.plan is not None

@@ -96,7 +96,8 @@ class Computer:
             took = self._period * self._random.uniform(0.0, self._lateness)
         self.busy_until = decision.stamp + to_nanoseconds(took)
         is_late = took > self._period and decision.plan is not None
-        self.decision = law.after_step(took if is_late else 0.0)
+        recorded = law.after_step(took if is_late else 0.0)
+        self.decision = recorded if is_late else decision
 
 
 def drive(task: Task) -> Driven:

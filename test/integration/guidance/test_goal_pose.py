@@ -8,7 +8,7 @@ from geometry_msgs.msg import PoseStamped
 from live import LATCHED, PERIOD_NS, pose_stamped
 from visualization_msgs.msg import MarkerArray
 
-from cmpsp_ros.guidance import GuidanceLaw
+from cmpsp_ros.guidance import GuidanceLaw, Observation
 from cmpsp_ros.guidance.messages import OdometryReading, goal_of
 from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 

@@ -12,7 +12,7 @@ from live import LATCHED, MS, PERIOD_NS
 from rclpy.time import Time
 from visualization_msgs.msg import Marker, MarkerArray
 
-from cmpsp_ros.guidance import GuidanceLaw
+from cmpsp_ros.guidance import GuidanceLaw, Observation
 from cmpsp_ros.guidance.messages import OdometryReading
 from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 

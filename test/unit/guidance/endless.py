@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cmpsp_ros.bags.runs import mean_speed
-from cmpsp_ros.guidance import GuidanceLaw, to_nanoseconds
+from cmpsp_ros.guidance import GuidanceLaw, Observation, to_nanoseconds
 from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file, plant_settings
 from cmpsp_ros.simulator import Plant
 from cmpsp_ros.world import FreeSpace

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from scenarios import PERIOD
 
-from cmpsp_ros.guidance import GuidanceLaw, MovingObstacles
+from cmpsp_ros.guidance import GuidanceLaw, MovingObstacles, Observation
 from cmpsp_ros.guidance.messages import PeerTrajectory, Tracks
 
 GRID = 20_000_000

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from cmpsp_ros.demo import load_scenario
-from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw
+from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw, Observation
 from cmpsp_ros.parameters import plant_settings
 from cmpsp_ros.simulator import Plant
 

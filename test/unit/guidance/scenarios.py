@@ -13,6 +13,7 @@ from cmpsp_ros.guidance import (
     GuidanceLaw,
     GuidanceSettings,
     InitialGuess,
+    Observation,
     SolverSettings,
     severity,
 )

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from cmpsp_ros.guidance import GuidanceLaw
+from cmpsp_ros.guidance import GuidanceLaw, Observation
 from cmpsp_ros.parameters import (
     TABLE,
     guidance_settings,
@@ -131,6 +131,6 @@ class Drive:
                 decision = self.law.step(Observation(stamp, pose, (), sighting))
                 self.searches.append(_lengths.cache_info().misses - known)
                 plant.command(stamp, *decision.twist)
-                self.law.search(pose)
+                self.law.after_step()
                 self.decisions.append(decision)
         self.pose = plant.pose

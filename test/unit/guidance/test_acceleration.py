@@ -18,7 +18,15 @@ from scenarios import (
     start_of,
 )
 
-from cmpsp_ros.guidance import FallbackLevel, Goal, GuidanceLaw, Safety, remaining, to_nanoseconds
+from cmpsp_ros.guidance import (
+    FallbackLevel,
+    Goal,
+    GuidanceLaw,
+    Observation,
+    Safety,
+    remaining,
+    to_nanoseconds,
+)
 from cmpsp_ros.guidance.formulation import OcpFormulation
 from cmpsp_ros.guidance.planning import Planner
 from cmpsp_ros.guidance.safety import CHANGE_ROUNDING, Audit
@@ -184,7 +192,7 @@ def test_after_a_late_command_it_brakes_only_where_that_is_clear(away, stops_at_
     given = limited(CASES['case 1'])
     law = GuidanceLaw(given, given.world)
     run = drive(law, given, [k * PERIOD for k in range(12)])
-    law.withdraw(run.decisions[-1], 0.3)
+    law.after_step(0.3)
     held = run.decisions[-2].wheel_speeds
     x, y, heading = run.pose
     place = x + away * np.cos(heading), y + away * np.sin(heading)
@@ -201,7 +209,7 @@ def test_slower_commands_for_late_ones_have_a_ramp_that_is_clear():
     for step in range(STEPS):
         decision = law.step(Observation(step * PERIOD, pose))
         slower += 'commands may be late' in decision.reason or 'if it is late' in decision.reason
-        commands = np.vstack([decision.wheel_speeds, law._state.ramp])
+        commands = np.vstack([decision.wheel_speeds, law._state.following.ramp])
         pieces = np.repeat(commands, 20, axis=0)
         path = given.robot.roll_out(pose, pieces, np.full(len(pieces), 0.01))
         assert clearance(path, given) >= -1e-3

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scenarios import CASES, FIRST, MS, PERIOD, ROAD, START, assert_is, reconfigure, settings
 
-from cmpsp_ros.guidance import FallbackLevel, Goal, GuidanceLaw, Safety
+from cmpsp_ros.guidance import FallbackLevel, Goal, GuidanceLaw, Observation, Safety
 from cmpsp_ros.simulator import Plant, PlantSettings
 from cmpsp_ros.world import FreeSpace
 from cmpsp_ros.world.obstacles import Obstacle
@@ -198,7 +198,7 @@ def test_a_reset_forgets_the_commands():
     first = law.step(Observation(0, pose))
     law.step(Observation(PERIOD, pose))
     law.reset()
-    again, same = law.step(Observation(2 * PERIOD, pose)), fresh.update(0, pose)
+    again, same = law.step(Observation(2 * PERIOD, pose)), fresh.step(Observation(0, pose))
     for each in (again, same):
         assert (each.wheel_speeds == first.wheel_speeds).all()
         assert (each.plan.poses == first.plan.poses).all()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scenarios import CASES, PERIOD, START
 
-from cmpsp_ros.guidance import GuidanceLaw
+from cmpsp_ros.guidance import GuidanceLaw, Observation
 
 
 def test_it_foretells_whether_there_is_a_decision():

@@ -14,6 +14,7 @@ from cmpsp_ros.guidance import (
     GuidanceLaw,
     GuidanceSettings,
     InitialGuess,
+    Observation,
     Safety,
 )
 from cmpsp_ros.guidance.formulation import N_EDGE_CONSTRAINTS

@@ -7,7 +7,7 @@ import pytest
 from models import assert_arrives, assert_the_same, drive
 
 from cmpsp_ros.demo import load_scenario
-from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw
+from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw, Observation
 from cmpsp_ros.guidance.prediction import PlanStart
 from cmpsp_ros.guidance.safety import CHANGE_ROUNDING, Audit
 

@@ -10,6 +10,7 @@ from dataclasses import replace
 import pytest
 from scenarios import law_of
 
+from cmpsp_ros.guidance import Observation
 from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 
 PERIOD = 200_000_000
@@ -25,6 +26,7 @@ import numpy as np
 from numba.core.dispatcher import Dispatcher
 
 from cmpsp_ros.guidance.law import GuidanceLaw
+from cmpsp_ros.guidance.prediction.estimator import Observation
 from cmpsp_ros.guidance.warmup import prepare
 from cmpsp_ros.mpsp.qp import riccati_backend
 from cmpsp_ros.mpsp.qp.riccati.outcome import ITERATION_LIMIT

@@ -14,7 +14,7 @@ from bag_messages import GRID, ODOMETRY, SECOND, TWIST, grid, make, odometry, ra
 
 from cmpsp_ros.bags import BagWriter
 from cmpsp_ros.bags.messages import DECISION, decision_message
-from cmpsp_ros.guidance import GuidanceLaw
+from cmpsp_ros.guidance import GuidanceLaw, Observation
 from cmpsp_ros.parameters import (
     TABLE,
     ParameterError,
@@ -165,7 +165,7 @@ def drive(given, *, sees=True, **lied):
                 eyes.publish(sighting, recorder)
             recorder.write('/cmd_vel', stamp, 4.0, twist(*decision.twist))
             recorder.write(DECISIONS, stamp, 4.1, decision_message(decision, 'decision'))
-            law.search(pose)
+            law.after_step()
             plant.command(stamp, *decision.twist.tolist())
             motions += [*plant.advance(stamp), plant.motion]
     for each in motions:

@@ -27,7 +27,7 @@ from bag_messages import (
 from cmpsp_ros.bags import BagWriter
 from cmpsp_ros.bags.audit import CheckOutcome
 from cmpsp_ros.bags.messages import DECISION, decision_message, path_message
-from cmpsp_ros.guidance import GuidanceLaw
+from cmpsp_ros.guidance import GuidanceLaw, Observation
 from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 
 START = 1_700_000_000 * SECOND

@@ -13,6 +13,7 @@ from cmpsp_ros.guidance import (
     Goal,
     GoalError,
     GuidanceLaw,
+    Observation,
     decision_to_key_values,
     severity,
 )
@@ -152,9 +153,9 @@ def test_where_a_road_is_followed_no_goal_is_taken(fault):
     law, twin = GuidanceLaw(given, given.world), GuidanceLaw(given, given.world)
     pose = np.array(start)
     place, goal = law.step(Observation(0, pose)).plan.poses[1], Goal((start[0], start[1]), 0.0)
-    twin.update(0, pose)
+    twin.step(Observation(0, pose))
     assert_refused(fault, lambda: law.set_goal(0, goal), 'takes no goal')
-    for each in (law.step(Observation(PERIOD, place)), twin.update(PERIOD, place)):
+    for each in (law.step(Observation(PERIOD, place)), twin.step(Observation(PERIOD, place))):
         assert each.goal is None
         assert each.wheel_speeds.any()
 

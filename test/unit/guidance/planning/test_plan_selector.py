@@ -26,7 +26,15 @@ from scenarios import (
     with_plans,
 )
 
-from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw, InitialGuess, Safety, remaining, shift
+from cmpsp_ros.guidance import (
+    FallbackLevel,
+    GuidanceLaw,
+    InitialGuess,
+    Observation,
+    Safety,
+    remaining,
+    shift,
+)
 from cmpsp_ros.guidance.formulation import OcpFormulation
 from cmpsp_ros.guidance.planning import Planner, along_road, initial_guess
 from cmpsp_ros.guidance.planning.candidate import Candidate

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scenarios import law_of
 
-from cmpsp_ros.guidance import FallbackLevel
+from cmpsp_ros.guidance import FallbackLevel, Observation
 from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 
 START = np.array([0.0, -9.25, 0.0])

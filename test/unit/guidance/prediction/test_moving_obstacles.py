@@ -12,7 +12,7 @@ from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 from scenarios import CASES, PERIOD, ROAD, START, assert_is, settings, start_of
 
-from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw, MovingObstacles
+from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw, MovingObstacles, Observation
 from cmpsp_ros.guidance.messages import Track, Tracks
 from cmpsp_ros.guidance.safety import Audit
 from cmpsp_ros.world.obstacles import ROUGHNESS, Capsule, MovingDiscs, Obstacle, convex

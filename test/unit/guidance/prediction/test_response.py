@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scenarios import CASES, PERIOD, ROAD, START, assert_is, drive
 
-from cmpsp_ros.guidance import GuidanceLaw, Safety
+from cmpsp_ros.guidance import GuidanceLaw, Observation, Safety
 from cmpsp_ros.guidance.prediction.pending_commands import PendingCommands
 from cmpsp_ros.guidance.prediction.response_estimate import ResponseEstimate
 from cmpsp_ros.robots import DifferentialDrive

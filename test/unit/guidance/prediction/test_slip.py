@@ -8,6 +8,7 @@ import pytest
 from scenarios import CASES, START, reconfigure
 from test_command_delay import Drive
 
+from cmpsp_ros.guidance import Observation
 from cmpsp_ros.guidance.prediction.slip import SlipEstimate
 from cmpsp_ros.robots import DifferentialDrive
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scenarios import FIRST, MS, PERIOD, ROAD, closed_loop, drive, settings, start_of
 
-from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw, Horizon, Plan, Safety
+from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw, Horizon, Observation, Plan, Safety
 from cmpsp_ros.guidance.prediction.response import Response, Risk
 from cmpsp_ros.guidance.safety import Audit
 from cmpsp_ros.guidance.safety.approach import Approach

@@ -20,7 +20,7 @@ from scenarios import (
     settings,
 )
 
-from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw
+from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw, Observation
 from cmpsp_ros.guidance.planning import Planner
 from cmpsp_ros.world.obstacles import Obstacle
 

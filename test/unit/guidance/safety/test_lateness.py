@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scenarios import CASES, MS, PERIOD, ROAD, START, clearance, reconfigure
 
-from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw
+from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw, Observation
 from cmpsp_ros.guidance.safety.fallback import Lateness
 from cmpsp_ros.world.obstacles import Obstacle
 
@@ -23,7 +23,7 @@ def late():
     first = law.step(Observation(0, np.array(START)))
     pose = CASE_3.robot.roll_out(np.array(START), first.wheel_speeds[None], np.array([0.2]))[-1]
     second = law.step(Observation(PERIOD, pose))
-    withdrawn = law.withdraw(second, TOOK)
+    withdrawn = law.after_step(TOOK)
     # The command before goes on meanwhile.
     pose = CASE_3.robot.roll_out(pose, first.wheel_speeds[None], np.array([TOOK]))[-1]
     return law, second, withdrawn, pose
@@ -68,7 +68,8 @@ def test_a_command_that_was_not_sent_is_not_foreseen_either():
     law = GuidanceLaw(given, given.world)
     first = law.step(Observation(0, np.array(START)))
     pose = given.robot.roll_out(np.array(START), first.wheel_speeds[None], np.array([0.1]))[-1]
-    law.withdraw(law.step(Observation(PERIOD, pose)), 0.25)
+    law.step(Observation(PERIOD, pose))
+    law.after_step(0.25)
     pose = given.robot.roll_out(pose, first.wheel_speeds[None], np.array([0.26]))[-1]
     ahead = given.robot.roll_out(pose, first.wheel_speeds[None], np.array([0.1]))[-1]
     decision = law.step(Observation(PERIOD + 260 * MS, pose))

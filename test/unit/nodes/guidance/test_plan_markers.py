@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from visualization_msgs.msg import Marker
 
-from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw
+from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw, Observation
 from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.guidance.safety import plan_clearance
 from cmpsp_ros.nodes.guidance.outputs.plan_markers import FAR, NEAR, PLENTY, PlanMarkers, color_of

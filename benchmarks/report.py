@@ -43,9 +43,6 @@ Absolute times differ from machine to machine and from day to day; ratios are st
 def check_output(output: Path) -> None:
     """See beforehand whether results can be written there, for they take long to come by.
 
-    Args:
-        output: A file that ends in `.json`, or a folder.
-
     Raises:
         BenchError: Something is there already, or nothing can be written.
     """
@@ -68,10 +65,6 @@ def check_output(output: Path) -> None:
 
 def write(results: Results, output: Path) -> None:
     """Write results to a file, or to a folder with pictures and the page `performance.md`.
-
-    Args:
-        results: The results.
-        output: As in `check_output`.
 
     Raises:
         BenchError: It cannot be written.

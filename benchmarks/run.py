@@ -41,10 +41,6 @@ Progress = Callable[[str, int], Callable[[], None]]
 def run(order: Order, progress: Progress = lambda _part, _pieces: lambda: None) -> Results:
     """Measure what is asked, and write it where it is asked.
 
-    Args:
-        order: What to measure.
-        progress: Told of each part of the work.
-
     Raises:
         BenchError: The output cannot be used, or a measurement failed.
         ParameterError: No such preset, or one that cannot be used.

@@ -92,6 +92,16 @@ def joints(stamp, speeds):
     return make(JOINTS, header(stamp), ['right', 'left'], none, np.array(speeds, float), none)
 
 
+PLAIN_DECISION = {
+    'step': 0,
+    'fallback_level': 'nominal',
+    'wheel_speed_right': 45.0,
+    'wheel_speed_left': 44.0,
+    **dict.fromkeys(('finished', 'missed', 'halted'), 'false'),
+    **dict.fromkeys(('run', 'revision'), 0),
+}
+
+
 def status(reason='Well.', /, **values):
     pair = jazzy().types['diagnostic_msgs/msg/KeyValue']
     pairs = [pair(key, str(value)) for key, value in values.items()]

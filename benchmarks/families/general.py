@@ -51,10 +51,6 @@ def measure(runs: int, progress: Callable[[], None] = lambda: None) -> list[Gene
     They go through the back end for any problem, without a warm start. It is compiled for a few
     sizes, and a program is filled up to the next one (`compiled_size`).
 
-    Args:
-        runs: Solutions of each program.
-        progress: Told after each run.
-
     Raises:
         BenchError: A program was not solved.
     """
@@ -124,14 +120,6 @@ def flops(N: int, n: int, r: int, l: int, k: int, c: int) -> float:  # noqa: E74
 
     The number of active rows grows evenly to ``c``. Rows that leave are not counted, nor are the
     further factorisations in which bounds are held, nor the check of the answer.
-
-    Args:
-        N: Steps.
-        n: States.
-        r: Controls.
-        l: Path constraints at a stage.
-        k: Iterations.
-        c: Active rows at the end.
     """
     factorisation = N * (6 * n**3 + 8 * n**2 * r + 4 * n * r**2 + 2 / 3 * r**3)
     row, look = N * (n**2 + n * r), N * (2 * n**2 + 4 * n * r + 2 * l * (n + r))

@@ -48,11 +48,6 @@ def measure(
 ) -> list[HardCase]:
     """Drive every case in turn, again and again, and take the times.
 
-    Args:
-        cases: The cases.
-        runs: Runs of each.
-        progress: Told after each run.
-
     Raises:
         BenchError: A program was not solved, or a plan may not be followed.
     """

@@ -57,13 +57,6 @@ def grow(
     """Time the first step of methods at several horizons, the methods in turn.
 
     A horizon at which a method's step does not bring the path nearer to the goal is left out.
-
-    Args:
-        task: The task.
-        methods: Methods that solve it.
-        horizons: Numbers of steps.
-        runs: Repetitions.
-        progress: Told after each horizon.
     """
     times: dict[str, dict[int, float]] = {method.name: {} for method in methods}
     for steps in horizons:

@@ -48,13 +48,7 @@ class Many:
 def measure(
     runs: int, counts: Sequence[int] = COUNTS, progress: Callable[[], None] = lambda: None
 ) -> list[Many]:
-    """Drive case 3's road past obstacles on both sides, all numbers of them in turn.
-
-    Args:
-        runs: Runs of each; one more has all compiled code loaded.
-        counts: Numbers of obstacles.
-        progress: Told after each run of all of them.
-    """
+    """Drive case 3's road past obstacles on both sides, all numbers of them in turn."""
     preset = Preset.load('case3')
     times: dict[tuple[int, bool], list[Array]] = {}
     for run in range(runs + 1):

@@ -87,11 +87,6 @@ def measure(
     """Drive every preset in turn, again and again, and take the times.
 
     The presets are interleaved, so that other work of the machine falls on all of them.
-
-    Args:
-        presets: The presets.
-        runs: Runs of each.
-        progress: Told after each run.
     """
     # One run that does not count has all compiled code loaded.
     for preset in presets:

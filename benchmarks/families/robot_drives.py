@@ -93,11 +93,6 @@ def measure(
 ) -> list[RobotDrive]:
     """Drive every robot in turn, again and again, and take the times.
 
-    Args:
-        scenarios: Courses by the robots' names.
-        runs: Runs of each.
-        progress: Told after each run.
-
     Raises:
         BenchError: Two runs of one robot differ.
     """

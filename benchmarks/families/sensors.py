@@ -53,13 +53,7 @@ class Seen:
 def measure(
     runs: int, presets: Sequence[str] = PRESETS, progress: Callable[[], None] = lambda: None
 ) -> list[Seen]:
-    """Drive presets whose obstacles a scanner sees, in turn.
-
-    Args:
-        runs: Runs of each; one more has all compiled code loaded.
-        presets: The presets.
-        progress: Told after each run of all of them.
-    """
+    """Drive presets whose obstacles a scanner sees, in turn."""
     times: dict[str, list[tuple[float, ...]]] = {each: [] for each in presets}
     for run in range(runs + 1):
         for preset in presets:

@@ -62,15 +62,7 @@ def tails(
     count: int,
     progress: Callable[[], None] = lambda: None,
 ) -> list[Tail]:
-    """Time many control steps, the methods in turn, with the collector off all the while.
-
-    Args:
-        task: The task.
-        methods: Methods that solve it.
-        steps: Steps of the full horizon.
-        count: Steps of each method, but for those that fill up its last closed loop.
-        progress: Told after each closed loop of all methods.
-    """
+    """Time many control steps, the methods in turn, with the collector off all the while."""
     times: list[list[Array]] = [[] for _ in methods]
     again: list[list[Array]] = [[] for _ in methods]
     with collector_off():

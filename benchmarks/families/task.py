@@ -10,7 +10,6 @@ from benchmarks.families.presets import Preset
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance import GuidanceSettings
 from cmpsp_ros.guidance.formulation import (
-    Cost,
     GuidanceData,
     GuidanceProblem,
     guidance_data,
@@ -58,7 +57,6 @@ class Task:
     settings: GuidanceSettings
     pose: Array
     space: FreeSpace
-    cost: Cost
 
     @classmethod
     def case3(cls) -> Task:
@@ -72,9 +70,7 @@ class Task:
         given = preset.settings.solver
         solver = replace(given, candidates=1, initial_iterations=given.iterations_per_step)
         settings = replace(preset.settings, solver=solver)
-        weights = settings.weights
-        cost = Cost(weights.road_center, weights.control_change, weights.control_effort)
-        return cls(settings, preset.pose, sample_space(settings, settings.world), cost)
+        return cls(settings, preset.pose, sample_space(settings, settings.world))
 
     @property
     def steps(self) -> int:
@@ -107,13 +103,13 @@ class Task:
         """
         settings = self.settings
         goal = np.array(settings.goal)
-        return GuidanceProblem(settings.robot, self.space, self.cost, pose, goal, durations)
+        return GuidanceProblem(settings.robot, self.space, settings.weights, pose, goal, durations)
 
     def data(self, pose: Array, durations: Array) -> GuidanceData:
         """The same for compiled code."""
         settings = self.settings
         goal = np.array(settings.goal)
-        return guidance_data(settings.robot, self.space, self.cost, pose, goal, durations)
+        return guidance_data(settings.robot, self.space, settings.weights, pose, goal, durations)
 
     def outcome(self, U: Array) -> Outcome:
         """What a control history over the whole time leads to.

@@ -137,13 +137,6 @@ def compare(
 
     A method that does not solve the task is not timed: how long a wrong answer takes is no time.
 
-    Args:
-        task: The task.
-        methods: The methods.
-        steps: Steps of the full horizon.
-        runs: Closed loops of each.
-        progress: Told after the trial of each method and after each of its turns.
-
     Raises:
         BenchError: The first method does not solve the task.
     """

@@ -114,10 +114,10 @@ class Acados:
         model.disc_dyn_expr = moved(task.settings.robot, x, u, duration)
         off_center = distance(x, road.center) - road.center_radius
         slope = casadi.jacobian(off_center, x)
-        across = task.cost.road_center * casadi.mtimes(slope.T, slope)
-        cost = task.cost.road_center / 2.0 * off_center**2
+        across = task.settings.weights.road_center * casadi.mtimes(slope.T, slope)
+        cost = task.settings.weights.road_center / 2.0 * off_center**2
         model.cost_expr_ext_cost = model.cost_expr_ext_cost_e = cost
-        change = task.cost.control_change * casadi.SX.eye(CONTROLS)
+        change = task.settings.weights.control_change * casadi.SX.eye(CONTROLS)
         # Controls first is acados' order.
         model.cost_expr_ext_cost_custom_hess = casadi.diagcat(change, across)
         model.cost_expr_ext_cost_custom_hess_e = across

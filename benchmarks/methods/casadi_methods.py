@@ -65,15 +65,7 @@ class Sqp(_CasadiSolver):
         self, task: Task, plugin: str, options: Mapping[str, Any], largest: int,
         iterations: int = ITERATIONS,
     ) -> None:  # fmt: skip
-        """Take the task and say which plug-in.
-
-        Args:
-            task: The task.
-            plugin: Name of a QP solver of CasADi's.
-            options: For it.
-            largest: Longest horizon.
-            iterations: Iterations of a step.
-        """
+        """Take the task and say which plug-in."""
         failure = f'{plugin} does not solve one of its programs'
         super().__init__(task, f'sqpmethod + {plugin}', largest, failure)
         self._options: dict[str, Any] = {

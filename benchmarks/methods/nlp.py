@@ -74,7 +74,7 @@ def program(task: Task, steps: int) -> Program:
 
     off_center = casadi.vertcat(*(distance(x, road.center) - road.center_radius for x in X))
     slope = casadi.jacobian(off_center, w)
-    weight, change = task.cost.road_center, task.cost.control_change
+    weight, change = task.settings.weights.road_center, task.settings.weights.control_change
     proximal = change / 2.0 * casadi.sumsqr(casadi.vertcat(*U) - previous)
     return Program(
         w=w,

@@ -41,9 +41,6 @@ _ACADOS_SOLVERS: Final = ('FULL_CONDENSING_DAQP', 'PARTIAL_CONDENSING_HPIPM')
 def peers(task: Task) -> tuple[list[Method], dict[str, str]]:
     """All that can be compared with here.
 
-    Args:
-        task: What they are asked to solve.
-
     Returns:
         The methods, and why the others are missing, by name.
     """

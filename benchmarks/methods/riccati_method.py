@@ -10,10 +10,9 @@ from benchmarks.errors import BenchError
 from benchmarks.families.task import Task
 from benchmarks.methods.method import ITERATIONS, PENALTY
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.guidance.formulation import begun_at
 from cmpsp_ros.guidance.planning import FUNCTIONS
 from cmpsp_ros.mpsp import SLACK_TOLERANCE
-from cmpsp_ros.mpsp.qp.riccati import SOLVED
+from cmpsp_ros.mpsp.qp.riccati import Outcome
 from cmpsp_ros.mpsp.sqp import Driver
 
 
@@ -50,9 +49,9 @@ class RiccatiActiveSet:
         steps, ws = len(durations), self._driver.ws
         over, self._left = self._left - steps, steps
         ws.trial.U[: steps + 1] = U
-        data = begun_at(self._data, pose, durations, math.nan)
+        data = self._data._replace(pose=pose, durations=durations, progress=math.nan)
         self._driver.improve(self._functions, data, steps, over)
-        if self._outcome[0] != SOLVED:
+        if self._outcome[0] != Outcome.SOLVED:
             raise BenchError('it does not solve one of its programs')
         return ws.now.U[: steps + 1].copy()
 

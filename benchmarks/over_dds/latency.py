@@ -71,11 +71,6 @@ class Latency:
 def measure_latency(preset: str, runs: int, progress: Callable[[], None] = lambda: None) -> Latency:
     """Drive a preset in real time, again and again, with two processes and take the times.
 
-    Args:
-        preset: Preset or parameter file.
-        runs: Runs.
-        progress: Told after each run.
-
     Raises:
         BenchError: A process failed, or a run came to no end.
         ParameterError: No such preset, or one that cannot be used.

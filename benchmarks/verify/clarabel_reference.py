@@ -11,7 +11,7 @@ import numpy as np
 
 from benchmarks.verify.case import Program
 from cmpsp_ros.mpsp.qp import QPSolution, QPStatus
-from cmpsp_ros.mpsp.qp.dense import cone_program, run, solution_of, sparse_qp
+from cmpsp_ros.mpsp.qp.dense import cone_program, run, sparse_qp
 
 _ENDED_AT_A_POINT = ('Solved', 'AlmostSolved', 'InsufficientProgress')
 
@@ -24,7 +24,7 @@ def solve(program: Program) -> QPSolution:
     """
     qp = program.subproblem
     matrices = sparse_qp(qp, program.penalties)
-    cones = cone_program(matrices, matrices.weight)
+    cones = cone_program(matrices, matrices.rows.weight)
     answer = run(cones, matrices.P, matrices.q)
     status = str(answer.status)
     if status not in _ENDED_AT_A_POINT:
@@ -32,8 +32,8 @@ def solve(program: Program) -> QPSolution:
         failure = QPStatus.INFEASIBLE if infeasible else QPStatus.FAILED
         return replace(QPSolution.unsolved(qp.size, failure), iterations=answer.iterations)
     dU = np.array(answer.x[: qp.lower.size]).reshape(qp.lower.shape)
-    multipliers = cones.row_multipliers(np.array(answer.z), len(matrices.upper))
-    return solution_of(qp, matrices, dU, multipliers, answer.iterations)
+    multipliers = cones.row_multipliers(np.array(answer.z), len(matrices.rows.upper))
+    return matrices.rows.solution(qp, dU, multipliers, answer.iterations)
 
 
 def least_violation(program: Program) -> float:
@@ -42,7 +42,7 @@ def least_violation(program: Program) -> float:
     Zero to rounding where the program has a solution; ``inf`` where Clarabel fails.
     """
     matrices = sparse_qp(program.subproblem, program.penalties)
-    cones = cone_program(matrices, np.isinf(matrices.weight).astype(float))
+    cones = cone_program(matrices, np.isinf(matrices.rows.weight).astype(float))
     answer = run(cones)
     if str(answer.status) not in _ENDED_AT_A_POINT:
         return np.inf

@@ -13,7 +13,7 @@ from scipy.sparse.linalg import splu
 from benchmarks.verify.case import Program
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.qp import QPSolution, QPStatus, kkt_residual
-from cmpsp_ros.mpsp.qp.dense import SparseQP, multipliers_of, sparse_qp
+from cmpsp_ros.mpsp.qp.dense import SparseQP, sparse_qp
 
 _BITS_CHANGED = 5
 
@@ -94,10 +94,10 @@ def duality_gap(program: Program, solution: QPSolution) -> float:
     """
     qp = sparse_qp(program.subproblem, program.penalties)
     # Beyond the weight a multiplier proves nothing, and without a limit none does.
-    smallest = np.where(np.isfinite(qp.lower), -qp.weight, 0.0)
-    largest = np.where(np.isfinite(qp.upper), qp.weight, 0.0)
-    multipliers = np.clip(multipliers_of(qp, solution), smallest, largest)
-    limit = np.where(multipliers > 0.0, qp.upper, qp.lower)
+    smallest = np.where(np.isfinite(qp.rows.lower), -qp.rows.weight, 0.0)
+    largest = np.where(np.isfinite(qp.rows.upper), qp.rows.weight, 0.0)
+    multipliers = np.clip(qp.rows.multipliers(solution), smallest, largest)
+    limit = np.where(multipliers > 0.0, qp.rows.upper, qp.rows.lower)
     active = multipliers != 0.0
     gradient = qp.q + qp.G.T @ multipliers
     bound = 0.5 * float(gradient @ _least(qp, gradient))

@@ -9,7 +9,7 @@ from benchmarks.verify import clarabel_reference
 from benchmarks.verify.case import Program
 from benchmarks.verify.measure import Accuracy, accuracy
 from cmpsp_ros.mpsp.qp import QPSolution, QPStatus
-from cmpsp_ros.mpsp.qp.dense import daqp_backend
+from cmpsp_ros.mpsp.qp.dense import solve_by_daqp
 
 # A dense solver takes a fifth of a second for 200 steps.
 _MAX_DENSE_CONTROLS = 122
@@ -49,7 +49,7 @@ def references(program: Program) -> list[Reference]:
     """
     answers = {'clarabel': clarabel_reference.solve(program)}
     if program.penalties is None and program.subproblem.lower.size <= _MAX_DENSE_CONTROLS:
-        answers['daqp'] = daqp_backend.solve(program.subproblem, None, _DAQP_TOLERANCE)
+        answers['daqp'] = solve_by_daqp(program.subproblem, None, _DAQP_TOLERANCE)
     judged = [
         Reference(name, answer, accuracy(program, answer)) for name, answer in answers.items()
     ]

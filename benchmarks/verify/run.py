@@ -29,12 +29,6 @@ def verify(
 ) -> list[Comparison]:
     """Compare a back end with the references on programs of all families.
 
-    Args:
-        count: How many programs.
-        qp: Name of the back end.
-        workers: Processes that share the work.
-        progress: Called with the number of programs compared since the last call.
-
     Returns:
         A comparison of each.
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from cmpsp_ros.front_door import lazy_exports
 
 if TYPE_CHECKING:
-    from cmpsp_ros.bags.decision_record import ENTRIES, DecisionRecord, Entry, entries_of
+    from cmpsp_ros.bags.decision_record import DecisionRecord
     from cmpsp_ros.bags.errors import BagError, UnknownTypeError
     from cmpsp_ros.bags.names import Names
     from cmpsp_ros.bags.reader import Bag

@@ -76,11 +76,7 @@ def identify(
 
 
 def _make(folder: Path, *, drive: bool, force: bool) -> None:
-    """Make a folder.
-
-    Raises:
-        BagError: An earlier identification is in it, or it cannot be made.
-    """
+    """Make a folder."""
     names = ('robot.yaml', 'identify.png', *(('bag',) if drive else ()))
     there = [folder / name for name in names if (folder / name).exists()]
     if there and not force:
@@ -94,11 +90,7 @@ def _make(folder: Path, *, drive: bool, force: bool) -> None:
 
 
 def _drive(bag: Path, topics: tuple[str, str], limits: tuple[float, float], *, yes: bool) -> None:
-    """Move the robot, if the user agrees.
-
-    Raises:
-        BagError: The limits are too high for the circle, or the drive was cut short.
-    """
+    """Move the robot, if the user agrees."""
     from cmpsp_ros.bags.identify import excitation  # noqa: PLC0415 (starts faster)
     from cmpsp_ros.nodes import excitation as driving  # noqa: PLC0415 (loads ROS)
 

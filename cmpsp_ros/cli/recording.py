@@ -125,7 +125,7 @@ def play(
     The live nodes need use_sim_time. The space key pauses. To test a guidance node on recorded
     odometry: --topics /odom
     """
-    from cmpsp_ros.nodes.playback import player  # noqa: PLC0415 (needs ROS)
+    from cmpsp_ros.nodes import playback as player  # noqa: PLC0415 (needs ROS)
 
     playback = player.Playback(rate, start_offset, duration, loop, paused, tuple(topics or ()))
     with exit_on(BagError, code=2):

@@ -130,7 +130,7 @@ def study(
                     return lambda count: bar.advance(task, count)
 
                 order = monte_carlo.Order(chosen, runs, folder, workers, scheduler, judge, costs)
-                values = monte_carlo.run(order, progress)
+                values = monte_carlo.run_study(order, progress)
         except KeyboardInterrupt:
             complain(f'{folder}: interrupted; the same command continues')
             raise typer.Exit(130) from None

@@ -50,10 +50,6 @@ def say(text: object) -> None:
 def exit_on(*kinds: type[Exception], code: int) -> Iterator[None]:
     """Turn errors that a user can mend into their message and an exit code.
 
-    Args:
-        kinds: Classes of these errors; any other is a fault of ours and keeps its traceback.
-        code: The exit code.
-
     Raises:
         Exit: There was such an error.
     """

@@ -209,11 +209,7 @@ def _wait_for_the_end(
 def _wait_for_bag(
     observer: Observer, children: Sequence[Child], wanted: Mapping[str, Written]
 ) -> str:
-    """Wait until the bag has this number of messages of each topic, and none older.
-
-    Returns:
-        What it still lacks after fifteen seconds, in words; empty if it lacks nothing.
-    """
+    """Wait until the bag has this number of messages of each topic, and none older."""
     end = time.monotonic() + _DELIVERY_TIMEOUT
 
     while True:

@@ -5,7 +5,19 @@ from typing import TYPE_CHECKING
 from cmpsp_ros.front_door import lazy_exports
 
 if TYPE_CHECKING:
-    from cmpsp_ros.guidance.decision import Decision, FallbackLevel, Plan
+    from cmpsp_ros.guidance.decision import (
+        DECISION_KEYS,
+        FIELDS,
+        Decision,
+        FallbackLevel,
+        Plan,
+        decision_to_key_values,
+        is_at_rest,
+        response_ms,
+        severity,
+        waypoints,
+    )
+    from cmpsp_ros.guidance.decision_entries import Key, exact_repr, truth
     from cmpsp_ros.guidance.goals import Follow, Goal, GoalError
     from cmpsp_ros.guidance.horizon import (
         NANOSECONDS,
@@ -15,18 +27,6 @@ if TYPE_CHECKING:
         shift,
         to_nanoseconds,
     )
-    from cmpsp_ros.guidance.key_values import (
-        MOVING,
-        WHEELS,
-        decision_to_key_values,
-        exact_repr,
-        is_at_rest,
-        present_keys,
-        response_ms,
-        severity,
-        waypoints,
-        with_former_keys,
-    )
     from cmpsp_ros.guidance.law import GuidanceLaw
     from cmpsp_ros.guidance.prediction.estimator import Observation
     from cmpsp_ros.guidance.settings import GOAL, LawSettings
@@ -35,6 +35,7 @@ if TYPE_CHECKING:
         MovingObstacles,
         Safety,
         SolverSettings,
+        TaskSettings,
         Weights,
     )
     from cmpsp_ros.guidance.warmup import prepare, warm_up

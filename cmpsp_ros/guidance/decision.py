@@ -1,24 +1,38 @@
-"""What the guidance law decides at a control step, and how sure it is."""
+"""Decision of a control step: each field declared once, with its unit, meaning and key."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterator, Mapping
 from enum import IntEnum
 from types import MappingProxyType
-from typing import Final, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Final, NamedTuple, get_args, get_type_hints
 
 import numpy as np
 
 from cmpsp_ros.arrays import Array
+from cmpsp_ros.guidance.decision_entries import (
+    Entry,
+    GoalEntry,
+    Interval,
+    Key,
+    Phases,
+    Tracks,
+    WheelSpeeds,
+    exact_repr,
+)
 from cmpsp_ros.guidance.goals import Goal
 from cmpsp_ros.guidance.horizon import Horizon
 from cmpsp_ros.guidance.messages.tracks import MovingObject
+
+if TYPE_CHECKING:
+    from cmpsp_ros.robots import Robot
 
 UNTIMED: Final[Mapping[str, float]] = MappingProxyType({})
 
 
 class FallbackLevel(IntEnum):
-    """What is commanded, from best to last; the previous plan is the last audited one, shifted."""
+    """Origin of the command, best first; the previous plan is the last audited one, shifted."""
 
     NOMINAL = 0
     ELASTIC = 1
@@ -43,112 +57,181 @@ class Plan(NamedTuple):
     delay: int = 0
 
     def stamps(self, begin: int) -> list[int]:
-        """When the robot should be at each pose [ns].
-
-        Args:
-            begin: When the first control is given [ns].
-        """
+        """Time of each pose [ns], of a plan whose first control is given at `begin` [ns]."""
         edges = self.horizon.edges
         stamps: list[int] = (edges + (begin + self.delay - int(edges[0]))).tolist()
         return stamps
 
     def pose_at(self, begin: int, stamp: int) -> list[float]:
-        """Pose (x, y, heading) at an instant, between two samples on a straight line [m, m, rad].
-
-        Args:
-            begin: When the first control is given [ns].
-            stamp: The instant [ns].
-        """
+        """Pose (x, y, heading) at `stamp` [ns], interpolated linearly [m, m, rad]."""
         since = [each - stamp for each in self.stamps(begin)]
         return [float(np.interp(0.0, since, each)) for each in self.poses.T]
 
 
 class Decision(NamedTuple):
-    """Outcome of one control step.
+    """Outcome of one control step; each field is declared with its entry in messages and bags."""
 
-    Attributes:
-        stamp: Time stamp of the odometry that it answers [ns].
-        step: Number of the control step, from 0.
-        level: The fallback level.
-        reason: Why that level, in a sentence.
-        wheel_speeds: Commanded wheel speeds, shape ``(W,)``; of a differential drive right and left
-            [rad/s].
-        twist: The same as the speed and turn rate of a `Robot`, shape ``(2,)`` or ``(3,)``.
-        time_left: Time to the final time [s]; 0 once it has passed, infinite where there is none.
-        plan: The plan followed; None when stopped.
-        terminal_error: Distance of the plan's end from the goal [m]; the robot's own once stopped.
-            Where a road is followed the goal is a line across it.
-        clearance: Least clearance from obstacles and road edges until the end of the coming control
-            period, between samples too, the robot's own radius taken off [m].
-        worst_clearance: The same along the whole plan [m].
-        slack: Largest violation the relaxation left in the linearised constraints [m]; 0 unless
-            elastic.
-        iterations: C-MPSP iterations done.
-        qp_iterations: Iterations of the QP back end in the last of them.
-        active_rows: Constraints active in the last of them.
-        failures: Failed control steps in a row, this one included.
-        wheel_slip: Wheel-slip ratio that is estimated and compensated.
-        wheel_lag: Lag of the wheels that is compensated, the least possible and the longest [s];
-            None where none is considered.
-        response_delay: Delay and lag of the response to commands that explains odometry, the least
-            possible and the longest [s]; None while odometry agrees with `command_delay`.
-        prediction_error: Bound of the distance of odometry from what was predicted for it [m]; 0 up
-            to 2 mm.
-        finished: Whether the final time has passed.
-        missed: Whether it has passed with the robot farther from the goal than its tolerance.
-        halted: Whether it answers no odometry but a call of `GuidanceLaw.halt`.
-        cancelled: Whether it stops since the goal was cancelled, or none has come yet.
-        braking: Whether it brakes along the audited path, for odometry was good a moment ago.
-        late: How long it took, if it came too late to be sent; else 0 [s].
-        pose: What it decided on (x, y, heading), where a transform led to the frame of the course
-            or several nodes publish odometry [m, m, rad].
-        skipped: Whether odometry that came before was passed over, for it had grown old.
-        run: How often the law had been reset before it.
-        revision: How often the law had been given new settings before it.
-        tracks: Moving obstacles and plans of other robots, as they were known.
-        sighting: Time stamp of what was known of the surroundings, where there are sensors [ns].
-        goal: What it drives to, at which time; None where a road is followed.
-        heading_error: Difference of the plan's last heading from the goal's [rad]; None where any
-            will do.
-        goals_received: How many goals were received since the run began.
-        phases: Computing time by phase [ms], where a timer was given.
-        steering_angle: Of a car; None of another robot [rad].
+    step: Annotated[int, Entry('Number of the control step, from 0')]
+    stamp: Annotated[int, Entry('Time stamp of the odometry that it answers', 'ns')]
+    level: Annotated[FallbackLevel, Entry('Fallback level', key='fallback_level')]
+    reason: Annotated[str, 'Reason for that level, in a sentence']
+    time_left: Annotated[
+        float, Entry('Time to the final time; 0 once it has passed, infinite without one', 's')
+    ]
+    wheel_speeds: Annotated[
+        Array, WheelSpeeds('Commanded speed of each wheel (W,), right and left first', 'rad/s')
+    ]
+    steering_angle: Annotated[float | None, Entry('Of a car', 'rad', seldom=True)]
+    twist: Annotated[Array, 'The same as the twist of a `Robot`, shape (2,) or (3,)']
+    plan: Annotated[Plan | None, 'The plan followed; None when stopped']
+    terminal_error: Annotated[
+        float,
+        Entry(
+            "Distance of the plan's end, or of a stopped robot, from the goal, which is a line"
+            ' across the road where a road is followed',
+            'm',
+        ),
+    ]
+    clearance: Annotated[
+        float,
+        Entry(
+            'Least clearance from obstacles and road edges, less the robot, until the end of the'
+            ' coming control period',
+            'm',
+        ),
+    ]
+    worst_clearance: Annotated[float, Entry('The same along the whole plan', 'm')]
+    slack: Annotated[float, Entry('Largest violation of a linearised constraint', 'm')] = 0.0
+    iterations: Annotated[int, Entry('C-MPSP iterations')] = 0
+    qp_iterations: Annotated[int, Entry('Iterations of the QP solver in the last of them')] = 0
+    active_rows: Annotated[int, Entry('Constraints active in the last of them')] = 0
+    failures: Annotated[int, Entry('Failed control steps in a row, this one included')] = 0
+    wheel_slip: Annotated[float, Entry('Estimated wheel-slip ratio', seldom=True)] = 0.0
+    wheel_lag: Annotated[
+        tuple[float, float, float] | None, Interval('Estimated lag of the wheels', 's', seldom=True)
+    ] = None
+    response_delay: Annotated[
+        tuple[float, float, float] | None,
+        Interval(
+            'Delay and lag of the response to commands; None while odometry agrees with'
+            ' `command_delay`',
+            's',
+            seldom=True,
+        ),
+    ] = None
+    prediction_error: Annotated[
+        float, Entry('Bound of the distance of odometry from its prediction', 'm', seldom=True)
+    ] = 0.0
+    finished: Annotated[bool, Entry('The final time has passed')] = False
+    missed: Annotated[bool, Entry('It passed with the robot beyond the tolerance')] = False
+    halted: Annotated[bool, Entry('Stop without odometry, by the node', is_input=True)] = False
+    cancelled: Annotated[
+        bool, Entry('The goal was cancelled, or none has come yet', seldom=True)
+    ] = False
+    braking: Annotated[
+        bool, Entry('It brakes along the audited path after a fault of odometry', seldom=True)
+    ] = False
+    late: Annotated[
+        float, Entry('Computing time of one that came too late', 's', seldom=True, is_input=True)
+    ] = 0.0
+    skipped: Annotated[
+        bool, Entry('Older odometry was passed over', seldom=True, is_input=True)
+    ] = False
+    pose: Annotated[
+        tuple[float, ...] | None,
+        Entry(
+            'Pose [m, m, rad] after a transform, or chosen among several publishers',
+            seldom=True,
+            is_input=True,
+        ),
+    ] = None
+    run: Annotated[int, Entry('Resets of the law before it', is_input=True)] = 0
+    revision: Annotated[int, Entry('Changes of the settings before it', is_input=True)] = 0
+    tracks: Annotated[
+        tuple[MovingObject, ...],
+        Tracks(
+            'Moving obstacles and plans of others known then',
+            key='moving_obstacles',
+            seldom=True,
+            is_input=True,
+        ),
+    ] = ()
+    sighting: Annotated[
+        int | None, Entry('Time stamp of the grid that sensors had shown', 'ns', seldom=True)
+    ] = None
+    goal: Annotated[Goal | None, GoalEntry('Goal; None where a road is followed', seldom=True)] = (
+        None
+    )
+    heading_error: Annotated[
+        float | None, Entry("Of the plan's end, where the goal has a heading", 'rad', seldom=True)
+    ] = None
+    goals_received: Annotated[int, Entry('Goals since the run began', seldom=True)] = 0
+    phases: Annotated[Mapping[str, float], Phases('Computing time by phase', 'ms')] = UNTIMED
+
+
+def _fields() -> Iterator[tuple[str, Entry]]:
+    for name, hint in get_type_hints(Decision, include_extras=True).items():
+        kind, entry = get_args(hint)
+        if isinstance(entry, Entry):
+            default = Decision._field_defaults.get(name)
+            yield name, entry.of_field(name, kind, default)
+
+
+FIELDS: Final[Mapping[str, Entry]] = MappingProxyType(dict(_fields()))
+"""Entries by the names of their fields, in the order in which they are written."""
+
+DECISION_KEYS: Final[Mapping[str, Key]] = MappingProxyType(
+    {key: found for entry in FIELDS.values() for key, found in entry.keys.items()}
+)
+"""All keys but those of computing times, which end in ``_ms``."""
+
+_WRITTEN: Final = tuple((Decision._fields.index(name), entry) for name, entry in FIELDS.items())
+
+
+def decision_to_key_values(decision: Decision) -> dict[str, str]:
+    """Text by key of all but reason, twist and plan; floats read back bit for bit."""
+    return {
+        key: exact_repr(value)
+        for index, entry in _WRITTEN
+        if not entry.seldom or decision[index] != entry.default
+        for key, value in entry.write(decision[index]).items()
+    }
+
+
+def is_at_rest(values: Mapping[str, str], robot: Robot) -> bool:
+    """Whether key values of a decision are those of one that stops the robot."""
+    keys = *FIELDS['wheel_speeds'].keys, 'steering_angle'
+    wheels = ' '.join(values[key] for key in keys if key in values).split()
+    return not robot.twist_of_wheels(np.array(wheels, dtype=float)).any()
+
+
+def response_ms(step_ms: float, odometry_to_command_ms: float, command_delay: float) -> float:
+    """Response time of a control step [ms]: beyond the control period its deadline is missed.
+
+    Args:
+        step_ms: Computing time, by the clock of the computer [ms].
+        odometry_to_command_ms: From the stamp of the odometry to the command, in ROS time [ms].
+        command_delay: Part of the latter that the prediction includes [s].
     """
+    return max(step_ms, odometry_to_command_ms - 1e3 * command_delay)
 
-    stamp: int
-    step: int
-    level: FallbackLevel
-    reason: str
-    wheel_speeds: Array
-    twist: Array
-    time_left: float
-    plan: Plan | None
-    terminal_error: float
-    clearance: float
-    worst_clearance: float
-    slack: float = 0.0
-    iterations: int = 0
-    qp_iterations: int = 0
-    active_rows: int = 0
-    failures: int = 0
-    wheel_slip: float = 0.0
-    wheel_lag: tuple[float, float, float] | None = None
-    response_delay: tuple[float, float, float] | None = None
-    prediction_error: float = 0.0
-    finished: bool = False
-    missed: bool = False
-    halted: bool = False
-    cancelled: bool = False
-    braking: bool = False
-    late: float = 0.0
-    pose: tuple[float, ...] | None = None
-    skipped: bool = False
-    run: int = 0
-    revision: int = 0
-    tracks: tuple[MovingObject, ...] = ()
-    sighting: int | None = None
-    goal: Goal | None = None
-    heading_error: float | None = None
-    goals_received: int = 0
-    phases: Mapping[str, float] = UNTIMED
-    steering_angle: float | None = None
+
+def severity(decision: Decision) -> int:
+    """0 where all is well, 1 for a warning, 2 for an error, as in diagnostics.
+
+    Having arrived is no error, nor is a goal that was cancelled, and having missed the goal a
+    warning: the robot stands safely.
+    """
+    if decision.finished or decision.cancelled:
+        return int(decision.missed)
+    if decision.level == FallbackLevel.NOMINAL:
+        return int(decision.late > 0.0)
+    return 2 if decision.level == FallbackLevel.STOP else 1
+
+
+def waypoints(plan: Plan) -> list[tuple[float, float, float, float]]:
+    """Poses of a plan: ``x`` and ``y`` [m], then ``z`` and ``w`` of the quaternion."""
+    return [
+        (x, y, math.sin(heading / 2.0), math.cos(heading / 2.0))
+        for x, y, heading in plan.poses.tolist()
+    ]

@@ -15,9 +15,9 @@ from cmpsp_ros.guidance.goals import Goal
 from cmpsp_ros.guidance.horizon import NEVER, Horizon, remaining, to_nanoseconds
 from cmpsp_ros.guidance.mission.feasibility_precheck import infeasibility_warnings
 from cmpsp_ros.guidance.mission.return_to_goal import return_to_goal
+from cmpsp_ros.guidance.planning.grid_path_memory import search_ahead
 from cmpsp_ros.guidance.planning.plan_selector import PlanSelector
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
-from cmpsp_ros.guidance.planning.seen_way import search_ahead
 from cmpsp_ros.guidance.prediction.estimator import Estimate, Observation
 from cmpsp_ros.guidance.safety.audit import Audit, Verdict
 from cmpsp_ros.guidance.settings import LawSettings
@@ -53,9 +53,7 @@ class GuidanceLaw:
     `step`, and where that has decided, `after_step` once the command is out.
     """
 
-    def __init__(
-        self, settings: LawSettings, world: World, timer: Callable[[], int] = lambda: 0
-    ) -> None:
+    def __init__(self, settings: LawSettings, world: World, timer: Callable[[], int] = int) -> None:
         """Start at rest, waiting for the first odometry.
 
         Args:
@@ -143,7 +141,7 @@ class GuidanceLaw:
             return
         state.sighted = sighting.stamp
         if is_searched and state.mission.searched.is_another:
-            self._selector.look_again()
+            self._selector.request_replanning()
         seen = state.world.seeing(sighting.grid)
         state.world = replace(seen, searched=state.mission.searched)
 
@@ -222,7 +220,7 @@ class GuidanceLaw:
         reason = supervisor.reason_not_to_begin(state, estimate)
         if not reason:
             if state.estimator.tracker.new_obstacle_seen:
-                self._selector.look_again()
+                self._selector.request_replanning()
             state.following.standby = None
             reason = supervisor.reason_to_stand(state, estimate)
         if reason:

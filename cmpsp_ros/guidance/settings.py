@@ -12,6 +12,7 @@ from cmpsp_ros.guidance.solver_settings import (
     MovingObstacles,
     Safety,
     SolverSettings,
+    TaskSettings,
     Weights,
 )
 from cmpsp_ros.robots import Bodies, Footprint, Robot
@@ -24,58 +25,31 @@ _FRACTION_OF_TOP_SPEED, _WITHOUT_LIMIT = 0.8, 1.0
 
 
 @dataclass(frozen=True)
-class LawSettings:
+class LawSettings(TaskSettings):
     """All numbers that the law depends on; what the robot drives in is the `World`.
 
     Attributes:
         robot: Kinematics and limits.
         goal: Point to pass at the final time (x, y) [m].
-        goal_tolerance: Miss up to which the goal counts as reached [m].
         goal_heading: Heading to pass it with [rad]; None for any.
-        heading_tolerance: Difference from that up to which the heading counts as met [rad].
         final_time: Time at which to pass the goal, from the first odometry [s]. Where a road is
             followed it is when to stop, infinite for never.
         waypoints: What to pass before it, by increasing times.
-        may_be_late: Whether the final time is put off where the path to the goal proves too long.
-        hold: Whether the robot holds its position at the goal after the final time.
-        nominal_speed: Speed along the road to a goal that comes without a time; 0 for eight
-            tenths of the top speed, or 1 m/s without a wheel limit [m/s].
         follow: How to follow the road, where that is the task; there is no goal then.
-        control_period: Time between two control steps [s].
-        command_delay: Time from the stamp of odometry to the effect of the command that answers
-            it [s].
-        max_command_delay: Longest that this may take, as long as no command has been later [s].
-        delay_tolerance: How far `command_delay` may be wrong, either way: within that it is
-            corrected [s].
         moving_obstacles: How moving ones are considered.
         sight: What sees obstacles, and how that is remembered.
         robot_radius: Radius of the robot's footprint, or of each disc that covers it, kept from
             obstacles and road edges [m].
         footprint: Its corners, if it has any, and the discs that cover it.
-        frame_id: Frame of odometry, road, obstacles and goal.
-        odom_timeout: Age at which odometry counts as lost [s].
-        max_lag: Longest time constant with which the wheels may follow a command [s].
-        max_slip: Maximum wheel-slip ratio that is estimated and compensated; 0 for none.
-        start_tolerance: How far from the road, or from `start_pose`, a run may begin [m].
         start_pose: Where a run is to begin [m, m, rad]; its place counts. None for the road.
-        failure_tolerance: Failed control steps in a row after which the warm start is dropped.
     """
 
     robot: Robot
     goal: tuple[float, float]
-    goal_tolerance: float = 0.01
     goal_heading: float | None = None
-    heading_tolerance: float = 0.01
     final_time: float = 10.0
     waypoints: tuple[Goal, ...] = ()
-    may_be_late: bool = False
-    hold: bool = False
-    nominal_speed: float = 0.0
     follow: Follow | None = None
-    control_period: float = 0.2
-    command_delay: float = 0.0
-    max_command_delay: float = 0.0
-    delay_tolerance: float = 0.1
     moving_obstacles: MovingObstacles = field(default_factory=MovingObstacles)
     sight: SightSettings = field(default_factory=SightSettings)
     robot_radius: float = 0.0
@@ -84,12 +58,6 @@ class LawSettings:
     solver: SolverSettings = field(default_factory=SolverSettings)
     initial_guess: InitialGuess = field(default_factory=InitialGuess)
     safety: Safety = field(default_factory=Safety)
-    frame_id: str = 'odom'
-    odom_timeout: float = 0.5
-    failure_tolerance: int = 3
-    max_slip: float = 0.0
-    max_lag: float = 0.0
-    start_tolerance: float = 0.5
     start_pose: tuple[float, float, float] | None = None
 
     @property

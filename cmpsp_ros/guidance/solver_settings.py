@@ -1,4 +1,4 @@
-"""Settings of the cost, the iteration, its initial guess, safety and moving obstacles."""
+"""Settings of the cost, the iteration, its initial guess, moving obstacles, safety and task."""
 
 from __future__ import annotations
 
@@ -128,4 +128,58 @@ class Safety:
         'radians for the heading. After a larger jump the robot stops until odometry was '
         'consistent for a control period. 0, or without a limit of the wheels: not checked.',
         NOT_NEGATIVE)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TaskSettings:
+    """Times, tolerances and limits of the task."""
+
+    frame_id: str = setting('odom', '',
+        'Frame of road, obstacles, goals and odometry. Messages in another frame are transformed '
+        'with `/tf`.', live=False)
+    control_period: float = setting(0.2, 's',
+        'Time between two control steps; 0.2 s in the paper.', Range(0.01, 10.0), live=False)
+    command_delay: float = setting(0.0, 's',
+        'Time from the stamp of an odometry message until the command based on it takes effect; '
+        'plans start at the pose predicted for that time.', NOT_NEGATIVE)
+    max_command_delay: float = setting(0.0, 's',
+        'Longest time until a command takes effect, as on a computer that is sometimes late. The '
+        'previous command must be clear of everything until then, and is slowed down where it is '
+        'not. 0: `command_delay`, and longer after commands have been late.', NOT_NEGATIVE)
+    delay_tolerance: float = setting(0.1, 's',
+        'How far `command_delay` may be wrong, either way. Where odometry contradicts its '
+        'predictions, the delay that explains it is estimated within that and used instead. '
+        '0: not corrected.', Range(0.0, 0.5), key='command_delay_tolerance')
+    max_lag: float = setting(0.0, 's',
+        "Largest time constant of the wheels' response, apart from `command_delay`. It is "
+        'estimated from odometry and compensated. Each command, and a stop after it, must be '
+        'clear by a fifth of `safety.margin` with the largest lag still possible and two smaller '
+        'ones; otherwise it is slowed down. 0: lag is not considered.', NOT_NEGATIVE,
+        key='max_wheel_lag')
+    max_slip: float = setting(0.0, '',
+        'Maximum wheel-slip ratio that is estimated from odometry and compensated; 0: slip is not '
+        'estimated.', Range(0.0, 0.5), key='max_wheel_slip')
+    start_tolerance: float = setting(0.5, 'm',
+        'Maximum distance from the road, or from `start.pose`, at which a run begins. Farther '
+        'away the robot is not moved, and the reason says so.', NOT_NEGATIVE,
+        key='start.tolerance')
+    goal_tolerance: float = setting(0.01, 'm',
+        'Distance from a goal at which it counts as reached.', POSITIVE, key='goal.tolerance')
+    heading_tolerance: float = setting(0.01, 'rad',
+        'Deviation from a given heading at which it counts as reached.', POSITIVE,
+        key='goal.heading_tolerance')
+    may_be_late: bool = setting(False, '',
+        'Whether the final time is put off where the path to the goal proves longer than the time '
+        'that is left; else the robot stops at the final time.', key='goal.may_be_late')
+    hold: bool = setting(False, '',
+        'Whether the robot returns to the goal when it is moved away after arrival; otherwise it '
+        'stays stopped.', key='goal.hold')
+    nominal_speed: float = setting(0.0, 'm/s',
+        'Mean speed along the road to a goal received on `goal_pose`, which has no arrival time; '
+        '0: 80 % of the top speed, or 1 m/s without a wheel limit.', NOT_NEGATIVE,
+        key='goal.nominal_speed')
+    odom_timeout: float = setting(0.5, 's',
+        'Age at which odometry counts as lost and the robot is stopped.', POSITIVE)
+    failure_tolerance: int = setting(3, '',
+        'Consecutive failed control steps after which the warm start is discarded.', Range(low=1))
 # fmt: on

@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING
 from cmpsp_ros.front_door import lazy_exports
 
 if TYPE_CHECKING:
-    from cmpsp_ros.mpsp.analysis.convergence import Convergence
-    from cmpsp_ros.mpsp.errors import ProblemError
-    from cmpsp_ros.mpsp.iterate import SLACK_TOLERANCE, Iterate, Record, Step
+    from cmpsp_ros.mpsp.arguments import ProblemError
+    from cmpsp_ros.mpsp.convergence import Convergence
     from cmpsp_ros.mpsp.models.casadi_functions import from_casadi
     from cmpsp_ros.mpsp.models.control_rate import ControlRateProblem
-    from cmpsp_ros.mpsp.models.derivative_check import DerivativeReport, check_derivatives
+    from cmpsp_ros.mpsp.models.derivatives import DerivativeReport, check_derivatives
     from cmpsp_ros.mpsp.models.functions import from_functions
     from cmpsp_ros.mpsp.options import Options
     from cmpsp_ros.mpsp.problem import (
@@ -24,12 +23,20 @@ if TYPE_CHECKING:
         Linearisation,
         OptimalControlProblem,
     )
-    from cmpsp_ros.mpsp.qp import Penalties, QPSolution, QPStatus, Row, available, solve_qp
+    from cmpsp_ros.mpsp.qp.back_ends import available, solve_qp
     from cmpsp_ros.mpsp.qp.curvature import convexify
     from cmpsp_ros.mpsp.qp.dense.closed_form import has_closed_form, solve_closed_form
     from cmpsp_ros.mpsp.qp.dense.condensing import CondensedQP, condense, sensitivities
-    from cmpsp_ros.mpsp.qp.subproblem import Subproblem
+    from cmpsp_ros.mpsp.qp.subproblem import Penalties, QPSolution, QPStatus, Row, Subproblem
+    from cmpsp_ros.mpsp.results import (
+        SLACK_TOLERANCE,
+        Iterate,
+        Record,
+        Solution,
+        Status,
+        Step,
+        Violation,
+    )
     from cmpsp_ros.mpsp.sqp.cmpsp import CMPSP, solve
-    from cmpsp_ros.mpsp.status import Solution, Status, Violation
 
 __getattr__, __all__ = lazy_exports(__name__, __file__)

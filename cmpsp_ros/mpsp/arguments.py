@@ -1,4 +1,4 @@
-"""What users hand in as numbers, brought to the shapes of the method or refused by name."""
+"""The error of this package, and numbers from users brought to the shapes of the method."""
 
 from __future__ import annotations
 
@@ -6,15 +6,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.mpsp.errors import ProblemError
+
+
+class ProblemError(ValueError):
+    """A problem, guess or setting the method cannot work with; the message names the argument."""
 
 
 def numbers(name: str, value: ArrayLike) -> Array:
-    """``value`` as an array of numbers, a copy.
-
-    Raises:
-        ProblemError: Names the argument.
-    """
+    """A copy of `value` as an array of numbers; `ProblemError` names the argument."""
     try:
         return np.array(value, dtype=float)
     except (TypeError, ValueError):
@@ -22,12 +21,9 @@ def numbers(name: str, value: ArrayLike) -> Array:
 
 
 def not_finite(name: str, array: Array, *, at_end: bool = False) -> str:
-    """The first number of an array that is not finite, and where it is; empty where all are.
+    """The first number of an array that is not finite, and where; empty where all are finite.
 
-    Args:
-        name: What the array is called.
-        array: One row a stage, or all of the last stage.
-        at_end: Whether it is all of the last stage.
+    The array has one row a stage, or with `at_end` is all of the last stage.
     """
     bad = np.argwhere(~np.isfinite(array))
     if not len(bad):
@@ -39,11 +35,7 @@ def not_finite(name: str, array: Array, *, at_end: bool = False) -> str:
 
 
 def check_bounds(lower_name: str, lower: Array, upper_name: str, upper: Array) -> None:
-    """Raise unless there is a number between every lower bound and its upper one.
-
-    Raises:
-        ProblemError: Names the bound, the stage and the control.
-    """
+    """Raise `ProblemError` unless a number lies between every lower bound and its upper one."""
     for name, bound in ((lower_name, lower), (upper_name, upper)):
         bad = np.argwhere(np.isnan(bound))
         if len(bad):
@@ -58,22 +50,14 @@ def check_bounds(lower_name: str, lower: Array, upper_name: str, upper: Array) -
 
 
 def whole_number(name: str, value: object) -> int:
-    """``value`` where it is a whole number of at least 1.
-
-    Raises:
-        ProblemError: Names the argument.
-    """
+    """`value` where it is a whole number of at least 1, else a `ProblemError`."""
     if not isinstance(value, (int, np.integer)) or isinstance(value, bool) or value < 1:
         raise ProblemError(f'{name}: found {value!r}, wanted a whole number of at least 1')
     return int(value)
 
 
 def vector(name: str, value: ArrayLike, length: int | None = None) -> Array:
-    """``value`` as a vector of finite numbers, a copy.
-
-    Raises:
-        ProblemError: Names the argument, what was found and what was wanted.
-    """
+    """A copy of `value` as a vector of finite numbers, else a `ProblemError`."""
     array = numbers(name, value)
     if array.ndim != 1 or (length is not None and len(array) != length):
         wanted = 'a vector' if length is None else (length,)
@@ -86,12 +70,7 @@ def vector(name: str, value: ArrayLike, length: int | None = None) -> Array:
 def control_bounds(
     lower: ArrayLike | None, upper: ArrayLike | None, shape: tuple[int, int]
 ) -> tuple[Array, Array]:
-    """Bounds on all controls, each from a number, one a control, or one a stage and control.
-
-    Args:
-        lower: Least controls; None for no bound.
-        upper: Largest controls; None for no bound.
-        shape: ``(N + 1, r)``.
+    """Bounds on all controls, each from None, a number, shape ``(r,)`` or `shape` = ``(N + 1, r)``.
 
     Raises:
         ProblemError: Names the argument, what was found and what was wanted.
@@ -110,14 +89,10 @@ def _bound(name: str, value: ArrayLike, shape: tuple[int, int]) -> Array:
 
 
 def terminal_target(target: ArrayLike | None, outputs: int | None) -> Array:
-    """``Y_N*`` of (5), or an empty vector where there is no terminal output.
-
-    Args:
-        target: What was handed in.
-        outputs: ``m``; None where no ``h`` was handed in.
+    """``Y_N*`` of (5), empty where there is no output; `outputs` is ``m``, None without an ``h``.
 
     Raises:
-        ProblemError: One was handed in without the other, or they do not fit.
+        ProblemError: One was given without the other, or they do not fit.
     """
     if outputs is None:
         if target is not None:

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.mpsp.arguments import numbers
-from cmpsp_ros.mpsp.errors import ProblemError
+from cmpsp_ros.mpsp.arguments import ProblemError, numbers
 from cmpsp_ros.mpsp.problem import Dimensions, Hessian
 from cmpsp_ros.mpsp.qp import RICCATI_ACTIVE_SET, backend
 
@@ -74,8 +73,7 @@ class Options:
         """Penalties of outputs ``(m,)`` and paths ``(l,)``, and the trust region's radius ``(n,)``.
 
         Raises:
-            ProblemError: Names the option, what was found and what was wanted, or says which QP
-                back ends are installed.
+            ProblemError: Names the option, or says which QP back ends are installed.
         """
         backend(self.qp)
         for name in _TOLERANCES:

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.mpsp.arguments import check_bounds, not_finite, numbers
-from cmpsp_ros.mpsp.errors import ProblemError
+from cmpsp_ros.mpsp.arguments import ProblemError, check_bounds, not_finite, numbers
 
 Hessian = Literal['gauss_newton', 'exact', 'projected']
 """Which second derivative of the stage costs ``L_k`` a problem returns, (49)-(52).
@@ -99,11 +98,7 @@ class Linearisation:
         return Dimensions(N, n, r, len(self.output_error), self.g.shape[1])
 
     def check(self, size: Dimensions) -> None:
-        """Raise where an array has the wrong shape or a value that is not finite.
-
-        Raises:
-            ProblemError: Names the array, the shape found and the one wanted, or where in it.
-        """
+        """Raise `ProblemError` where an array has the wrong shape or a value that is not finite."""
         self.check_shapes(size)
         if found := self.not_finite:
             raise ProblemError(f'{found}, wanted finite numbers')
@@ -125,11 +120,7 @@ class Linearisation:
         return ''
 
     def check_shapes(self, size: Dimensions) -> None:
-        """Raise where an array has the wrong shape.
-
-        Raises:
-            ProblemError: Names the array, the shape found and the one wanted.
-        """
+        """Raise `ProblemError` where an array has the wrong shape."""
         lengths = {'N': size.horizon, 'K': size.horizon + 1, 'n': size.state, 'r': size.control}
         lengths |= {'m': size.output, 'l': size.path}
         for field, letters in zip(fields(self), _SHAPES, strict=True):
@@ -140,12 +131,9 @@ class Linearisation:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """Value of a problem along a predicted trajectory.
+    """Cost ``J`` of (3) without proximal terms, ``Y_N - Y_N*`` ``(m,)``, and (4) ``(N + 1, l)``.
 
-    Attributes:
-        cost: ``J`` of (3), without proximal terms: those vanish where nothing changes.
-        output_error: ``Y_N - Y_N*``, shape ``(m,)``.
-        g: Path constraints (4), shape ``(N + 1, l)``, ``-inf`` where one does not apply.
+    A path constraint that does not apply is ``-inf``.
     """
 
     cost: float
@@ -173,14 +161,7 @@ class OptimalControlProblem(ABC):
 
     @abstractmethod
     def predict(self, U: Array) -> Array:
-        """Roll the dynamics (1) out from the initial state (6).
-
-        Args:
-            U: Control history, shape ``(N + 1, r)``.
-
-        Returns:
-            States ``X_0 ... X_N``, shape ``(N + 1, n)``.
-        """
+        """Roll the dynamics (1) out from (6) along ``U``: ``X_0 ... X_N``, shape ``(N + 1, n)``."""
 
     @abstractmethod
     def evaluate(self, X: Array, U: Array) -> Evaluation:
@@ -188,13 +169,9 @@ class OptimalControlProblem(ABC):
 
     @abstractmethod
     def linearise(self, X: Array, U: Array, hessian: Hessian = 'gauss_newton') -> Linearisation:
-        """Derivatives along a trajectory.
+        """Derivatives along a trajectory, with the second derivative of the cost that is named.
 
-        Args:
-            X: States, shape ``(N + 1, n)``.
-            U: Controls, shape ``(N + 1, r)``.
-            hessian: Which second derivative of the cost to return. All but ``exact`` must leave
-                the condensed Hessian positive semi-definite.
+        All but ``exact`` must leave the condensed Hessian positive semi-definite.
         """
 
     def constraint_curvature(
@@ -208,17 +185,9 @@ class OptimalControlProblem(ABC):
         """Second derivatives of ``costates' F + terminal' h + path' g`` along a trajectory.
 
         What (45) leaves out of the Hessian of the Lagrangian of (62). A problem need not have it.
-
-        Args:
-            X: States, shape ``(N + 1, n)``.
-            U: Controls, shape ``(N + 1, r)``.
-            costates: Multipliers of the dynamics (1), those of ``F_k`` in row ``k``, ``(N, n)``.
-            terminal: Multipliers of the terminal outputs, shape ``(m,)``.
-            path: Multipliers of the path constraints, 0 where one does not apply, ``(N + 1, l)``.
-
-        Returns:
-            Blocks by ``XX``, ``UX`` and ``UU``, shapes ``(N + 1, n, n)``, ``(N + 1, r, n)`` and
-            ``(N + 1, r, r)``.
+        Multipliers of ``F_k`` are in row ``k`` of `costates`, ``(N, n)``; `terminal` is ``(m,)``
+        and `path` ``(N + 1, l)``, 0 where one does not apply. Blocks by ``XX``, ``UX`` and ``UU``
+        have shapes ``(N + 1, n, n)``, ``(N + 1, r, n)`` and ``(N + 1, r, r)``.
 
         Raises:
             ProblemError: This problem does not have it.
@@ -226,11 +195,7 @@ class OptimalControlProblem(ABC):
         raise ProblemError('constraint_curvature: found True, but this problem does not provide it')
 
     def check(self) -> None:
-        """Raise unless bounds and target fit the dimensions and each other.
-
-        Raises:
-            ProblemError: Names the argument, what was found and what was wanted.
-        """
+        """Raise `ProblemError` unless bounds and target fit the dimensions and each other."""
         wanted = (self.size.horizon + 1, self.size.control)
         for name in ('control_lower', 'control_upper'):
             found = getattr(self, name).shape
@@ -245,11 +210,7 @@ class OptimalControlProblem(ABC):
             raise ProblemError(f'target: found {self.target}, wanted finite numbers')
 
     def checked_controls(self, U: ArrayLike) -> Array:
-        """A control history of this problem as an array of its own.
-
-        Raises:
-            ProblemError: Names the shape found and the one wanted, or the first bad stage.
-        """
+        """A copy of a control history; `ProblemError` names its shape or the first bad stage."""
         U = numbers('U', U)
         wanted = (self.size.horizon + 1, self.size.control)
         if U.shape != wanted:
@@ -261,11 +222,7 @@ class OptimalControlProblem(ABC):
 
 
 def check_hessian(hessian: str) -> None:
-    """Raise unless a problem knows this kind of Hessian.
-
-    Raises:
-        ProblemError: Says which there are.
-    """
+    """Raise `ProblemError` for a kind of Hessian that does not exist."""
     if hessian not in get_args(Hessian):
         raise ProblemError(
             f'hessian: found {hessian!r}, wanted one of {", ".join(get_args(Hessian))}'

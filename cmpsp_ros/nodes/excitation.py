@@ -50,11 +50,7 @@ class Excitation(Node):
     """
 
     def __init__(self, bag: Path, odom: str, cmd_vel: str, commands: Commands) -> None:
-        """Create the node; the arguments are those of `drive`.
-
-        Raises:
-            StartupError: The bag cannot be created.
-        """
+        """Create the node, with the arguments of `drive`; StartupError without a bag."""
         super().__init__('excitation')
         self.problem = 'interrupted, and the robot was stopped'
         self._ends, self._twists = (each.tolist() for each in commands)

@@ -15,14 +15,14 @@ from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 
 from cmpsp_ros.nodes.common.topics import RECORDER_FLUSH
-from cmpsp_ros.nodes.recording.written import from_values
+from cmpsp_ros.nodes.recording.received import from_values
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
     from types import TracebackType
     from typing import Self
 
-    from cmpsp_ros.nodes.recording.written import ByTopic
+    from cmpsp_ros.nodes.recording.received import ByTopic
 
 _WAKE_PERIOD = 0.02
 
@@ -111,11 +111,9 @@ class Observer:
         return True
 
     def recorded(self, timeout: float, check: Callable[[], None] = lambda: None) -> ByTopic:
-        """What the recorder has written of each topic.
+        """Messages that the recorder has written, by topic.
 
-        Args:
-            timeout: Time within which it answers [s].
-            check: Called again and again; may raise an error of its own.
+        `check` is called again and again, and may raise an error of its own.
 
         Raises:
             TimeoutError: It did not answer within the time [s].
@@ -142,10 +140,7 @@ class Observer:
     ) -> bool:
         """Configure the guidance node of a robot; whether it agreed.
 
-        Args:
-            timeout: Time within which it answers [s].
-            namespace: Of the robot.
-            still_compiles: Asked after that time, and as often again: whether to wait on.
+        `still_compiles` is asked after the time [s], and as often again, whether to wait on.
 
         Raises:
             TimeoutError: It did not answer within the time.
@@ -154,19 +149,11 @@ class Observer:
         return self._change_state(transition, timeout, namespace, still_compiles)
 
     def activate(self, timeout: float, namespace: str = '') -> bool:
-        """Activate the guidance node of a robot; whether it agreed.
-
-        Raises:
-            TimeoutError: It did not answer within the time [s].
-        """
+        """Activate the guidance node of a robot; as `configure`."""
         return self._change_state(Transition.TRANSITION_ACTIVATE, timeout, namespace)
 
     def deactivate(self, timeout: float, namespace: str = '') -> bool:
-        """Deactivate the guidance node of a robot; whether it agreed.
-
-        Raises:
-            TimeoutError: It did not answer within the time [s].
-        """
+        """Deactivate the guidance node of a robot; as `configure`."""
         return self._change_state(Transition.TRANSITION_DEACTIVATE, timeout, namespace)
 
     def _change_state(

@@ -176,12 +176,7 @@ class Viewer(Node):
 
 
 def view(host: str, port: int, namespace: str) -> int:
-    """Show a running system until SIGINT or SIGTERM, as the last thing a process does.
-
-    Args:
-        host: Address to listen on.
-        port: Port to listen on; 0 for any that is free.
-        namespace: In which the nodes are.
+    """Show the nodes of a namespace until SIGINT or SIGTERM, as the last thing a process does.
 
     Returns:
         Exit code: 0 after a signal, 1 when the page cannot be served.

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 from diagnostic_msgs.msg import DiagnosticStatus
 from visualization_msgs.msg import Marker
 
-from cmpsp_ros.bags import ENTRIES, Entry, entries_of
-from cmpsp_ros.guidance import WHEELS
+from cmpsp_ros.guidance import DECISION_KEYS, Key
 from cmpsp_ros.sensing import grid_of
 from cmpsp_ros.view import grid_picture
 from cmpsp_ros.world.grids import GridError
@@ -25,6 +24,7 @@ if TYPE_CHECKING:
 
 SERIES: Final = ('path', 'steps')
 """What is kept row by row: (x, y); and `step_of` each decision."""
+_SHOWN: Final = {**DECISION_KEYS, 'step_ms': Key(float)}
 _MOST_MARKERS: Final = 500
 _MOST_POINTS: Final = 2000
 _MOST_WHEELS: Final = 8
@@ -45,25 +45,25 @@ def place_of(message: Odometry) -> tuple[float, float, float] | None:
 
 
 def decision_of(message: DiagnosticArray) -> dict[str, Any]:
-    """A decision by the names of `DecisionRecord`; what it lacks, or has no sense, is None.
+    """A decision by key; what it lacks, or has no sense, is None.
 
     The level of one after the final time is `arrived`, unless the goal was missed.
     """
     # Of anybody's making: an array of none is a decision that lacks everything.
     status = next(iter(message.status), DiagnosticStatus())
-    texts = {key: _short(value) for key, value in entries_of(status).items()}
-    shown = {each.name: _value(each, texts.get(key)) for key, each in ENTRIES.items()}
+    texts = {each.key: _short(each.value) for each in status.values}
+    shown = {key: _value(each, texts.get(key)) for key, each in _SHOWN.items()}
     shown['reason'] = _short(status.message)
     two = shown['wheel_speed_right'], shown['wheel_speed_left']
-    shown['wheels'] = list(shown[ENTRIES[WHEELS].name] or two)[:_MOST_WHEELS]
-    missed = shown['missed'] or shown['_halted']
-    shown['level'] = 'arrived' if shown['finished'] and not missed else shown['level']
+    shown['wheels'] = list(shown['wheel_speeds'] or two)[:_MOST_WHEELS]
+    missed = shown['missed'] or shown['halted']
+    shown['level'] = 'arrived' if shown['finished'] and not missed else shown['fallback_level']
     return shown
 
 
-def _value(entry: Entry[Any], text: str | None) -> Any:
+def _value(key: Key, text: str | None) -> Any:
     try:
-        return None if text is None else entry.parse(text)
+        return None if text is None else key.parse(text)
     except ValueError:
         return None
 

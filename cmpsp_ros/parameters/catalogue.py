@@ -5,7 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Final
 
-from cmpsp_ros.guidance import InitialGuess, MovingObstacles, Safety, SolverSettings, Weights
+from cmpsp_ros.guidance import (
+    InitialGuess,
+    MovingObstacles,
+    Safety,
+    SolverSettings,
+    TaskSettings,
+    Weights,
+)
 from cmpsp_ros.parameters.parameter import REQUIRED, Group, Parameter, ParameterType
 from cmpsp_ros.parameters.table import ParameterTable
 from cmpsp_ros.sensing import Sensor, SightSettings
@@ -23,72 +30,32 @@ _POINT: Final = {'length': 2}
 # fmt: off
 def _parameters() -> Iterator[Parameter]:
     guidance_only = {'nodes': ('guidance',)}
+    of_task = Group('Task', 'guidance')
 
     task = Group('Task', 'guidance', 'sim')
-    yield task('frame_id', _STRING, 'odom', '',
-        'Frame of road, obstacles, goals and odometry. Messages in another frame are transformed '
-        'with `/tf`.',
-        **_FIXED)
+    yield from task.of(TaskSettings, only=('frame_id', 'control_period'))
     yield task('robot_frame', _STRING, '', '',
         "Frame of the robot's centre, midway between its wheels, if odometry is that of another "
         'point: transformed with `/tf`. Empty: the child frame of odometry.',
         **_FIXED, **guidance_only)
-    yield task('control_period', _DOUBLE, 0.2, 's',
-        'Time between two control steps; 0.2 s in the paper.',
-        range=Range(0.01, 10.0), **_FIXED)
-    yield task('command_delay', _DOUBLE, 0.0, 's',
-        'Time from the stamp of an odometry message until the command based on it takes effect; '
-        'plans start at the pose predicted for that time.', range=NOT_NEGATIVE, **guidance_only)
-    yield task('max_command_delay', _DOUBLE, 0.0, 's',
-        'Longest time until a command takes effect, as on a computer that is sometimes late. The '
-        'previous command must be clear of everything until then, and is slowed down where it is '
-        'not. 0: `command_delay`, and longer after commands have been late.',
-        range=NOT_NEGATIVE, **guidance_only)
-    yield task('command_delay_tolerance', _DOUBLE, 0.1, 's',
-        'How far `command_delay` may be wrong, either way. Where odometry contradicts its '
-        'predictions, the delay that explains it is estimated within that and used instead. '
-        '0: not corrected.', range=Range(0.0, 0.5), **guidance_only)
-    yield task('max_wheel_lag', _DOUBLE, 0.0, 's',
-        "Largest time constant of the wheels' response, apart from `command_delay`. It is "
-        'estimated from odometry and compensated. Each command, and a stop after it, must be '
-        'clear by a fifth of `safety.margin` with the largest lag still possible and two smaller '
-        'ones; otherwise it is slowed down. 0: lag is not considered.',
-        range=NOT_NEGATIVE, **guidance_only)
-    yield task('max_wheel_slip', _DOUBLE, 0.0, '',
-        'Maximum wheel-slip ratio that is estimated from odometry and compensated; 0: slip is not '
-        'estimated.', range=Range(0.0, 0.5), **guidance_only)
+    delays = 'command_delay', 'max_command_delay', 'delay_tolerance', 'max_lag', 'max_slip'
+    yield from of_task.of(TaskSettings, only=delays)
     yield task('final_time', _DOUBLE, 10.0, 's',
         'Time at which to pass the goal, counted from the first odometry; 10 s in the paper. With '
         '`follow.speed`: time at which to stop; 0: never.', range=NOT_NEGATIVE, **_FIXED)
-    yield task('start.tolerance', _DOUBLE, 0.5, 'm',
-        'Maximum distance from the road, or from `start.pose`, at which a run begins. Farther '
-        'away the robot is not moved, and the reason says so.',
-        range=NOT_NEGATIVE, **guidance_only)
+    yield from of_task.of(TaskSettings, only=('start_tolerance',))
     yield task('start.pose', _DOUBLES, [], 'm, m, rad',
         'Pose at which a run should begin (x, y, heading); only the position is checked. Empty: '
         'anywhere on the road.', **guidance_only)
     yield task('goal.position', _DOUBLES, [10.0, 0.0], 'm',
         'Point to pass at the final time (x, y); as in the paper.', **_POINT, **guidance_only)
-    yield task('goal.tolerance', _DOUBLE, 0.01, 'm',
-        'Distance from a goal at which it counts as reached.', range=POSITIVE, **guidance_only)
     yield task('goal.heading', _DOUBLES, [], 'rad',
         'Heading at the goal: one number, or empty for any.', **guidance_only)
-    yield task('goal.heading_tolerance', _DOUBLE, 0.01, 'rad',
-        'Deviation from a given heading at which it counts as reached.',
-        range=POSITIVE, **guidance_only)
-    yield task('goal.may_be_late', _BOOL, False, '',
-        'Whether the final time is put off where the path to the goal proves longer than the time '
-        'that is left; else the robot stops at the final time.', **guidance_only)
-    yield task('goal.hold', _BOOL, False, '',
-        'Whether the robot returns to the goal when it is moved away after arrival; otherwise it '
-        'stays stopped.', **guidance_only)
+    goal = 'goal_tolerance', 'heading_tolerance', 'may_be_late', 'hold', 'nominal_speed'
+    yield from of_task.of(TaskSettings, only=goal)
     yield task('goal.wait', _BOOL, False, '',
         'Whether the robot waits until a goal is received, instead of driving to `goal.position`.',
         **_FIXED, **guidance_only)
-    yield task('goal.nominal_speed', _DOUBLE, 0.0, 'm/s',
-        'Mean speed along the road to a goal received on `goal_pose`, which has no arrival time; '
-        '0: 80 % of the top speed, or 1 m/s without a wheel limit.',
-        range=NOT_NEGATIVE, **guidance_only)
     yield task('waypoints.names', _STRINGS, [], '',
         'Names of points to pass before the goal, in order of time, each with its own block; omit '
         'it if there are none.', **_FIXED, **guidance_only)
@@ -233,11 +200,7 @@ def _parameters() -> Iterator[Parameter]:
     yield from solver.of(InitialGuess, 'initial_guess.')
     safety = Group('Safety', 'guidance')
     yield from safety.of(Safety, 'safety.')
-    yield safety('odom_timeout', _DOUBLE, 0.5, 's',
-        'Age at which odometry counts as lost and the robot is stopped.', range=POSITIVE)
-    yield safety('failure_tolerance', _INTEGER, 3, '',
-        'Consecutive failed control steps after which the warm start is discarded.',
-        range=Range(low=1))
+    yield from safety.of(TaskSettings, only=('odom_timeout', 'failure_tolerance'))
 
     node = Group('Node', 'guidance', 'sim')
     yield node('enable_stamped_cmd_vel', _BOOL, False, '',

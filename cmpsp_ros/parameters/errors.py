@@ -46,11 +46,7 @@ class Problems(list[Problem]):
             return None
 
     def check(self) -> None:
-        """Refuse the set if there are any.
-
-        Raises:
-            ParameterError: With all problems.
-        """
+        """Raise a ParameterError with all problems, if there are any."""
         if self:
             raise ParameterError(*self)
 

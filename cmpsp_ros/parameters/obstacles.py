@@ -66,7 +66,7 @@ def obstacles_of(values: Values) -> tuple[Shape, ...]:
 
 
 def shapes_of(values: Values, section: str = HIDDEN) -> tuple[Shape, ...]:
-    """The shapes of a section; of those that only the simulator knows, if none is given.
+    """The shapes of a section, by default of those that only the simulator knows.
 
     Raises:
         ParameterError: As from `obstacles_of`.

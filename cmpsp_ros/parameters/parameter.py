@@ -5,16 +5,18 @@ from __future__ import annotations
 import array
 import math
 import sys
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import Enum
 from types import SimpleNamespace
-from typing import Any, Final, Literal, get_args, get_origin, get_type_hints
+from typing import Any, Final, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 import numpy as np
 
 from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
 from cmpsp_ros.setting import ANY, Range, settings_of
+
+T = TypeVar('T')
 
 Node = Literal['guidance', 'sim']
 
@@ -31,6 +33,14 @@ class ParameterType(Enum):
     STRING = 'string'
     DOUBLE_ARRAY = 'floats'
     STRING_ARRAY = 'strings'
+
+    @property
+    def item(self) -> ParameterType:
+        """Type of an item of an array; any other type itself."""
+        return {
+            ParameterType.DOUBLE_ARRAY: ParameterType.DOUBLE,
+            ParameterType.STRING_ARRAY: ParameterType.STRING,
+        }.get(self, self)
 
 
 class Required(Enum):
@@ -78,6 +88,11 @@ class Parameter:
         return NAME in self.name
 
     @property
+    def is_array(self) -> bool:
+        """Whether its values are lists."""
+        return self.type.item is not self.type
+
+    @property
     def prefix(self) -> str:
         """The part before ``<name>``; the whole name if there is none."""
         return self.name.partition(NAME)[0]
@@ -88,7 +103,7 @@ class Parameter:
 
     @property
     def wanted(self) -> str:
-        """What the parameter may hold, in words."""
+        """Values that it accepts, in words."""
         unit = f' [{self.unit}]' if self.unit else ''
         within = f' {self.range}' if str(self.range) else ''
         length = '' if self.length is None else f'{self.length} '
@@ -113,10 +128,10 @@ class Parameter:
             A bool, int, float, str, ``list[float]`` or ``list[str]``.
 
         Raises:
-            ParameterError: If the value is not what the parameter may hold.
+            ParameterError: If the value is not accepted.
         """
         plain = _plain(value)
-        result = self._convert(plain)
+        result = self._list(plain) if self.is_array else self._item(plain)
         if result is None:
             raise ParameterError(Problem(key, describe(plain), self.wanted + self._hint(plain)))
         return result
@@ -131,33 +146,28 @@ class Parameter:
             raise ParameterError(Problem(key, 'nothing', self.wanted))
         return list(self.default) if isinstance(self.default, (list, tuple)) else self.default
 
-    def _convert(self, value: object) -> Any:
-        # ROS gives an empty list no type, and hands it over as nothing at all: below, None.
-        match self.type:
-            case ParameterType.BOOL:
-                return value if isinstance(value, bool) else None
-            case ParameterType.INTEGER:
-                return self._integer(value)
-            case ParameterType.DOUBLE:
-                return self._number(value)
-            case ParameterType.STRING:
-                return self._text(value)
-            case ParameterType.DOUBLE_ARRAY:
-                value = [] if value is None else value
-                return self._all(value, [self._number(item) for item in _items(value)])
-            case ParameterType.STRING_ARRAY:
-                value = [] if value is None else value
-                texts = [self._text(item) for item in _items(value)]
-                return self._all(value, texts) if len(set(texts)) == len(texts) else None
-
-    def _integer(self, value: object) -> int | None:
-        if not isinstance(value, int) or isinstance(value, bool):
+    def _list(self, value: object) -> list[Any] | None:
+        # ROS gives an empty list no type, and hands it over as nothing at all.
+        given = [] if value is None else value
+        if not isinstance(given, list) or self.length not in (None, len(given)):
             return None
-        fits = -(2**63) <= value < 2**63
-        return int(value) if fits and value in self.range else None
+        items = [self._item(each) for each in given]
+        is_set = self.type is ParameterType.STRING_ARRAY
+        return None if None in items or (is_set and len(set(items)) < len(items)) else items
 
-    def _number(self, value: object) -> float | None:
-        if not isinstance(value, (int, float)) or isinstance(value, bool):
+    def _item(self, value: object) -> Any:
+        """One value of the parameter's type, or of its items; None where it is none."""
+        kind = self.type.item
+        if kind is ParameterType.STRING:
+            return self._text(value)
+        if (kind is ParameterType.BOOL) != isinstance(value, bool):
+            return None
+        if kind is ParameterType.BOOL:
+            return value
+        if kind is ParameterType.INTEGER:
+            fits = isinstance(value, int) and -(2**63) <= value < 2**63 and value in self.range
+            return value if fits else None
+        if not isinstance(value, (int, float)):
             return None
         try:
             number = float(value)
@@ -173,18 +183,15 @@ class Parameter:
             return None
         return str(value) if not self.choices or value in self.choices else None
 
-    def _all(self, value: object, items: list[Any]) -> list[Any] | None:
-        if not isinstance(value, list) or None in items:
-            return None
-        return items if self.length in (None, len(items)) else None
-
     def _hint(self, value: object) -> str:
-        texts = self.type in (ParameterType.STRING, ParameterType.STRING_ARRAY)
+        """Advice on the quotes of a value in YAML."""
+        kind = self.type.item
         for item in value if isinstance(value, list) else [value]:
-            if texts and isinstance(item, (bool, int, float)):
-                return ' (put it in quotes to make it text)'
-            if not texts and isinstance(item, str):
-                return _hint_for_text(item, self.type)
+            if kind is ParameterType.STRING:
+                if isinstance(item, (bool, int, float)):
+                    return ' (put it in quotes to make it text)'
+            elif isinstance(item, str) and (written := _unquoted(item, kind)):
+                return f' (this is text: write {written} without quotes)'
         return ''
 
 
@@ -208,36 +215,35 @@ class Group:
 
         Args:
             kind: The dataclass.
-            prefix: Of their names.
+            prefix: Prefix of their names.
             only: Fields, if not all.
             rest: As in `Parameter`.
         """
         declared = settings_of(kind)
         hints = _annotations(kind, declared)
         for field, each in declared.items():
-            if only and field not in only:
-                continue
-            type_, shape = _type_of(hints[field])
-            default = getattr(kind, field)
-            yield self(
-                each.key or f'{prefix}{field}',
-                type_,
-                list(default) if isinstance(default, tuple) else default,
-                each.unit,
-                each.description,
-                range=each.range,
-                reconfigurable=each.live,
-                **shape,
-                **rest,
-            )
+            if not only or field in only:
+                type_, shape = _type_of(hints[field])
+                default = getattr(kind, field)
+                yield self(
+                    each.key or f'{prefix}{field}',
+                    type_,
+                    list(default) if isinstance(default, tuple) else default,
+                    each.unit,
+                    each.description,
+                    range=each.range,
+                    reconfigurable=each.live,
+                    **shape,
+                    **rest,
+                )
 
 
-def fields_of(kind: type, values: Mapping[str, Any], prefix: str = '') -> dict[str, Any]:
-    """Values for the settings that a dataclass declares, by field; lists as tuples."""
+def build(kind: type[T], values: Mapping[str, Any], prefix: str = '', **rest: Any) -> T:
+    """A dataclass with the settings that it declares from values by key, and other fields."""
     found = {
         name: values[each.key or f'{prefix}{name}'] for name, each in settings_of(kind).items()
     }
-    return {k: tuple(v) if isinstance(v, list) else v for k, v in found.items()}
+    return kind(**{k: tuple(v) if isinstance(v, list) else v for k, v in found.items()}, **rest)
 
 
 def _annotations(kind: type, names: Iterable[str]) -> dict[str, Any]:
@@ -253,8 +259,9 @@ def _type_of(hint: Any) -> tuple[ParameterType, dict[str, Any]]:
     parts = get_args(hint)
     if get_origin(hint) is Literal:
         return ParameterType.STRING, {'choices': parts}
-    array = ParameterType.STRING_ARRAY if parts[0] is str else ParameterType.DOUBLE_ARRAY
-    return array, {} if parts[-1] is ... else {'length': len(parts)}
+    is_text = parts[0] is str
+    shape = {} if parts[-1] is ... else {'length': len(parts)}
+    return ParameterType.STRING_ARRAY if is_text else ParameterType.DOUBLE_ARRAY, shape
 
 
 _TYPES: Final = {
@@ -274,17 +281,15 @@ def _plain(value: object) -> object:
     return value
 
 
-def _items(value: object) -> Sequence[object]:
-    return value if isinstance(value, list) else ()
-
-
-def _hint_for_text(text: str, type_: ParameterType) -> str:
-    if type_ is ParameterType.BOOL:
-        is_bool = text.lower() in ('true', 'false')
-        return f' (this is text: write {text.lower()} without quotes)' if is_bool else ''
+def _unquoted(text: str, kind: ParameterType) -> str:
+    """The bool or number that a text writes; empty where it writes none."""
+    if kind is ParameterType.BOOL:
+        return text.lower() if text.lower() in ('true', 'false') else ''
     try:
         number = float(text)
     except ValueError:
         return ''
-    written = int(number) if type_ is ParameterType.INTEGER and number.is_integer() else number
-    return f' (this is text: write {written} without quotes)' if math.isfinite(number) else ''
+    if not math.isfinite(number):
+        return ''
+    is_whole = kind is ParameterType.INTEGER and number.is_integer()
+    return str(int(number) if is_whole else number)

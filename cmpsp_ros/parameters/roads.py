@@ -37,14 +37,7 @@ def road_of(values: Values, kept: float = 0.0) -> Road:
 
 
 def road_problems(values: Values, road: Road, kept: float, wanted: str) -> Iterator[Problem]:
-    """Problems of a road that is too narrow, or cannot be received.
-
-    Args:
-        values: A set resolved by the table.
-        road: Its road.
-        kept: Distance that the robot's centre keeps from the edges [m].
-        wanted: Description of that distance.
-    """
+    """Problems of a road that cannot be received, or is not wider than `kept` [m] to each side."""
     kind = values['road.type']
     if values['road.source'] == 'topic' and kind != 'corridor':
         yield Problem('road.source', 'topic', f'parameters with road.type {kind}')

@@ -144,11 +144,7 @@ def _covered(text: str) -> tuple[Footprint, float]:
 
 
 def _read(text: str) -> list[Point]:
-    """Corners of a text as Nav2 has it.
-
-    Raises:
-        ParameterError: It is no list of three or more pairs of finite numbers.
-    """
+    """Three or more corners, from text as Nav2 writes it."""
     try:
         corners: Any = ast.literal_eval(text)
     except _UNREADABLE:

@@ -33,7 +33,7 @@ from cmpsp_ros.parameters.course import (
 )
 from cmpsp_ros.parameters.errors import ParameterError, Problem, Problems, describe
 from cmpsp_ros.parameters.obstacles import obstacles_of, shapes_of
-from cmpsp_ros.parameters.parameter import fields_of
+from cmpsp_ros.parameters.parameter import build
 from cmpsp_ros.parameters.roads import road_of
 from cmpsp_ros.parameters.robots import footprint_of, robot_of, robot_problems
 from cmpsp_ros.parameters.table import Values
@@ -82,41 +82,27 @@ def guidance_settings(values: Values) -> GuidanceSettings:
     problems.check()
     assert robot is not None  # noqa: S101 (its absence is a problem)
     sensors = tuple(
-        Sensor(name, **fields_of(Sensor, values, f'sensors.{name}.'))
-        for name in values['sensors.names']
+        build(Sensor, values, f'sensors.{name}.', name=name) for name in values['sensors.names']
     )
-    return GuidanceSettings(
+    return build(
+        GuidanceSettings,
+        values,
         robot=robot,
         road=course.road,
+        obstacles=course.obstacles,
         goal=tuple(values['goal.position']),
-        goal_tolerance=values['goal.tolerance'],
         goal_heading=heading_of(values, 'goal.heading'),
-        heading_tolerance=values['goal.heading_tolerance'],
         final_time=values['final_time'] or math.inf,
         waypoints=waypoints_of(values),
-        may_be_late=values['goal.may_be_late'],
-        hold=values['goal.hold'],
-        nominal_speed=values['goal.nominal_speed'],
         follow=follow_of(values),
-        control_period=values['control_period'],
-        command_delay=values['command_delay'],
-        max_command_delay=values['max_command_delay'],
-        delay_tolerance=values['command_delay_tolerance'],
-        max_slip=values['max_wheel_slip'],
-        max_lag=values['max_wheel_lag'],
-        obstacles=course.obstacles,
-        moving_obstacles=MovingObstacles(**fields_of(MovingObstacles, values, 'moving_obstacles.')),
-        sight=SightSettings(sensors, **fields_of(SightSettings, values, 'sight.')),
+        moving_obstacles=build(MovingObstacles, values, 'moving_obstacles.'),
+        sight=build(SightSettings, values, 'sight.', sensors=sensors),
         robot_radius=course.radius,
         footprint=course.footprint,
-        weights=Weights(**fields_of(Weights, values, 'weights.')),
-        solver=SolverSettings(**fields_of(SolverSettings, values, 'solver.')),
-        initial_guess=InitialGuess(**fields_of(InitialGuess, values, 'initial_guess.')),
-        safety=Safety(**fields_of(Safety, values, 'safety.')),
-        frame_id=values['frame_id'],
-        odom_timeout=values['odom_timeout'],
-        failure_tolerance=values['failure_tolerance'],
-        start_tolerance=values['start.tolerance'],
+        weights=build(Weights, values, 'weights.'),
+        solver=build(SolverSettings, values, 'solver.'),
+        initial_guess=build(InitialGuess, values, 'initial_guess.'),
+        safety=build(Safety, values, 'safety.'),
         start_pose=tuple(values['start.pose']) or None,
     )
 
@@ -128,13 +114,13 @@ def plant_settings(values: Values) -> PlantSettings:
         ParameterError: If the times at which odometry is lost are no pairs in order, or slip is
             asked of a robot whose tyres slip by themselves.
     """
-    return PlantSettings(
+    windows = _dropout_windows(values)
+    return build(
+        PlantSettings,
+        values,
         robot=robot_of(values),
-        odometry=OdometryErrors(
-            **fields_of(OdometryErrors, values, 'noise.'), dropout_windows=_dropout_windows(values)
-        ),
+        odometry=build(OdometryErrors, values, 'noise.', dropout_windows=windows),
         physics=_physics(values),
-        **fields_of(PlantSettings, values),
     )
 
 
@@ -148,7 +134,7 @@ def laser_settings(values: Values) -> LaserSettings:
     problems = Problems(_scan_problems(values))
     problems.attempt(partial(shapes_of, values))
     problems.check()
-    return LaserSettings(**fields_of(LaserSettings, values, 'sim.scan.'), seed=values['noise.seed'])
+    return build(LaserSettings, values, 'sim.scan.', seed=values['noise.seed'])
 
 
 def scenery(values: Values) -> tuple[tuple[Shape, ...], list[Array]]:
@@ -240,7 +226,7 @@ def _physics(values: Values) -> Physics | None:
     wanted = 'no slip: with plant mujoco it is friction that decides'
     slips = [each for each in ('wheel_slip', 'wheel_slip_stddev') if np.any(values[each])]
     Problems(Problem(key, describe(values[key]), wanted) for key in slips).check()
-    return Physics(**fields_of(Physics, values, 'physics.'))
+    return build(Physics, values, 'physics.')
 
 
 def _whole(seconds: float) -> int:

@@ -17,9 +17,8 @@ from cmpsp_ros.world.grids.grid_obstacle import GridObstacle
 from cmpsp_ros.world.inter_sample_margin import at_ends, outside, outside_known
 from cmpsp_ros.world.obstacles.shape_functions import distance_from, sweep
 from cmpsp_ros.world.obstacles.shapes import Shape
-from cmpsp_ros.world.roads import road_functions
-from cmpsp_ros.world.roads.road import Road
-from cmpsp_ros.world.roads.road_space import ANNULUS, RoadSpace
+from cmpsp_ros.world.roads import Annulus, Road, road_functions
+from cmpsp_ros.world.roads.road_functions import RoadSpace
 
 Indices = IntArray
 
@@ -51,7 +50,8 @@ class FreeSpace:
     corners; see `cmpsp_ros.world.obstacles.shape_functions`.
 
     Attributes:
-        road: Where on the road the centre of a disc may be.
+        of_road: The road.
+        road: Where on it the centre of a disc may be.
         corners: Of all shapes, one after the other, shape ``(K, C, 2)`` [m]; ``K`` is 1 where they
             stand still.
         first: Where the corners of each shape begin, and where the last end, shape ``(M + 1,)``.
@@ -60,6 +60,7 @@ class FreeSpace:
         discs: Centres of the robot's discs, in its frame, shape ``(D, 2)`` [m].
     """
 
+    of_road: Road
     road: RoadSpace
     corners: Array
     first: Indices
@@ -75,6 +76,7 @@ class FreeSpace:
         corners = [corner for obstacle in obstacles for corner in obstacle.corners]
         counts = [len(obstacle.corners) for obstacle in obstacles]
         return cls(
+            road,
             road.space(distance),
             np.array(corners, dtype=float).reshape(1, -1, 2),
             np.cumsum([0, *counts], dtype=np.int64),
@@ -132,10 +134,10 @@ class FreeSpace:
         Raises:
             ValueError: It is another.
         """
-        if self.road.kind != ANNULUS:
-            raise ValueError('road: found another kind, wanted an annulus')
-        x, y, radius = self.road.shape[['center_x', 'center_y', 'center_radius']].item()
-        return AnnulusLimits(np.array([x, y]), radius, self.road.kept[:, 1], self.road.kept[:, 0])
+        road, kept = self.of_road, self.road.kept
+        if not isinstance(road, Annulus):
+            raise ValueError('road: found another kind, wanted an annulus')  # noqa: TRY004
+        return AnnulusLimits(np.array(road.center), road.center_radius, kept[:, 1], kept[:, 0])
 
     def tightened(self, limits: TwistLimits, period: float) -> FreeSpace:
         """Space to keep to at samples so that any arcs between them stay within this one.
@@ -145,7 +147,8 @@ class FreeSpace:
             period: Time between two samples [s].
         """
         grown = np.array([outside(radius, limits, period) for radius in self.radii.tolist()])
-        return replace(self, road=self.road.tightened(limits, period), radii=grown)
+        kept = self.of_road.kept_at_samples(self.road.kept, limits, period)
+        return replace(self, road=self.road._replace(kept=kept), radii=grown)
 
     def for_samples_of(self, twists: Array, period: float) -> FreeSpace:
         """Space to keep to at the samples of one plan so that its own arcs stay within this one.
@@ -160,7 +163,7 @@ class FreeSpace:
         """
         return replace(
             self,
-            road=self.road.for_samples_of(twists, period),
+            road=self.road._replace(kept=self.of_road.kept_for(self.road.kept, twists, period)),
             radii=at_ends(np.maximum, outside_known(self.radii, twists, period)),
         )
 

@@ -17,7 +17,7 @@ from cmpsp_ros.world.grids.field_functions import DistanceField
 from cmpsp_ros.world.grids.grid_obstacle import GridObstacle
 from cmpsp_ros.world.grids.grid_search import ROOM, cells_from, costs_of, evenly_spaced, lengths_to
 from cmpsp_ros.world.obstacles.shapes import Shape
-from cmpsp_ros.world.roads.open_floor import OpenFloor
+from cmpsp_ros.world.roads import OpenFloor
 
 Point = tuple[float, float]
 

@@ -21,7 +21,7 @@ from cmpsp_ros.bags import Bag, Names
 from cmpsp_ros.bags.replay.replay import replay
 from cmpsp_ros.nodes import MODULES
 from cmpsp_ros.nodes.common.topics import HEALTH
-from cmpsp_ros.nodes.recording.written import from_values
+from cmpsp_ros.nodes.recording.received import from_values
 
 pytestmark = pytest.mark.integration
 

@@ -13,8 +13,8 @@ from cmpsp_ros.mpsp.qp import QPStatus
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / 'doc' / 'user' / 'stops.md').read_text(encoding='utf-8')
 
-# What is told before a run is on another page; these are no answer to odometry.
-ELSEWHERE = {'feasibility_precheck.py'}
+# Descriptions of settings and warnings before a run are on other pages; these answer no odometry.
+ELSEWHERE = {'feasibility_precheck.py', 'solver_settings.py'}
 ANSWERS = {'Time 0 is the next odometry.', '… The node goes on without.', 'A rehearsal.'}
 
 SENTENCE = re.compile(r'[A-Z… ].* [a-z].*([.?]|: …)')

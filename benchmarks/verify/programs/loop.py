@@ -12,7 +12,7 @@ from benchmarks.verify.clarabel_reference import solve
 from benchmarks.verify.programs.scenario import Maker, Scenario
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance import GuidanceSettings, Horizon, remaining, shift, to_nanoseconds
-from cmpsp_ros.guidance.formulation import N_EDGE_CONSTRAINTS, Cost, GuidanceProblem, sample_space
+from cmpsp_ros.guidance.formulation import N_EDGE_CONSTRAINTS, GuidanceProblem, sample_space
 from cmpsp_ros.guidance.planning import initial_guess
 from cmpsp_ros.guidance.prediction import PlanStart
 from cmpsp_ros.mpsp import OptimalControlProblem
@@ -125,9 +125,10 @@ def _pose_problem(
     settings: GuidanceSettings, pose: Array, held: Array, horizon: Horizon
 ) -> OptimalControlProblem:
     weights, durations = settings.weights, horizon.durations
-    cost = Cost(weights.road_center, weights.control_change, weights.control_effort)
     space = sample_space(settings, settings.world, float(durations.max()))
-    problem = GuidanceProblem(settings.robot, space, cost, pose, np.array(settings.goal), durations)
+    problem = GuidanceProblem(
+        settings.robot, space, weights, pose, np.array(settings.goal), durations
+    )
     if weights.control_rate > 0.0:
         return ControlRateProblem(problem, weights.control_rate, held[0])
     return problem

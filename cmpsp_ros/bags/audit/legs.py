@@ -178,9 +178,9 @@ def _runs(
 
 def _begin_of(first: DecisionRecord, settings: GuidanceSettings) -> int:
     """Time 0 [ns] of a run of which decisions before this one were not recorded, if any."""
-    elapsed = first.step * settings.control_period
+    elapsed: float = first.step * settings.control_period
     goal, left = first.goal, first.time_left
     if first.step and goal is not None and 0.0 < left < math.inf:
         # The time that is left is that to the last goal.
         elapsed = max(goal.time, 0.0 if first.goals_received else settings.final_time) - left
-    return max(first.stamp - to_nanoseconds(elapsed), 0)
+    return max(int(first.stamp) - to_nanoseconds(elapsed), 0)

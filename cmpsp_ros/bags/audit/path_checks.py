@@ -176,8 +176,9 @@ def commanded(record: AuditRecord) -> Verdict:
 def _effect_delay(settings: GuidanceSettings, decision: DecisionRecord | None) -> float:
     """Delay from a command to its effect, as it was estimated when the command was decided [s]."""
     if decision is not None and decision.response_delay is not None:
-        return decision.response_delay
-    return settings.command_delay + (0.0 if decision is None else decision.wheel_lag)
+        return float(decision.response_delay[0])
+    lag = None if decision is None else decision.wheel_lag
+    return settings.command_delay + (0.0 if lag is None else float(lag[0]))
 
 
 def jumps(record: AuditRecord) -> Verdict:

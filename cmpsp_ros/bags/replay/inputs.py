@@ -9,7 +9,7 @@ goals, obstacles and plans had arrived by then (`halted`, `late`, `skipped`, `ru
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -93,16 +93,13 @@ class Inputs:
     """The inputs of a recorded guidance law; can be iterated over once.
 
     Attributes:
-        skipped: Decisions before the first run in the bag; the law's state at that time is not in
-            the bag.
+        skipped: Decisions before the first run in the bag, of a law whose state is unknown.
+
+    Raises:
+        BagError: A topic or the parameters are missing, or cannot be used.
     """
 
     def __init__(self, bag: Bag, names: Names) -> None:
-        """Read the parameters and look for the topics.
-
-        Raises:
-            BagError: A topic or the parameters are missing, or cannot be used.
-        """
         self._bag, self._node = bag, names.node
         self._parameters = NodeParameters(bag, names.node)
         self.skipped = 0
@@ -112,24 +109,21 @@ class Inputs:
 
     @property
     def values(self) -> Values:
-        """The parameters, after all that was read by now."""
+        """The parameters, after all changes read so far."""
         return self._parameters.values
 
     @property
     def given(self) -> frozenset[str]:
-        """Keys of the parameters that the recording has; the others are defaults."""
+        """Keys of the recorded parameters; the others are defaults."""
         return self._parameters.given
 
     def __iter__(self) -> Iterator[Input]:
-        """Read on.
-
-        Raises:
-            BagError: The bag is damaged, or lacks something that the law received.
-        """
+        """Iterate; raises `BagError` where the bag is damaged or lacks an input."""
         before: DecisionRecord | None = None
-        # Whether all odometry since the last decision was received, or some may have been refused.
+        recording = self._recording
+        # False where some odometry since the last decision may have been refused.
         received_all = False
-        for decision in self._recording.decisions():
+        for decision in recording.decisions():
             if before is None and decision.step > 0:
                 self.skipped += 1
                 continue
@@ -143,13 +137,15 @@ class Inputs:
             else:
                 yield from self._beforehand(before, decision)
             goals = self._goals(None if begins else before, decision)
-            if decision.halted:
-                yield from goals
-                yield Halted(decision)
-            elif odometry is None:
+            if odometry is None and not decision.halted:
                 yield self._missing(decision)
             else:
-                yield from self._received(odometry, decision, goals)
+                yield from goals
+            if decision.halted:
+                yield Halted(decision)
+            elif odometry is not None:
+                tracks, sighting = recording.tracks(decision), recording.sighting(decision)
+                yield OdometryReceived(odometry, decision, tracks=tracks, sighting=sighting)
             before, received_all = decision, not decision.halted and not decision.late
         if before is None:
             raise BagError(
@@ -158,12 +154,12 @@ class Inputs:
             )
 
     def _find(self, decision: DecisionRecord) -> OdometrySample | None:
-        waiting, stamp, before = self._recording.odometry, decision.stamp, self._pose
+        stamp, before = decision.stamp, self._pose
         if decision.pose is not None:
             found = [OdometrySample(decision.received, stamp, np.array(decision.pose))]
         else:
-            found = [each for each in waiting if each.stamp == stamp]
-        if before is not None and len(found) > 1:
+            found = [each for each in self._recording.odometry if each.stamp == stamp]
+        if before is not None:
             # Of two sources the node follows the one that does not jump.
             found.sort(key=lambda each: math.dist(each.pose[:2], before[:2]))
         self._pose = found[0].pose if found else before
@@ -173,22 +169,9 @@ class Inputs:
         """Odometry before the one wanted, on which no decision was made."""
         waiting = self._recording.odometry
         while (each := waiting.popleft()) is not wanted:
-            # What is newer than what was decided on the node heard after it: another source.
+            # The node received newer odometry after the decision: it is of another source.
             if received_all and each.stamp < wanted.stamp:
-                yield from self._received(each, None)
-
-    def _received(
-        self,
-        odometry: OdometrySample,
-        decision: DecisionRecord | None,
-        goals: Iterable[GoalReceived] = (),
-    ) -> Iterator[Input]:
-        yield from goals
-        if decision is None:
-            yield OdometryReceived(odometry, None)
-            return
-        tracks, sighting = self._recording.tracks(decision), self._recording.sighting(decision)
-        yield OdometryReceived(odometry, decision, tracks=tracks, sighting=sighting)
+                yield OdometryReceived(each, None)
 
     def _began(self, decision: DecisionRecord, *, again: bool) -> Iterator[Input]:
         began = 0
@@ -200,18 +183,15 @@ class Inputs:
 
     def _beforehand(self, before: DecisionRecord, decision: DecisionRecord) -> Iterator[Input]:
         """What happened to the law since the decision before, apart from odometry."""
-        if decision.revision is None or before.revision is None:
-            self._refuse_to_guess(decision)
-        else:
-            for _ in range(decision.revision - before.revision):
-                if not self._has_change():
-                    raise BagError(
-                        f'{self._bag.path}: found a decision (stamp {decision.stamp}) after live'
-                        f' change {decision.revision} of the parameters of {self._node}, wanted'
-                        ' that change in /parameter_events'
-                    )
-                self._change(used=True)
-                yield ParametersChanged(self.values)
+        for _ in range(decision.revision - before.revision):
+            if not self._has_change():
+                raise BagError(
+                    f'{self._bag.path}: found a decision (stamp {decision.stamp}) after live'
+                    f' change {decision.revision} of the parameters of {self._node}, wanted'
+                    ' that change in /parameter_events'
+                )
+            self._change(used=True)
+            yield ParametersChanged(self.values)
         if decision.run != before.run or decision.step < before.step:
             yield RunReset()
 
@@ -244,14 +224,6 @@ class Inputs:
         if received >= since:
             self._parameters.change(received, changes, used=used)
 
-    def _refuse_to_guess(self, decision: DecisionRecord) -> None:
-        if self._has_change(until=decision.received):
-            raise BagError(
-                f'{self._bag.path}: found parameters of {self._node} that were changed live,'
-                f' wanted decisions that say from which on (this recording is of version'
-                f' {self._bag.version}, before they did)'
-            )
-
     def _missing(self, decision: DecisionRecord) -> OdometryMissing:
         if not self._recording.odometry and self._recording.unusable:
             raise BagError(f'{self._bag.path}: no usable odometry: {self._recording.unusable}')
@@ -260,9 +232,5 @@ class Inputs:
 
 def _began_anew(before: DecisionRecord, decision: DecisionRecord) -> bool:
     """Whether another law than before decides: the node was configured or started again."""
-    if before.run is None or decision.run is None:
-        return False
-    if before.revision is None or decision.revision is None:
-        return False
     again = decision.run == before.run and decision.step < before.step
-    return decision.run < before.run or decision.revision < before.revision or again
+    return bool(decision.run < before.run or decision.revision < before.revision or again)

@@ -1,11 +1,12 @@
-"""What the guidance node received and published, read from its bag in one pass."""
+"""Inputs and outputs of a guidance node, read from its bag in one pass."""
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 from cmpsp_ros.arrays import Array
@@ -27,27 +28,21 @@ from cmpsp_ros.guidance.messages import (
 from cmpsp_ros.sensing import Sighting, grid_of, stamp_of
 
 _SLACK = 1_000_000_000
-"""By how much messages that belong together may lie apart in a bag [ns]."""
+"""Maximum time in a bag between messages that belong together [ns]."""
 
 _LATE = 50_000_000
-"""By how much a command may come into the bag after its decision [ns]."""
+"""Maximum time by which a command comes into the bag after its decision [ns]."""
 
-_MOST = 10_000
+_MAX_MESSAGES = 10_000
 """Messages of a topic that are kept: more than any robot sends in `_SLACK`."""
 
-_MOST_TRACKS = 100_000
-"""Sightings of obstacles that move, of all of them, that are kept."""
+_MAX_TRACKS = 100_000
+"""Readings of moving obstacles that are kept."""
 
 
 @dataclass(frozen=True)
 class OdometrySample:
-    """Odometry on which a decision can be made.
-
-    Attributes:
-        received: Time of reception by the recorder [ns].
-        stamp: Its own time stamp [ns].
-        pose: Pose, shape ``(3,)`` [m, m, rad].
-    """
+    """Usable odometry: time of reception and stamp [ns], pose ``(3,)`` [m, m, rad]."""
 
     received: int
     stamp: int
@@ -56,6 +51,12 @@ class OdometrySample:
 
 class Recording:
     """The messages of one guidance node, each kept only as long as it may be needed.
+
+    Args:
+        bag: An open bag.
+        names: Names of node and topics.
+        frame_id: Frame in which odometry is usable.
+        others: Namespaces of the robots whose plans it receives.
 
     Attributes:
         odometry: Read and not yet used, in order.
@@ -66,38 +67,30 @@ class Recording:
     """
 
     def __init__(self, bag: Bag, names: Names, frame_id: str, others: Iterable[str] = ()) -> None:
-        """Check that the bag has the inputs and outputs of a guidance node.
-
-        Args:
-            bag: An open bag.
-            names: Names of node and topics.
-            frame_id: Frame in which odometry is usable.
-            others: Namespaces of the robots whose plans it receives.
-
-        Raises:
-            BagError: A topic is missing.
-        """
-        self._others = names.others(others)
-        # Of a node that says which goals it has heard these are all, and in its own frame.
-        self._goal_pose = bag.as_decided_on(names.node, 'goal_pose')
-        self._moving = names.moving, f'{names.node}/moving_obstacles'
-        optional = (
-            EVENTS,
-            names.cmd_vel,
-            names.path,
-            *self._moving,
-            names.sighting,
-            self._goal_pose,
-            *self._others,
-        )
         self._bag, self._names, self._frame_id = bag, names, frame_id
-        there = (topic for topic in optional if topic in bag.topics)
+        # Of a node that says which goals it has heard these are all, and in its own frame.
+        goal_pose = bag.as_decided_on(names.node, 'goal_pose')
+        self._read: dict[str, Callable[[int, Any], None]] = {
+            names.odom: self._read_odometry,
+            EVENTS: self._read_change,
+            names.cmd_vel: self._read_command,
+            names.path: self._read_path,
+            names.moving: self._read_tracks,
+            f'{names.node}/moving_obstacles': self._read_tracks,
+            names.sighting: self._read_sighting,
+            goal_pose: self._read_goal,
+            **{
+                topic: partial(self._read_peer, namespace)
+                for topic, namespace in names.others(others).items()
+            },
+        }
+        there = [topic for topic in self._read if topic in bag.topics and topic != names.odom]
         self._topics = [names.odom, names.decision, *there]
-        self.odometry: deque[OdometrySample] = deque(maxlen=_MOST)
+        self.odometry: deque[OdometrySample] = deque(maxlen=_MAX_MESSAGES)
         self.unusable = ''
         self.changes: deque[tuple[int, dict[str, Any]]] = deque()
-        self.goals: deque[tuple[int, int, Goal]] = deque(maxlen=_MOST)
-        self._commands: deque[tuple[int, tuple[float, float, float]]] = deque(maxlen=_MOST)
+        self.goals: deque[tuple[int, int, Goal]] = deque(maxlen=_MAX_MESSAGES)
+        self._commands: deque[tuple[int, tuple[float, float, float]]] = deque(maxlen=_MAX_MESSAGES)
         self._paths: dict[int, tuple[Waypoint, ...]] = {}
         self._tracks: dict[tuple[int | str, int], MovingObject] = {}
         self._sightings: dict[int, Sighting] = {}
@@ -117,14 +110,16 @@ class Recording:
                 pending.append(DecisionRecord.of(f'{self._bag.path}: {topic}', received, message))
             else:
                 try:
-                    self._take(topic, received, message)
+                    self._read[topic](received, message)
                 except (AttributeError, TypeError, ValueError) as error:
                     raise BagError(
                         f'{self._bag.path}: {topic}: found a message that is none of its type at'
                         f' {received} ns: {error}'
                     ) from error
-            if max(len(pending), len(self._paths), len(self.changes)) > _MOST:
-                raise BagError(f'{self._bag.path}: found over {_MOST} decisions within a second')
+            if max(len(pending), len(self._paths), len(self.changes)) > _MAX_MESSAGES:
+                raise BagError(
+                    f'{self._bag.path}: found over {_MAX_MESSAGES} decisions within a second'
+                )
         while pending:
             yield self._complete(pending.popleft())
 
@@ -163,52 +158,58 @@ class Recording:
             )
         return self._sightings[stamp]
 
-    def _take(self, topic: str, received: int, message: Any) -> None:
-        if topic == self._names.odom:
-            try:
-                pose = OdometryReading.of(message).pose_in(self._frame_id)
-            except OdometryError as error:
-                self.unusable = self.unusable or str(error)
-            else:
-                self.odometry.append(OdometrySample(received, stamp_of(message), pose))
-        elif topic == self._names.cmd_vel:
-            twist = getattr(message, 'twist', message)
-            command = twist.linear.x, twist.linear.y, twist.angular.z
-            self._commands.append((received, command))
-        elif topic in self._moving:
-            with suppress(TrackError):
-                self._note(tracks_of(message, self._frame_id))
-        elif topic == self._names.sighting:
-            stamp = stamp_of(message)
-            self._sightings[stamp] = Sighting(stamp, grid_of(message, self._frame_id))
-        elif topic in self._others:
-            with suppress(TrackError):
-                self._note([PeerTrajectory.of(message, self._others[topic], self._frame_id)])
-        elif topic == self._goal_pose:
-            # What the node refuses at sight never reaches the law.
-            with suppress(GoalError):
-                self.goals.append((received, *goal_of(message, self._frame_id)))
-        elif topic == self._names.path:
-            poses = [each.pose for each in message.poses]
-            # A robot that stands says so with one pose, and that is no plan.
-            if len(poses) != 1:
-                self._paths[stamp_of(message)] = tuple(
-                    (each.position.x, each.position.y, each.orientation.z, each.orientation.w)
-                    for each in poses
-                )
-        elif (changed := changes_in(message, self._names.node)) is not None:
+    def _read_odometry(self, received: int, message: Any) -> None:
+        try:
+            pose = OdometryReading.of(message).pose_in(self._frame_id)
+        except OdometryError as error:
+            self.unusable = self.unusable or str(error)
+        else:
+            self.odometry.append(OdometrySample(received, stamp_of(message), pose))
+
+    def _read_command(self, received: int, message: Any) -> None:
+        twist = getattr(message, 'twist', message)
+        self._commands.append((received, (twist.linear.x, twist.linear.y, twist.angular.z)))
+
+    def _read_tracks(self, _received: int, message: Any) -> None:
+        # The node refused invalid ones, too.
+        with suppress(TrackError):
+            self._note(tracks_of(message, self._frame_id))
+
+    def _read_peer(self, namespace: str, _received: int, message: Any) -> None:
+        with suppress(TrackError):
+            self._note([PeerTrajectory.of(message, namespace, self._frame_id)])
+
+    def _read_sighting(self, _received: int, message: Any) -> None:
+        stamp = stamp_of(message)
+        self._sightings[stamp] = Sighting(stamp, grid_of(message, self._frame_id))
+
+    def _read_goal(self, received: int, message: Any) -> None:
+        # The node refuses an invalid goal before it reaches the law.
+        with suppress(GoalError):
+            self.goals.append((received, *goal_of(message, self._frame_id)))
+
+    def _read_path(self, _received: int, message: Any) -> None:
+        # A robot at rest publishes a single pose, and that is no plan.
+        if len(message.poses) != 1:
+            poses = (each.pose for each in message.poses)
+            self._paths[stamp_of(message)] = tuple(
+                (each.position.x, each.position.y, each.orientation.z, each.orientation.w)
+                for each in poses
+            )
+
+    def _read_change(self, received: int, message: Any) -> None:
+        if (changed := changes_in(message, self._names.node)) is not None:
             self.changes.append((received, changed))
 
     def _note(self, tracks: Iterable[MovingObject]) -> None:
-        """Keep a received message; the node refused invalid ones, too."""
         for each in tracks:
             self._tracks[each.key] = max(each, self._tracks.get(each.key, each))
-        while len(self._tracks) > _MOST_TRACKS:
+        while len(self._tracks) > _MAX_TRACKS:
             del self._tracks[next(iter(self._tracks))]
 
     def _complete(self, decision: DecisionRecord) -> DecisionRecord:
         if self._first:
-            # Commands whose decisions the recorder came too late for.
+            # Commands whose decisions came before the recorder.
             while len(self._commands) > 1 and self._commands[1][0] < decision.received:
                 self._commands.popleft()
             self._first = False

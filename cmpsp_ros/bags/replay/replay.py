@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+import math
+import re
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -12,23 +14,104 @@ from cmpsp_ros.bags.decision_record import DecisionRecord
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.names import Names
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.replay.comparison import Comparison, Difference
 from cmpsp_ros.bags.replay.follower import Follower
-from cmpsp_ros.bags.replay.inputs import (
-    GoalReceived,
-    Halted,
-    Input,
-    Inputs,
-    OdometryMissing,
-    OdometryReceived,
-    ParametersChanged,
-    RunReset,
-    RunStarted,
-)
-from cmpsp_ros.guidance import Decision, GuidanceSettings
+from cmpsp_ros.bags.replay.inputs import Halted, Input, Inputs, OdometryMissing, OdometryReceived
+from cmpsp_ros.guidance import FIELDS, Decision, GuidanceSettings, decision_to_key_values, waypoints
 from cmpsp_ros.parameters import ParameterError, Values, guidance_settings
+from cmpsp_ros.robots import with_side
 
 _OF_THIS_LAW: Final = ('solver.candidates', 'solver.initial_iterations')
+
+
+Pairs = Iterator[tuple[str, str | None, str | None]]
+
+_COMPARED = [key for each in FIELDS.values() if not each.is_input for key in each.keys]
+
+_NUMBER = re.compile(r'-?\d+(\.\d+)?(e[+-]?\d+)?')
+_FRACTION = re.compile(r'-?(\d+\.\d+(e[+-]?\d+)?|\d+e[+-]?\d+|inf|nan)')
+
+
+@dataclass(frozen=True)
+class Difference:
+    """A field that differs between replay and recording.
+
+    Attributes:
+        number: Number of the decision in the bag, from 1.
+        stamp: Stamp of its odometry [ns].
+        field: The field that differs.
+        recorded, replayed: Its values.
+    """
+
+    number: int
+    stamp: int
+    field: str
+    recorded: str
+    replayed: str
+
+    def __str__(self) -> str:
+        return (
+            f'decision {self.number} (stamp {self.stamp} ns): {self.field}:'
+            f' recorded {self.recorded}, replayed {self.replayed}'
+        )
+
+
+class Comparison:
+    """Comparison of decisions, bit by bit or within a tolerance.
+
+    Args:
+        tolerance: Difference up to which floats count as equal: relative, and below 1 absolute;
+            None for bit by bit. With a tolerance, numbers in sentences are left out.
+    """
+
+    def __init__(self, tolerance: float | None = None) -> None:
+        self._tolerance = tolerance
+
+    def differences(
+        self, number: int, recorded: DecisionRecord, decision: Decision
+    ) -> Iterator[Difference]:
+        """Iterate over the fields that differ, computing times excepted."""
+        for field, one, other in _pairs(recorded, decision):
+            if one != other and not self._close(one, other):
+                yield Difference(
+                    number, recorded.stamp, field, one or 'nothing', other or 'nothing'
+                )
+
+    def _close(self, recorded: str | None, replayed: str | None) -> bool:
+        if self._tolerance is None or recorded is None or replayed is None:
+            return False
+        if _FRACTION.fullmatch(recorded) and _FRACTION.fullmatch(replayed):
+            one, other = float(recorded), float(replayed)
+            return math.isclose(one, other, rel_tol=self._tolerance, abs_tol=self._tolerance)
+        if ' ' in recorded:
+            return _NUMBER.sub('#', recorded) == _NUMBER.sub('#', replayed)
+        return False
+
+
+def _pairs(recorded: DecisionRecord, decision: Decision) -> Pairs:
+    """Every field, as recorded and as decided, in text."""
+    now = decision_to_key_values(decision)
+    for key in _COMPARED:
+        yield key, recorded.entries.get(key), now.get(key)
+    yield 'reason', recorded.reason, decision.reason
+    if recorded.command is not None:
+        names = ('command.linear.x', 'command.linear.y', 'command.angular.z')
+        twist = with_side(decision.twist).tolist()
+        for name, one, other in zip(names, recorded.command, twist, strict=True):
+            yield name, repr(one), repr(other)
+    if recorded.path is not None:
+        yield from _waypoint_pairs(recorded, decision)
+
+
+def _waypoint_pairs(recorded: DecisionRecord, decision: Decision) -> Pairs:
+    path, plan = recorded.path or (), decision.plan
+    points = () if plan is None else waypoints(plan)
+    yield 'plan.poses', str(len(path)), str(len(points))
+    # Waypoints are mostly equal, and many.
+    if tuple(points) == path:
+        return
+    for index, (one, other) in enumerate(zip(path, points, strict=False)):
+        for name, first, second in zip(('x', 'y', 'turn.z', 'turn.w'), one, other, strict=True):
+            yield f'plan.poses[{index}].{name}', repr(first), repr(second)
 
 
 @dataclass
@@ -38,13 +121,13 @@ class ReplayOutcome:
     Attributes:
         software: Software installed where the bag was recorded, by name.
         decisions: Decisions compared.
-        stops: Of them, stops that odometry does not show; their reason is taken as recorded.
-        commands: Of them, those whose command was recorded and compared too.
-        plans: Of them, those whose plan was recorded and compared too.
-        skipped: Decisions before the first run in the bag; they cannot be replayed.
+        stops: Stops among them that odometry does not show; their reason is taken as recorded.
+        commands: Decisions whose command was recorded and compared too.
+        plans: Decisions whose plan was recorded and compared too.
+        skipped: Decisions before the first run in the bag, which cannot be replayed.
         differing: Decisions that differ.
-        differences: Total number of fields that differ.
-        first: The first of them; None when there is none.
+        differences: Number of fields that differ.
+        first: The first difference, if any.
     """
 
     software: Mapping[str, str]
@@ -58,7 +141,6 @@ class ReplayOutcome:
     first: Difference | None = None
 
     def __str__(self) -> str:
-        """Summary in a few lines."""
         lines = [f'identical: {self.decisions} decisions']
         if self.first is not None:
             lines = [
@@ -71,9 +153,10 @@ class ReplayOutcome:
         if self.skipped:
             lines.append(f'left out: {self.skipped} decisions of a run that began unrecorded')
         if self.first is not None:
+            installed = {'cmpsp_ros': own_version(), **software_versions()}
             lines += [
                 f'recorded with {name} {self.software.get(name, "unknown")}, replayed with {here}'
-                for name, here in _installed().items()
+                for name, here in installed.items()
                 if self.software.get(name) != here
             ]
         return '\n'.join(lines)
@@ -91,17 +174,8 @@ class ReplayOutcome:
             self.first = self.first or differences[0]
 
 
-def _installed() -> dict[str, str]:
-    return {'cmpsp_ros': own_version(), **software_versions()}
-
-
 def replay(path: Path, names: Names, tolerance: float | None = None) -> ReplayOutcome:
-    """Replay a bag, and compare.
-
-    Args:
-        path: The bag.
-        names: Names of the recorded node and its topics.
-        tolerance: As in `Comparison`.
+    """Replay a bag, and compare, with a tolerance as in `Comparison`.
 
     Raises:
         BagError: Not a bag, or it does not hold what a replay needs.
@@ -116,72 +190,50 @@ def replay(path: Path, names: Names, tolerance: float | None = None) -> ReplayOu
     with Bag(path) as bag:
         inputs = Inputs(bag, names)
         settings_of(inputs.values)
-        _refuse_another_law(path, names, inputs.given)
+        # A law without these parameters decided differently.
+        if missing := [key for key in _OF_THIS_LAW if key not in inputs.given]:
+            raise BagError(
+                f'{path}: found no {missing[0]} among the parameters of {names.node}, wanted a'
+                ' recording of a law that has it: the one before decided otherwise'
+            )
         outcome = ReplayOutcome({'cmpsp_ros': bag.version or 'unknown', **bag.software})
         follower, comparison = Follower(settings_of), Comparison(tolerance)
         for event in inputs:
-            if isinstance(event, RunStarted | ParametersChanged | RunReset | GoalReceived):
-                _prepare(event, follower, path)
-                continue
-            for recorded, differences in _compare(event, follower, comparison, outcome.decisions):
-                outcome.add(recorded, differences)
+            try:
+                _take(event, follower, comparison, outcome)
+            except BagError:
+                raise
+            except Exception as error:
+                raise BagError(
+                    f'{path}: the parameters make no guidance law: {type(error).__name__}: {error}'
+                ) from error
         outcome.skipped = inputs.skipped
         return outcome
 
 
-def _refuse_another_law(path: Path, names: Names, given: Collection[str]) -> None:
-    """Refuse recordings of a law without these parameters: it decided differently."""
-    missing = [key for key in _OF_THIS_LAW if key not in given]
-    if missing:
-        raise BagError(
-            f'{path}: found no {missing[0]} among the parameters of {names.node}, wanted a'
-            ' recording of a law that has it: the one before decided otherwise'
-        )
-
-
-def _compare(
-    event: OdometryReceived | Halted | OdometryMissing,
-    follower: Follower,
-    comparison: Comparison,
-    before: int,
-) -> Iterator[tuple[DecisionRecord | None, list[Difference]]]:
-    """Feed an input; returns the decision on it, if any, and its differences."""
-    number = before + 1
+def _take(event: Input, follower: Follower, comparison: Comparison, outcome: ReplayOutcome) -> None:
+    """Feed an input to the law, and compare the decision on it, if there is one."""
+    number = outcome.decisions + 1
     match event:
         case OdometryReceived(odometry, None):
             # It is not fed, so that what follows can still be compared.
             if follower.law.is_due(odometry.stamp):
-                missing_decision = Difference(
-                    number, odometry.stamp, 'decision', 'nothing', 'one is due'
-                )
-                yield None, [missing_decision]
+                due = Difference(number, odometry.stamp, 'decision', 'nothing', 'one is due')
+                outcome.add(None, [due])
         case OdometryMissing(recorded):
             text = 'nothing, for the odometry that it answers is not in the bag'
-            yield recorded, [Difference(number, recorded.stamp, 'decision', 'one', text)]
+            outcome.add(recorded, [Difference(number, recorded.stamp, 'decision', 'one', text)])
         case OdometryReceived(_, DecisionRecord() as recorded) | Halted(recorded):
-            decision = _decision(event, follower)
+            try:
+                decision: Decision | str = follower.follow(event) or 'nothing, for none is due'
+            except BagError:
+                raise
+            except Exception as error:
+                decision = f'{type(error).__name__}: {error}'
             if isinstance(decision, Decision):
-                yield recorded, list(comparison.differences(number, recorded, decision))
+                differences = list(comparison.differences(number, recorded, decision))
             else:
-                yield recorded, [Difference(number, recorded.stamp, 'decision', 'one', decision)]
-
-
-def _prepare(event: Input, follower: Follower, path: Path) -> None:
-    try:
-        follower.follow(event)
-    except BagError:
-        raise
-    except Exception as error:
-        raise BagError(
-            f'{path}: the parameters make no guidance law: {type(error).__name__}: {error}'
-        ) from error
-
-
-def _decision(event: Input, follower: Follower) -> Decision | str:
-    """The decision on an input, or the reason that there is none."""
-    try:
-        return follower.follow(event) or 'nothing, for none is due'
-    except BagError:
-        raise
-    except Exception as error:
-        return f'{type(error).__name__}: {error}'
+                differences = [Difference(number, recorded.stamp, 'decision', 'one', decision)]
+            outcome.add(recorded, differences)
+        case _:
+            follower.follow(event)

@@ -12,13 +12,15 @@ from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
 from cmpsp_ros.guidance.planning.candidate import Candidate
 from cmpsp_ros.guidance.planning.plan_selector import PlanSelector
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
-from cmpsp_ros.guidance.planning.stagnation import PATIENCE, reason_to_wait
 from cmpsp_ros.guidance.prediction.estimator import Estimate, Observation, PlanStart
 from cmpsp_ros.guidance.safety.approach import STANDSTILL, Approach, Contact
 from cmpsp_ros.guidance.safety.audit import TOUCHING, Audit, Verdict
 from cmpsp_ros.guidance.safety.fallback import Fallback, clear_fraction
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.state import LawState
+
+PATIENCE: Final = 3
+"""Control steps for which a plan that gains too little is driven: it may yet be improved."""
 
 _TINY: Final = 1e-6
 """Of lengths and of angles [m, rad]."""
@@ -217,7 +219,7 @@ class Supervisor:
         # Before a moving obstacle it is not safe to wait.
         if not len(context.start.moving):
             idle_steps = PATIENCE if is_near else mission.idle_steps
-            why, mission.idle_steps = reason_to_wait(idle_steps, context, selected)
+            why, mission.idle_steps = _reason_to_wait(idle_steps, context, selected)
         if closed is not None:
             if (why and is_near) or mission.closed_road.comes_no_nearer(closed, state.clock.now):
                 return mission.closed_road.wait_before(closed)
@@ -331,6 +333,29 @@ class Supervisor:
     def _drop_plan_after_failures(self, state: LawState) -> None:
         if state.following.failures >= self._settings.failure_tolerance:
             self.drop_plan(state)
+
+
+def _reason_to_wait(
+    idle_steps: int, context: PlanningContext, selected: Candidate
+) -> tuple[str, int]:
+    """Reason to wait rather than follow a plan that soon gets no nearer to the goal, or empty.
+
+    A closed road leaves time over. Nothing in the cost keeps a robot from spending it on the move,
+    to and fro before what is in its way, clear of everything and to no end.
+
+    Returned with the idle steps, this one included: those that brought the goal no nearer, since
+    a plan could reach it.
+    """
+    if not (selected.result.elastic and selected.result.slack_terminal):
+        return '', 0
+    # Patience comes back with the goal only: else it would be spent on driving to and fro.
+    if context.is_gaining(selected.plan):
+        return '', idle_steps
+    if idle_steps < PATIENCE:
+        return '', idle_steps + 1
+    error = selected.terminal_error
+    reason = f'The robot waits: no plan soon gets it nearer to the goal, {error:.3g} m off at best.'
+    return reason, idle_steps + 1
 
 
 def _turns(plan: Plan) -> bool:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -18,27 +17,12 @@ from cmpsp_ros.guidance.formulation.ocp_functions import (
     GuidanceData,
     TerminalConstraint,
 )
+from cmpsp_ros.guidance.solver_settings import Weights
 from cmpsp_ros.mpsp import Dimensions, Evaluation, Hessian, Linearisation, OptimalControlProblem
 from cmpsp_ros.mpsp.qp.active_set import derivatives_in
 from cmpsp_ros.mpsp.qp.riccati import row_type, stage_type
 from cmpsp_ros.robots import Robot
 from cmpsp_ros.world import FreeSpace
-
-
-@dataclass(frozen=True)
-class Cost:
-    """Weights of the cost, each with the factor 1/2 of (95).
-
-    Attributes:
-        road_center: ``q``, on the squared distance to the centre line [1/m^2].
-        control_change: ``R``, on the squared change between iterations [s^2/rad^2]; it enters the
-            Hessian alone, since at the trajectory that is linearised nothing has changed.
-        control_effort: On the squared controls [s^2/rad^2].
-    """
-
-    road_center: float
-    control_change: float
-    control_effort: float
 
 
 class GuidanceProblem(OptimalControlProblem):
@@ -54,7 +38,7 @@ class GuidanceProblem(OptimalControlProblem):
         self,
         robot: Robot,
         space: FreeSpace,
-        cost: Cost,
+        weights: Weights,
         pose: Array,
         goal: Array,
         durations: Array,
@@ -67,7 +51,7 @@ class GuidanceProblem(OptimalControlProblem):
         Args:
             robot: Kinematics and wheel-speed limit.
             space: Free space of the robot's discs at the samples.
-            cost: Weights of the cost.
+            weights: Weights of the cost; those of its rates are not used.
             pose: Present pose, shape ``(3,)`` [m, m, rad].
             goal: Point to pass at the end, shape ``(2,)`` [m].
             durations: Length of every step, shape ``(N,)`` [s].
@@ -87,7 +71,7 @@ class GuidanceProblem(OptimalControlProblem):
         self.control_lower = -self.control_upper
         self.target = target_of(goal, heading, outputs)
         self.data = guidance_data(
-            robot, space, cost, pose, goal, durations, heading=heading, progress=progress
+            robot, space, weights, pose, goal, durations, heading=heading, progress=progress
         )
 
     def predict(self, U: Array) -> Array:
@@ -117,7 +101,7 @@ class GuidanceProblem(OptimalControlProblem):
 def guidance_data(
     robot: Robot,
     space: FreeSpace,
-    cost: Cost,
+    weights: Weights,
     pose: Array,
     goal: Array,
     durations: Array,
@@ -144,9 +128,9 @@ def guidance_data(
         data,
         goal=goal,
         heading=heading,
-        road_center=cost.road_center,
-        control_change=cost.control_change,
-        control_effort=cost.control_effort,
+        road_center=weights.road_center,
+        control_change=weights.control_change,
+        control_effort=weights.control_effort,
         hessian=CostHessian[hessian.upper()],
     )
 
@@ -157,12 +141,6 @@ def with_parameters(data: GuidanceData, **changes: Any) -> GuidanceData:
     for name, value in changes.items():
         parameters[name] = value
     return data._replace(parameters=parameters)
-
-
-def begun_at(data: GuidanceData, pose: Array, durations: Array, progress: float) -> GuidanceData:
-    """The same problem from another pose; arguments as of `GuidanceData`."""
-    # `_replace` takes several times as long.
-    return GuidanceData(pose, progress, durations, *data[3:])
 
 
 def target_of(goal: Array, heading: float, outputs: int) -> Array:

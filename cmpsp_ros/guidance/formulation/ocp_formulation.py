@@ -1,16 +1,20 @@
-"""The optimal control problem of a step as the settings pose it: weights, penalties, free space."""
+"""The optimal control problem as settings and world pose it: penalties and free space.
+
+Inside road and obstacles every point of the path keeps the robot's radius and the margin. Samples
+keep more, so that the path between them does.
+"""
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from types import MappingProxyType
+from typing import Any, Final
 
 import numpy as np
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.guidance.formulation.constraint_tightening import goal_space, sample_space
-from cmpsp_ros.guidance.formulation.guidance_problem import Cost
 from cmpsp_ros.guidance.formulation.ocp_functions import N_EDGE_CONSTRAINTS, TerminalConstraint
-from cmpsp_ros.guidance.formulation.priorities import PENALTIES
 from cmpsp_ros.guidance.goals import Target
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.world import World
@@ -18,23 +22,33 @@ from cmpsp_ros.mpsp.models import rate_rows
 from cmpsp_ros.world import FreeSpace, at_ends
 from cmpsp_ros.world.obstacles import NOTHING_MOVES, MovingDiscs
 
+PENALTIES: Final = MappingProxyType({'obstacle': 1e4, 'edge': 3e3, 'terminal_error': 1e3})
+"""Cost of violating a constraint by a metre, in the merit function and in elastic mode [1/m].
+
+The heavier outranks the lighter, however little of it is violated. The names are those of
+`candidate.Score`. The trajectory check knows no order: no first arc may touch an edge or an
+obstacle.
+"""
+
+BY_PRIORITY: Final = tuple(sorted(PENALTIES, key=lambda each: -PENALTIES[each]))
+"""Kinds of constraints; the one relaxed last comes first."""
+
 # Without a wheel limit the arcs between samples are the plan's own, with this reserve for a result
 # of the iterations that is faster or turns faster.
-_RESERVE = 1.1
+_RESERVE: Final = 1.1
 
-# Goals are few at a time; those of a long run are not all remembered.
-_MAX_ENDS = 64
+_MAX_ENDS: Final = 64
+"""Goals whose spaces are remembered."""
 
 
 class OcpFormulation:
-    """What every plan for one set of settings, and so many obstacles, has in common.
+    """Common part of all plans for one set of settings, and so many obstacles.
 
     Attributes:
         settings: All settings of the guidance law.
-        world: Road and static obstacles that it was asked about last.
-        cost: Weights of the cost.
-        penalty_path: Weight of each path constraint, shape ``(D (2 + M + S) + R,)`` [1/m]: of every
-            disc edges first, then static obstacles and the slots of moving ones; limits of wheels.
+        world: Road and static obstacles of the last question.
+        penalty_path: Weight of each path constraint, shape ``(D (2 + M + S) + R,)`` [1/m]: for
+            every disc edges, static obstacles and slots of moving ones, then limits of wheels.
         heading_trust_region: Largest change of heading in one iteration, infinite for none [rad].
         remembers_control: Whether the previous control is part of the state: it has a cost, or a
             limit.
@@ -43,11 +57,9 @@ class OcpFormulation:
     def __init__(self, settings: LawSettings, world: World) -> None:
         """Take weights from the settings, and the number of constraints from the world."""
         self.settings = settings
-        weights = settings.weights
-        self.cost = Cost(weights.road_center, weights.control_change, weights.control_effort)
         self._slots = settings.moving_obstacles.slots
         obstacles = len(world.shapes) + self._slots
-        # What exceeds its limits the robot cannot do: that is never relaxed.
+        # The robot cannot exceed its own limits: they are never relaxed.
         changes = rate_rows(settings.max_wheel_change, settings.robot.rate_limits)
         self.penalty_path = np.array(
             len(settings.footprint.centers)
@@ -55,56 +67,16 @@ class OcpFormulation:
             + [math.inf] * (settings.robot.limit_rows + changes)
         )
         self.heading_trust_region = settings.solver.heading_trust_region or math.inf
-        self.remembers_control = weights.control_rate > 0.0 or changes > 0
-        self._by_guess = settings.safety.between_samples and math.isinf(
-            settings.robot.max_wheel_speed
-        )
-        self._take(world)
+        self.remembers_control = settings.weights.control_rate > 0.0 or changes > 0
+        is_unlimited = math.isinf(settings.robot.max_wheel_speed)
+        self._by_guess = settings.safety.between_samples and is_unlimited
+        self._use(world)
 
-    def _take(self, world: World) -> None:
+    def _use(self, world: World) -> None:
         self.world = world
         self._spaces: dict[float, FreeSpace] = {}
         self._ends: dict[tuple[Target, float], FreeSpace | None] = {}
         self._padded: tuple[FreeSpace, FreeSpace] | None = None
-
-    def static_free_space(
-        self, world: World, guess: Array, durations: Array, target: Target
-    ) -> FreeSpace:
-        """Space to keep to at the samples without moving obstacles; arguments as of `space`."""
-        if world is not self.world:
-            self._take(world)
-        period = self.settings.control_period
-        if self._by_guess:
-            twists = _RESERVE * self._speeds_and_turns(guess)
-            longest = max(period, _rounded_up(float(durations.max())))
-            return self._static(period).for_samples_of(twists, longest)
-        space = self._static(period)
-        # Late odometry, or a command that takes effect late, makes the first or the last longer.
-        first, last = durations.item(0), durations.item(-1)
-        if first > period or last > period:
-            for duration in sorted({_rounded_up(each) for each in (first, last) if each > period}):
-                arcs = durations > max(period, duration - 0.01)
-                space = space.with_some(at_ends(np.logical_or, arcs), self._static(duration))
-        end = self._end(target, max(period, _rounded_up(last)))
-        if end is None:
-            return space
-        return space.with_some(np.arange(len(durations) + 1) == len(durations), end)
-
-    def _end(self, target: Target, duration: float) -> FreeSpace | None:
-        """What the last sample keeps to instead, after a step so long [s]."""
-        if target.is_line or target.drives_on:
-            return None
-        key = target, duration
-        if key not in self._ends:
-            if len(self._ends) >= _MAX_ENDS:
-                self._ends.clear()
-            self._ends[key] = goal_space(self.settings, self.world, target, duration)
-        return self._ends[key]
-
-    def _static(self, longest: float) -> FreeSpace:
-        if longest not in self._spaces:
-            self._spaces[longest] = sample_space(self.settings, self.world, longest)
-        return self._spaces[longest]
 
     def space(
         self,
@@ -115,14 +87,14 @@ class OcpFormulation:
         pose: Array | None = None,
         moving: MovingDiscs = NOTHING_MOVES,
     ) -> FreeSpace:
-        """Space to keep to at the samples.
+        """Free space of the samples.
 
         Args:
             world: Road and static obstacles, as many as the formulation was made for.
             guess: Controls that the plan begins with, shape ``(N + 1, r)``.
             durations: Length of every step, shape ``(N,)`` [s]. Only the first and the last may be
                 longer than a control period.
-            target: What is to be met at the end.
+            target: Target of the plan.
             pose: Where it begins, shape ``(3,)`` [m, m, rad]; needed for moving obstacles only.
             moving: Moving obstacles, from then on.
         """
@@ -137,14 +109,47 @@ class OcpFormulation:
             return self._padded[1]
         return space.with_points(*self._in_slots(guess, durations, pose, moving))
 
+    def static_free_space(
+        self, world: World, guess: Array, durations: Array, target: Target
+    ) -> FreeSpace:
+        """Free space of the samples without moving obstacles; arguments as of `space`."""
+        if world is not self.world:
+            self._use(world)
+        period = self.settings.control_period
+        if self._by_guess:
+            twists = _RESERVE * self._speeds_and_turns(guess)
+            longest = max(period, _rounded_up(float(durations.max())))
+            return self._samples(period).for_samples_of(twists, longest)
+        space = self._samples(period)
+        # Late odometry, or a command that takes effect late, makes the first or the last longer.
+        first, last = durations.item(0), durations.item(-1)
+        if first > period or last > period:
+            for duration in sorted({_rounded_up(each) for each in (first, last) if each > period}):
+                arcs = durations > max(period, duration - 0.01)
+                space = space.with_some(at_ends(np.logical_or, arcs), self._samples(duration))
+        if target.is_line or target.drives_on:
+            return space
+        key = target, max(period, _rounded_up(last))
+        if key not in self._ends:
+            if len(self._ends) >= _MAX_ENDS:
+                self._ends.clear()
+            self._ends[key] = goal_space(self.settings, world, *key)
+        end = self._ends[key]
+        return space if end is None else space.with_some(_is_last(durations), end)
+
+    def _samples(self, longest: float) -> FreeSpace:
+        if longest not in self._spaces:
+            self._spaces[longest] = sample_space(self.settings, self.world, longest)
+        return self._spaces[longest]
+
     def _in_slots(
         self, guess: Array, durations: Array, pose: Array, moving: MovingDiscs
     ) -> tuple[Array, Array]:
-        """What the moving discs that have slots ask for at the samples, each in its own."""
-        settings, distance = self.settings, self.settings.robot_radius
+        """Centers ``(N + 1, S, 2)`` and radii ``(N + 1, S)`` of moving discs in their slots."""
+        settings = self.settings
         times = np.concatenate([[0.0], np.cumsum(durations)])
         period = max(settings.control_period, _rounded_up(float(durations.max())))
-        discs = moving.grown(distance + settings.safety.margin)
+        discs = moving.grown(settings.robot_radius + settings.safety.margin)
         if self._by_guess:
             twists = _RESERVE * self._speeds_and_turns(guess)
             found = discs.for_samples_of(times, twists, period)
@@ -164,8 +169,65 @@ class OcpFormulation:
         return settings.footprint.speeds_and_turns(settings.robot.twist(guess[:-1]))
 
 
+def path_space(settings: LawSettings, world: World) -> FreeSpace:
+    """Free space of every point of the path: robot radius and margin away from everything."""
+    return world.free_space(settings, settings.safety.margin)
+
+
+def sample_space(settings: LawSettings, world: World, longest: float = 0.0) -> FreeSpace:
+    """Free space of the samples of a plan, such that the path between them is in `path_space`.
+
+    Without a wheel limit none is known beforehand, and with `safety.between_samples` off none is
+    wanted: then it is `path_space`.
+
+    Args:
+        settings: All settings of the guidance law.
+        world: Road and static obstacles.
+        longest: Longest time between two samples [s]; the control period if it is shorter.
+    """
+    period = max(settings.control_period, longest)
+    space = path_space(settings, world)
+    if settings.safety.between_samples and math.isfinite(settings.robot.max_wheel_speed):
+        return space.tightened(settings.footprint.twist_limits(settings.robot), period)
+    return space
+
+
+def goal_space(
+    settings: LawSettings, world: World, target: Target, longest: float = 0.0
+) -> FreeSpace | None:
+    """Free space of the last sample of a plan, for a goal nearer to something than samples may be.
+
+    The inter-sample margin is for the motion after a sample. After the last goal there is none, and
+    the trajectory check sees the arc that leads there: so the last sample keeps only the distance
+    of `path_space` from that thing. A robot that drives on needs time to turn, and keeps more.
+
+    Args:
+        settings: All settings of the guidance law.
+        world: Road and static obstacles.
+        target: Target of the plan.
+        longest: Time from the sample before the last to the last [s].
+
+    Returns:
+        None for a goal as far from everything as samples must be, nearer than the path may be, or
+        not the last.
+    """
+    if target.drives_on or target.is_line:
+        return None
+    heading = math.nan if target.heading is None else target.heading
+    goal = np.array([[*target.position, heading]])
+    samples, path = sample_space(settings, world, longest), path_space(settings, world)
+    # NaN where a disc is beside the reference point, and the heading may be any.
+    near = ~(samples.at(goal)[0] >= 0.0)
+    if not near.any() or path.at(goal).min() < 0.0:
+        return None
+    road: Any = path.road if near[:N_EDGE_CONSTRAINTS].any() else samples.road
+    return replace(
+        samples, road=road, radii=np.where(near[N_EDGE_CONSTRAINTS:], path.radii, samples.radii)
+    )
+
+
 def terminal_constraint(target: Target) -> TerminalConstraint:
-    """What is to be met at the end."""
+    """Kind of the terminal constraint of a target."""
     if target.heading is None:
         return TerminalConstraint.POINT
     return TerminalConstraint.LINE if target.is_line else TerminalConstraint.POSE
@@ -176,6 +238,11 @@ def terminal_penalty(outputs: int) -> Array:
     return np.full(outputs, PENALTIES['terminal_error'])
 
 
+def _is_last(durations: Array) -> Any:
+    """Mask of the last of the samples of steps, shape ``(N + 1,)``."""
+    return np.arange(len(durations) + 1) == len(durations)
+
+
 def _rounded_up(duration: float) -> float:
-    """To the next centisecond, so that late odometry does not ask for a new space each time."""
+    """To the next centisecond, so that late odometry does not need a new space each time."""
     return math.ceil(duration * 100.0 - 1e-6) / 100.0

@@ -166,9 +166,7 @@ def _gaps(road: Road, shapes: tuple[Shape, ...]) -> Array:
     """
     space, count = FreeSpace.of(road, shapes, 0.0), _EDGES + len(shapes)
     gaps = np.full((count, count), math.inf)
-    part = space.road.shape['part'][0]
-    # What a corridor with varying widths counts of a clearance is only a part of it.
-    whole = 1.0 / np.where(part > 0.0, part, 1.0)
+    whole = 1.0 / road.clearance_scale
     for index, shape in enumerate(shapes, _EDGES):
         corners = [space.at(np.array([[*each, 0.0]]))[0] for each in shape.corners]
         away = np.min(corners, axis=0)

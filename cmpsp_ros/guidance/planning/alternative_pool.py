@@ -1,17 +1,16 @@
-"""The alternatives that are kept beside the plan followed, and the planners of all of them."""
+"""Alternatives beside the plan that is followed, and the planners of all of them."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from cmpsp_ros.guidance.formulation.ocp_formulation import OcpFormulation
-from cmpsp_ros.guidance.planning.candidate import Candidate
+from cmpsp_ros.guidance.planning.candidate import Candidate, Score
 from cmpsp_ros.guidance.planning.homotopy.gaps import HomotopyClass
 from cmpsp_ros.guidance.planning.planner import Planner
-from cmpsp_ros.guidance.planning.ranking import Score
 
-# Control steps for which an alternative may have a flaw, or cost more than the plan followed.
-_PATIENCE = 5
+_PATIENCE: Final = 5
+"""Control steps for which an alternative may have a flaw, or cost more than the plan followed."""
 
 
 class Alternative(NamedTuple):
@@ -19,11 +18,11 @@ class Alternative(NamedTuple):
 
     Attributes:
         planner: Its own planner, which knows its active constraints.
-        candidate: The plan, improved and audited.
-        score: How good it is.
-        homotopy_class: On which side it passes each obstacle.
-        bad_steps: For how many control steps in a row it has had a flaw, or cost more than the
-            plan followed.
+        candidate: The plan, improved and checked.
+        score: Its score.
+        homotopy_class: Side on which it passes each obstacle.
+        bad_steps: Control steps in a row in which it had a flaw, or cost more than the plan
+            followed.
     """
 
     planner: Planner
@@ -34,56 +33,46 @@ class Alternative(NamedTuple):
 
 
 class AlternativePool:
-    """One planner for the plan followed and for each alternative, and free ones.
+    """Planners of the plan that is followed and of alternatives, and free ones.
 
     Attributes:
-        followed: The planner of the plan that is followed.
-        alternatives: What is kept beside it.
+        followed: Planner of the plan that is followed.
+        alternatives: Plans kept beside it.
+        free: Planners that are not in use.
     """
 
     def __init__(self, formulation: OcpFormulation, count: int) -> None:
-        """Make planners.
-
-        Args:
-            formulation: What all plans have in common.
-            count: How many are free at first.
-        """
+        """Make the planner that is followed and some free ones."""
         self._formulation = formulation
         self.followed = Planner(formulation)
         self.alternatives: list[Alternative] = []
-        self._free = [Planner(formulation) for _ in range(count)]
+        self.free = [Planner(formulation) for _ in range(count)]
 
     def forget(self) -> None:
         """Keep no alternative."""
-        self._free += [each.planner for each in self.alternatives]
+        self.free += [each.planner for each in self.alternatives]
         self.alternatives = []
 
     def take(self) -> Planner:
         """A planner without a warm start."""
-        planner = self._free.pop() if self._free else Planner(self._formulation)
+        planner = self.free.pop() if self.free else Planner(self._formulation)
         planner.forget()
         return planner
 
-    def follow_better(self, planner: Planner, *, better: bool) -> None:
-        """Follow the plan of another planner if it is better; the other one of both is free."""
-        if better:
-            self.followed, planner = planner, self.followed
-        self._free.append(planner)
-
     def worth_improving(self, capacity: int) -> list[Alternative]:
-        """Those that have not been worse for too long; of too many, the better ones first."""
+        """Alternatives that have not been worse for too long, the better ones first."""
         ordered = sorted(self.alternatives, key=lambda each: each.bad_steps)
         kept = [each for each in ordered[:capacity] if each.bad_steps <= _PATIENCE]
-        self._free += [each.planner for each in ordered[len(kept) :]]
+        self.free += [each.planner for each in ordered[len(kept) :]]
         return kept
 
     def keep(self, best: Alternative, every: list[Alternative], waiting: list[Alternative]) -> None:
-        """Go on with one plan, and with the best of every other class that may yet be better.
+        """Follow one plan, and keep the best of every other class that may yet be better.
 
         Args:
             best: The plan to follow.
-            every: All that were improved.
-            waiting: Those that there was no work left for.
+            every: All plans that were improved.
+            waiting: Plans that no work was left for.
         """
         kept = {best.homotopy_class: best}
         for each in every:
@@ -98,6 +87,6 @@ class AlternativePool:
             for each in kept.values()
             if each is not best and not best.score.outclasses(each.score)
         ]
-        going_on = {id(each.planner) for each in (best, *self.alternatives)}
-        self._free += [each.planner for each in every if id(each.planner) not in going_on]
+        used = {id(each.planner) for each in (best, *self.alternatives)}
+        self.free += [each.planner for each in every if id(each.planner) not in used]
         self.alternatives += [each._replace(bad_steps=each.bad_steps + 1) for each in waiting]

@@ -1,14 +1,38 @@
-"""A plan that may be followed: what the iterations made of it, and what the audit says."""
+"""Candidates: plans after their iterations and the trajectory check, and how they compare."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import math
+from typing import Any, Final, NamedTuple
 
+import numpy as np
+
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.decision import Plan
+from cmpsp_ros.guidance.formulation.ocp_formulation import BY_PRIORITY
 from cmpsp_ros.guidance.goals import Target
+from cmpsp_ros.guidance.horizon import NANOSECONDS
+from cmpsp_ros.guidance.planning.homotopy.road_frame import wrapped
 from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.safety.audit import TOUCHING, Audit, Verdict
 from cmpsp_ros.guidance.settings import LawSettings
+from cmpsp_ros.mpsp.jit import allocation_free
+from cmpsp_ros.robots import Kinematics, fastest_wheel
+from cmpsp_ros.world.roads import RoadSpace, road_functions
+
+# Hysteresis: a plan is replaced only by one that leaves less than half of a flaw, or costs so much
+# less. Two plans that are about as good must not take turns.
+_CLEARLY_LESS: Final = 0.5
+_CLEARLY_CHEAPER: Final = 0.8
+_HOPELESSLY_DEAR: Final = 2.0
+"""Relative cost of a plan that will not be selected while the other one is without a flaw."""
+_ENOUGH: Final = 0.1
+_SCARCE: Final = 0.04
+"""Reserves that a plan should leave, and at which it is replanned, as fractions of the limit."""
+_MORE, _LESS = 0.015, 0.01
+"""Differences of reserve that are clear."""
+_TOUCH: Final = 1e-3
+"""Accuracy to which an active constraint of a linearisation is met [m]."""
 
 
 class SolveResult(NamedTuple):
@@ -19,8 +43,8 @@ class SolveResult(NamedTuple):
         solved: Whether the subproblem of the last iteration was solved.
         elastic: Whether slack was needed in it.
         slack: Largest violation that the slack stands for [m].
-        slack_where: Indices of the path constraints it is in, outer and inner edge first.
-        slack_terminal: Whether it is in the terminal constraint.
+        slack_where: Indices of the path constraints with slack, outer and inner edge first.
+        slack_terminal: Whether the terminal constraint has slack.
         iterations: Iterations done.
         qp_iterations: Iterations of the QP back end in the last one.
         active_rows: Constraints active in the last one.
@@ -45,56 +69,42 @@ class Candidate(NamedTuple):
     """A plan that may be followed.
 
     Attributes:
-        result: Of its iterations.
-        verdict: On it and on the path to its beginning.
+        plan: The plan.
+        result: Result of its iterations.
+        verdict: Verdict on it and on the path to its beginning.
+        admissible: Whether it may be followed at all.
+        feasible: Whether it meets every constraint, too.
+        is_relaxed: Whether some constraint is not met, now or in the linearised plan.
         terminal_error: Distance of its end from the goal [m].
-        heading_error: Of its last heading from the goal's [rad]; None where any will do.
+        heading_error: Error of its last heading [rad]; None where any will do.
     """
 
+    plan: Plan
     result: SolveResult
     verdict: Verdict
+    admissible: bool
+    feasible: bool
+    is_relaxed: bool
     terminal_error: float
     heading_error: float | None
 
     @classmethod
     def of(cls, result: SolveResult, verdict: Verdict, target: Target) -> Candidate:
-        """The candidate that an audited result is."""
-        return cls(result, verdict, *target.errors(result.plan.poses[-1]))
-
-    @property
-    def plan(self) -> Plan:
-        """The plan itself."""
-        return self.result.plan
-
-    @property
-    def admissible(self) -> bool:
-        """Whether it may be followed at all."""
-        return self.result.solved and self.verdict.passed
-
-    @property
-    def feasible(self) -> bool:
-        """Whether it meets every constraint, too."""
-        return self.admissible and not self.result.elastic
-
-    @property
-    def is_relaxed(self) -> bool:
-        """Whether some constraint is not met, now or in the linearised plan."""
-        return self.result.elastic or self._begins_too_close
-
-    @property
-    def _begins_too_close(self) -> bool:
-        return self.verdict.margin < -TOUCHING
+        """The candidate that a checked result is."""
+        plan, elastic = result.plan, result.elastic
+        admissible = result.solved and verdict.passed
+        flags = admissible, admissible and not elastic, elastic or verdict.margin < -TOUCHING
+        return cls(plan, result, verdict, *flags, *target.errors(plan.poses[-1]))
 
     def describe(self, audit: Audit, settings: LawSettings, start: PlanStart) -> str:
-        """What to report when it is followed, in a sentence."""
+        """Sentence on it for when it is followed."""
         result, verdict, error = self.result, self.verdict, self.terminal_error
+        off = self.heading_error or 0.0
         if result.elastic:
             where = audit.names(result.slack_where, start.world, start.moving)
-            parts = [where] if where else []
-            ending = ''
+            parts, ending = [where] if where else [], ''
             if result.slack_terminal:
                 parts.append('the goal')
-                off = self.heading_error or 0.0
                 turned = (
                     f', {off:.3g} rad off its heading' if off > settings.heading_tolerance else ''
                 )
@@ -103,15 +113,171 @@ class Candidate(NamedTuple):
                 f'The constraints contradict each other: {result.slack:.3g} m of slack at'
                 f' {" and ".join(parts)}.{ending}'
             )
+        flaw = ''
         if verdict.worst_margin < 0.0:
-            how = 'the way begins' if self._begins_too_close else 'later on the plan still comes'
-            return (
-                f'No slack was needed, but {how} {-verdict.worst_margin:.3g} m too close to'
-                f' {verdict.nearest}.'
-            )
-        if error > settings.goal_tolerance:
-            return f'No slack was needed, but the plan still ends {error:.3g} m from the goal.'
-        if self.heading_error is not None and self.heading_error > settings.heading_tolerance:
-            where = f"{self.heading_error:.3g} rad off the goal's heading"
-            return f'No slack was needed, but the plan still ends {where}.'
-        return 'The plan meets every constraint.'
+            begins = verdict.margin < -TOUCHING
+            how = 'the way begins' if begins else 'later on the plan still comes'
+            flaw = f'{how} {-verdict.worst_margin:.3g} m too close to {verdict.nearest}'
+        elif error > settings.goal_tolerance:
+            flaw = f'the plan still ends {error:.3g} m from the goal'
+        elif off > settings.heading_tolerance:
+            flaw = f"the plan still ends {off:.3g} rad off the goal's heading"
+        return f'No slack was needed, but {flaw}.' if flaw else 'The plan meets every constraint.'
+
+
+class Score(NamedTuple):
+    """Criteria by which plans are compared, in this order; violations in that of `BY_PRIORITY`.
+
+    Attributes:
+        admissible: Whether the plan may be followed at all.
+        obstacle: Depth in an obstacle or the margin kept from it [m]; 0 for none.
+        edge: Distance off the road or in the margin kept from its edges [m]; 0 for none.
+        terminal_error: Distance of its end from the goal [m]; 0 within the tolerance.
+        elastic: Whether its last iteration needed slack.
+        slack: Amount of slack, where nothing else is measured [m]; otherwise 0.
+        turns: Number of times it winds around itself.
+        reserve: Fraction of the time left that it could do without, were its wheels always at
+            their limit; at most `_ENOUGH`.
+        cost: Cost (95) of its path and its controls, without the proximal term.
+    """
+
+    admissible: bool = True
+    obstacle: float = 0.0
+    edge: float = 0.0
+    terminal_error: float = 0.0
+    elastic: bool = False
+    slack: float = 0.0
+    turns: int = 0
+    reserve: float = 0.0
+    cost: float = 0.0
+
+    @property
+    def flawed(self) -> bool:
+        """Whether another plan should be looked for."""
+        misses = self.obstacle > 0.0 or self.edge > 0.0 or self.terminal_error > 0.0
+        return not self.admissible or self.elastic or misses or self.turns > 0
+
+    def beats(self, other: Score) -> bool:
+        """Whether to replace another plan: only by one that is clearly better."""
+        if self.admissible != other.admissible:
+            return self.admissible
+        for each in BY_PRIORITY:
+            mine, its = getattr(self, each), getattr(other, each)
+            if mine < _CLEARLY_LESS * its:
+                return True
+            if mine > its:
+                return False
+        if self.elastic != other.elastic:
+            return other.elastic
+        if self.slack != other.slack:
+            return self.slack < _CLEARLY_LESS * other.slack
+        if self.turns != other.turns:
+            return self.turns < other.turns
+        if abs(self.reserve - other.reserve) > (_MORE if self.reserve > other.reserve else _LESS):
+            return self.reserve > other.reserve
+        return self.cost < _CLEARLY_CHEAPER * other.cost
+
+    def is_worse_than(self, other: Score) -> bool:
+        """Whether it has no advantage over the plan followed at present."""
+        return self.flawed or self.cost > other.cost
+
+    def outclasses(self, other: Score) -> bool:
+        """Whether the other plan is not worth being kept beside this one."""
+        return not self.flawed and (other.flawed or other.cost > _HOPELESSLY_DEAR * self.cost)
+
+
+class Ranking:
+    """Scores plans for one set of settings; by slack alone where only one plan is kept."""
+
+    def __init__(self, settings: LawSettings, *, compares: bool) -> None:
+        """Take limits and weights from the settings; it may compare several plans or none."""
+        self._settings, self._compares = settings, compares
+        self._goal_tolerance = settings.goal_tolerance
+
+    def score(self, candidate: Candidate, start: PlanStart) -> Score:
+        """Score of an improved and checked plan, which begins there."""
+        result, verdict = candidate.result, candidate.verdict
+        if not self._compares:
+            return Score(candidate.admissible, elastic=result.elastic, slack=result.slack)
+        # A plan that uses up the margin for the goal's sake is unsafe before it touches anything.
+        margin, error = self._settings.safety.margin, candidate.terminal_error
+        winding, off_center = _along(candidate.plan.poses, start.world.road_space)
+        return Score(
+            admissible=candidate.admissible,
+            obstacle=_depth(verdict.obstacle_margin - margin),
+            edge=_depth(verdict.edge_margin - margin),
+            terminal_error=0.0 if error <= self._goal_tolerance else error,
+            elastic=result.elastic,
+            turns=_turns(winding),
+            reserve=min(self._reserve(candidate.plan), _ENOUGH),
+            cost=self._cost(candidate.plan, start.previous_control, off_center),
+        )
+
+    def needs_replanning(self, candidate: Candidate, start: PlanStart) -> bool:
+        """Whether a candidate has a flaw, or hardly anything in reserve."""
+        if not self._compares or not candidate.feasible:
+            return not candidate.feasible
+        plan = candidate.plan
+        return (
+            candidate.verdict.worst_margin < -_TOUCH
+            or candidate.terminal_error > self._goal_tolerance
+            or _turns(_along(plan.poses, start.world.road_space)[0]) > 0
+            or self._reserve(plan) < _SCARCE
+        )
+
+    def _reserve(self, plan: Plan) -> float:
+        """Fraction of the time left that a plan could do without at full speed; 1 if unlimited.
+
+        A disturbance costs time, and nothing in the cost keeps any.
+        """
+        edges, robot = plan.horizon.edges, self._settings.robot.kinematics
+        needed = _turned(plan.controls, plan.horizon.durations, robot)
+        left = (edges.item(-1) - edges.item(0)) / NANOSECONDS
+        return 1.0 - needed / robot.max_wheel_speed / left
+
+    def _cost(self, plan: Plan, previous_control: Array, off_center: float) -> float:
+        controls, weights = plan.controls, self._settings.weights
+        cost = weights.road_center * off_center
+        if weights.control_effort > 0.0:
+            cost += weights.control_effort * float((controls**2).sum())
+        if weights.control_rate > 0.0:
+            changes = np.diff(controls, axis=0, prepend=previous_control[None])
+            cost += weights.control_rate * float((changes**2).sum())
+        return cost / 2.0
+
+
+def _turns(winding: float) -> int:
+    """Full turns; turning round at the beginning is none."""
+    return int(abs(winding) / math.tau + 0.25) if math.isfinite(winding) else 0
+
+
+@allocation_free
+def _turned(controls: Array, durations: Array, robot: Kinematics) -> float:
+    """Sum of the angles that the fastest wheel of each step turns [rad]."""
+    total = 0.0
+    for k in range(durations.shape[0]):
+        total += fastest_wheel(controls, k, robot) * durations[k]
+    return total
+
+
+@allocation_free
+def _along(poses: Array, road: RoadSpace) -> Any:
+    """Turn of the heading relative to the road [rad], and sum of squared lateral errors [m^2]."""
+    last = poses.shape[0] - 1
+    beside, total, before = poses[last, 2] - poses[0, 2], 0.0, math.nan
+    progress = road_functions.project(road, poses[0, 0], poses[0, 1], poses[0, 2], math.nan)
+    for k in range(poses.shape[0]):
+        x, y = poses[k, 0], poses[k, 1]
+        progress, off, _, _ = road_functions.lateral_error(road, 0, x, y, progress)
+        across_x, across_y, _, _, _, _, _ = road_functions.gradients(road, x, y, progress)
+        bearing = math.atan2(across_y, across_x)
+        if k > 0:
+            beside -= wrapped(bearing - before)
+        before = bearing
+        total += off * off
+    return beside, total
+
+
+def _depth(margin: float) -> float:
+    """Penetration of a path [m]; infinite for a path that is not finite."""
+    return -margin if margin < -_TOUCH else 0.0

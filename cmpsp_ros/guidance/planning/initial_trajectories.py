@@ -1,39 +1,62 @@
-"""Control histories to start the iterations from, and the pursuit of a path that makes them."""
+"""Initial control histories: pursuit of a point ahead on the centre line, or on another path."""
 
 from __future__ import annotations
 
 import math
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.goals import Target
+from cmpsp_ros.guidance.planning.homotopy.road_frame import (
+    RoadFrame,
+    lengths,
+    locate,
+    point_at,
+    stretch_at,
+    wrapped,
+)
 from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.mpsp.jit import allocation_free
-from cmpsp_ros.robots import Kinematics, drive, fastest_wheel, within_limits
+from cmpsp_ros.robots import DifferentialDrive, Kinematics, drive, fastest_wheel, within_limits
 from cmpsp_ros.robots import steer as steer_by
 from cmpsp_ros.world.roads import RoadSpace, road_functions
 
-_LOOKAHEAD = 1.0
 SHORTEST_LOOKAHEAD: Final = 0.3
-"""Nearest point that is pursued [m]."""
+"""Distance of the nearest point that is pursued [m]."""
+_ROAD_LOOKAHEAD: Final = 1.0
+_PATH_LOOKAHEAD: Final = 0.35
+"""Distance of the point that is pursued, as the time to get there [s]."""
+_SPOT: Final = 0.5
+"""Angle up to which a robot at rest turns on the spot [rad]."""
+
+
+class Pursuit(NamedTuple):
+    """A robot in pursuit of points.
+
+    Attributes:
+        robot: Its kinematics.
+        max_turn: Largest turn in a step [rad].
+        free_turn_rate: Turn rate of a robot that drives sideways; NaN for any [rad/s].
+    """
+
+    robot: Kinematics
+    max_turn: float
+    free_turn_rate: float
 
 
 def initial_guess(
     settings: LawSettings, start: PlanStart, target: Target, durations: Array
 ) -> Array:
-    """The first control history, as `settings.initial_guess` says.
+    """The first control history ``(N + 1, r)``, as `settings.initial_guess` says.
 
     Args:
         settings: All settings of the guidance law.
         start: Where it begins.
         target: Where it leads.
         durations: Length of every step, shape ``(N,)`` [s].
-
-    Returns:
-        Controls ``(N + 1, r)``.
     """
     if settings.initial_guess.type == 'constant':
         controls = np.empty((len(durations) + 1, 2))
@@ -43,38 +66,72 @@ def initial_guess(
 
 
 def along_road(settings: LawSettings, start: PlanStart, target: Target, durations: Array) -> Array:
-    """Pursuit of a point ahead on the centre line, so paced as to be at the goal in time.
+    """Pursuit of a point ahead on the centre line, paced to be at the goal in time.
 
     Arguments and result as in `initial_guess`.
     """
-    controls, poses = guess_arrays(start, durations)
-    _follow_road(
-        controls,
-        poses,
-        durations,
-        start.world.road_space,
-        target.position,
-        math.nan if target.heading is None else target.heading,
-        start.robot.kinematics,
-        largest_turn(settings),
-        free_turn_rate(start, target, durations),
-        float(start.progress),
+    controls, poses = _empty(start, durations)
+    road, heading = start.world.road_space, target.heading
+    pursuit = Pursuit(
+        start.robot.kinematics, largest_turn(settings), free_turn_rate(start, target, durations)
     )
+    heading = math.nan if heading is None else heading
+    progress = float(start.progress)
+    _follow_road(controls, poses, durations, road, target.position, heading, pursuit, progress)
     return controls
 
 
-def guess_arrays(start: PlanStart, durations: Array) -> tuple[Array, Array]:
-    """Room for the controls ``(N + 1, r)`` of a guess, and for its poses, of which the first is."""
-    controls = np.empty((len(durations) + 1, start.robot.n_controls))
-    poses = np.empty((len(durations) + 1, 3))
-    poses[0] = start.pose
-    return controls, poses
+def follow_profile(
+    settings: LawSettings,
+    start: PlanStart,
+    durations: Array,
+    frame: RoadFrame,
+    profile: Array,
+    free_turn_rate: float = 0.0,
+) -> Array:
+    """Pursuit of a point ahead on a path, paced to be at its end in time.
+
+    Where the change of two wheels is limited none changes faster, and a robot at rest turns on the
+    spot first: while it sets out it cannot turn.
+
+    Args:
+        settings: All settings of the guidance law.
+        start: Where to begin.
+        durations: Length of every step, shape ``(N,)`` [s].
+        frame: Road coordinates.
+        profile: Lateral positions at its stations, shape ``(K,)`` [m].
+        free_turn_rate: As in `Pursuit` [rad/s].
+
+    Returns:
+        Controls ``(N + 1, r)``.
+    """
+    left = np.zeros(len(profile))
+    left[:-1] = np.cumsum(lengths(frame, profile)[::-1])[::-1]
+    change = turn_change = math.inf
+    if isinstance(start.robot, DifferentialDrive):
+        change = settings.max_wheel_change
+        turn_change = change * start.robot.wheel_radius / start.robot.half_track
+    turns_first = change < math.inf and not start.previous_control.any()
+    controls, poses = _empty(start, durations)
+    _follow(
+        controls,
+        poses,
+        durations,
+        frame,
+        np.ascontiguousarray(profile),
+        left,
+        Pursuit(start.robot.kinematics, largest_turn(settings), free_turn_rate),
+        np.ascontiguousarray(start.previous_control, dtype=np.float64),
+        (float(change), float(turn_change)),
+        _SPOT if turns_first else math.inf,
+    )
+    return controls
 
 
 def free_turn_rate(start: PlanStart, target: Target, durations: Array) -> float:
     """Turn rate to the heading of a goal, for a robot whose heading is free meanwhile [rad/s].
 
-    NaN where the goal has none, either.
+    NaN if the heading of the goal is free too.
     """
     if target.heading is None or target.is_line or not start.robot.drives_sideways:
         return math.nan
@@ -86,6 +143,14 @@ def largest_turn(settings: LawSettings) -> float:
     return settings.solver.heading_trust_region or math.pi / 2.0
 
 
+def _empty(start: PlanStart, durations: Array) -> tuple[Array, Array]:
+    """Arrays for controls ``(N + 1, r)`` and poses ``(N + 1, 3)`` from the start."""
+    controls = np.empty((len(durations) + 1, start.robot.n_controls))
+    poses = np.empty((len(durations) + 1, 3))
+    poses[0] = start.pose
+    return controls, poses
+
+
 @allocation_free
 def _follow_road(
     controls: Array,
@@ -94,9 +159,7 @@ def _follow_road(
     road: RoadSpace,
     goal: tuple[float, float],
     goal_heading: float,
-    robot: Kinematics,
-    max_turn: float,
-    free_turn_rate: float,
+    pursuit: Pursuit,
     progress: float,
 ) -> None:
     """Fill the controls, step by step along the poses that they lead to."""
@@ -107,23 +170,10 @@ def _follow_road(
     progress = road_functions.project(road, poses[0, 0], poses[0, 1], poses[0, 2], progress)
     at_goal = road_functions.project(road, goal[0], goal[1], goal_heading, math.nan)
     for k in range(steps):
-        x, y = poses[k, 0], poses[k, 1]
+        x, y, top = poses[k, 0], poses[k, 1], pursuit.robot.max_speed
         progress = road_functions.lateral_error(road, 0, x, y, progress)[0]
-        target_x, target_y, speed = _lookahead(
-            road, x, y, progress, goal, at_goal, left, robot.max_speed
-        )
-        steer(
-            controls,
-            poses,
-            k,
-            durations[k],
-            target_x - x,
-            target_y - y,
-            speed,
-            robot,
-            max_turn,
-            free_turn_rate,
-        )
+        target_x, target_y, speed = _lookahead(road, x, y, progress, goal, at_goal, left, top)
+        steer(controls, poses, k, durations[k], target_x - x, target_y - y, speed, pursuit)
         left -= durations[k]
     for a in range(controls.shape[1]):
         controls[steps, a] = controls[steps - 1, a]
@@ -144,7 +194,7 @@ def _lookahead(
     length = road_functions.arc_length_to(road, x, y, progress, goal[0], goal[1], at_goal)
     remaining = abs(length)
     speed = min(remaining / left, top_speed)
-    ahead = max(_LOOKAHEAD * speed, SHORTEST_LOOKAHEAD)
+    ahead = max(_ROAD_LOOKAHEAD * speed, SHORTEST_LOOKAHEAD)
     if remaining <= ahead:
         speed = min(math.hypot(goal[0] - x, goal[1] - y) / left, top_speed)
         return goal[0], goal[1], speed
@@ -154,41 +204,87 @@ def _lookahead(
 
 
 @allocation_free
+def _follow(
+    controls: Array,
+    poses: Array,
+    durations: Array,
+    frame: RoadFrame,
+    profile: Array,
+    left_from: Array,
+    pursuit: Pursuit,
+    previous: Array,
+    max_changes: tuple[float, float],
+    spot: float,
+) -> None:
+    """Fill the controls, step by step; the largest changes are of wheel speed and turn rate."""
+    steps, end, robot = durations.shape[0], frame.step * (profile.shape[0] - 1), pursuit.robot
+    max_change, max_turn_change = max_changes
+    at, _, bearing = locate(frame, poses[0, 0], poses[0, 1], 0.0, frame.begin)
+    left = 0.0
+    for k in range(steps):
+        left += durations[k]
+    for k in range(steps):
+        speed = min(max(_interpolate(left_from, frame.step, at), 0.0) / left, robot.max_speed)
+        ahead = max(_PATH_LOOKAHEAD * speed, SHORTEST_LOOKAHEAD)
+        stretch = stretch_at(frame, at, _interpolate(profile, frame.step, at))
+        there = at + ahead / max(stretch, SHORTEST_LOOKAHEAD)
+        lateral = _interpolate(profile, frame.step, there)
+        x, y = point_at(frame, min(there, end), lateral)
+        x, y = x - poses[k, 0], y - poses[k, 1]
+        angle = wrapped(math.atan2(y, x) - poses[k, 2])
+        if abs(angle) <= spot:
+            spot = math.inf
+            steer(controls, poses, k, durations[k], x, y, speed, pursuit)
+        else:
+            # The wheels brake as they have set out: by half of the angle each.
+            most = math.sqrt(max_turn_change * durations[k] * abs(angle))
+            turn = math.copysign(min(abs(angle), pursuit.max_turn, most), angle)
+            steer_by(controls, k, 0.0, 0.0, turn / durations[k], 0.0, robot)
+        if max_change < math.inf:
+            for side in range(2):
+                before = previous[side] if k == 0 else controls[k - 1, side]
+                within = max(controls[k, side], before - max_change)
+                controls[k, side] = min(within, before + max_change)
+            drive(poses, controls, k, durations[k], robot)
+        at, _, bearing = locate(frame, poses[k + 1, 0], poses[k + 1, 1], at, bearing)
+        left = max(left - durations[k], 1e-9)
+    for a in range(controls.shape[1]):
+        controls[steps, a] = controls[steps - 1, a]
+
+
+@allocation_free
+def _interpolate(table: Array, step: float, at: float) -> float:
+    place = min(max(at / step, 0.0), table.shape[0] - 1.0)
+    k = min(int(place), table.shape[0] - 2)
+    between: float = table[k] + (place - k) * (table[k + 1] - table[k])
+    return between
+
+
+@allocation_free
 def steer(
     controls: Array,
     poses: Array,
     k: int,
     duration: float,
-    offset_x: float,
-    offset_y: float,
+    x: float,
+    y: float,
     speed: float,
-    robot: Kinematics,
-    max_turn: float,
-    free_turn_rate: float,
+    pursuit: Pursuit,
 ) -> None:
-    """Fill control ``k`` and the pose after it: the arc from pose ``k`` through a target.
+    """Fill control ``k`` and the pose after it: the arc from pose ``k`` through a point.
 
-    Args:
-        controls: Shape ``(N + 1, r)``.
-        poses: Shape ``(N + 1, 3)`` [m, m, rad].
-        k: Number of the step.
-        duration: Of the step [s].
-        offset_x: Of the target from the pose [m].
-        offset_y: See `offset_x`.
-        speed: Along the arc [m/s].
-        robot: The robot.
-        max_turn: Largest turn in the step [rad].
-        free_turn_rate: Turn rate of a robot that drives sideways; NaN for as it likes [rad/s].
+    A circle through the robot and a point at distance ``d`` and angle ``a`` has the curvature
+    ``2 sin(a) / d``. The point (x, y) is relative to the pose [m], the speed that along the arc.
     """
-    distance = max(math.hypot(offset_x, offset_y), SHORTEST_LOOKAHEAD)
-    angle = wrapped(math.atan2(offset_y, offset_x) - poses[k, 2])
-    trusted = max_turn / duration
+    robot, distance = pursuit.robot, max(math.hypot(x, y), SHORTEST_LOOKAHEAD)
+    angle = wrapped(math.atan2(y, x) - poses[k, 2])
+    trusted = pursuit.max_turn / duration
     if robot.drives_sideways:
-        is_free = math.isnan(free_turn_rate)
-        turn_rate = 0.0 if is_free else min(max(free_turn_rate, -trusted), trusted)
+        is_free = math.isnan(pursuit.free_turn_rate)
+        turn_rate = 0.0 if is_free else min(max(pursuit.free_turn_rate, -trusted), trusted)
         _drive_sideways(controls, k, duration, angle, speed, robot, turn_rate)
         if is_free and fastest_wheel(controls, k, robot) > robot.max_wheel_speed:
-            # Sideways it cannot go as fast as ahead: it turns to where it goes.
+            # Sideways it is slower than ahead: it turns to its course.
             turn_rate = min(max(angle / duration, -trusted), trusted)
             _drive_sideways(controls, k, duration, angle, speed, robot, turn_rate)
     else:
@@ -198,7 +294,7 @@ def steer(
             turn_rate = min(max(2.0 * speed * bend / distance, -trusted), trusted)
             curvature = 0.0
         else:
-            # As far as it goes towards what is beside or behind.
+            # As sharply as possible towards a point beside or behind.
             wanted = 2.0 * math.sin(abs(angle)) / distance if is_ahead else math.inf
             tightest = min(robot.max_curvature, trusted / max(speed, 1e-12))
             curvature = math.copysign(min(wanted, tightest), angle)
@@ -222,9 +318,3 @@ def _drive_sideways(
     course = angle - turn_rate * duration / 2.0
     forward, left = speed * math.cos(course), speed * math.sin(course)
     steer_by(controls, k, forward, left, turn_rate, 0.0, robot)
-
-
-@allocation_free
-def wrapped(angle: float) -> float:
-    """The angle between ``-pi`` and ``pi`` that points the same way."""
-    return angle - 2.0 * math.pi * round(angle / (2.0 * math.pi))

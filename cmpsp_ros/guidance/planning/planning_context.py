@@ -1,34 +1,52 @@
-"""What all plans of one control step have in common."""
+"""The control step that plans are made for, and the initial trajectories for it."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any, Final
 
 import numpy as np
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.decision import Plan
+from cmpsp_ros.guidance.formulation.ocp_formulation import OcpFormulation
 from cmpsp_ros.guidance.goals import Target
-from cmpsp_ros.guidance.horizon import Horizon, shift
+from cmpsp_ros.guidance.horizon import NANOSECONDS, Horizon, shift
+from cmpsp_ros.guidance.planning.homotopy.gaps import HomotopyClass
+from cmpsp_ros.guidance.planning.homotopy.path_search import (
+    GuidePath,
+    guide_paths,
+    searched_paths,
+    turning_first,
+)
 from cmpsp_ros.guidance.planning.homotopy.road_frame import RoadFrame, road_frame
-from cmpsp_ros.guidance.planning.initial_trajectories import along_road
+from cmpsp_ros.guidance.planning.initial_trajectories import along_road, initial_guess
+from cmpsp_ros.guidance.planning.reeds_shepp import has_to_turn, manoeuvres
 from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.safety.audit import Verdict
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.world import World
 from cmpsp_ros.world import FreeSpace
+from cmpsp_ros.world.roads import remaining_arc_length
+
+_WORTH_WHILE: Final = 0.05
+_FRACTION: Final = 0.1
+"""Gain that makes a plan worth driving [m], and its limit as a fraction of the wheels' reach."""
+_SOON: Final = NANOSECONDS
+"""Time within which it must gain that: later gains may be only what it loses first [ns]."""
 
 
 @dataclass(frozen=True)
 class Encounters:
-    """Moving discs, frozen where and when the robot comes nearest to them.
+    """Moving discs at the time and place of the robot's closest approach.
 
     Attributes:
-        names: What messages call them.
+        names: Their names in messages.
         centers: Shape ``(M, 2)`` [m].
-        radii: With all that is kept from them, shape ``(M,)`` [m].
+        radii: Radii with all that is kept from them, shape ``(M,)`` [m].
     """
 
     names: tuple[str, ...]
@@ -36,7 +54,7 @@ class Encounters:
     radii: Array
 
     def taken_from(self, space: FreeSpace) -> FreeSpace:
-        """A space without them, where there are any, as at one instant."""
+        """A space without them, if there are any, as at one instant."""
         if not self.names:
             return space
         still = space if space.radii.ndim == 1 else replace(space, radii=np.median(space.radii, 0))
@@ -44,7 +62,7 @@ class Encounters:
         return replace(taken, radii=taken.radii[0])
 
 
-_NONE = Encounters((), np.empty((0, 2)), np.empty(0))
+_NONE: Final = Encounters((), np.empty((0, 2)), np.empty(0))
 
 
 @dataclass
@@ -53,14 +71,14 @@ class PlanningContext:
 
     Attributes:
         settings: All settings of the guidance law.
-        start: Where they begin.
-        goal: What the robot is to meet.
-        horizon: Their horizon.
-        plan: The one followed until now, if any.
-        pending: Verdict on the path to where they begin, if there is one.
-        halvings: How often the work of the step is halved.
-        delay: From a command to its effect [ns].
-        end_speed: Largest speed of a car at their end; infinite for none [m/s].
+        start: Beginning of the plans.
+        goal: Goal of the robot.
+        horizon: Horizon of the plans.
+        plan: The plan followed until now, if any.
+        pending: Verdict on the path to the start, if there is one.
+        halvings: Number of times that the work of the step is halved.
+        delay: Time from a command to its effect [ns].
+        end_speed: Largest speed of a car at the end of a plan; infinite for none [m/s].
     """
 
     settings: LawSettings
@@ -82,14 +100,14 @@ class PlanningContext:
         horizon: Horizon,
         previous_control: Array | None = None,
     ) -> PlanningContext:
-        """To plan from a pose to the goal of the settings, without a plan or pending commands."""
+        """From a pose to the goal of the settings, without a plan or pending commands."""
         previous = settings.robot.at_rest if previous_control is None else previous_control
         start = PlanStart(pose, settings.robot, world, previous_control=previous)
         return cls(settings, start, settings.target, horizon)
 
     @cached_property
     def target(self) -> Target:
-        """What plans are to meet at their end: one step alone meets no heading beside a point."""
+        """The goal; without its heading if a single step cannot satisfy both."""
         goal = self.goal
         if len(self.horizon.durations) > 1 or goal.is_line or goal.heading is None:
             return goal
@@ -97,7 +115,7 @@ class PlanningContext:
 
     @property
     def at_rest(self) -> bool:
-        """Whether no plan is being followed."""
+        """Whether no plan is followed."""
         return self.plan is None
 
     @cached_property
@@ -107,15 +125,12 @@ class PlanningContext:
 
     @cached_property
     def road_frame(self) -> RoadFrame:
-        """Road coordinates of the way to the goal."""
+        """Road coordinates from the start to the target."""
         return road_frame(self.settings, self.start, self.target)
 
     @cached_property
     def encounters(self) -> Encounters:
-        """Where each moving disc is when the robot comes nearest to it.
-
-        Along the plan that is followed, or along the road without one.
-        """
+        """Moving discs at their closest approach to the plan, or to the centre line without one."""
         start, settings, moving = self.start, self.settings, self.start.moving
         if not len(moving):
             return _NONE
@@ -130,5 +145,79 @@ class PlanningContext:
         away = centers - poses[:, None, :2]
         nearest = np.argmin(np.hypot(away[..., 0], away[..., 1]) - radii, axis=0)
         each = np.arange(len(moving))
-        kept = settings.robot_radius + settings.safety.margin
-        return Encounters(moving.names, centers[nearest, each], radii[nearest, each] + kept)
+        radii = radii[nearest, each] + settings.kept
+        return Encounters(moving.names, centers[nearest, each], radii)
+
+    def is_gaining(self, plan: Plan) -> bool:
+        """Whether a plan soon gets nearer to the goal: along the road, around a map or straight."""
+        start, goal, edges = self.start, self.goal, plan.horizon.edges
+        soon = max(1, int(edges.searchsorted(edges[0] + _SOON, side='right')) - 1)
+        reach = start.robot.max_speed * float(edges[soon] - edges[0]) / NANOSECONDS
+        poses = np.ascontiguousarray(plan.poses[: soon + 1])
+        along = remaining_arc_length(
+            start.world.road, poses, goal.position, goal.heading, start.progress
+        )
+        lengths = [np.abs(along), np.hypot(*(poses[:, :2] - goal.position).T)]
+        search = start.world.map_search(self.settings)
+        if search is not None:
+            around = search.lengths(poses[:, :2], goal.position)
+            lengths = [around] if np.isfinite(around[0]) else lengths
+        gain = max(float(each[0] - each.min()) for each in lengths)
+        return gain >= min(_WORTH_WHILE, _FRACTION * reach)
+
+
+class Guesses:
+    """Makes initial control histories, each of shape ``(N + 1, r)``.
+
+    At most as many as its limit are compared; with a limit of one no homotopy class is searched.
+    """
+
+    def __init__(self, formulation: OcpFormulation, limit: int) -> None:
+        """Take the common part of all plans, and the limit."""
+        self._limit, self._formulation = limit, formulation
+
+    def first(self, context: PlanningContext) -> list[Array]:
+        """Guesses without any plan: that of the settings, and one for each homotopy class."""
+        settings, durations = context.settings, context.horizon.durations
+        given = initial_guess(settings, context.start, context.target, durations)
+        if self._limit == 1:
+            return [given]
+        if settings.initial_guess.type != 'road':
+            return [given, *self.fresh(context, self._limit - 1)]
+        turns = has_to_turn(context.start, context.target)
+        return (self.turning(context) if turns else []) + self.fresh(context, self._limit)
+
+    def fresh(
+        self, context: PlanningContext, limit: int, without: Collection[HomotopyClass] = ()
+    ) -> list[Array]:
+        """Guesses of the most promising other homotopy classes; else along the centre line."""
+        paths = self._paths(context, guide_paths, limit, without)
+        return [path.guess for path in paths] or [context.center_line_guess]
+
+    def turning(self, context: PlanningContext) -> list[Array]:
+        """Guesses of the most promising homotopy classes that begin with a turn on the spot.
+
+        A searched path is among them: a guide path may lead to where a robot could not follow it. A
+        robot that drives sideways needs none, and a car turns back and forth instead.
+        """
+        settings, start, durations = context.settings, context.start, context.horizon.durations
+        if start.robot.drives_sideways:
+            return []
+        if not start.robot.turns_on_the_spot:
+            return manoeuvres(settings, start, context.target, durations)
+        paths = self._paths(context, guide_paths, self._limit)
+        paths += self._paths(context, searched_paths)
+        return [turning_first(settings, path, start, durations) for path in paths]
+
+    def _paths(
+        self, context: PlanningContext, find: Callable[..., list[GuidePath]], *arguments: Any
+    ) -> list[GuidePath]:
+        settings, start, target = context.settings, context.start, context.target
+        durations = context.horizon.durations
+        if not start.world.shapes and not context.encounters.names:
+            return []
+        static = self._formulation.static_free_space(
+            start.world, context.center_line_guess, durations, target
+        )
+        space = context.encounters.taken_from(static)
+        return find(settings, space, start, target, durations, *arguments)

@@ -1,41 +1,171 @@
-"""Shortest paths of a car that drives forward and backward.
+"""Initial trajectories of a robot that has to drive in order to turn: back and forth.
 
-Reeds and Shepp, Optimal paths for a car that goes both forwards and backwards, 1990; the numbers of
-formulas are theirs. Lengths are in turning radii.
+Shortest paths of a car that drives forward and backward: Reeds and Shepp, Optimal paths for a car
+that goes both forwards and backwards, 1990; the numbers of formulas are theirs. Their lengths are
+in turning radii.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from itertools import product
+from collections.abc import Callable, Iterator
+from itertools import pairwise, product
 from typing import Final, NamedTuple
+
+import numpy as np
+
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.guidance.goals import Target
+from cmpsp_ros.guidance.planning.initial_trajectories import along_road
+from cmpsp_ros.guidance.prediction.estimator import PlanStart
+from cmpsp_ros.guidance.settings import LawSettings
+from cmpsp_ros.robots import Robot
+from cmpsp_ros.world.roads import arc_length_to, lookahead_points
 
 LEFT, STRAIGHT, RIGHT = 1, 0, -1
 
+_TURNS: Final = {'L': LEFT, 'S': STRAIGHT, 'R': RIGHT}
 _QUARTER: Final = math.pi / 2.0
+_WIDER: Final = 1.1
+"""Turning radius of a guess, relative to the smallest: the steering needs time."""
+_NEAR: Final = 8.0
+"""Distance along the road from which a robot turns to the goal, else to the road half as far."""
+_STRAIGHT_IN: Final = (0.0, 2.0, -2.0)
+"""Straight ends of paths to a pose: a bay is entered along its heading."""
+_REVERSAL: Final = 1.0
+"""Cost of a change of direction."""
+_OF_PACE: Final = 0.6
+"""Speed of a guess before it reaches the road, relative to the pace."""
+_PIECE: Final = 0.2
+"""Length of the pieces that are checked for collisions."""
+_MAX_GUESSES: Final = 4
+
+Solutions = Iterator[tuple[float, ...]]
 
 
 class Segment(NamedTuple):
-    """A part of a path.
-
-    Attributes:
-        turn: `LEFT`, `STRAIGHT` or `RIGHT`.
-        length: Negative where it is driven backward.
-    """
+    """A part of a path: its turn, and its length, negative where it is driven backward."""
 
     turn: int
     length: float
 
 
-def shortest_paths(x: float, y: float, heading: float) -> list[tuple[Segment, ...]]:
-    """Paths from the origin to a pose, the shortest of every word, in the order of their length.
+Path = tuple[Segment, ...]
 
-    Args:
-        x: Ahead.
-        y: To the left.
-        heading: There [rad].
+
+def has_to_turn(start: PlanStart, target: Target) -> bool:
+    """Whether a robot that cannot turn on the spot faces away, or is near a goal with a heading."""
+    if start.robot.turns_on_the_spot or target.is_line:
+        return False
+    ahead, radius = _ahead(start, target), _radius(start.robot)
+    if target.heading is not None and abs(ahead) <= _NEAR * radius:
+        return True
+    x, y = _points(start, target, math.copysign(radius, ahead))[0]
+    bearing = math.atan2(y - start.pose[1], x - start.pose[0])
+    return abs(math.remainder(bearing - float(start.pose[2]), math.tau)) > math.pi / 2.0
+
+
+def manoeuvres(
+    settings: LawSettings, start: PlanStart, target: Target, durations: Array
+) -> list[Array]:
+    """Controls ``(N + 1, r)`` that turn to the goal, or to the road, by the shortest clear paths.
+
+    Those for which the time is too short are left out. Arguments as of `along_road`.
     """
+    space = start.world.free_space(settings, settings.safety.margin)
+    scored = []
+    for path in _paths(start, target):
+        poses = _poses(start, path)
+        depth = max(0.0, -float(space.at(poses).min()))
+        reversals = sum(one.length * other.length < 0.0 for one, other in pairwise(path))
+        scored.append((round(depth, 1), length_of(path) + _REVERSAL * reversals, path))
+    best = sorted(scored)[:_MAX_GUESSES]
+    made = (_paced(settings, start, target, durations, path) for *_, path in best)
+    return [each for each in made if each is not None]
+
+
+def _radius(robot: Robot) -> float:
+    """Turning radius of guesses [m]."""
+    return _WIDER * robot.half_track
+
+
+def _ahead(start: PlanStart, target: Target) -> float:
+    """Arc length along the road to the goal, negative against its direction [m]."""
+    return arc_length_to(start.world.road, start.pose, target.position, target.heading)
+
+
+def _points(start: PlanStart, target: Target, *lengths: float) -> Array:
+    return lookahead_points(start.world.road, start.pose, np.array(lengths), target.position)
+
+
+def _paths(start: PlanStart, target: Target) -> Iterator[Path]:
+    """Paths to a goal that is near, else to the road ahead."""
+    ahead, radius = _ahead(start, target), _radius(start.robot)
+    near = abs(ahead) <= _NEAR * radius
+    there = ahead if near else math.copysign(_NEAR / 2.0 * radius, ahead)
+    before, place = _points(start, target, 0.9 * there, there)
+    heading = math.atan2(*(place - before)[::-1])
+    straight: tuple[float, ...] = (0.0,)
+    if near:
+        place = np.array(target.position)
+        if target.heading is not None:
+            heading, straight = target.heading, _STRAIGHT_IN
+    for last in straight:
+        x, y = place - start.pose[:2] - last * radius * np.array(_direction(heading))
+        cosine, sine = _direction(float(start.pose[2]))
+        ahead, left = (cosine * x + sine * y) / radius, (cosine * y - sine * x) / radius
+        for path in shortest_paths(ahead, left, heading - float(start.pose[2])):
+            yield (*path, Segment(STRAIGHT, last)) if last else path
+
+
+def _poses(start: PlanStart, path: Path) -> Array:
+    """Poses along a path, shape ``(K, 3)`` [m, m, rad]."""
+    pieces = [
+        Segment(turn, length / count)
+        for turn, length in path
+        for count in [math.ceil(abs(length) / _PIECE)]
+        for _ in range(count)
+    ]
+    controls = np.array([_control(start.robot, each, 1.0) for each in pieces])
+    return start.robot.roll_out(start.pose, controls, np.ones(len(pieces)))[1:]
+
+
+def _control(robot: Robot, segment: Segment, time: float) -> Array:
+    """Control ``(r,)`` that drives a segment in some time [s]."""
+    turn, length = segment
+    return robot.controls(np.array([_radius(robot) * length, turn * length]) / time)
+
+
+def _paced(
+    settings: LawSettings, start: PlanStart, target: Target, durations: Array, path: Path
+) -> Array | None:
+    """A path as controls ``(N + 1, r)``: to the goal in all the time, else before the road."""
+    robot, period, lengths = start.robot, settings.control_period, [abs(s.length) for s in path]
+    radius, steps = _radius(robot), len(durations)
+    near = abs(_ahead(start, target)) <= _NEAR * radius
+    if near:
+        counts = [max(1, int(each / sum(lengths) * steps)) for each in lengths]
+        counts[int(np.argmax(lengths))] += steps - sum(counts)
+    else:
+        step = _OF_PACE * settings.pace * period / radius
+        counts = [math.ceil(each / step) for each in lengths]
+    if min(counts) < 1 or sum(counts) > steps:
+        return None
+    moves = [[_control(robot, s, n * period)] * n for s, n in zip(path, counts, strict=True)]
+    controls = np.concatenate(moves)
+    if len(controls) == steps:
+        return np.vstack([controls, controls[-1:]])
+    there = robot.roll_out(start.pose, controls, durations[: len(controls)])[-1]
+    later = start._replace(pose=there)
+    return np.vstack([controls, along_road(settings, later, target, durations[len(controls) :])])
+
+
+def _direction(heading: float) -> tuple[float, float]:
+    return math.cos(heading), math.sin(heading)
+
+
+def shortest_paths(x: float, y: float, heading: float) -> list[Path]:
+    """Paths from the origin to a pose, the shortest of every word, by ascending length."""
     found = []
     for gear, side in product((1, -1), repeat=2):
         # Driven in the other direction, or mirrored, a word leads to another pose.
@@ -48,38 +178,21 @@ def shortest_paths(x: float, y: float, heading: float) -> list[tuple[Segment, ..
     return sorted(found, key=length_of)
 
 
-def length_of(path: tuple[Segment, ...]) -> float:
+def length_of(path: Path) -> float:
     """Length of a path."""
     return sum(abs(length) for _, length in path)
 
 
 def _words(x: float, y: float, phi: float) -> Iterator[list[tuple[int, float]]]:
-    """Paths that begin with a turn to the left, forward, for those words that there are."""
+    """Paths that begin with a turn to the left, forward, for those words that have a solution."""
     back = x * math.cos(phi) + y * math.sin(phi), x * math.sin(phi) - y * math.cos(phi)
-    a, b, c = LEFT, STRAIGHT, RIGHT
-    for t, u, v in _left_straight_left(x, y, phi):
-        yield [(a, t), (b, u), (a, v)]
-    for t, u, v in _left_straight_right(x, y, phi):
-        yield [(a, t), (b, u), (c, v)]
-    for t, u, v in _three_turns(x, y, phi):
-        yield [(a, t), (c, u), (a, v)]
-    for t, u, v in _three_turns(*back, phi):
-        yield [(a, v), (c, u), (a, t)]
-    for t, u, w, v in _four_turns(x, y, phi):
-        yield [(a, t), (c, u), (a, w), (c, v)]
-    for t, u, v in _quarter_then_left(x, y, phi):
-        yield [(a, t), (c, -_QUARTER), (b, u), (a, v)]
-    for t, u, v in _quarter_then_right(x, y, phi):
-        yield [(a, t), (c, -_QUARTER), (b, u), (c, v)]
-    for t, u, v in _quarter_then_left(*back, phi):
-        yield [(a, v), (b, u), (c, -_QUARTER), (a, t)]
-    for t, u, v in _quarter_then_right(*back, phi):
-        yield [(c, v), (b, u), (c, -_QUARTER), (a, t)]
-    for t, u, v in _two_quarters(x, y, phi):
-        yield [(a, t), (c, -_QUARTER), (b, u), (a, -_QUARTER), (c, v)]
+    for formula, is_reversed, turns, lengths in _WORDS:
+        for t, u, *w, v in formula(*(back if is_reversed else (x, y)), phi):
+            known = {'t': t, 'u': u, 'v': v, 'w': w[0] if w else 0.0, 'q': -_QUARTER}
+            yield [(_TURNS[turn], known[each]) for turn, each in zip(turns, lengths, strict=True)]
 
 
-def _left_straight_left(x: float, y: float, phi: float) -> Iterator[tuple[float, float, float]]:
+def _left_straight_left(x: float, y: float, phi: float) -> Solutions:
     """Formula 8.1."""
     u, t = _polar(x - math.sin(phi), y - 1.0 + math.cos(phi))
     v = _wrapped(phi - t)
@@ -87,7 +200,7 @@ def _left_straight_left(x: float, y: float, phi: float) -> Iterator[tuple[float,
         yield t, u, v
 
 
-def _left_straight_right(x: float, y: float, phi: float) -> Iterator[tuple[float, float, float]]:
+def _left_straight_right(x: float, y: float, phi: float) -> Solutions:
     """Formula 8.2."""
     rho, theta = _polar(x + math.sin(phi), y - 1.0 - math.cos(phi))
     if rho >= 2.0:
@@ -98,7 +211,7 @@ def _left_straight_right(x: float, y: float, phi: float) -> Iterator[tuple[float
             yield t, u, v
 
 
-def _three_turns(x: float, y: float, phi: float) -> Iterator[tuple[float, float, float]]:
+def _three_turns(x: float, y: float, phi: float) -> Solutions:
     """Formulas 8.3 and 8.4."""
     rho, theta = _polar(x - math.sin(phi), y - 1.0 + math.cos(phi))
     if rho <= 4.0:
@@ -108,7 +221,7 @@ def _three_turns(x: float, y: float, phi: float) -> Iterator[tuple[float, float,
             yield t, u, _wrapped(phi - t + u)
 
 
-def _four_turns(x: float, y: float, phi: float) -> Iterator[tuple[float, float, float, float]]:
+def _four_turns(x: float, y: float, phi: float) -> Solutions:
     """Formulas 8.7 and 8.8."""
     xi, eta = x + math.sin(phi), y - 1.0 - math.cos(phi)
     rho = (2.0 + math.hypot(xi, eta)) / 4.0
@@ -134,7 +247,7 @@ def _outer_turns(u: float, v: float, xi: float, eta: float, phi: float) -> tuple
     return tau, _wrapped(tau - u + v - phi)
 
 
-def _quarter_then_left(x: float, y: float, phi: float) -> Iterator[tuple[float, float, float]]:
+def _quarter_then_left(x: float, y: float, phi: float) -> Solutions:
     """Formula 8.9."""
     rho, theta = _polar(x - math.sin(phi), y - 1.0 + math.cos(phi))
     if rho >= 2.0:
@@ -145,7 +258,7 @@ def _quarter_then_left(x: float, y: float, phi: float) -> Iterator[tuple[float, 
             yield t, u, v
 
 
-def _quarter_then_right(x: float, y: float, phi: float) -> Iterator[tuple[float, float, float]]:
+def _quarter_then_right(x: float, y: float, phi: float) -> Solutions:
     """Formula 8.10."""
     rho, t = _polar(1.0 + math.cos(phi) - y, x + math.sin(phi))
     if rho >= 2.0:
@@ -154,7 +267,7 @@ def _quarter_then_right(x: float, y: float, phi: float) -> Iterator[tuple[float,
             yield t, u, v
 
 
-def _two_quarters(x: float, y: float, phi: float) -> Iterator[tuple[float, float, float]]:
+def _two_quarters(x: float, y: float, phi: float) -> Solutions:
     """Formula 8.11."""
     xi, eta = x + math.sin(phi), y - 1.0 - math.cos(phi)
     rho, _ = _polar(xi, eta)
@@ -164,6 +277,21 @@ def _two_quarters(x: float, y: float, phi: float) -> Iterator[tuple[float, float
         v = _wrapped(t - phi)
         if u <= 0.0 <= t and v >= 0.0:
             yield t, u, v
+
+
+_WORDS: Final[tuple[tuple[Callable[..., Solutions], bool, str, str], ...]] = (
+    (_left_straight_left, False, 'LSL', 'tuv'),
+    (_left_straight_right, False, 'LSR', 'tuv'),
+    (_three_turns, False, 'LRL', 'tuv'),
+    (_three_turns, True, 'LRL', 'vut'),
+    (_four_turns, False, 'LRLR', 'tuwv'),
+    (_quarter_then_left, False, 'LRSL', 'tquv'),
+    (_quarter_then_right, False, 'LRSR', 'tquv'),
+    (_quarter_then_left, True, 'LSRL', 'vuqt'),
+    (_quarter_then_right, True, 'RSRL', 'vuqt'),
+    (_two_quarters, False, 'LRSLR', 'tquqv'),
+)
+"""Formula, whether it is for the reversed path, turns, and lengths; q is a quarter backward."""
 
 
 def _polar(x: float, y: float) -> tuple[float, float]:

@@ -5,8 +5,14 @@ from typing import TYPE_CHECKING
 from cmpsp_ros.front_door import lazy_exports
 
 if TYPE_CHECKING:
-    from cmpsp_ros.mpsp.jit.addresses import address_of, call
-    from cmpsp_ros.mpsp.jit.compiled import allocation_free, entry_for, inlined, inner
+    from cmpsp_ros.mpsp.jit.compiled import (
+        address_of,
+        allocation_free,
+        call,
+        entry_for,
+        inlined,
+        inner,
+    )
     from cmpsp_ros.mpsp.jit.folder import kernel_folder, prune, wanted_place
     from cmpsp_ros.mpsp.jit.watch import ProgressLine, compilations, progress
 

@@ -12,8 +12,10 @@ import os
 import re
 import tempfile
 import time
+from contextlib import suppress
+from functools import cache
 from pathlib import Path
-from typing import IO, Any, Final
+from typing import Any, Final
 
 from numba.core import event
 
@@ -21,18 +23,14 @@ from cmpsp_ros.mpsp.jit import internals
 from cmpsp_ros.mpsp.jit.fingerprint import VERSIONS, describe_type, fingerprint
 
 WAITING: Final = 'cmpsp_ros:wait'
-"""Kind of numba's event while another process compiles what is wanted."""
+"""Kind of numba's event while another process compiles a kernel that is needed."""
 
-_PATIENCE: Final = 300.0
-_POLL: Final = 0.05
 _DAY: Final = 86_400.0
 _CHECKSUM: Final = 16
 
-_held: dict[Path, IO[bytes]] = {}
-
 
 class KernelCache:
-    """What numba asks for the machine code of one kernel; it has the methods of numba's own.
+    """Machine code of one kernel, with the methods that numba asks of its own cache.
 
     Args:
         dispatcher: The kernel, as numba knows it.
@@ -49,16 +47,16 @@ class KernelCache:
         return str(self._folder)
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """The machine code for a signature; None if it has to be compiled, by this process then."""
+        """Machine code for a signature; None if this process has to compile it."""
         path = self._path(sig, target_context)
         if path is None:
             return None
         if (found := _load(path, sig, target_context)) is None:
-            is_mine = _acquire(path, self._dispatcher)
-            if is_mine and (found := _load(path, sig, target_context)) is not None:
+            _acquire(path, self._dispatcher)
+            if (found := _load(path, sig, target_context)) is None:
+                self._compiling[sig] = path
+            else:
                 _release(path)
-        if found is None:
-            self._compiling[sig] = path
         return found
 
     def save_overload(self, sig: Any, data: Any) -> None:
@@ -75,12 +73,12 @@ class KernelCache:
             _release(path)
 
     def give_up(self, sig: Any) -> None:
-        """Let others compile it: here that has failed."""
+        """Let others compile a signature after a failure."""
         if (path := self._compiling.pop(sig, None)) is not None:
             _release(path)
 
     def enable(self) -> None:
-        """Numba asks for it; there is nothing to do."""
+        """Do nothing: numba asks for it."""
 
     disable = flush = enable
 
@@ -101,12 +99,12 @@ class KernelCache:
 
 class _Failures(event.Listener):  # type: ignore[misc]  # numba has no types
     def on_start(self, event: Any) -> None:
-        """Nothing to do."""
+        """Do nothing."""
 
     def on_end(self, event: Any) -> None:
-        cache = internals.cache_of(event.data['dispatcher'])
-        if isinstance(cache, KernelCache) and internals.has_failed(event):
-            cache.give_up(event.data['args'])
+        kept = internals.cache_of(event.data['dispatcher'])
+        if isinstance(kept, KernelCache) and internals.has_failed(event):
+            kept.give_up(event.data['args'])
 
 
 event.register('numba:compile', _Failures())
@@ -142,41 +140,27 @@ def _checksum(content: bytes) -> bytes:
     return hashlib.blake2b(content, digest_size=_CHECKSUM).digest()
 
 
-def _acquire(path: Path, dispatcher: Any) -> bool:
-    """Become the one who compiles what ``path`` is for; False if that is not to be found out."""
-    lock = path.with_suffix('.lock')
-    if path in _held:
-        return False
-    try:
-        if not _try(path, lock):
+@cache
+def _locks(folder: Path) -> int:
+    """File of which each kernel locks one byte; a process that ends unlocks all of its own."""
+    return os.open(folder / '.lock', os.O_RDWR | os.O_CREAT, 0o600)
+
+
+def _byte(path: Path) -> int:
+    return int(path.stem.rpartition('.')[2][:15], 16)
+
+
+def _acquire(path: Path, dispatcher: Any) -> None:
+    """Become the one process that compiles a kernel, if that can be done."""
+    with suppress(OSError):
+        locks, place = _locks(path.parent), (1, _byte(path))
+        try:
+            fcntl.lockf(locks, fcntl.LOCK_EX | fcntl.LOCK_NB, *place)
+        except BlockingIOError:
             with event.trigger_event(WAITING, {'dispatcher': dispatcher}):
-                until = time.monotonic() + _PATIENCE
-                while not _try(path, lock):
-                    if time.monotonic() > until:
-                        return False
-                    time.sleep(_POLL)
-    except OSError:
-        return False
-    return True
-
-
-def _try(path: Path, lock: Path) -> bool:
-    file = lock.open('ab')
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        # The process that had it before has removed the file: it then locks nothing.
-        if os.fstat(file.fileno()).st_ino == lock.stat().st_ino:
-            _held[path] = file
-            return True
-    except (BlockingIOError, FileNotFoundError):
-        pass
-    finally:
-        if path not in _held:
-            file.close()
-    return False
+                fcntl.lockf(locks, fcntl.LOCK_EX, *place)
 
 
 def _release(path: Path) -> None:
-    if (file := _held.pop(path, None)) is not None:
-        path.with_suffix('.lock').unlink(missing_ok=True)
-        file.close()
+    with suppress(OSError):
+        fcntl.lockf(_locks(path.parent), fcntl.LOCK_UN, 1, _byte(path))

@@ -1,4 +1,9 @@
-"""One way to compile a numerical kernel, so that all of them share their flags and cache."""
+"""One way to compile a numerical kernel, so that all share their flags and cache, and to call it.
+
+`entry_for` gives Python the machine code for one signature without numba's dispatch. `address_of`
+and `call` do the same for compiled code: the caller neither links nor optimises what it calls, so
+that a loop over compiled functions is compiled in a second, however long they take.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +12,10 @@ from typing import Any, Final, ParamSpec, TypeVar, cast
 
 import numba
 import numpy as np
+from numba import types
+from numba.core import cgutils
+from numba.core.errors import TypingError
+from numba.extending import intrinsic
 
 from cmpsp_ros.mpsp.jit import internals
 from cmpsp_ros.mpsp.jit.cache import KernelCache
@@ -20,25 +29,36 @@ solver's time, and results are checked to be finite where it counts.
 """
 
 _overloads: Final[dict[Any, Any]] = {}
+_RETURNED: Final[dict[type | None, Any]] = {
+    None: types.none,
+    int: types.int64,
+    float: types.float64,
+}
 
 _P = ParamSpec('_P')
 _R = TypeVar('_R')
 
 
+def _compile(function: Callable[_P, _R], **options: Any) -> Callable[_P, _R]:
+    dispatcher = numba.njit(**options)(function)
+    internals.set_cache(dispatcher, KernelCache(dispatcher, kernel_folder()))
+    return cast('Callable[_P, _R]', dispatcher)
+
+
 def compiled(function: Callable[_P, _R]) -> Callable[_P, _R]:
     """Compile ``function`` with numba, cached on disk, keeping its type for the type checker.
 
-    No fast-math: a replay must give the same bits as the run, on processors with other vector
-    lengths, too.
+    No fast-math: a replay must give the same bits as the run, also on processors with other vector
+    lengths.
     """
     return _compile(function)
 
 
 def allocation_free(function: Callable[_P, _R]) -> Callable[_P, _R]:
-    """Like `compiled`, for functions that make no array: that one would is an error.
+    """Like `compiled`, for functions that make no array: doing so is an error.
 
-    Numba then counts no references either, which small functions on named tuples of arrays spend
-    most of their time on.
+    Numba then counts no references either, which takes most of the time of small functions on named
+    tuples of arrays.
     """
     return _compile(function, **ALLOCATION_FREE)
 
@@ -60,33 +80,47 @@ def inner(function: Callable[_P, _R]) -> Callable[_P, _R]:
 
 
 def entry_for(function: Callable[_P, _R], *arguments: Any) -> Callable[_P, _R]:
-    """The machine code for arguments of these types, called without looking for it each time.
+    """Machine code of a compiled function for arguments like these, without numba's dispatch.
 
-    Looking at the types of a few named tuples of arrays takes microseconds. It relies on
-    `typeof_pyval`, `compile` and `overloads[...].entry_point` of numba's dispatchers. What was
-    asked for once is found without them: a law makes hundreds of entries when it is configured.
+    Dispatch on a few named tuples of arrays takes microseconds. All arguments of a call must have
+    the very same types, arrays the same layout: nothing checks it.
+    """
+    return cast('Callable[_P, _R]', _overload(function, arguments).entry_point)
+
+
+def address_of(returned: type | None, function: Callable[..., Any], *arguments: Any) -> int:
+    """Address of a compiled function's machine code, for arguments like these.
 
     Args:
-        function: A compiled function.
-        arguments: Examples. All arguments of a call must have the very same types, arrays the
-            same layout: nothing checks it.
+        returned: Type of its result: int (or an `IntEnum`), float or None.
+        function: The function.
+        arguments: Examples.
+
+    Raises:
+        TypeError: It returns something else.
     """
-    return cast('Callable[_P, _R]', overload_for(function, arguments).entry_point)
+    overload = _overload(function, arguments)
+    found, wanted = types.unliteral(overload.signature.return_type), _RETURNED[returned]
+    if isinstance(found, types.IntEnumMember):
+        found = found.dtype
+    if found != wanted:
+        raise TypeError(f'{function.__name__}: found {found} returned, wanted {wanted}')
+    return internals.address(overload)
 
 
-def overload_for(function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
-    """What numba has compiled of a function for arguments of these types."""
+def _overload(function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
+    """What numba has compiled of a function; a law asks hundreds of times when it is configured."""
     key = function, _kind(arguments)
     if key not in _overloads:
         dispatcher: Any = function
-        types = tuple(dispatcher.typeof_pyval(argument) for argument in arguments)
-        dispatcher.compile(types)
-        _overloads[key] = dispatcher.overloads[types]
+        signature = tuple(dispatcher.typeof_pyval(argument) for argument in arguments)
+        dispatcher.compile(signature)
+        _overloads[key] = dispatcher.overloads[signature]
     return _overloads[key]
 
 
 def _kind(value: Any) -> Any:
-    """All that a type depends on: numba itself takes milliseconds to tell that of a few records."""
+    """All that a type depends on; numba takes milliseconds to tell that of a few records."""
     if isinstance(value, np.ndarray):
         flags = value.flags
         layout = flags.c_contiguous, flags.f_contiguous, flags.writeable, flags.aligned
@@ -94,7 +128,33 @@ def _kind(value: Any) -> Any:
     return (type(value), *map(_kind, value)) if isinstance(value, tuple) else type(value)
 
 
-def _compile(function: Callable[_P, _R], **options: Any) -> Callable[_P, _R]:
-    dispatcher = numba.njit(**options)(function)
-    internals.set_cache(dispatcher, KernelCache(dispatcher, kernel_folder()))
-    return cast('Callable[_P, _R]', dispatcher)
+def _calls(returned: Any) -> Any:
+    @intrinsic  # type: ignore[untyped-decorator]  # numba has no types
+    def call(_context: Any, address: Any, arguments: Any) -> Any:
+        if not isinstance(arguments, types.BaseTuple):
+            raise TypingError(f'found {arguments}, wanted a tuple of arguments')
+        kinds = tuple(arguments.types)
+
+        def generate(context: Any, builder: Any, _signature: Any, values: Any) -> Any:
+            convention = context.call_conv
+            kind = convention.get_function_type(returned, kinds)
+            function = builder.inttoptr(values[0], kind.as_pointer())
+            given = cgutils.unpack_tuple(builder, values[1])
+            return convention.call_function(builder, function, returned, kinds, given)[1]
+
+        return returned(address, arguments), generate
+
+    return call
+
+
+call: Final = _calls(types.none)
+"""``call(address, arguments)`` calls a function that returns nothing.
+
+The arguments must have the very same types as those of `address_of`.
+"""
+
+call_for_int: Final = _calls(types.int64)
+"""The same of one that returns an integer."""
+
+call_for_float: Final = _calls(types.float64)
+"""The same of one that returns a number."""

@@ -1,8 +1,9 @@
-"""What a kernel is made of, as a digest: its bytecode and everything that it refers to.
+"""Digest of a kernel: its bytecode and everything that it refers to.
 
-Comments, docstrings, line numbers and names of files leave it as it is. Constants and functions of
-other modules count where the kernel, or a function that it calls, refers to them.
-What numba's `overload` registers is not followed: it has no name in the bytecode.
+Numba's own cache goes by the date of the file, and does not see that a function of another module
+has changed which the kernel calls. Here constants and functions of other modules count; comments,
+docstrings, line numbers and names of files do not. What numba's `overload` registers is not
+followed: it has no name in the bytecode.
 """
 
 from __future__ import annotations
@@ -46,9 +47,7 @@ _nodes: WeakKeyDictionary[FunctionType, _Node] = WeakKeyDictionary()
 
 
 def fingerprint(kernel: Any) -> str:
-    """The digest of a function, compiled or not.
-
-    Names are looked up now: they may be defined after the function.
+    """The digest of a function, compiled or not, by what its names stand for now.
 
     Raises:
         TypeError: It refers to an object without a known content.

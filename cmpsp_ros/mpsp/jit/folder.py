@@ -21,31 +21,25 @@ MAX_SIZE: Final = 500_000_000
 def kernel_folder() -> Path | None:
     """Folder of the machine code, or None where there can be none.
 
-    It is in ``$NUMBA_CACHE_DIR``, ``$XDG_CACHE_HOME`` or ``~/.cache``; where none of them can be
-    used, below the folder for temporary files.
+    It is in ``$NUMBA_CACHE_DIR``, ``$XDG_CACHE_HOME`` or ``~/.cache``, else below the folder for
+    temporary files.
     """
     folders = (each / 'kernels' for each in _candidates())
     return next((each for each in folders if _is_ours(each.parent) and _is_ours(each)), None)
 
 
 def wanted_place() -> Path:
-    """Where the folder should be, if it can be made there."""
+    """The folder that the user's settings ask for."""
     return next(_candidates())
 
 
 def prune(
     folder: Path, now: float, max_age: float = MAX_AGE, max_size: int = MAX_SIZE
 ) -> list[Path]:
-    """Remove what has not been used for long, oldest first, while the folder is too large.
+    """Remove what was not used for `max_age` [s], oldest first, while a folder exceeds `max_size`.
 
-    Args:
-        folder: The folder; files in folders below count as well.
-        now: Time since the epoch [s].
-        max_age: Files used since so long ago stay [s].
-        max_size: Size that the folder may have [bytes].
-
-    Returns:
-        The files that are gone.
+    `now` is the time since the epoch [s]; files in folders below count as well. Returns the files
+    that are gone.
     """
     files = []
     for each in folder.rglob('*'):
@@ -81,7 +75,7 @@ def _candidates() -> Iterator[Path]:
 
 
 def _is_ours(folder: Path) -> bool:
-    """Whether a folder, made if need be, can be written to by this user and by nobody else.
+    """True for a folder, made if need be, that this user and nobody else can write to.
 
     Loading machine code is running it: a folder that others may write to is no place for it.
     """

@@ -57,15 +57,10 @@ def dump(result: Any) -> bytes | None:
 
 
 def load(data: bytes, classes: Iterable[type], target_context: Any) -> Any:
-    """What numba makes of the bytes of `dump`.
+    """The compiled result in the bytes of `dump`; `classes` are the named tuples in its signature.
 
     Numba's own way of loading begins with `target_context.refresh()`, which takes a second, and
     parses bitcode that only a compilation needs, which takes twice as long as the rest.
-
-    Args:
-        data: The bytes.
-        classes: Named tuples in the signature; others are imported.
-        target_context: Numba's description of this processor.
 
     Raises:
         Exception: Of any kind: a class that cannot be imported, or another version's bytes.

@@ -1,4 +1,4 @@
-"""Notices when kernels are compiled, and shows progress."""
+"""Names of kernels as they are compiled, and progress on a terminal or in a log."""
 
 from __future__ import annotations
 
@@ -49,10 +49,8 @@ def compilations(
 ) -> Iterator[list[str]]:
     """The names of all kernels that are compiled within; those loaded from files are not.
 
-    Args:
-        begin: Called with the name of a kernel before it is compiled; not for the kernels that it
-            calls, which are compiled as a part of it.
-        wait: Called with the name of a kernel that another process is compiling.
+    `begin` is called with the name of a kernel before it is compiled, not for those that it calls;
+    `wait` with the name of a kernel that another process is compiling.
     """
     watch = _Watch(begin, wait)
     with install_listener('numba:compile', watch), install_listener(WAITING, watch):
@@ -80,7 +78,7 @@ class ProgressLine:
         self._next: float | None = None
 
     def show(self, count: int, what: str) -> None:
-        """Show what is compiled now, and how many kernels have been begun."""
+        """Show the kernel being compiled and the number begun."""
         total, bar = '', ''
         if self._expected is not None and count <= self._expected:
             total = f' of about {self._expected}'

@@ -8,9 +8,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cmpsp_ros.arrays import Array, BoolArray
-from cmpsp_ros.mpsp.arguments import control_bounds, numbers, terminal_target, vector, whole_number
-from cmpsp_ros.mpsp.errors import ProblemError
-from cmpsp_ros.mpsp.models.stage_problem import StageProblem
+from cmpsp_ros.mpsp.arguments import (
+    ProblemError,
+    control_bounds,
+    numbers,
+    terminal_target,
+    vector,
+    whole_number,
+)
+from cmpsp_ros.mpsp.models.functions import StageProblem
 from cmpsp_ros.mpsp.problem import Dimensions, Evaluation, Hessian, OptimalControlProblem
 from cmpsp_ros.mpsp.qp.curvature import nearest_positive_semidefinite
 

@@ -12,9 +12,8 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.mpsp.errors import ProblemError
-from cmpsp_ros.mpsp.jit.addresses import call, call_for_float
-from cmpsp_ros.mpsp.jit.compiled import allocation_free
+from cmpsp_ros.mpsp.arguments import ProblemError
+from cmpsp_ros.mpsp.jit.compiled import allocation_free, call, call_for_float
 from cmpsp_ros.mpsp.problem import (
     Dimensions,
     Evaluation,
@@ -22,10 +21,9 @@ from cmpsp_ros.mpsp.problem import (
     Linearisation,
     OptimalControlProblem,
 )
-from cmpsp_ros.mpsp.qp.active_set.fill import derivatives_in, put_derivatives
+from cmpsp_ros.mpsp.qp.active_set.records import derivatives_in, put_derivatives
 from cmpsp_ros.mpsp.qp.active_set.state import Indices
-from cmpsp_ros.mpsp.qp.riccati.layout import row_type, stage_type
-from cmpsp_ros.mpsp.qp.riccati.program import Records
+from cmpsp_ros.mpsp.qp.riccati.program import Records, row_type, stage_type
 from cmpsp_ros.mpsp.sqp.driver import Functions
 
 
@@ -95,18 +93,11 @@ class ControlRateProblem(OptimalControlProblem):
         max_change: float = math.inf,
         rows: Array | None = None,
     ) -> None:
-        """Wrap a problem.
-
-        Args:
-            problem: The problem without them.
-            weight: As in `ControlRateData`, not negative.
-            previous: See `weight`; shape ``(r,)``.
-            max_change: See `weight`; positive.
-            rows: See `weight`; None for the controls themselves.
+        """Wrap a problem; arguments as in `ControlRateData`, all controls without `rows`.
 
         Raises:
-            ProblemError: The weight or the limit is out of range, or ``previous`` has the wrong
-                shape.
+            ProblemError: The weight is negative, the limit not positive, or ``previous`` has the
+                wrong shape.
         """
         inner = problem.size
         if not weight >= 0.0:

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.mpsp.qp.active_set.fill import is_positive_definite
+from cmpsp_ros.mpsp.qp.active_set.records import is_positive_definite
 from cmpsp_ros.mpsp.qp.dense.closed_form import (
     CURVATURE_MARGIN,
     has_closed_form,
@@ -32,19 +32,13 @@ _NOTHING = 1e-12
 def convexify(subproblem: Subproblem) -> Subproblem:
     """Shift the Hessian of a program that has no unique minimum, and only of such a program.
 
-    Where a Riccati sweep fails, ``shift I`` is added, with the least shift that leaves
-    every eigenvalue at `CURVATURE_LEFT` of the largest or above. A program with a closed form needs
-    curvature along the terminal constraint alone and keeps its Hessian if it has that much.
+    Where a Riccati sweep fails, ``shift I`` is added, with the least shift that leaves every
+    eigenvalue at `CURVATURE_LEFT` of the largest or above. A program with a closed form needs
+    curvature along the terminal constraint alone and keeps its Hessian if it has that much. One
+    that is not finite is left to the back end, which refuses it.
 
     The shift is a proximal term, like ``R`` of (95): it vanishes at a fixed point, so it bends the
-    path to a solution but not the solution.
-
-    Args:
-        subproblem: Program with any symmetric Hessian; one that is not finite is left to the back
-            end, which refuses it.
-
-    Returns:
-        The program to solve with its `Subproblem.shift`; the same object where none was needed.
+    path to a solution but not the solution. The same object is returned where none was needed.
     """
     if is_positive_definite(subproblem, -CURVATURE_MARGIN * largest_diagonal(subproblem)):
         return subproblem
@@ -116,15 +110,7 @@ def project_stages(L_XX: Array, L_UX: Array, L_UU: Array) -> tuple[Array, Array,
     """Positive semi-definite part of each stage's Hessian in ``(X_k, U_k)``, (49)-(52).
 
     Then (45) is positive semi-definite as well. The projection is the nearest matrix of that kind
-    in the Frobenius norm.
-
-    Args:
-        L_XX: Shape ``(N + 1, n, n)``.
-        L_UX: Shape ``(N + 1, r, n)``.
-        L_UU: Shape ``(N + 1, r, r)``.
-
-    Returns:
-        The three blocks, shaped alike.
+    in the Frobenius norm. Shapes ``(N + 1, n, n)``, ``(N + 1, r, n)`` and ``(N + 1, r, r)``.
     """
     n = L_XX.shape[1]
     joint = np.block([[L_XX, np.swapaxes(L_UX, 1, 2)], [L_UX, L_UU]])

@@ -1,11 +1,12 @@
-"""The quadratic program of one iteration, stage by stage."""
+"""The quadratic program of one iteration, stage by stage, and its solution."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from enum import Enum
 from functools import cached_property
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
 
@@ -17,11 +18,8 @@ from cmpsp_ros.mpsp.qp.dense.condensing import CondensedQP, condense
 class Row(NamedTuple):
     """One constraint of a subproblem.
 
-    Attributes:
-        kind: Which constraints it is one of.
-        stage: Stage ``k``; ``N`` for a terminal output.
-        index: Component of the output, number of the path constraint, or component of the control
-            (bound) or of the state (trust region).
+    `stage` is ``N`` for a terminal output; `index` is the component of the output, the number of
+    the path constraint, or the component of the control (bound) or of the state (trust region).
     """
 
     kind: Literal['terminal', 'path', 'bound', 'trust']
@@ -87,11 +85,7 @@ class Subproblem:
         )
 
     def propagate(self, dU: Array) -> Array:
-        """Linearised change of the states (7), shape ``(N + 1, n)``.
-
-        Args:
-            dU: Control deviations, shape ``(N + 1, r)``.
-        """
+        """Linearised change of the states (7), shape ``(N + 1, n)``."""
         lin = self.linearisation
         dX: Array = np.zeros((self.size.horizon + 1, self.size.state))
         moved = np.einsum('kia,ka->ki', lin.B, dU[:-1])
@@ -100,21 +94,88 @@ class Subproblem:
         return dX
 
     def terminal(self, dU: Array, dX: Array) -> Array:
-        """Linearised terminal error, the left-hand side of (54); shape ``(m,)``.
-
-        Args:
-            dU: Control deviations, shape ``(N + 1, r)``.
-            dX: Their `propagate`, shape ``(N + 1, n)``.
-        """
+        """Linearised terminal error, the left-hand side of (54), shape ``(m,)``."""
         lin = self.linearisation
         error: Array = lin.output_error + lin.h_X @ dX[-1] + lin.h_U @ dU[-1]
         return error
 
     def path(self, dU: Array, dX: Array) -> Array:
-        """Linearised path constraints (57), ``-inf`` where one does not apply; ``(N + 1, l)``.
-
-        Arguments as of `terminal`.
-        """
+        """Linearised path constraints (57), ``-inf`` where one does not apply; ``(N + 1, l)``."""
         lin = self.linearisation
         change = np.einsum('kli,ki->kl', lin.g_X, dX) + np.einsum('kla,ka->kl', lin.g_U, dU)
         return np.where(lin.g == -np.inf, -np.inf, lin.g + change)
+
+
+TOLERANCE = 1e-5
+"""Relative violation of the optimality conditions up to which an answer is a solution."""
+
+
+class QPStatus(Enum):
+    """How a quadratic program ended; the value is a sentence for the user."""
+
+    SOLVED = 'The quadratic program was solved.'
+    INFEASIBLE = 'No control satisfies all linearised constraints.'
+    FAILED = 'The QP back end gave up or returned a point that is not a solution.'
+
+
+@dataclass(frozen=True)
+class Penalties:
+    """Weights of the exact L1 relaxation: cost of violating each row by one unit.
+
+    Of terminal outputs ``(m,)``, and of path constraints ``(N + 1, l)``, of no effect where one
+    does not apply.
+    """
+
+    terminal: Array
+    path: Array
+
+
+@dataclass(frozen=True)
+class QPSolution:
+    """Solution of a subproblem; where not solved, the arrays hold zeros.
+
+    Attributes:
+        status: How it ended.
+        dU: Control deviations, shape ``(N + 1, r)``.
+        terminal: Multipliers ``lambda`` of (54), of either sign, shape ``(m,)``.
+        path: Multipliers ``rho`` of (57), not negative, 0 where a constraint does not apply,
+            shape ``(N + 1, l)``.
+        trust: Multipliers of the trust region, positive at ``+trust_radius``, shape
+            ``(N + 1, n)``.
+        bounds: Multipliers ``beta`` of the control bounds, positive at the upper one, shape
+            ``(N + 1, r)``.
+        iterations: Iterations of the back end, 0 where unknown.
+        conflict: Constraints that contradict each other, as far as the back end names them.
+    """
+
+    status: QPStatus
+    dU: Array
+    terminal: Array
+    path: Array
+    trust: Array
+    bounds: Array
+    iterations: int = 0
+    conflict: tuple[Row, ...] = ()
+
+    @classmethod
+    def unsolved(
+        cls, size: Dimensions, status: QPStatus, conflict: tuple[Row, ...] = ()
+    ) -> QPSolution:
+        """The answer of a back end that has none."""
+        stages = size.horizon + 1
+        return cls(
+            status,
+            np.zeros((stages, size.control)),
+            np.zeros(size.output),
+            np.zeros((stages, size.path)),
+            np.zeros((stages, size.state)),
+            np.zeros((stages, size.control)),
+            conflict=conflict,
+        )
+
+
+class Backend(Protocol):
+    """Solves a subproblem, hard or relaxed."""
+
+    def __call__(self, subproblem: Subproblem, penalties: Penalties | None) -> QPSolution:
+        """Solve with hard rows, or with (54) and (57) relaxed where penalties are given."""

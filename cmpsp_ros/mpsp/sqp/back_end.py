@@ -6,22 +6,16 @@ from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.jit.compiled import entry_for
 from cmpsp_ros.mpsp.problem import Hessian
 from cmpsp_ros.mpsp.qp import Penalties, QPSolution, QPStatus, solve_qp
-from cmpsp_ros.mpsp.qp.active_set.correction import activate, correct
-from cmpsp_ros.mpsp.qp.active_set.fill import Space, put_solution, subproblem_in
+from cmpsp_ros.mpsp.qp.active_set.records import Space, put_solution, subproblem_in
+from cmpsp_ros.mpsp.qp.active_set.solver import activate, correct
 from cmpsp_ros.mpsp.qp.curvature import convexify
 from cmpsp_ros.mpsp.qp.dense.closed_form import has_closed_form, solve_closed_form
-from cmpsp_ros.mpsp.qp.riccati.outcome import INFEASIBLE, NO_CURVATURE, SOLVED
+from cmpsp_ros.mpsp.qp.riccati.program import Outcome
 from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 
 
 class BackEnd:
-    """A QP back end, with what it was asked last and what it answered.
-
-    Attributes:
-        subproblem: The program that was solved last.
-        solution: Its solution, or why there is none.
-        shift: What was added to the diagonal of its Hessian.
-    """
+    """A QP back end, with the program it was asked last, its answer, and the Hessian's shift."""
 
     subproblem: Subproblem
     solution: QPSolution
@@ -53,15 +47,15 @@ class BackEnd:
             self.subproblem = subproblem_in(self._space)
         # Asked again although no curvature was lacking.
         elif level == 0 and not self.shift:
-            return INFEASIBLE
+            return Outcome.INFEASIBLE
         self._is_new = False
         self.solution = self._solve_hard() if level == 0 else self._solve_relaxed()
         if self.solution.status is not QPStatus.SOLVED:
             unknown = self.solution.status is QPStatus.FAILED and not self._is_convex
-            return NO_CURVATURE if unknown else INFEASIBLE
+            return Outcome.NO_CURVATURE if unknown else Outcome.INFEASIBLE
         found = self.solution
         put_solution(self._space, found, self.subproblem.propagate(found.dU))
-        return SOLVED
+        return Outcome.SOLVED
 
     def add_curvature(self) -> None:
         """Add to the Hessian in the records what it lacks."""
@@ -73,12 +67,7 @@ class BackEnd:
             self._is_new = True
 
     def correct(self, output_error: Array, g: Array) -> None:
-        """Second-order correction of the step, into the records; 0 where there is none.
-
-        Args:
-            output_error: Terminal error after the full step, shape ``(m,)``.
-            g: Path constraints after the full step, shape ``(N + 1, l)``.
-        """
+        """Second-order correction, into the records, as `solver.correct`; 0 where there is none."""
         program, active = self._space.program, self._space.active
         if self._activate(program, active):
             correct(program, active, output_error, g)

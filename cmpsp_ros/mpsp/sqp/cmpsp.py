@@ -9,16 +9,25 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.mpsp.iterate import SLACK_TOLERANCE, Iterate, Record, Size, Step, record
 from cmpsp_ros.mpsp.options import Options
 from cmpsp_ros.mpsp.problem import Evaluation, Linearisation, OptimalControlProblem
 from cmpsp_ros.mpsp.qp import QPStatus
-from cmpsp_ros.mpsp.qp.active_set.fill import put_derivatives
+from cmpsp_ros.mpsp.qp.active_set.records import put_derivatives
 from cmpsp_ros.mpsp.qp.riccati.program import Records
 from cmpsp_ros.mpsp.qp.subproblem import Subproblem
+from cmpsp_ros.mpsp.results import (
+    SLACK_TOLERANCE,
+    Iterate,
+    Record,
+    Size,
+    Solution,
+    Status,
+    Step,
+    record,
+    violations,
+)
 from cmpsp_ros.mpsp.sqp.driver import Driver, Functions
-from cmpsp_ros.mpsp.sqp.workspace import EVALUATED
-from cmpsp_ros.mpsp.status import Solution, Status, violations
+from cmpsp_ros.mpsp.sqp.workspace import Phase
 
 
 class CMPSP:
@@ -48,10 +57,7 @@ class CMPSP:
         ws.upper[:, : size.control] = problem.control_upper
 
     def init(self, U: ArrayLike) -> Iterate:
-        """Predict along a guessed control history, brought within its bounds.
-
-        Args:
-            U: Guess ``U^0``, shape ``(N + 1, r)``.
+        """Predict along a guess ``U^0 (N + 1, r)``, brought within its bounds.
 
         Raises:
             ProblemError: The guess has the wrong shape or is not finite.
@@ -85,9 +91,7 @@ class CMPSP:
     def step(self, at: Iterate, subproblem: Subproblem | None = None) -> Iterate:
         """One iteration; an iterate that cannot be improved keeps its controls.
 
-        Args:
-            at: The iterate.
-            subproblem: Its `subproblem`, where it is at hand already.
+        The iterate's `subproblem` may be given where it is at hand already.
         """
         if subproblem is None:
             subproblem = self.subproblem(at)
@@ -108,7 +112,7 @@ class CMPSP:
         run, there = ws.run, ws.trial
         there.U[:, : size.control], there.X[:, : size.state] = at.U, at.X
         there.output_error[:], there.g[:] = at.evaluation.output_error, at.evaluation.g
-        run['trial_cost'], run['phase'] = at.evaluation.cost, EVALUATED
+        run['trial_cost'], run['phase'] = at.evaluation.cost, Phase.EVALUATED
         run['iterations'], run['max_iterations'] = at.index, at.index + 1
         run['length'] = 0.0 if at.step is None else at.step.length
         run['full_change'] = run['active_rows'] = run['is_corrected'] = 0
@@ -233,12 +237,7 @@ def _summary(driver: Driver, subproblem: Subproblem) -> Step:
 def costates(linearisation: Linearisation, step: Step) -> Array:
     """Multipliers of the dynamics (1), for which the Lagrangian is stationary in the states.
 
-    Args:
-        linearisation: Derivatives along a trajectory.
-        step: The multipliers of its constraints.
-
-    Returns:
-        Gradient of the cost to go by ``X_k``, shape ``(N + 1, n)``.
+    The gradient of the cost to go by ``X_k``, shape ``(N + 1, n)``.
     """
     lin = linearisation
     rows = np.einsum('kli,kl->ki', lin.g_X, step.path_multipliers)

@@ -9,26 +9,60 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.mpsp.jit.addresses import address_of
-from cmpsp_ros.mpsp.jit.compiled import entry_for
+from cmpsp_ros.mpsp.jit.compiled import (
+    address_of,
+    allocation_free,
+    call,
+    call_for_float,
+    call_for_int,
+    entry_for,
+)
 from cmpsp_ros.mpsp.problem import Dimensions, Hessian
-from cmpsp_ros.mpsp.qp.active_set.correction import correct
-from cmpsp_ros.mpsp.qp.active_set.fill import Space, compiled_size
-from cmpsp_ros.mpsp.qp.active_set.solver import solve
-from cmpsp_ros.mpsp.qp.active_set.state import Indices, empty_active_set, empty_warm_start
+from cmpsp_ros.mpsp.qp.active_set.records import Space, compiled_size
+from cmpsp_ros.mpsp.qp.active_set.solver import correct, solve
+from cmpsp_ros.mpsp.qp.active_set.state import (
+    ActiveSet,
+    Indices,
+    WarmStart,
+    empty_active_set,
+    empty_warm_start,
+)
 from cmpsp_ros.mpsp.sqp.back_end import BackEnd
 from cmpsp_ros.mpsp.sqp.iteration import advance
-from cmpsp_ros.mpsp.sqp.run import run
-from cmpsp_ros.mpsp.sqp.workspace import (
-    ADD_CURVATURE,
-    CORRECT,
-    EVALUATE,
-    LINEARISE,
-    SOLVE_QP,
-    START,
-    Workspace,
-    workspace,
-)
+from cmpsp_ros.mpsp.sqp.workspace import Phase, Request, Workspace, workspace
+
+
+@allocation_free
+def run(
+    ws: Workspace,
+    active: ActiveSet,
+    hard: WarmStart,
+    relaxed: WarmStart,
+    solver: Indices,
+    problem: Indices,
+    data: Any,
+) -> None:
+    """Provide what the iteration asks for until it is over, or the Hessian lacks curvature.
+
+    Warm starts are for subproblems without and with slack. `solver` has the addresses of `advance`,
+    `solve` and `correct`, `problem` those of predict, evaluate and linearise.
+    """
+    state, p, now, trial = ws.run[0], ws.program, ws.now, ws.trial
+    while True:
+        request = call_for_int(solver[0], (ws,))
+        if request == Request.EVALUATE:
+            call(problem[0], (data, trial.U, trial.X))
+            at = (data, trial.X, trial.U, trial.output_error, trial.g)
+            state.trial_cost = call_for_float(problem[1], at)
+        elif request == Request.LINEARISE:
+            call(problem[2], (data, now.X, now.U, p.stages, p.path, p.terminal))
+        elif request == Request.SOLVE_QP:
+            warm = relaxed if state.level > 0 else hard
+            state.outcome = call_for_int(solver[1], (p, active, warm))
+        elif request == Request.CORRECT:
+            call(solver[2], (p, active, trial.output_error, trial.g))
+        else:
+            return
 
 
 class Functions(NamedTuple):
@@ -43,7 +77,7 @@ class Functions(NamedTuple):
             terminal error (5), shape ``(m,)``, and the path constraints (4), shape
             ``(N + 1, l)``, ``-inf`` where one does not apply.
         linearise: ``linearise(data, X, U, stages, path, terminal)`` fills the derivatives of
-            `cmpsp_ros.mpsp.qp.riccati.layout`. Entries that are always 0 need not be written.
+            `cmpsp_ros.mpsp.qp.riccati.program`. Entries that are always 0 need not be written.
     """
 
     predict: Callable[[Any, Array, Array], None]
@@ -51,7 +85,7 @@ class Functions(NamedTuple):
     linearise: Callable[..., None]
 
     def machine_code(self, data: Any, ws: Workspace) -> Functions:
-        """The machine code of compiled functions, for data of this type, called one by one."""
+        """Entries of compiled functions, for data of this type, called one by one."""
         predict, evaluate, linearise = _arguments(data, ws)
         return Functions(
             entry_for(self.predict, *predict),
@@ -60,7 +94,7 @@ class Functions(NamedTuple):
         )
 
     def addresses(self, data: Any, ws: Workspace) -> Indices:
-        """Where the machine code of compiled functions is, shape ``(3,)``."""
+        """Addresses of compiled functions, shape ``(3,)``."""
         predict, evaluate, linearise = _arguments(data, ws)
         return np.array(
             [
@@ -89,13 +123,7 @@ def _arguments(data: Any, ws: Workspace) -> tuple[tuple[Any, ...], ...]:
 
 
 class Entries(NamedTuple):
-    """A compiled problem.
-
-    Attributes:
-        functions: To be called one by one, where a QP back end solves the subproblems.
-        addresses: `Functions.addresses`.
-        run: The whole iteration: `cmpsp_ros.mpsp.sqp.run.run`.
-    """
+    """A compiled problem: functions to be called one by one, their addresses, and `run` for it."""
 
     functions: Functions
     addresses: Indices
@@ -105,9 +133,8 @@ class Entries(NamedTuple):
 class Driver:
     """One plan's memory, and the loop that improves the plan in it.
 
-    Attributes:
-        ws: The workspace. Its `run` has the options before, and the results after.
-        back_end: What solves the subproblems; None for the compiled solver.
+    `ws.run` has the options before, and the results after; `back_end` is None for the compiled
+    solver.
     """
 
     ws: Workspace
@@ -123,20 +150,17 @@ class Driver:
         *,
         exact: bool = False,
     ) -> None:
-        """Make room for plans of some sizes.
+        """Make room for plans of some sizes; arguments as of `workspace`.
 
         Args:
-            size: As of `workspace`, and so are the penalties.
+            size: Dimensions.
             penalty_terminal: Shape ``(m,)``.
             penalty_path: Shape ``(l,)``.
-            trust_radius: Largest predicted change of each state in one iteration, infinite where
-                free, shape ``(n,)``.
+            trust_radius: Shape ``(n,)``.
             back_end: Name of a QP back end, and the kind of Hessian that the problem's functions
                 give; the compiled solver without.
-            exact: Whether the memory has no more states and controls than the problem. It is
-                filled up otherwise to sizes that code may have been compiled for already, with
-                states and controls that stay 0: the first answer comes a minute sooner, and each
-                takes longer.
+            exact: No padding to sizes that code may have been compiled for already, with states and
+                controls that stay 0: the first answer comes a minute later, and each is faster.
         """
         n, r = size.state, size.control
         if not exact:
@@ -166,23 +190,19 @@ class Driver:
 
     def forget(self) -> None:
         """Begin the next plan without what is known of the last one."""
-        self._warm_hard[0] = self._warm_relaxed[0] = 0
+        self._warm_hard.clear()
+        self._warm_relaxed.clear()
 
     def improve(self, functions: Functions | Entries, data: Any, steps: int, over: int) -> None:
         """Improve the plan in ``ws.trial.U``; the result is in ``ws.now`` and ``ws.run``.
 
-        Where the condensed Hessian is not positive definite the compiled solver ends.
-
-        Args:
-            functions: The problem's, compiled ones by their `Functions.entries`; others need a back
-                end.
-            data: The problem's data.
-            steps: ``N``, at most those there is room for.
-            over: How many stages of the last plan's horizon are over.
+        Compiled functions come by their `Functions.entries`; others need a back end. `steps` is
+        ``N``, and `over` how many stages of the last plan's horizon are over. Where the condensed
+        Hessian is not positive definite the compiled solver ends.
         """
         self._horizon[0] = steps
         self._begun[0] += over
-        self._phase[0] = START
+        self._phase[0] = Phase.START
         self.go_on(functions, data)
 
     def go_on(self, functions: Functions | Entries, data: Any) -> None:
@@ -200,17 +220,17 @@ class Driver:
         assert back_end is not None  # noqa: S101 (functions that are not compiled have one)
         while True:
             request = advance(ws)
-            if request == EVALUATE:
+            if request == Request.EVALUATE:
                 predict(data, trial.U, trial.X)
                 cost[0] = evaluate(data, trial.X, trial.U, trial.output_error, trial.g)
-            elif request == LINEARISE:
+            elif request == Request.LINEARISE:
                 linearise(data, now.X, now.U, program.stages, program.path, program.terminal)
                 back_end.begin()
-            elif request == SOLVE_QP:
+            elif request == Request.SOLVE_QP:
                 outcome[0] = back_end.solve(self._level[0])
-            elif request == ADD_CURVATURE:
+            elif request == Request.ADD_CURVATURE:
                 back_end.add_curvature()
-            elif request == CORRECT:
+            elif request == Request.CORRECT:
                 back_end.correct(trial.output_error, trial.g)
             else:
                 return

@@ -1,97 +1,117 @@
-"""The iteration itself: predict, linearise, solve, search, update (43).
+"""The iteration itself: predict, linearise, solve, search, update (43); and its elastic mode.
 
 It is a state machine that never calls a problem's functions: it returns what it needs next, and
 whoever drives it provides that and calls it again. So one iteration serves problems in Python and
 compiled ones, and every QP back end.
+
+Elastic mode says which constraints may be violated where not all can be met: the weights of the
+relaxation rank the rows. A sum of weighted slacks would trade a little of one row for much of
+another, however far apart the weights are. So what is heavier stays hard as long as there is a
+solution without its slack: the next lightest rows are relaxed only where the lightest are not
+enough, and the others only where both are not.
 """
 
 from __future__ import annotations
 
 import math
+from typing import Final
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.jit.compiled import allocation_free, inner
 from cmpsp_ros.mpsp.qp.active_set.fixed_bounds import free_all
-from cmpsp_ros.mpsp.qp.riccati.outcome import NO_CURVATURE, SOLVED
-from cmpsp_ros.mpsp.qp.riccati.program import Program
-from cmpsp_ros.mpsp.sqp.elastic import relax
+from cmpsp_ros.mpsp.qp.riccati.program import Outcome, Program
 from cmpsp_ros.mpsp.sqp.line_search import (
-    GOES_ON,
-    WANTS_CORRECTION,
     begin_search,
     go_on,
     go_on_corrected,
+    predicted_reduction,
     set_trial,
     take_trial,
+    update_penalties,
 )
-from cmpsp_ros.mpsp.sqp.merit import predicted_reduction, update_penalties
-from cmpsp_ros.mpsp.sqp.workspace import (
-    ADD_CURVATURE,
-    CORRECT,
-    CORRECTED,
-    DONE,
-    EVALUATE,
-    EVALUATED,
-    FULL_STEP,
-    LINEARISE,
-    LINEARISED,
-    QP_ANSWERED,
-    SEARCHING,
-    SOLVE_QP,
-    START,
-    Workspace,
-)
+from cmpsp_ros.mpsp.sqp.workspace import Phase, Request, Workspace
+
+LEVELS: Final = 3
+"""Relaxation levels: slack in the lightest rows, in the next lightest as well, and in all."""
+
+
+@allocation_free
+def relax(p: Program, level: int) -> bool:
+    """Set the penalties of a relaxation level, infinite for hard rows; false if no row is hard."""
+    heaviest = -math.inf
+    for _ in range(level):
+        heaviest = _next_weight(p, heaviest)
+    if level >= LEVELS:
+        heaviest = math.inf
+    is_hard = False
+    for j in range(p.terminal.shape[0]):
+        row = p.terminal[j]
+        row.penalty = row.weight if row.weight <= heaviest else math.inf
+        is_hard = is_hard or row.weight > heaviest
+    for k in range(p.head[0].horizon + 1):
+        for j in range(p.path.shape[1]):
+            row = p.path[k, j]
+            row.penalty = row.weight if row.weight <= heaviest else math.inf
+            is_hard = is_hard or row.weight > heaviest
+    return is_hard
+
+
+@inner
+def _next_weight(p: Program, lighter: float) -> float:
+    """The least weight above another."""
+    found = math.inf
+    for j in range(p.terminal.shape[0]):
+        if p.terminal[j].weight > lighter:
+            found = min(found, p.terminal[j].weight)
+    for j in range(p.path.shape[1]):
+        if p.path[0, j].weight > lighter:
+            found = min(found, p.path[0, j].weight)
+    return found
 
 
 @allocation_free
 def advance(ws: Workspace) -> int:
-    """Go on with the iteration as far as it goes by itself.
+    """Go on as far as the iteration goes by itself, and return what is wanted next.
 
-    Args:
-        ws: The workspace, with what was asked for last.
-
-    Returns:
-        What is wanted next. `EVALUATE`: predict along ``trial.U`` and evaluate, into `trial` and
-        ``run.trial_cost``. `LINEARISE`: the derivatives along `now`, into `program`. `SOLVE_QP`:
-        the step and its multipliers by a QP back end, into `program`, and ``run.outcome``.
-        `CORRECT`: the second-order correction of the step, into `program`. `ADD_CURVATURE`: the
-        condensed Hessian is not positive definite; mend it or leave it. `DONE`: the iteration is
-        over, and the plan is in `now`.
+    `EVALUATE`: predict along ``trial.U`` and evaluate, into `trial` and ``run.trial_cost``.
+    `LINEARISE`: the derivatives along `now`, into `program`. `SOLVE_QP`: the step and its
+    multipliers, into `program`, and ``run.outcome``. `CORRECT`: the second-order correction of the
+    step, into `program`. `ADD_CURVATURE`: the condensed Hessian is not positive definite; mend it
+    or leave it. `DONE`: the iteration is over, and the plan is in `now`.
     """
     run = ws.run[0]
-    if run.phase == START:
+    if run.phase == Phase.START:
         _begin(ws)
-        run.phase = EVALUATED
-        return EVALUATE
-    if run.phase == EVALUATED:
+        run.phase = Phase.EVALUATED
+        return Request.EVALUATE
+    if run.phase == Phase.EVALUATED:
         take_trial(ws)
         run.cost_limit = (1.0 + abs(run.cost)) * run.growth_limit
         run.control_limit = _largest_control(ws) * run.growth_limit
         return _next_iteration(ws)
-    if run.phase == LINEARISED:
+    if run.phase == Phase.LINEARISED:
         _bound_step(ws)
         run.level = 0
         run.is_hard = int(relax(ws.program, 0))
-        run.phase = QP_ANSWERED
-        return SOLVE_QP
-    if run.phase == QP_ANSWERED:
-        if run.outcome == NO_CURVATURE and run.stage == 0:
-            run.phase, run.stage = LINEARISED, 1
-            return ADD_CURVATURE
-        failed = run.outcome not in (SOLVED, NO_CURVATURE)
+        run.phase = Phase.QP_ANSWERED
+        return Request.SOLVE_QP
+    if run.phase == Phase.QP_ANSWERED:
+        if run.outcome == Outcome.NO_CURVATURE and run.asked_for_curvature == 0:
+            run.phase, run.asked_for_curvature = Phase.LINEARISED, 1
+            return Request.ADD_CURVATURE
+        failed = run.outcome not in (Outcome.SOLVED, Outcome.NO_CURVATURE)
         if failed and run.is_hard == 1 and run.elastic == 1:
             run.level += 1
             run.is_hard = int(relax(ws.program, run.level))
-            return SOLVE_QP
+            return Request.SOLVE_QP
         return _take_step(ws)
-    if run.phase == FULL_STEP:
+    if run.phase == Phase.FULL_STEP:
         take_trial(ws)
-        return _finish(ws, 1.0)
-    length = go_on_corrected(ws) if run.phase == CORRECTED else go_on(ws)
-    run.phase = CORRECTED if length == WANTS_CORRECTION else SEARCHING
-    if length == WANTS_CORRECTION:
-        return CORRECT
-    return EVALUATE if length == GOES_ON else _finish(ws, length)
+        run.length = 1.0
+        return _finish(ws)
+    request = go_on_corrected(ws) if run.phase == Phase.CORRECTED else go_on(ws)
+    run.phase = Phase.CORRECTED if request == Request.CORRECT else Phase.SEARCHING
+    return _finish(ws) if request == Request.DONE else request
 
 
 @inner
@@ -112,10 +132,10 @@ def _begin(ws: Workspace) -> None:
 def _next_iteration(ws: Workspace) -> int:
     run = ws.run[0]
     if run.iterations >= run.max_iterations:
-        return DONE
-    run.phase = LINEARISED
-    run.stage = 0
-    return LINEARISE
+        return Request.DONE
+    run.phase = Phase.LINEARISED
+    run.asked_for_curvature = 0
+    return Request.LINEARISE
 
 
 @inner
@@ -134,40 +154,40 @@ def _bound_step(ws: Workspace) -> None:
 def _take_step(ws: Workspace) -> int:
     """From a solved subproblem to the first trial."""
     run, p = ws.run[0], ws.program
-    if run.outcome != SOLVED:
-        return _finish(ws, 0.0)
+    if run.outcome != Outcome.SOLVED:
+        run.length = 0.0
+        return _finish(ws)
     if run.control_tolerance > 0.0:
         run.full_change = _relative_change(p, ws.now.U)
     update_penalties(p)
     run.predicted = predicted_reduction(p, ws.slack)
     if run.line_search == 1:
-        run.phase = SEARCHING
+        run.phase = Phase.SEARCHING
         begin_search(ws, run.length if run.iterations > 0 else 0.0)
     else:
-        run.phase = FULL_STEP
+        run.phase = Phase.FULL_STEP
         run.is_corrected = 0
         set_trial(ws, 1.0)
-    return EVALUATE
+    return Request.EVALUATE
 
 
 @inner
-def _finish(ws: Workspace, length: float) -> int:
+def _finish(ws: Workspace) -> int:
     """End of an iteration."""
     run = ws.run[0]
     run.iterations += 1
-    run.length = length
     if run.iterations < run.max_iterations and not _is_over(ws):
         return _next_iteration(ws)
-    if run.outcome == SOLVED:
+    if run.outcome == Outcome.SOLVED:
         run.active_rows = _active_rows(ws.program)
-    return DONE
+    return Request.DONE
 
 
 @inner
 def _is_over(ws: Workspace) -> bool:
     """Whether the iteration is over by itself: `cmpsp_ros.mpsp.sqp.cmpsp.CMPSP.terminate`."""
     run = ws.run[0]
-    if run.outcome != SOLVED or run.length == 0.0 or not _is_finite(ws):
+    if run.outcome != Outcome.SOLVED or run.length == 0.0 or not _is_finite(ws):
         return True
     if 1.0 + abs(run.cost) > run.cost_limit or _largest_control(ws) > run.control_limit:
         return True

@@ -1,19 +1,107 @@
-"""Backtracking along a step until the merit falls by enough, with a second-order correction.
+"""The exact L1 merit function, and backtracking along a step until it falls by enough.
 
 Where the full step is refused although it does not lower the violation, the search goes back along
-the arc ``a dU + a^2 w``, with ``w`` the correction. The search asks for one trial after the other
-to be evaluated.
+the arc ``a dU + a^2 w``, with ``w`` the second-order correction. It asks for one trial after the
+other to be evaluated.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Final
+
+import numpy as np
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.jit.compiled import allocation_free, inner
-from cmpsp_ros.mpsp.sqp.merit import magnitude, merit, violation
-from cmpsp_ros.mpsp.sqp.workspace import Workspace
+from cmpsp_ros.mpsp.qp.riccati.program import Program, product
+from cmpsp_ros.mpsp.sqp.workspace import Request, Search, Trajectory, Workspace
+
+_ABOVE_MULTIPLIER = 1.1
+# Violation of a hard constraint that rounding may leave in a step that meets it.
+_MET = 1e-7
+
+
+@allocation_free
+def update_penalties(p: Program) -> None:
+    """Weights of the step's merit: the penalties, raised where a multiplier is larger.
+
+    Only then is the solution of the subproblem a direction of descent.
+    """
+    for j in range(p.terminal.shape[0]):
+        row = p.terminal[j]
+        row.merit = max(row.weight, _ABOVE_MULTIPLIER * abs(row.multiplier))
+    for k in range(p.head[0].horizon + 1):
+        for j in range(p.path.shape[1]):
+            row = p.path[k, j]
+            row.merit = max(row.weight, _ABOVE_MULTIPLIER * row.multiplier)
+
+
+@allocation_free
+def violation(p: Program, at: Trajectory) -> float:
+    """Weighted violation of the constraints, the part of the merit that is not cost.
+
+    It is infinite where a hard path constraint, one of infinite weight, is violated.
+    """
+    total = 0.0
+    for j in range(p.terminal.shape[0]):
+        total += p.terminal[j].merit * abs(at.output_error[j])
+    for k in range(p.head[0].horizon + 1):
+        for j in range(p.path.shape[1]):
+            # Not `max`, which drops NaN.
+            if not at.g[k, j] <= 0.0:
+                merit = p.path[k, j].merit
+                if not (merit == math.inf and at.g[k, j] <= _MET):
+                    total += merit * at.g[k, j]
+    return total
+
+
+@allocation_free
+def merit(p: Program, at: Trajectory, cost: float) -> float:
+    """Merit of a trajectory; infinite where it is not finite."""
+    total = cost + violation(p, at)
+    return total if math.isfinite(total) else math.inf
+
+
+@allocation_free
+def magnitude(p: Program, cost: float) -> float:
+    """What the rounding of a merit is relative to: the cost, and penalties at unit violation."""
+    total = abs(cost)
+    for j in range(p.terminal.shape[0]):
+        total += p.terminal[j].merit
+    return total
+
+
+@allocation_free
+def predicted_reduction(p: Program, slack: Array) -> float:
+    """Decrease of the merit that its linearisation predicts for the full step.
+
+    `slack` ``(l + m,)`` is filled with the largest slack of each path constraint and of each
+    terminal output in the linearised constraints.
+    """
+    l, decrease = p.path.shape[1], 0.0  # noqa: E741 (the paper's l)
+    slack[:] = 0.0
+    for k in range(p.head[0].horizon + 1):
+        stage = p.stages[k]
+        for i in range(stage.dX.shape[0]):
+            decrease -= stage.L_X[i] * stage.dX[i]
+        for a in range(stage.dU.shape[0]):
+            decrease -= stage.L_U[a] * stage.dU[a]
+        for j in range(l):
+            row = p.path[k, j]
+            if row.value == -np.inf:
+                continue
+            then = row.value + product(row, stage)
+            # A hard constraint is met before the step, and after it.
+            if row.merit < math.inf:
+                decrease += row.merit * (max(row.value, 0.0) - max(then, 0.0))
+            slack[j] = max(slack[j], then)
+    for j in range(p.terminal.shape[0]):
+        row = p.terminal[j]
+        then = row.value + product(row, p.stages[p.head[0].horizon])
+        decrease += row.merit * (abs(row.value) - abs(then))
+        slack[l + j] = abs(then)
+    return decrease
+
 
 _SUFFICIENT_DECREASE = 1e-4
 _HALVINGS = 4
@@ -23,15 +111,6 @@ _LAST_HALVINGS = 12
 # thousands of terms, and states that went through a whole roll-out.
 _ROUNDING = 1e-13
 _UNCHECKABLE = 1e-11
-
-FIRST, BACKTRACKING, BEST, LAST_RESORT = 0, 1, 2, 3
-"""Values of `stage` in the run."""
-
-GOES_ON: Final = -1.0
-"""Returned where another trial has to be evaluated."""
-
-WANTS_CORRECTION: Final = -2.0
-"""Returned where the second-order correction of the step is wanted first."""
 
 
 @allocation_free
@@ -47,36 +126,36 @@ def begin_search(ws: Workspace, last_length: float) -> None:
     run.longest = 1.0
     if 0.0 < last_length < 1.0 and not run.predicted > _UNCHECKABLE * run.scale:
         run.longest = last_length
-    run.stage = FIRST
+    run.search = Search.FIRST
     run.is_corrected = 0
     set_trial(ws, run.longest)
 
 
 @allocation_free
-def go_on(ws: Workspace) -> float:
+def go_on(ws: Workspace) -> int:
     """Look at the trial that was evaluated.
 
     Returns:
-        The step length taken, 0 where no step lowers the merit; `GOES_ON` where there is a new
-        trial to be evaluated; `WANTS_CORRECTION`, after which `go_on_corrected` is to be called.
+        `EVALUATE` where there is a new trial; `CORRECT`, after which `go_on_corrected` is to be
+        called; `DONE` with the step length in the run, 0 where no step lowers the merit.
     """
     run, p = ws.run[0], ws.program
     tried = merit(p, ws.trial, run.trial_cost)
-    if run.stage == BEST or (run.stage == LAST_RESORT and tried < run.before):
+    if run.search == Search.BEST or (run.search == Search.LAST_RESORT and tried < run.before):
         return _accept(ws)
-    if run.stage == LAST_RESORT:
+    if run.search == Search.LAST_RESORT:
         return _set_last_resort(ws, 0.5 * run.trying)
     wanted = _SUFFICIENT_DECREASE * max(run.predicted, 0.0)
     if tried <= run.before - wanted * run.trying + _ROUNDING * run.scale:
         return _accept(ws)
-    if run.stage == FIRST:
+    if run.search == Search.FIRST:
         run.best, run.best_length, run.best_is_corrected = tried, run.longest, 0
-        run.stage = BACKTRACKING
+        run.search = Search.BACKTRACKING
         # A relaxed step leaves rows violated that no correction could mend.
         if run.longest == 1.0 and run.level == 0:
             refused_for = violation(p, ws.trial)
             if math.isfinite(refused_for) and refused_for > violation(p, ws.now):
-                return WANTS_CORRECTION
+                return Request.CORRECT
         return _backtrack(ws, 1.0)
     if tried < run.best:
         run.best, run.best_length, run.best_is_corrected = tried, run.trying, run.is_corrected
@@ -84,7 +163,7 @@ def go_on(ws: Workspace) -> float:
 
 
 @allocation_free
-def go_on_corrected(ws: Workspace) -> float:
+def go_on_corrected(ws: Workspace) -> int:
     """Go on with the second-order correction, where it is shorter than the step; as `go_on`.
 
     One that is longer is none: the constraints bend too much for it.
@@ -100,7 +179,7 @@ def go_on_corrected(ws: Workspace) -> float:
 
 
 @inner
-def _backtrack(ws: Workspace, length: float) -> float:
+def _backtrack(ws: Workspace, length: float) -> int:
     """Set the next trial, of this length or shorter."""
     run = ws.run[0]
     # The first one again only if it is now a different one.
@@ -108,21 +187,22 @@ def _backtrack(ws: Workspace, length: float) -> float:
         length *= 0.5
     if length >= 0.5**_HALVINGS:
         set_trial(ws, length)
-        return GOES_ON
+        return Request.EVALUATE
     if run.best < run.before:
-        run.stage, run.is_corrected = BEST, run.best_is_corrected
+        run.search, run.is_corrected = Search.BEST, run.best_is_corrected
         set_trial(ws, run.best_length)
-        return GOES_ON
-    run.stage = LAST_RESORT
+        return Request.EVALUATE
+    run.search = Search.LAST_RESORT
     return _set_last_resort(ws, 0.5 ** (_HALVINGS + 1))
 
 
 @inner
-def _set_last_resort(ws: Workspace, length: float) -> float:
+def _set_last_resort(ws: Workspace, length: float) -> int:
     if length < 0.5**_LAST_HALVINGS:
-        return 0.0
+        ws.run[0].length = 0.0
+        return Request.DONE
     set_trial(ws, length)
-    return GOES_ON
+    return Request.EVALUATE
 
 
 @allocation_free
@@ -140,10 +220,10 @@ def set_trial(ws: Workspace, length: float) -> None:
 
 
 @inner
-def _accept(ws: Workspace) -> float:
+def _accept(ws: Workspace) -> int:
     take_trial(ws)
-    length: float = ws.run[0].trying
-    return length
+    ws.run[0].length = ws.run[0].trying
+    return Request.DONE
 
 
 @allocation_free

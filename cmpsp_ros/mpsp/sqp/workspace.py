@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from enum import IntEnum
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -11,17 +12,45 @@ from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.problem import Dimensions
 from cmpsp_ros.mpsp.qp.riccati.program import Program, Records, empty_program
 
-START, EVALUATED, LINEARISED, QP_ANSWERED, SEARCHING, CORRECTED, FULL_STEP = 0, 1, 2, 3, 4, 5, 6
-"""Where the iteration goes on; values of `phase` in `RUN`."""
 
-DONE, EVALUATE, LINEARISE, SOLVE_QP, ADD_CURVATURE, CORRECT = 0, 1, 2, 3, 4, 5
-"""What the iteration asks for next: see `cmpsp_ros.mpsp.sqp.iteration.advance`."""
+class Phase(IntEnum):
+    """Where the iteration goes on."""
+
+    START = 0
+    EVALUATED = 1
+    LINEARISED = 2
+    QP_ANSWERED = 3
+    SEARCHING = 4
+    CORRECTED = 5
+    FULL_STEP = 6
+
+
+class Request(IntEnum):
+    """What the iteration asks for next: see `cmpsp_ros.mpsp.sqp.iteration.advance`."""
+
+    DONE = 0
+    EVALUATE = 1
+    LINEARISE = 2
+    SOLVE_QP = 3
+    ADD_CURVATURE = 4
+    CORRECT = 5
+
+
+class Search(IntEnum):
+    """Which trial the line search is at."""
+
+    FIRST = 0
+    BACKTRACKING = 1
+    BEST = 2
+    LAST_RESORT = 3
+
 
 _INTEGERS = (
     # Options.
     'max_iterations', 'line_search', 'elastic',
     # State.
-    'phase', 'stage', 'halvings', 'is_corrected', 'best_is_corrected', 'level', 'is_hard',
+    'phase', 'search', 'asked_for_curvature', 'is_corrected', 'best_is_corrected', 'level',
+    'is_hard',
     # What came of it.
     'iterations', 'outcome', 'active_rows',
 )  # fmt: skip
@@ -43,14 +72,7 @@ RUN: Final = np.dtype(
 
 
 class Trajectory(NamedTuple):
-    """Controls, the states they lead to, and the constraints along them.
-
-    Attributes:
-        U: Controls, shape ``(N + 1, r)``.
-        X: States, shape ``(N + 1, n)``.
-        output_error: ``Y_N - Y_N*``, shape ``(m,)``.
-        g: Path constraints, shape ``(N + 1, l)``.
-    """
+    """``U (N + 1, r)``, ``X (N + 1, n)``, ``Y_N - Y_N* (m,)`` and (4) ``(N + 1, l)``."""
 
     U: Array
     X: Array
@@ -59,16 +81,11 @@ class Trajectory(NamedTuple):
 
 
 class Workspace(NamedTuple):
-    """Memory for one plan of at most so many steps.
+    """Memory for one plan of at most ``N`` steps.
 
-    Attributes:
-        run: Of type `RUN`, shape ``(1,)``.
-        program: The subproblem. On entry its head has the horizon.
-        now: The iterate.
-        trial: What the line search tries; on entry its `U` is the guess.
-        lower: Least controls, shape ``(N + 1, r)``.
-        upper: Largest controls, shape ``(N + 1, r)``.
-        slack: Largest slack of each path constraint and terminal output, shape ``(l + m,)``.
+    `run` is of type `RUN`; the head of `program` has the horizon; `now` is the iterate, and `trial`
+    what the line search tries, on entry the guess. Controls lie between `lower` and `upper` ``(N +
+    1, r)``; `slack` is the largest of each path constraint and terminal output ``(l + m,)``.
     """
 
     run: Records
@@ -85,12 +102,9 @@ def workspace(
 ) -> Workspace:
     """Memory for plans of a problem, with the options that C-MPSP has by default.
 
-    Args:
-        size: Its dimensions; the horizon is the longest there will be.
-        penalty_terminal: Weight of each terminal output in merit and relaxation, shape ``(m,)``.
-        penalty_path: Weight of each path constraint in merit and relaxation, shape ``(l,)``.
-        trust_radius: Largest predicted change of each state in one iteration, infinite where
-            free, shape ``(n,)``.
+    The horizon is the longest there will be. Weights in merit and relaxation are ``(m,)`` and
+    ``(l,)``; the trust region is the largest predicted change of each state in one iteration,
+    infinite where free, ``(n,)``.
     """
     sizes = size.horizon, size.state, size.control, size.output, size.path
     program = empty_program(*sizes)

@@ -14,12 +14,7 @@ _NAME = re.compile(r'([a-z][a-z0-9_]*)/msg/([A-Z][A-Za-z0-9]*)')
 
 
 def message_class(name: str) -> Any:
-    """Return the class of a type, such as `nav_msgs/msg/Odometry`.
-
-    Raises:
-        UnknownTypeError: It is not installed here.
-
-    """
+    """Class of a type, such as `nav_msgs/msg/Odometry`; raises UnknownTypeError without it."""
     match = _NAME.fullmatch(name)
     # A bag may name any package; only one of messages is imported.
     if match and _has_messages(match[1]):

@@ -59,11 +59,7 @@ def declare(node: Node, which: NodeName) -> Values:
 
 
 def change_parameters(node: Node, changes: dict[str, Any]) -> None:
-    """Change parameters of a node together, where they are not what they are to be.
-
-    Raises:
-        ValueError: They are refused.
-    """
+    """Change parameters of a node together, if they differ; raises ValueError if refused."""
     known = {key: node.get_parameter(key).value for key in changes}
     if all(_plain(known[key]) == value for key, value in changes.items()):
         return

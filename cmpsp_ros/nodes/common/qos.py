@@ -23,15 +23,9 @@ _DEPTH, _MAX_DEPTH = 10, 10_000
 
 
 def hearing_all(offered: Iterable[QoSProfile], *, depth: int) -> QoSProfile:
-    """Return the strictest request of a subscription that still hears every publisher.
+    """Strictest request of a subscription that still hears every publisher.
 
-    Args:
-        offered: What the publishers offer.
-        depth: Messages the subscription's queue holds.
-
-    Returns:
-        Profile that is reliable if they all are, and transient local if they all are.
-
+    It is reliable if they all are, and transient local if they all are.
     """
     profiles = list(offered)
     reliable = all(each.reliability == ReliabilityPolicy.RELIABLE for each in profiles)
@@ -59,14 +53,10 @@ def for_bag(profile: QoSProfile) -> Qos:
 
 
 def offering(recorded: Iterable[Qos]) -> QoSProfile:
-    """Return an offer that reaches all subscribers that the recorded publishers reached.
+    """Offer that reaches all subscribers that recorded publishers reached.
 
-    Args:
-        recorded: What they offered.
-
-    Returns:
-        Profile that is reliable if any was, or none is known, and transient local if any was.
-        Deadlines and lifespans are left out: a paused playback could not keep them.
+    It is reliable if any was, or none is known, and transient local if any was. Deadlines and
+    lifespans are left out: a paused playback could not keep them.
     """
     profiles = list(recorded)
     reliable = any(each.reliability == QosReliability.RELIABLE for each in profiles)

@@ -188,12 +188,7 @@ class ProcessWatch:
     """Sees another process end (Linux only): that of the parameter `stop_with_process`."""
 
     def __init__(self, node: Node, outlasts: float) -> None:
-        """Begin to watch.
-
-        Args:
-            node: The node that has the parameter, declared or not.
-            outlasts: Time after its end within which it is not yet over [s].
-        """
+        """Watch; it is over so many seconds after the other process has ended."""
         self._node, self._outlasts = node, outlasts
         self._process = overrides(node).get('stop_with_process', 0)
         self._handle: int | None = None

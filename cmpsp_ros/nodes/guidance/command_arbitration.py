@@ -34,12 +34,7 @@ class CommandArbiter:
     """Who else guides this robot, or at least publishes commands to it."""
 
     def __init__(self, node: Node, give_way: Callable[[str], None]) -> None:
-        """Begin to listen.
-
-        Args:
-            node: The node that guides.
-            give_way: Called with the rival's name when both guide and the rival began before.
-        """
+        """Listen; `give_way` is called with the name of a node that began to guide before."""
         self._node = node
         self._give_way = give_way
         self._commands = node.resolve_topic_name(COMMAND.name)

@@ -37,11 +37,11 @@ def report_on(
     """Report on the guidance node.
 
     Args:
-        state: Of its lifecycle.
-        refusal: Why it would not go on to another one; empty when it would.
-        loop: What it guides by, while it is configured.
-        warnings: What is wrong beside that, in sentences.
-        errors: The same, where it must not be.
+        state: State of its lifecycle.
+        refusal: Reason not to go on to another state; empty for none.
+        loop: The loop, while it is configured.
+        warnings: Warnings of others, in sentences.
+        errors: Errors of others, in sentences.
     """
     decision = None if loop is None else loop.decision
     connections = {} if loop is None else loop.connections
@@ -103,14 +103,9 @@ class StepTimes:
         *,
         is_late: bool = False,
     ) -> None:
-        """Count a step.
+        """Count a step: its time, and that from the stamp of odometry to its command [ms].
 
-        Args:
-            step_ms: Time that it took [ms].
-            answer_ms: Time from the stamp of odometry to its command [ms].
-            period: Control period [s].
-            delay: Time from the stamp of odometry to the effect of its command, as known [s].
-            is_late: Whether its command came too late to be sent.
+        The control period, and the known delay until a command takes effect, are in seconds.
         """
         self._times.append(step_ms)
         self._answers.append(answer_ms)

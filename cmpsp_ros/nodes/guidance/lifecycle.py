@@ -29,12 +29,8 @@ _PERIOD, _TIMEOUT = 0.1, 4.0
 def guard_change_state(node: LifecycleNode) -> None:
     """Make `~/change_state` answer `success=False` to a transition that is not possible now.
 
-    rclpy raises an exception for such a request by id, which ends the process: any client could end
-    a moving robot's node by a mistyped number.
-
-    Args:
-        node: Lifecycle node with its communication interface enabled; call this once, in the
-            constructor.
+    rclpy raises an exception for such a request by id, which ends the process: any client could
+    end a moving robot's node by a mistyped number. To be called once, in the constructor.
     """
     service = next(each for each in node.services if each.srv_type is ChangeState)
     change_state = service.callback

@@ -28,11 +28,7 @@ _OVERDUE = 1.0
 
 
 def prepare_aloud(settings: GuidanceSettings, logger: RcutilsLogger) -> None:
-    """Compile or load everything now: later a control step would have to wait for it.
-
-    Raises:
-        ValueError: The settings cannot be worked with.
-    """
+    """Compile or load everything now, and log it; raises ValueError for unusable settings."""
     began, hints = time.monotonic(), ['compiling, once; `cmpsp warmup` does it beforehand']
 
     def say(text: str) -> None:
@@ -108,11 +104,7 @@ class GarbageCollection:
             gc.enable()
 
     def collect(self, slack: float = math.inf) -> None:
-        """Collect, if that takes a small part of the time there is.
-
-        Args:
-            slack: Time until the next control step [s].
-        """
+        """Collect, if that takes a small part of the time until the next control step [s]."""
         if not self._on:
             return
         fits = [each for each, took in self._took.items() if took <= _SHARE_OF_SLACK * slack]
@@ -131,14 +123,7 @@ class GarbageCollection:
 
 
 def check_cpu(values: Values) -> None:
-    """Refuse a core that this process may not run on.
-
-    Args:
-        values: A set resolved by the table.
-
-    Raises:
-        ParameterError: `realtime.cpu` names no such core.
-    """
+    """Refuse a core that this process may not run on with a ParameterError."""
     cpu, allowed = values['realtime.cpu'], sorted(os.sched_getaffinity(0))
     if cpu != _ANY_CPU and cpu not in allowed:
         wanted = f'{_ANY_CPU} for any, or one of {", ".join(map(str, allowed))}'
@@ -156,11 +141,7 @@ class Scheduling:
         self._cpus_before: set[int] | None = None
 
     def apply(self) -> list[str]:
-        """Schedule the calling thread as configured.
-
-        Returns:
-            Sentences on what the system has refused; the thread continues without it.
-        """
+        """Schedule the calling thread as configured; sentences on refusals of the system."""
         refused = []
         if self._cpu != _ANY_CPU:
             before = os.sched_getaffinity(0)

@@ -1,3 +1,3 @@
 """The recorder: topics of the graph into one bag."""
 
-from cmpsp_ros.nodes.recording.written import Written
+from cmpsp_ros.nodes.recording.received import Written, from_values

@@ -22,13 +22,18 @@ from cmpsp_ros.nodes.common.qos import for_bag, hearing_all
 from cmpsp_ros.nodes.common.runtime import StartupError, run
 from cmpsp_ros.nodes.common.topics import RECORDER_FLUSH
 from cmpsp_ros.nodes.recording.options import read_options, topics_of_nodes
-from cmpsp_ros.nodes.recording.raw_subscriptions import RawSubscriptions
-from cmpsp_ros.nodes.recording.simulated_time import TOPIC, SimulatedTime
-from cmpsp_ros.nodes.recording.written import ByTopic, Written, to_values
+from cmpsp_ros.nodes.recording.received import (
+    CLOCK,
+    ByTopic,
+    RawSubscriptions,
+    SimulatedTime,
+    Written,
+    to_values,
+)
 from cmpsp_ros.quick_exit import quick_exit
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Mapping
 
     from rclpy.clock import ROSClock
     from std_srvs.srv import Trigger
@@ -48,7 +53,7 @@ DRAIN_QUIET, DRAIN_LIMIT = 0.1, 2.0
 
 @dataclass
 class _Recorded:
-    """A topic being recorded."""
+    """A topic being recorded: profile of the subscription, and number of publishers."""
 
     profile: QoSProfile
     publisher_count: int
@@ -56,7 +61,7 @@ class _Recorded:
 
 @dataclass
 class _Loss:
-    """Messages of a topic that could not be received, between two times since the beginning [s]."""
+    """Messages of a topic that could not be received, between two times of the recording [s]."""
 
     first: float
     last: float = 0.0
@@ -75,7 +80,7 @@ class Recorder(Node):
 
     Args:
         namespace: Namespace; that of the command line when absent.
-        parameters: Parameters, before those of the command line.
+        parameters: Parameters, which those of the command line override.
 
     Raises:
         StartupError: A parameter is wrong, or `output` exists or cannot be created.
@@ -178,28 +183,31 @@ class Recorder(Node):
         for name, types in self.get_topic_names_and_types():
             if name in self._left_out or not self._options.want(name, types, beside):
                 continue
-            count = self.count_publishers(name)
-            recorded = self._topics.get(name)
-            if recorded is None:
-                if count > 0:
-                    self._begin(name, types, count)
-            elif count != recorded.publisher_count:
+            count, recorded = self.count_publishers(name), self._topics.get(name)
+            if recorded is None and count > 0:
+                self._begin(name, types, count)
+            elif recorded is not None and count != recorded.publisher_count:
                 recorded.publisher_count = count
-                self._check_publishers(name, recorded.profile)
+                for each in self.get_publishers_info_by_topic(name):
+                    fit, reason = qos_check_compatible(each.qos_profile, recorded.profile)
+                    if fit == QoSCompatibility.ERROR:
+                        who = f'{each.node_namespace.rstrip("/")}/{each.node_name}'
+                        msg = f'{name} of {who} is not recorded: incompatible QoS: {reason}'
+                        self.get_logger().warning(msg)
 
     def _begin(self, name: str, types: list[str], count: int) -> None:
         """Subscribe to a topic; one that cannot be recorded is left out, with a warning."""
-        publishers = self.get_publishers_info_by_topic(name)
-        if not publishers:
+        offered = [each.qos_profile for each in self.get_publishers_info_by_topic(name)]
+        if not offered:
             return
         try:
             kind = _class_of(name, types)
-            self._bag.topic(name, types[0], [for_bag(each.qos_profile) for each in publishers])
+            self._bag.topic(name, types[0], [for_bag(each) for each in offered])
         except UnknownTypeError as error:
             self._left_out.add(name)
             self.get_logger().warning(str(error))
             return
-        profile = hearing_all((each.qos_profile for each in publishers), depth=QUEUE_DEPTH)
+        profile = hearing_all(offered, depth=QUEUE_DEPTH)
         self._queues.add(name, kind, profile)
         self._topics[name] = _Recorded(profile, count)
 
@@ -213,20 +221,8 @@ class Recorder(Node):
             if count > loss.count:
                 loss.last, loss.count = self._looked - self._begun, count
 
-    def _check_publishers(self, name: str, profile: QoSProfile) -> None:
-        for each in self.get_publishers_info_by_topic(name):
-            fit, reason = qos_check_compatible(each.qos_profile, profile)
-            if fit == QoSCompatibility.ERROR:
-                who = f'{each.node_namespace.rstrip("/")}/{each.node_name}'
-                self.get_logger().warning(
-                    f'{name} of {who} is not recorded: incompatible QoS: {reason}'
-                )
-
     def _take(self, *, ending: bool = False) -> int | None:
-        """Write all messages received.
-
-        Args:
-            ending: Do not wait for simulated time to begin any more.
+        """Write all messages received; at the end also those before simulated time began.
 
         Returns:
             Earliest time of publication among the messages [ns], None when there are none.
@@ -234,7 +230,7 @@ class Recorder(Node):
         simulated = cast('ROSClock', self.get_clock()).ros_time_is_active
         # All else is kept, up to its depth, by the middleware.
         waits = simulated and not self._simulated.begun and not ending
-        came = self._queues.take((TOPIC,) if waits else None, all_=ending)
+        came = self._queues.take((CLOCK,) if waits else None, all_=ending)
         if simulated:
             dated = self._simulated.date(came, time.time_ns(), all_=ending)
         else:
@@ -251,8 +247,7 @@ class Recorder(Node):
     def _drain(self) -> None:
         """Continue until no message published before now has arrived for a while."""
         asked_at = time.time_ns()
-        begun = heard = time.monotonic()
-        now = begun
+        begun = heard = now = time.monotonic()
         while now - heard < DRAIN_QUIET and now - begun < DRAIN_LIMIT:
             time.sleep(DRAIN_QUIET / 10.0)
             published = self._take()
@@ -277,24 +272,16 @@ def _class_of(topic: str, types: list[str]) -> Any:
 def record(parameters: Mapping[str, Any], namespace: str | None = None) -> int:
     """Record until SIGINT or SIGTERM, as the last thing a process does.
 
-    Args:
-        parameters: Of the recorder, by name.
-        namespace: In which names of topics are meant.
-
     Returns:
         Exit code: 0 after a signal, 1 when recording came to an end by itself.
 
     """
-    return _run(partial(Recorder, namespace, parameters), args=[])
-
-
-def _run(make_node: Callable[[], Recorder], args: Sequence[str] | None = None) -> int:
-    return run(make_node, name='recorder', args=args, outlasts=2.0)
+    return run(partial(Recorder, namespace, parameters), name='recorder', args=[], outlasts=2.0)
 
 
 def main() -> None:
     """Run the recorder as a process."""
-    quick_exit(_run(Recorder))
+    quick_exit(run(Recorder, name='recorder', outlasts=2.0))
 
 
 if __name__ == '__main__':

@@ -102,11 +102,7 @@ class SimNode(Node):
         )
 
     def run_to(self, stamp_ns: int) -> Odometry | None:
-        """Let the robot drive on, publishing all that falls due.
-
-        Returns:
-            The last odometry of it; None if none was due, or that one is lost.
-        """
+        """Drive on, publishing everything due; the last odometry, None if lost or not due."""
         message = None
         while (due_ns := self.instants.next_ns) <= stamp_ns:
             self._drive_to(due_ns)

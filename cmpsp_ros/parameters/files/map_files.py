@@ -56,11 +56,7 @@ def with_map_file(values: Mapping[str, Any], folder: Path | None = None) -> dict
 
 
 def read_map(path: Path) -> OccupancyGrid:
-    """The map of a file in YAML, with the picture that it names.
-
-    Raises:
-        ParameterError: As of `with_map_file`.
-    """
+    """The map of a file in YAML, with its picture; raises ParameterError."""
     said = _read_yaml(path)
 
     def take(key: str, default: Any, wanted: str, fits: Callable[[Any], bool]) -> Any:

@@ -42,20 +42,12 @@ def config_directory() -> Path:
 
 
 def preset_names() -> list[str]:
-    """Names of the presets, sorted.
-
-    Raises:
-        ParameterError: If the package was installed without them.
-    """
+    """Names of the presets, sorted."""
     return _names(config_directory())
 
 
 def robot_names() -> list[str]:
-    """Names of the robots, sorted.
-
-    Raises:
-        ParameterError: If the package was installed without them.
-    """
+    """Names of the robots, sorted."""
     return _names(config_directory() / 'robots')
 
 
@@ -134,14 +126,9 @@ def load_robot(path_or_name: str) -> dict[str, Any]:
 
 
 def with_files(values: Mapping[str, Any], folder: Path | None = None) -> dict[str, Any]:
-    """Replace the names of road and map files by their contents.
+    """Replace the names of road and map files by their contents, or raise ParameterError.
 
-    Args:
-        values: Values by key.
-        folder: Folder of relative paths to map files; where none is there, the working directory.
-
-    Raises:
-        ParameterError: A file cannot be read, or is invalid.
+    Relative paths to map files are taken from the folder, else from the working directory.
     """
     return with_map_file(with_road_file(values), folder)
 

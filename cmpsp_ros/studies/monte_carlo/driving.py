@@ -20,8 +20,8 @@ from cmpsp_ros.guidance import (
 from cmpsp_ros.guidance.safety import CHANGE_ROUNDING
 from cmpsp_ros.simulator import Motion, OdometrySchedule, Plant, PlantSettings
 from cmpsp_ros.studies.monte_carlo.foreign_robot import ForeignDrive, ForeignRobot
-from cmpsp_ros.studies.monte_carlo.judging.grid_search import shortest_length
-from cmpsp_ros.studies.monte_carlo.outcome import Outcome
+from cmpsp_ros.studies.monte_carlo.guesses import shortest_length
+from cmpsp_ros.studies.monte_carlo.outcome import StudyOutcome
 from cmpsp_ros.studies.monte_carlo.study import Task
 
 _LAGS_TO_REST = 20.0
@@ -49,7 +49,7 @@ class Driven:
 
     @property
     def controls(self) -> Array:
-        """What was commanded until the final time, shape ``(K, r)``."""
+        """Controls commanded until the final time, shape ``(K, r)``."""
         robot = self.task.settings.robot
         sent = [each for each in self.decisions if not each.late]
         controls = np.array([robot.controls(each.twist) for each in sent])
@@ -64,7 +64,7 @@ class Driven:
         return next(each.pose for each in reversed(self.motions) if each.stamp_ns == stamp)
 
     def clearance(self) -> Array:
-        """From outer edge, inner edge and obstacles along each arc, shape ``(K, 2 + M)`` [m]."""
+        """Clearance of arcs from outer edge, inner edge, obstacles, shape ``(K, 2 + M)`` [m]."""
         settings = self.task.truth
         poses = np.array([each.pose for each in self.motions])
         twists = np.array([each.twist for each in self.motions])
@@ -81,14 +81,14 @@ class Computer:
     """
 
     def __init__(self, task: Task) -> None:
-        """Take how late it is, and draw from the seed of the run."""
+        """Idle computer, its times drawn from the seed of the run."""
         self._period, self._lateness = task.settings.control_period, task.lateness
         self._random = np.random.default_rng([task.scenario.seed, task.scenario.number])
         self.busy_until = 0
         self.decision: Decision | None = None
 
     def take(self, law: GuidanceLaw, decision: Decision | None) -> None:
-        """Take the time of a decision; as in the node it is not sent where that is too long."""
+        """Spend the time of a decision, and withdraw it as the node does where that is too long."""
         if decision is None:
             return
         took = 0.0
@@ -176,9 +176,10 @@ def _brake(plant: Plant, driven: Driven, law: GuidanceLaw, period: int) -> None:
         _advance(plant, driven, plant.stamp_ns + period)
 
 
-def outcome(driven: Driven) -> Outcome:
+def outcome(driven: Driven) -> StudyOutcome:
     """The figures of a run."""
     task, settings = driven.task, driven.task.settings
+    space = task.truth.world.free_space(task.truth)
     final = driven.end
     clearance = driven.clearance()
     speeds = [each.wheel_speeds for each in driven.decisions]
@@ -188,12 +189,12 @@ def outcome(driven: Driven) -> Outcome:
     worst = max(driven.decisions, key=lambda each: each.level, default=None)
     x, y = _instants(driven, final)
     start = task.scenario.pose
-    return Outcome(
+    return StudyOutcome(
         number=task.scenario.number,
         miss=math.dist(driven.at(final)[:2], settings.goal),
         road_clearance=float(clearance[:, :_EDGES].min()),
         obstacle_clearance=float(clearance[:, _EDGES:].min()) if task.truth.obstacles else None,
-        began_outside=_is_outside(driven),
+        began_outside=bool(space.at(driven.motions[0].pose[None]).min() < 0.0),
         max_wheel_speed=max(largest, default=0.0),
         too_fast=sum(each > limit for each in largest),
         over_limit=_over_limit(driven),
@@ -278,12 +279,6 @@ def _to_rest(plant: PlantSettings) -> float:
     lag = _LAGS_TO_REST * plant.wheel_lag
     delay = plant.actuation_delay + plant.actuation_jitter + plant.actuation_period
     return delay + lag + 1.0 / plant.odom_rate
-
-
-def _is_outside(driven: Driven) -> bool:
-    settings = driven.task.truth
-    space = settings.world.free_space(settings)
-    return bool(space.at(driven.motions[0].pose[None]).min() < 0.0)
 
 
 def _instants(driven: Driven, final: int) -> tuple[tuple[float, ...], tuple[float, ...]]:

@@ -42,13 +42,7 @@ class Eyes:
     def __init__(
         self, settings: GuidanceSettings, scanner: LaserSettings, shapes: Sequence[Shape]
     ) -> None:
-        """See nothing yet.
-
-        Args:
-            settings: Of the guidance law, with one sensor.
-            scanner: The simulated one.
-            shapes: What it sees.
-        """
+        """See nothing yet."""
         (self._sensor,), self._scanner = settings.sight.sensors, scanner
         self._laser = Laser(scanner, 0)
         self._surroundings = Surroundings(settings.sight, settings.robot_radius, settings.footprint)

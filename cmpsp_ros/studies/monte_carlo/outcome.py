@@ -9,7 +9,7 @@ from enum import StrEnum
 from typing import Any
 
 
-class Verdict(StrEnum):
+class RunVerdict(StrEnum):
     """The class of a run; the first that applies."""
 
     EXCEPTION = 'exception'
@@ -24,12 +24,12 @@ class Verdict(StrEnum):
     MISSED = 'clear, but missed the goal'
 
 
-HARMLESS = frozenset({Verdict.ARRIVED, Verdict.TOO_FAR})
+HARMLESS = frozenset({RunVerdict.ARRIVED, RunVerdict.TOO_FAR})
 """Verdicts that ask for no explanation."""
 
 
 @dataclass(frozen=True)
-class Outcome:
+class StudyOutcome:
     """Figures of one run.
 
     Attributes:
@@ -95,52 +95,48 @@ class Outcome:
 
     @property
     def left_road(self) -> bool:
-        """Whether the path cut an edge; NaN counts as a cut."""
+        """True if the path cut an edge; NaN counts as a cut."""
         return not self.road_clearance >= 0.0
 
     @property
     def touched(self) -> bool:
-        """Whether the path cut an obstacle; NaN counts as cut."""
+        """True if the path cut an obstacle; NaN counts as a cut."""
         return self.obstacle_clearance is not None and not self.obstacle_clearance >= 0.0
 
     @property
     def out_of_reach(self) -> bool:
-        """Whether even the shortest path is longer than the robot can drive in time."""
+        """True if even the shortest path is longer than the robot can drive in time."""
         return self.shortest_way > self.farthest
 
     def score(self, tolerance: float, speed: float) -> float:
-        """That of the BARN challenge, at most 0.25: its time by that of the straight way.
+        """Score of the BARN challenge, at most 0.25: its time by that of the straight line.
 
         Args:
             tolerance: Miss up to which it has arrived [m].
-            speed: Of the straight way [m/s].
+            speed: Along the straight line [m/s].
         """
-        if self.verdict(tolerance) is not Verdict.ARRIVED:
+        if self.verdict(tolerance) is not RunVerdict.ARRIVED:
             return 0.0
         shortest = self.shortest_way / speed
         return shortest / min(max(self.time, 4.0 * shortest), 8.0 * shortest)
 
-    def verdict(self, tolerance: float) -> Verdict:
-        """What the run is counted as.
-
-        Args:
-            tolerance: Miss up to which it has arrived [m].
-        """
+    def verdict(self, tolerance: float) -> RunVerdict:
+        """The first verdict that applies; a miss of `tolerance` [m] at most has arrived."""
         tests = {
-            Verdict.EXCEPTION: bool(self.exception),
-            Verdict.NOT_FINITE: self.not_finite > 0,
-            Verdict.TOO_FAST: self.too_fast > 0,
-            Verdict.OVER_LIMIT: self.over_limit > 0,
-            Verdict.LEFT_ROAD: self.left_road,
-            Verdict.TOUCHED: self.touched,
-            Verdict.ARRIVED: self.miss <= tolerance,
-            Verdict.STOPPED: self.stop > 0,
-            Verdict.TOO_FAR: self.out_of_reach,
+            RunVerdict.EXCEPTION: bool(self.exception),
+            RunVerdict.NOT_FINITE: self.not_finite > 0,
+            RunVerdict.TOO_FAST: self.too_fast > 0,
+            RunVerdict.OVER_LIMIT: self.over_limit > 0,
+            RunVerdict.LEFT_ROAD: self.left_road,
+            RunVerdict.TOUCHED: self.touched,
+            RunVerdict.ARRIVED: self.miss <= tolerance,
+            RunVerdict.STOPPED: self.stop > 0,
+            RunVerdict.TOO_FAR: self.out_of_reach,
         }
-        return next((verdict for verdict, holds in tests.items() if holds), Verdict.MISSED)
+        return next((verdict for verdict, holds in tests.items() if holds), RunVerdict.MISSED)
 
     def failed(self, tolerance: float) -> bool:
-        """Whether the run asks for an explanation."""
+        """True if the run asks for an explanation."""
         return self.verdict(tolerance) not in HARMLESS
 
     def to_json(self) -> str:
@@ -148,12 +144,12 @@ class Outcome:
         return json.dumps(asdict(self))
 
     @classmethod
-    def from_values(cls, values: Mapping[str, Any]) -> Outcome:
-        """The outcome of which those are the values, as JSON has them.
+    def from_values(cls, values: Mapping[str, Any]) -> StudyOutcome:
+        """The outcome of these values, as JSON has them.
 
         Raises:
             KeyError: One is missing.
-            TypeError: One is no outcome's.
+            TypeError: One is of another type.
         """
         named = {each.name: values[each.name] for each in fields(cls)}
         return cls(**{**named, 'x': tuple(named['x']), 'y': tuple(named['y'])})

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from cmpsp_ros.guidance import NANOSECONDS, Decision, GuidanceSettings
 from cmpsp_ros.studies.common import WIDTH, plot_style
 from cmpsp_ros.studies.monte_carlo.driving import Driven
-from cmpsp_ros.studies.monte_carlo.outcome import Outcome, Verdict
+from cmpsp_ros.studies.monte_carlo.outcome import RunVerdict, StudyOutcome
 from cmpsp_ros.view import LEVEL_COLORS, PER_ARC, along, draw_obstacles, draw_road, show
 from cmpsp_ros.world.obstacles import outlines
 
@@ -22,15 +22,15 @@ _SMALLEST_MISS: Final = 1e-16
 
 _ROAD, _EDGE, _RIM = '0.93', '0.55', '0.3'
 _LOOKS: Final = {
-    Verdict.ARRIVED: ('tab:blue', 0.5),
-    Verdict.TOO_FAR: ('0.45', 0.5),
-    Verdict.MISSED: ('tab:orange', 1.2),
+    RunVerdict.ARRIVED: ('tab:blue', 0.5),
+    RunVerdict.TOO_FAR: ('0.45', 0.5),
+    RunVerdict.MISSED: ('tab:orange', 1.2),
 }
 _FAILED: Final = ('tab:red', 1.2)
 
 
 def draw_study(
-    folder: Path, title: str, settings: GuidanceSettings | None, outcomes: Sequence[Outcome],
+    folder: Path, title: str, settings: GuidanceSettings | None, outcomes: Sequence[StudyOutcome],
     tolerance: float,
 ) -> list[Path]:  # fmt: skip
     """Draw all paths into one picture, and the spread of miss and clearance into another.
@@ -61,14 +61,17 @@ def draw_run(path: Path, title: str, driven: Driven) -> Path:
 
 
 def _paths(
-    title: str, settings: GuidanceSettings | None, outcomes: Sequence[Outcome], tolerance: float
+    title: str,
+    settings: GuidanceSettings | None,
+    outcomes: Sequence[StudyOutcome],
+    tolerance: float,
 ) -> Figure:
     figure = Figure(figsize=(WIDTH, WIDTH), layout='constrained')
     axes = figure.add_subplot()
     if settings is not None:
         _draw_place(axes, settings)
         axes.plot(*settings.goal, '*', color='white', mec='black', ms=9, zorder=6)
-    named = set[Verdict]()
+    named = set[RunVerdict]()
     # What went wrong is drawn last, on top.
     for each in sorted(outcomes, key=lambda each: each.failed(tolerance)):
         verdict = each.verdict(tolerance)
@@ -82,7 +85,7 @@ def _paths(
     return figure
 
 
-def _spread(title: str, outcomes: Sequence[Outcome], tolerance: float) -> Figure:
+def _spread(title: str, outcomes: Sequence[StudyOutcome], tolerance: float) -> Figure:
     figure = Figure(figsize=(WIDTH, 0.45 * WIDTH), layout='constrained')
     figure.suptitle(title)
     misses, clearances = figure.subplots(1, 2)

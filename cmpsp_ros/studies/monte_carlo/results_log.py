@@ -12,7 +12,7 @@ from typing import Any, Final
 
 import cmpsp_ros
 from cmpsp_ros.studies.common import StudyError
-from cmpsp_ros.studies.monte_carlo.outcome import Outcome
+from cmpsp_ros.studies.monte_carlo.outcome import StudyOutcome
 from cmpsp_ros.studies.monte_carlo.study import Study
 
 NAME: Final = 'runs.jsonl'
@@ -26,7 +26,7 @@ HASHED_PACKAGES: Final = (
 _READ_WRITE: Final = 0o644
 
 
-def open_results_log(folder: Path, study: Study) -> dict[int, Outcome]:
+def open_results_log(folder: Path, study: Study) -> dict[int, StudyOutcome]:
     """Begin a study in a folder, or continue the one that is there.
 
     Args:
@@ -64,7 +64,7 @@ def open_results_log(folder: Path, study: Study) -> dict[int, Outcome]:
     return {each.number: each for each in _outcomes(values[1:])}
 
 
-def append(folder: Path, outcome: Outcome) -> None:
+def append(folder: Path, outcome: StudyOutcome) -> None:
     """Add a finished run, from any process.
 
     Raises:
@@ -116,9 +116,9 @@ def _values(lines: list[str]) -> Iterator[dict[str, Any]]:
             yield value
 
 
-def _outcomes(values: list[dict[str, Any]]) -> Iterator[Outcome]:
+def _outcomes(values: list[dict[str, Any]]) -> Iterator[StudyOutcome]:
     for each in values:
         try:
-            yield Outcome.from_values(each)
+            yield StudyOutcome.from_values(each)
         except (KeyError, TypeError):
             continue

@@ -1,28 +1,49 @@
-"""A study from its first run to its pictures."""
+"""A study from its first run to its pictures; processes or a Dask cluster share its runs."""
 
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import as_completed
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from types import ModuleType
 from typing import Any, Final
 
 from cmpsp_ros.guidance import NANOSECONDS
 from cmpsp_ros.studies.common import StudyError
-from cmpsp_ros.studies.monte_carlo import pictures
+from cmpsp_ros.studies.monte_carlo import pictures, results_log
 from cmpsp_ros.studies.monte_carlo.driving import Driven, drive, outcome
-from cmpsp_ros.studies.monte_carlo.judging import costs
-from cmpsp_ros.studies.monte_carlo.judging import judge as judges
-from cmpsp_ros.studies.monte_carlo.outcome import Outcome
-from cmpsp_ros.studies.monte_carlo.results_log import open_results_log
+from cmpsp_ros.studies.monte_carlo.judging import (
+    COSTS,
+    JUDGED,
+    compare_cost,
+    judge_failure,
+    read_answers,
+    write_answers,
+)
+from cmpsp_ros.studies.monte_carlo.outcome import StudyOutcome
 from cmpsp_ros.studies.monte_carlo.study import Study, Task
 from cmpsp_ros.studies.monte_carlo.summary import figures, to_json, write_parquet
-from cmpsp_ros.studies.monte_carlo.workers import make, make_on
+from cmpsp_ros.warmup import new_pool
 
 PICTURES: Final = 12
 """Failures of which a picture is drawn."""
+
+CHUNK: Final = 8
+"""Runs handed to a process at a time."""
+
+_ANSWER_TIMEOUT: Final = 10.0
+_CONTINUES: Final = 'is kept, and the same command continues'
+
+# A worker may have several threads; a run has kernels to load and is not made for company.
+_ONE_AT_A_TIME: Final = threading.Lock()
+
+Progress = Callable[[str, int], Callable[[int], None]]
+"""Called with a part of the work and its pieces; returns a function for pieces done."""
 
 
 @dataclass(frozen=True)
@@ -30,13 +51,14 @@ class Order:
     """A request for a study.
 
     Attributes:
-        study: What the runs depend on.
+        study: Definition of the runs.
         runs: Number of runs, numbered from 0 on.
-        folder: Where everything is written to.
-        workers: Processes that share the runs.
-        scheduler: Address of a Dask scheduler that distributes them instead, if any.
+        folder: Folder of all results.
+        workers: Processes that share the runs; 1 is this one.
+        scheduler: Address of a Dask scheduler whose workers share them instead, if any, as in
+            ``tcp://10.0.0.1:8786``; they need this package.
         judge: Whether IPOPT is run on failed runs.
-        costs: Of how many runs that arrived the cost is compared with IPOPT's.
+        costs: Number of runs that arrived whose cost is compared with IPOPT's.
     """
 
     study: Study
@@ -48,11 +70,7 @@ class Order:
     costs: int = 0
 
 
-Progress = Callable[[str, int], Callable[[int], None]]
-"""Called with a part of the work and its pieces; returns what to call with pieces done."""
-
-
-def run(order: Order, progress: Progress) -> dict[str, Any]:
+def run_study(order: Order, progress: Progress) -> dict[str, Any]:
     """Make the missing runs, and summarise all of them.
 
     Returns:
@@ -65,35 +83,28 @@ def run(order: Order, progress: Progress) -> dict[str, Any]:
         ParameterError: A parameter is wrong.
     """
     study, folder = order.study, order.folder
-    there = open_results_log(folder, study)
+    there = results_log.open_results_log(folder, study)
     missing = [number for number in range(order.runs) if number not in there]
     advance = progress('runs', order.runs)
     advance(order.runs - len(missing))
-    for made in _made(order, missing, advance):
-        there[made.number] = made
+    make = _make_on_cluster if order.scheduler else make_runs
+    there |= {made.number: made for made in make(order, missing, advance)}
     outcomes = [there[number] for number in range(order.runs)]
     failed = [each.number for each in outcomes if each.failed(study.tolerance)]
     arrived = [each.number for each in outcomes if each.miss <= study.tolerance]
     solved = partial(_solved, order, progress)
-    judged = solved('judge', failed if order.judge else [], judges.NAME, judges.judged)
-    compared = solved('costs', arrived[: order.costs], costs.NAME, costs.compared)
+    judged = solved('judge', failed if order.judge else [], JUDGED, judge_failure)
+    compared = solved('costs', arrived[: order.costs], COSTS, compare_cost)
     values = figures(study, outcomes, judged, compared)
-    try:
+    with _disk_errors(folder):
         (folder / 'summary.json').write_text(to_json(values), encoding='utf-8')
         write_parquet(folder / 'runs.parquet', outcomes, study.tolerance, judged)
         _draw(order, outcomes, failed[:PICTURES], progress)
-    except OSError as error:
-        raise StudyError(f'{folder}: {error.strerror or error}') from error
     return values
 
 
-def run_one(study: Study, number: int, folder: Path) -> tuple[Outcome, list[str], Path]:
-    """Make one run again and draw it.
-
-    Args:
-        study: What it depends on.
-        number: Which run.
-        folder: Where the picture goes; other files there stay.
+def run_one(study: Study, number: int, folder: Path) -> tuple[StudyOutcome, list[str], Path]:
+    """Make one run again and draw it into a folder, whose other files stay.
 
     Returns:
         Its outcome, the decision at each change of fallback level, and the picture.
@@ -104,12 +115,110 @@ def run_one(study: Study, number: int, folder: Path) -> tuple[Outcome, list[str]
     """
     study.values()
     driven = drive(study.run(number))
-    try:
+    with _disk_errors(folder):
         folder.mkdir(parents=True, exist_ok=True)
         picture = _draw_one(folder, study, driven)
-    except OSError as error:
-        raise StudyError(f'{folder}: {error.strerror or error}') from error
     return outcome(driven), _changes(driven), picture
+
+
+def make_runs(
+    order: Order, numbers: Sequence[int], advance: Callable[[int], None]
+) -> Iterator[StudyOutcome]:
+    """Make runs here, each of which is in the folder's results log before it is yielded.
+
+    Raises:
+        StudyError: A process has died, or the disk refuses.
+    """
+    make = partial(_make_and_log, order.study, order.folder)
+    with _disk_errors(order.folder):
+        if order.workers == 1:
+            for number in numbers:
+                yield from make([number])
+                advance(1)
+            return
+        pool = new_pool(order.workers)
+        try:
+            chunks = [pool.submit(make, each) for each in _chunks(numbers)]
+            for done in as_completed(chunks):
+                yield from done.result()
+                advance(len(done.result()))
+        except BrokenProcessPool as error:
+            text = f'a worker has died; what it had finished {_CONTINUES}'
+            raise StudyError(f'{order.folder}: {text}') from error
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+def _make_on_cluster(
+    order: Order, numbers: Sequence[int], advance: Callable[[int], None]
+) -> Iterator[StudyOutcome]:
+    """As `make_runs`, on a cluster; unfinished runs of a worker that leaves are repeated."""
+    try:
+        import distributed  # noqa: PLC0415 (optional)
+    except ImportError as error:
+        text = f'--scheduler: found no {error.name}, wanted it: pip install distributed'
+        raise StudyError(text) from error
+    client = _connected(distributed, order.scheduler)
+    gone = (distributed.client.FutureCancelledError, distributed.KilledWorker, OSError)
+    code, futures = results_log.digest(), []
+    try:
+        futures = [
+            client.submit(_make_remotely, order.study, list(each), code, pure=False)
+            for each in _chunks(numbers)
+        ]
+        for done in distributed.as_completed(futures, loop=client.loop):
+            try:
+                outcomes = done.result()
+            except gone as error:
+                text = f'lost ({type(error).__name__}); what had been returned {_CONTINUES}'
+                raise StudyError(f'{order.scheduler}: {text}') from error
+            except ImportError as error:
+                text = f'a worker lacks something: {error}'
+                raise StudyError(f'{order.scheduler}: {text}') from error
+            for each in outcomes:
+                with _disk_errors(order.folder):
+                    results_log.append(order.folder, each)
+                yield each
+            advance(len(outcomes))
+    finally:
+        client.cancel(futures)
+        client.close()
+
+
+def _connected(distributed: ModuleType, scheduler: str) -> Any:
+    try:
+        client = distributed.Client(scheduler, timeout=_ANSWER_TIMEOUT, set_as_default=False)
+    except (OSError, ValueError) as error:
+        wanted = 'the address of a Dask scheduler, as in tcp://127.0.0.1:8786'
+        text = f'--scheduler: found no answer at {scheduler!r}, wanted {wanted}'
+        raise StudyError(text) from error
+    try:
+        client.wait_for_workers(1, timeout=_ANSWER_TIMEOUT)
+    except TimeoutError as error:
+        client.close()
+        raise StudyError(f'--scheduler: found no worker at {scheduler}, wanted one') from error
+    return client
+
+
+def _chunks(numbers: Sequence[int]) -> list[Sequence[int]]:
+    return [numbers[first : first + CHUNK] for first in range(0, len(numbers), CHUNK)]
+
+
+def _make_and_log(study: Study, folder: Path, numbers: Sequence[int]) -> list[StudyOutcome]:
+    outcomes = []
+    for number in numbers:
+        outcomes.append(outcome(drive(study.run(number))))
+        results_log.append(folder, outcomes[-1])
+    return outcomes
+
+
+def _make_remotely(study: Study, numbers: Sequence[int], code: str) -> list[StudyOutcome]:
+    """Runs made by a worker that has the code of this digest."""
+    found = results_log.digest()
+    if found != code:
+        raise StudyError(f'a worker has other code: found {found}, wanted {code}')
+    with _ONE_AT_A_TIME:
+        return [outcome(drive(study.run(number))) for number in numbers]
 
 
 def _solved(
@@ -120,26 +229,23 @@ def _solved(
     name: str,
     solve: Callable[[Task], dict[str, Any]],
 ) -> dict[int, dict[str, Any]]:
-    """What IPOPT finds of some runs, and has found of others before."""
-    found = judges.kept(order.folder, name)
+    """IPOPT's answers on some runs, and those found before."""
+    path = order.folder / name
+    found = read_answers(path)
     if not numbers:
         return found
     advance = progress(part, len(numbers))
     for number in numbers:
         if number not in found:
             found[number] = solve(order.study.run(number))
-            judges.keep(order.folder, found, name)
+            write_answers(path, found)
         advance(1)
     return found
 
 
-def _made(order: Order, numbers: list[int], advance: Callable[[int], None]) -> Iterator[Outcome]:
-    if order.scheduler:
-        return make_on(order.scheduler, order.study, numbers, order.folder, advance)
-    return make(order.study, numbers, order.folder, order.workers, advance)
-
-
-def _draw(order: Order, outcomes: list[Outcome], failed: list[int], progress: Progress) -> None:
+def _draw(
+    order: Order, outcomes: list[StudyOutcome], failed: list[int], progress: Progress
+) -> None:
     study, folder = order.study, order.folder
     advance = progress('pictures', 1 + len(failed))
     title = f'{study.name}: {len(outcomes)} runs of seed {study.seed}'
@@ -173,3 +279,11 @@ def _changes(driven: Driven) -> list[str]:
             texts.append(f'{time:6.2f} s  {each.level.name.lower():8} {each.reason}')
         before = each.level
     return [*texts, driven.exception] if driven.exception else texts
+
+
+@contextlib.contextmanager
+def _disk_errors(folder: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise StudyError(f'{folder}: {error.strerror or error}') from error

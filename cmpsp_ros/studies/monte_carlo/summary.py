@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -14,8 +14,7 @@ from rich.markup import escape
 from rich.table import Table
 from scipy.stats import binomtest
 
-from cmpsp_ros.studies.monte_carlo.judging.costs import WITHIN
-from cmpsp_ros.studies.monte_carlo.outcome import Outcome, Verdict
+from cmpsp_ros.studies.monte_carlo.outcome import RunVerdict, StudyOutcome
 from cmpsp_ros.studies.monte_carlo.study import Study
 
 _LEVELS = ('nominal', 'elastic', 'previous_plan', 'stop')
@@ -27,18 +26,15 @@ _SPREADS = {
     'time [s]': 'time_s',
     'mean speed, by the shortest path, of the nominal': 'pace',
 }
+_WITHIN = 0.05
+"""Part of the least cost that a run may cost more."""
+
 _QUANTILES = {'least': 0.0, '1 %': 0.01, 'median': 0.5, '99 %': 0.99, 'largest': 1.0}
 
 
 @dataclass(frozen=True)
 class Share:
-    """A count and its total.
-
-    Attributes:
-        name: What was counted.
-        count: Number of runs counted.
-        total: Number of runs that could be.
-    """
+    """Number of runs counted under a name, and of those that could be."""
 
     name: str
     count: int
@@ -46,57 +42,45 @@ class Share:
 
     @property
     def interval(self) -> tuple[float, float]:
-        """Wilson's, for 95 %; without any runs it may be anything."""
+        """Wilson's interval for 95 %; from 0 to 1 without any runs."""
         if not self.total:
             return 0.0, 1.0
         found = binomtest(self.count, self.total).proportion_ci(0.95, method='wilson')
         return float(found.low), float(found.high)
 
 
-def shares(outcomes: Sequence[Outcome]) -> list[Share]:
-    """What is counted of runs."""
+def shares(outcomes: Sequence[StudyOutcome]) -> list[Share]:
+    """All counts of runs."""
     total = len(outcomes)
     reachable = [each for each in outcomes if not each.out_of_reach]
-
-    def runs(name: str, *holds: bool) -> Share:
-        return Share(name, sum(holds), total)
-
-    def in_reach(name: str, largest: float) -> Share:
-        return Share(name, sum(each.miss <= largest for each in reachable), len(reachable))
-
     told = [each for each in outcomes if each.told_error is not None]
     nearly_right = [each for each in told if abs(each.told_error or 0.0) <= _NEARLY]
-    touched = [each.touched for each in outcomes if each.obstacle_clearance is not None]
-    return [
-        in_reach('arrived within 1 mm, goal in reach', 1e-3),
-        in_reach('arrived within 5 cm, goal in reach', 0.05),
-        *(
-            [
-                Share(
-                    f'arrived within 5 cm, delay told within {1e3 * _NEARLY:.0f} ms',
-                    sum(each.miss <= 0.05 for each in nearly_right),
-                    len(nearly_right),
-                )
-            ]
-            if told
-            else []
-        ),
-        Share('touched an obstacle, of runs with any', sum(touched), len(touched)),
-        runs('left the road', *(each.left_road for each in outcomes)),
-        runs('exceptions', *(bool(each.exception) for each in outcomes)),
-        runs('commands not finite', *(each.not_finite > 0 for each in outcomes)),
-        runs('commands above the wheel limit', *(each.too_fast > 0 for each in outcomes)),
-        runs('commands changed or steered too much', *(each.over_limit > 0 for each in outcomes)),
-        runs('stopped on the way', *(each.stop > 0 for each in outcomes)),
-        runs('nominal all the way', *(not each.trouble for each in outcomes)),
-        runs('elastic at some step', *(each.elastic > 0 for each in outcomes)),
-        runs('previous plan at some step', *(each.previous_plan > 0 for each in outcomes)),
+    obstructed = [each for each in outcomes if each.obstacle_clearance is not None]
+    nearly = f'arrived within 5 cm, delay told within {1e3 * _NEARLY:.0f} ms'
+    counted = [
+        ('arrived within 1 mm, goal in reach', reachable, lambda each: each.miss <= 1e-3),
+        ('arrived within 5 cm, goal in reach', reachable, lambda each: each.miss <= 0.05),
+        *([(nearly, nearly_right, lambda each: each.miss <= 0.05)] if told else []),
+        ('touched an obstacle, of runs with any', obstructed, lambda each: each.touched),
     ]
+    runs: dict[str, Callable[[StudyOutcome], bool]] = {
+        'left the road': lambda each: each.left_road,
+        'exceptions': lambda each: bool(each.exception),
+        'commands not finite': lambda each: each.not_finite > 0,
+        'commands above the wheel limit': lambda each: each.too_fast > 0,
+        'commands changed or steered too much': lambda each: each.over_limit > 0,
+        'stopped on the way': lambda each: each.stop > 0,
+        'nominal all the way': lambda each: not each.trouble,
+        'elastic at some step': lambda each: each.elastic > 0,
+        'previous plan at some step': lambda each: each.previous_plan > 0,
+    }
+    found = [Share(name, sum(map(holds, group)), len(group)) for name, group, holds in counted]
+    return found + [Share(name, sum(map(holds, outcomes)), total) for name, holds in runs.items()]
 
 
 def figures(
     study: Study,
-    outcomes: Sequence[Outcome],
+    outcomes: Sequence[StudyOutcome],
     judged: Mapping[int, Mapping[str, Any]],
     compared: Mapping[int, Mapping[str, Any]],
 ) -> dict[str, Any]:
@@ -115,7 +99,7 @@ def figures(
         'assignments': list(study.assignments),
         'runs': len(outcomes),
         'tolerance_m': study.tolerance,
-        'verdicts': {each.value: verdicts[each] for each in Verdict},
+        'verdicts': {each.value: verdicts[each] for each in RunVerdict},
         'shares': {
             each.name: {'count': each.count, 'of': each.total, 'wilson_95': each.interval}
             for each in shares(outcomes)
@@ -198,7 +182,7 @@ def tables(values: Mapping[str, Any]) -> list[Table]:
 
 def write_parquet(
     path: Path,
-    outcomes: Sequence[Outcome],
+    outcomes: Sequence[StudyOutcome],
     tolerance: float,
     judged: Mapping[int, Mapping[str, Any]],
 ) -> bool:
@@ -229,11 +213,10 @@ def write_parquet(
         }
         for each in outcomes
     ]
-    types = {'obstacle_clearance': pa.float64(), 'trouble_time': pa.float64(), 'judge': pa.string()}
-    types['told_error'] = pa.float64()
     table = pa.Table.from_pylist(rows)
     # A column of nothing but None has no type of its own.
-    for name, kind in types.items():
+    for name in ('obstacle_clearance', 'trouble_time', 'told_error', 'judge'):
+        kind = pa.string() if name == 'judge' else pa.float64()
         place = table.column_names.index(name)
         table = table.set_column(place, name, table.column(name).cast(kind))
     parquet.write_table(table, path)
@@ -250,9 +233,9 @@ def _costs(compared: Mapping[int, Mapping[str, Any]]) -> dict[str, Any]:
     return {
         'compared': len(compared),
         'of_the_same_class': len(ratios),
-        'at_most_5_percent_more': sum(each <= 1.0 + WITHIN for each in ratios.values()),
+        'at_most_5_percent_more': sum(each <= 1.0 + _WITHIN for each in ratios.values()),
         **({'ratio': _quantiles(list(ratios.values()))} if ratios else {}),
-        'more': sorted(number for number, each in ratios.items() if each > 1.0 + WITHIN),
+        'more': sorted(number for number, each in ratios.items() if each > 1.0 + _WITHIN),
     }
 
 

@@ -22,7 +22,7 @@ from cmpsp_ros.robots import Ackermann, CustomRobot, DifferentialDrive, Omnidire
 from cmpsp_ros.studies.common import StudyError
 from cmpsp_ros.studies.paper.drives import Path
 from cmpsp_ros.world import FreeSpace
-from cmpsp_ros.world.roads import ANNULUS, OPEN_FLOOR
+from cmpsp_ros.world.roads import Annulus
 
 _KNOTS = 120
 _DIRECTIONS = np.linspace(0.0, 2.0 * np.pi, 72, endpoint=False)
@@ -223,8 +223,8 @@ class _SpaceConstraints:
         """Make the variables of a corridor, which begin at `start`."""
         self._casadi, self._opti, self._start = casadi, opti, start
         road = settings.road
-        self._kind, stages = road.space(0.0).kind, len(start.poses)
-        if self._kind in (ANNULUS, OPEN_FLOOR):
+        self._road, stages = road, len(start.poses)
+        if isinstance(road, Annulus) or not road.has_center_line:
             return
         line = road.center_line()
         left, right = (np.hypot(*(edge - line).T) for edge in road.edges())
@@ -242,9 +242,9 @@ class _SpaceConstraints:
 
     def off_center(self, point: Any, k: int, space: FreeSpace) -> Any:
         """Keep stage `k` on the road; its signed distance from the centre line [m], 0 for none."""
-        if self._kind == OPEN_FLOOR:
+        if not self._road.has_center_line:
             return 0.0
-        if self._kind == ANNULUS:
+        if isinstance(self._road, Annulus):
             edges = space.annulus
             radius = self._casadi.sqrt(self._casadi.sumsqr(point - edges.center))
             if k > 0:
@@ -256,7 +256,7 @@ class _SpaceConstraints:
         self._opti.subject_to(point[0] == x + offset * normal_x)
         self._opti.subject_to(point[1] == y + offset * normal_y)
         if k > 0:
-            kept = space.road.kept[0] / space.road.shape['part'][0]
+            kept = space.road.kept[0] / self._road.clearance_scale
             self._opti.subject_to(offset <= left - float(kept[0]))
             self._opti.subject_to(offset >= float(kept[1]) - right)
         return offset

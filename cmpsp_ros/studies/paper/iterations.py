@@ -17,7 +17,6 @@ from cmpsp_ros.guidance import GuidanceSettings, remaining, shift, to_nanosecond
 from cmpsp_ros.guidance.formulation import (
     N_EDGE_CONSTRAINTS,
     PENALTIES,
-    Cost,
     GuidanceProblem,
     sample_space,
 )
@@ -167,7 +166,7 @@ def converge(
     problem = GuidanceProblem(
         settings.robot,
         FreeSpace.of(settings.road, (), -np.inf),
-        Cost(road_center, settings.weights.control_change, 0.0),
+        replace(settings.weights, road_center=road_center, control_effort=0.0),
         np.array(experiment.pose),
         np.array(settings.goal),
         np.full(steps, settings.control_period),
@@ -223,7 +222,7 @@ def measure_conditions(path: Path) -> Conditions:
     problem = GuidanceProblem(
         settings.robot,
         sample_space(settings, settings.world),
-        Cost(weights.road_center, weights.control_change, 0.0),
+        replace(weights, control_effort=0.0),
         path.poses[0],
         np.array(settings.goal),
         path.durations,
@@ -252,12 +251,9 @@ def measure_conditions(path: Path) -> Conditions:
 def _improve(
     settings: GuidanceSettings, recipe: Recipe, pose: Array, guess: Array, durations: Array
 ) -> Array:
-    weights, goal = settings.weights, np.array(settings.goal)
-    cost = Cost(weights.road_center, weights.control_change, weights.control_effort)
+    goal, space = np.array(settings.goal), sample_space(settings, settings.world)
     kind = SquaredConstraints if recipe is Recipe.AS_WRITTEN else GuidanceProblem
-    problem = kind(
-        settings.robot, sample_space(settings, settings.world), cost, pose, goal, durations
-    )
+    problem = kind(settings.robot, space, settings.weights, pose, goal, durations)
     obstacles = [PENALTIES['obstacle']] * len(settings.obstacles)
     terminal = np.full(2, PENALTIES['terminal_error'])
     path = np.array([PENALTIES['edge']] * N_EDGE_CONSTRAINTS + obstacles)

@@ -109,7 +109,7 @@ function show() {
   });
 }
 
-function goalOf({goal_name: name, goal_time: time}) {
+function goalOf({goal: name, goal_time: time}) {
   if (!name) return '–';
   return isNumber(time) ? `${name} at ${time.toFixed(1)} s` : name;
 }
@@ -240,7 +240,7 @@ function drawMoving(pen, {at, size, to: there}, to, scale) {
 
 // A ring around the goal that is driven to.
 function drawGoal(pen, to) {
-  const {goal_name: name, goal_x: x, goal_y: y} = latest.decision || {};
+  const {goal: name, goal_x: x, goal_y: y} = latest.decision || {};
   if (!name || !isNumber(x) || !isNumber(y)) return;
   pen.beginPath();
   pen.arc(...to([x, y]), 13, 0, 2 * Math.PI);

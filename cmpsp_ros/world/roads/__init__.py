@@ -15,9 +15,7 @@ if TYPE_CHECKING:
         remaining_arc_length,
     )
     from cmpsp_ros.world.roads.corridor import Corridor, RoadError
-    from cmpsp_ros.world.roads.open_floor import OpenFloor
-    from cmpsp_ros.world.roads.road import Point, Road
-    from cmpsp_ros.world.roads.road_functions import FAR
-    from cmpsp_ros.world.roads.road_space import ANNULUS, OPEN_FLOOR, RoadSpace
+    from cmpsp_ros.world.roads.road import OpenFloor, Point, Road
+    from cmpsp_ros.world.roads.road_functions import FAR, RoadSpace
 
 __getattr__, __all__ = lazy_exports(__name__, __file__)

@@ -11,7 +11,7 @@ from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.jit import allocation_free
 from cmpsp_ros.world.roads import road_functions
 from cmpsp_ros.world.roads.road import Road
-from cmpsp_ros.world.roads.road_space import RoadSpace
+from cmpsp_ros.world.roads.road_functions import RoadSpace
 
 Point = tuple[float, float]
 

@@ -24,7 +24,7 @@ _BEYOND = 10.0
 
 
 class CenterLine(NamedTuple):
-    """Cubic pieces; see `road_space.PIECE`.
+    """Cubic pieces; see `corridor_functions`.
 
     Attributes:
         knots: Shape ``(S + 1,)`` [m].

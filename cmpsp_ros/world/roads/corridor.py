@@ -10,9 +10,11 @@ from typing import ClassVar
 import numpy as np
 
 from cmpsp_ros.arrays import Array, IntArray
+from cmpsp_ros.robots import TwistLimits
+from cmpsp_ros.world.inter_sample_margin import at_ends, bent_edge_margin, bent_edge_margin_known
+from cmpsp_ros.world.roads import corridor_functions as compiled
 from cmpsp_ros.world.roads.center_line import CenterLine, Samples, fit, sample
 from cmpsp_ros.world.roads.road import Point, Road
-from cmpsp_ros.world.roads.road_space import CORRIDOR, PIECE, RoadSpace, road_space
 
 _CLOSE = 1e-6
 _SHARPEST_TURN = math.radians(120.0)
@@ -20,11 +22,11 @@ _SHARPEST_TURN = math.radians(120.0)
 # Part of the radius of curvature that must be left beyond the edge on the inner side of a curve.
 _LEFT_OF_RADIUS = 0.1
 
-# Stations of the first search: so many in a width, or in a radius of curvature.
+# Stations of the first search in a width, or in a radius of curvature.
 _IN_A_WIDTH = 4.0
 _MOST_STATIONS = 20_000
 
-# What bounds from samples may be short of.
+# Factor by which bounds from samples may be short.
 _BETWEEN_SAMPLES = 1.05
 
 
@@ -57,6 +59,7 @@ class Corridor(Road):
 
     edge_names: ClassVar[tuple[str, str]] = ('the left road edge', 'the right road edge')
     has_progress: ClassVar[bool] = True
+    functions: ClassVar = compiled.FUNCTIONS
 
     points: tuple[tuple[float, float], ...]
     left: tuple[float, ...]
@@ -92,9 +95,20 @@ class Corridor(Road):
         """Length of a closed one [m]."""
         return self.length if self.closed else 0.0
 
-    def space(self, distance: float) -> RoadSpace:
-        """Where the robot's centre is at least so far from both edges [m]."""
-        return self._space._replace(kept=np.full((1, 2), float(distance)))
+    @property
+    def clearance_scale(self) -> Array:
+        """Less than 1 where the width changes, shape ``(2,)``."""
+        return np.array([scale for scale, _ in self._bounds])
+
+    def kept_at_samples(self, kept: Array, limits: TwistLimits, period: float) -> Array:
+        """See `Road.kept_at_samples`."""
+        margins = [bent_edge_margin(bend, limits, period) for _, bend in self._bounds]
+        return np.asarray(kept + np.array([margins]))
+
+    def kept_for(self, kept: Array, twists: Array, period: float) -> Array:
+        """See `Road.kept_for`."""
+        bends = np.array([bend for _, bend in self._bounds])
+        return kept + at_ends(np.maximum, bent_edge_margin_known(bends, twists, period))
 
     def edges(self) -> list[Array]:
         """Both edges, the left first, each of shape ``(K, 2)`` [m]."""
@@ -143,8 +157,7 @@ class Corridor(Road):
         Where the road crosses itself, from whichever part of it to whichever is nearer.
         """
         at, step = self._samples, np.diff(self._samples.progress, append=self.length)
-        inside = np.maximum(at.curvature * at.widths[0, 0], -at.curvature * at.widths[1, 0])
-        beside = np.maximum(inside - distance * np.abs(at.curvature), 0.0)
+        beside = np.maximum(self._inside - distance * np.abs(at.curvature), 0.0)
         driven = np.cumsum(step * (1.0 - beside)) - step
         here, there = (driven[self._nearest(each)] for each in (start, goal))
         lengths = np.abs(here[:, None] - there)
@@ -185,58 +198,73 @@ class Corridor(Road):
         return Samples(*(np.concatenate([a, b[..., :1]], axis=-1) for a, b in both))
 
     @cached_property
-    def _space(self) -> RoadSpace:
+    def numbers(self) -> Array:
+        """See `corridor_functions`."""
         line, at = self._line, self._samples
-        inside = np.maximum(at.curvature * at.widths[0, 0], -at.curvature * at.widths[1, 0])
         radius = 1.0 / max(float(np.abs(at.curvature).max()), 1e-9)
-        # At most halfway from an edge to the centre of curvature.
-        left = (1.0 - inside) / np.maximum(np.abs(at.curvature), 1e-9)
-        room = min(float(left.min()) / 2.0, float(at.widths[:, 0].min()) / 4.0)
-        bounds = [self._bounds(side, room) for side in range(2)]
         spacing = min(float(at.widths[:, 0].min()), radius) / _IN_A_WIDTH
         count = min(max(math.ceil(line.length / spacing), 2), _MOST_STATIONS)
         places = np.arange(count) * (line.length / count)
-        stations = (np.interp(places, at.progress, each) for each in (at.x, at.y))
+        x, y = (np.interp(places, at.progress, each) for each in (at.x, at.y))
         heading = np.interp(places, at.progress, np.unwrap(np.arctan2(at.sine, at.cosine)))
-        cells = np.linspace(line.knots[0], line.knots[-1], len(line.pieces), endpoint=False)
-        pieces = np.zeros(len(line.knots), PIECE)
-        pieces['begin'] = line.knots
-        pieces['curves'][:-1] = line.pieces.reshape(-1, 4, 4)
-        pieces['at_cell'][:-1] = np.searchsorted(line.knots, cells, side='right') - 1
-        return road_space(
-            CORRIDOR,
-            pieces=pieces,
-            stations=np.column_stack([*stations, np.cos(heading), np.sin(heading)]),
-            cells_in_metre=len(cells) / float(line.knots[-1] - line.knots[0]),
-            station_step=line.length / count,
-            closed=self.closed,
-            length=line.length,
-            stride=radius / 2.0,
-            room=room,
-            decides=float(at.widths[:, 0].max()),
-            part=[part for part, _ in bounds],
-            bend=[bend for _, bend in bounds],
-        )
+        scalars = np.zeros(compiled.N_SCALARS)
+        scalars[compiled.LENGTH], scalars[compiled.CLOSED] = line.length, self.closed
+        scalars[compiled.STRIDE], scalars[compiled.ROOM] = radius / 2.0, self._room
+        scalars[compiled.DECIDES] = float(at.widths[:, 0].max())
+        scalars[compiled.STATION_STEP] = line.length / count
+        scalars[compiled.CELLS_IN_METRE] = len(line.pieces) / float(line.knots[-1] - line.knots[0])
+        scalars[[compiled.PART, compiled.PART_OTHER]] = self.clearance_scale
+        scalars[[compiled.BEND, compiled.BEND_OTHER]] = [bend for _, bend in self._bounds]
+        scalars[compiled.N_STATIONS] = count
+        stations = np.column_stack([x, y, np.cos(heading), np.sin(heading)])
+        return np.concatenate([scalars, stations.ravel()])
 
-    def _bounds(self, side: int, room: float) -> tuple[float, float]:
-        """What a clearance from one edge counts, and its greatest second derivative [1/m].
+    @cached_property
+    def table(self) -> Array:
+        """Pieces of the centre line, see `corridor_functions`."""
+        line = self._line
+        cells = np.linspace(line.knots[0], line.knots[-1], len(line.pieces), endpoint=False)
+        pieces = np.zeros((len(line.knots), compiled.PIECE))
+        pieces[:, 0] = line.knots
+        pieces[:-1, 1] = np.searchsorted(line.knots, cells, side='right') - 1
+        pieces[:-1, 2:] = line.pieces
+        return pieces
+
+    @cached_property
+    def _inside(self) -> Array:
+        """Width on the inner side of a curve, in radii of curvature, shape ``(Z,)``."""
+        curvature, (left, right) = self._samples.curvature, self._samples.widths[:, 0]
+        return np.asarray(np.maximum(curvature * left, -curvature * right))
+
+    @cached_property
+    def _room(self) -> float:
+        """Width around the road where projections are unique: at most halfway to a centre [m]."""
+        at = self._samples
+        left = (1.0 - self._inside) / np.maximum(np.abs(at.curvature), 1e-9)
+        return min(float(left.min()) / 2.0, float(at.widths[:, 0].min()) / 4.0)
+
+    @cached_property
+    def _bounds(self) -> list[tuple[float, float]]:
+        """Scale of a clearance from each edge, and its greatest second derivative [1/m].
 
         With the distance ``e`` to the left of the centre line and the curvature ``c`` the progress
         of a point changes ``q = 1 / (1 - c e)`` times as fast as the point moves along the road;
         that factor's gradient and the curvature bound the second derivative of ``width - e``.
         """
-        at = self._samples
-        _, slope, bend = np.abs(at.widths[side])
-        furthest = at.widths[:, 0].max(axis=0) + room
+        at, bounds = self._samples, []
+        furthest = at.widths[:, 0].max(axis=0) + self._room
         c = np.abs(at.curvature)
         q = 1.0 / np.maximum(1.0 - c * furthest, _LEFT_OF_RADIUS / 2.0)
-        steep = np.hypot(1.0, slope * q)
         second = q**3 * np.abs(at.curvature_slope) * furthest + 2.0 * q**2 * c
-        total = c * q + bend * q**2 + slope * second
-        part = 1.0 / float(steep.max())
-        if part == 1.0:
-            return 1.0, _BETWEEN_SAMPLES * float(total.max())
-        return part / _BETWEEN_SAMPLES, _BETWEEN_SAMPLES * float(total.max()) * part
+        for widths in at.widths:
+            _, slope, bend = np.abs(widths)
+            steep = np.hypot(1.0, slope * q)
+            total = _BETWEEN_SAMPLES * float((c * q + bend * q**2 + slope * second).max())
+            scale = 1.0 / float(steep.max())
+            bounds.append(
+                (1.0, total) if scale == 1.0 else (scale / _BETWEEN_SAMPLES, total * scale)
+            )
+        return bounds
 
     def _check_points(self) -> None:
         least = 3 if self.closed else 2
@@ -262,8 +290,7 @@ class Corridor(Road):
                 raise RoadError(point, found, wanted)
 
     def _check_curves(self) -> None:
-        at = self._samples
-        inside = np.maximum(at.curvature * at.widths[0, 0], -at.curvature * at.widths[1, 0])
+        at, inside = self._samples, self._inside
         worst = int(np.argmax(inside))
         if inside[worst] > 1.0 - _LEFT_OF_RADIUS:
             radius = 1.0 / abs(at.curvature[worst])

@@ -1,6 +1,8 @@
 """The road along a centre line, for compiled code; see `road_functions`.
 
-A shape is a record of `road_space.SHAPE`; the other arrays are those of `road_space.RoadSpace`.
+Its numbers are `N_SCALARS` scalars, named below, and `STATION` numbers for each of some places on
+the centre line, close together: x, y, and the direction there (cosine, sine) [m, m, 1, 1]. The rows
+of its table are the pieces of the centre line, with one more for where the last piece ends.
 """
 
 from __future__ import annotations
@@ -8,14 +10,10 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.mpsp.jit import allocation_free
+from cmpsp_ros.mpsp.jit import allocation_free, inlined, inner
 from cmpsp_ros.robots import Arc, arc_part
-
-Records = NDArray[np.void]
+from cmpsp_ros.world.roads.road_functions import RoadSpace
 
 # What a projection leaves of its last step is of second order in it [m].
 _MOST_STEPS = 30
@@ -31,56 +29,119 @@ _DEEPEST = 12
 # left.
 _LEAST_PART = 1e-2
 
-X, Y, LEFT, RIGHT = 0, 1, 2, 3
-"""Which of the curves of a piece; see `road_space.PIECE`."""
+# Length of the centre line, and the longest step of a projection [m].
+LENGTH, STRIDE = 0, 1
+# Length up to which an arc between two points of the road is sure not to leave the surroundings in
+# which every point has a unique projection onto the centre line [m].
+ROOM = 2
+# Weight of a heading where the road crosses itself [m].
+DECIDES = 3
+# Progress from one station to the next; the first has progress 0 [m].
+STATION_STEP = 4
+# Number of the cells of the pieces in a metre [1/m].
+CELLS_IN_METRE = 5
+# Fraction of a distance across the road that counts as clearance, for either edge: less than 1
+# where the width changes. Greatest second derivatives of both along any straight line [1/m].
+PART, PART_OTHER, BEND, BEND_OTHER = 6, 7, 8, 9
+# Whether the road ends where it begins, and the number of stations.
+CLOSED, N_STATIONS = 10, 11
+N_SCALARS = 12
+
+# A piece: progress where it begins [m]; the number of the piece that the cell of this number begins
+# with, where the whole progress has as many equal cells as there are pieces; and, from 2, 6, 10 and
+# 14 on, cubic polynomials of the progress since then, lowest power first: x, y, and the widths to
+# the left and to the right [m].
+PIECE = 18
+_BEGIN, _AT_CELL = 0, 1
+STATION = 4
 
 
-@allocation_free
-def project(
-    shape: Any, pieces: Records, stations: Array, x: float, y: float, heading: float, near: float
-) -> float:
+@inner
+def project(road: RoadSpace, x: float, y: float, heading: float, near: float) -> None:
     """Progress of the nearest place that leads the same way.
 
     Nearness and direction are added up as squares; which way along the road does not matter.
     """
-    progress: float
     if not math.isnan(near):
-        progress = _across(shape, pieces, x, y, near)[0]
-        return progress
-    cosine, sine, weight = math.cos(heading), math.sin(heading), shape.decides * shape.decides
+        road.found[0] = _across(road, x, y, near)[0]
+        return
+    cosine, sine, weight = math.cos(heading), math.sin(heading), road.numbers[DECIDES] ** 2
     if math.isnan(heading):
         cosine = sine = weight = 0.0
     best, nearest = math.inf, 0
-    for i in range(stations.shape[0]):
-        dx, dy = x - stations[i, 0], y - stations[i, 1]
-        across = cosine * stations[i, 3] - sine * stations[i, 2]
+    at = N_SCALARS
+    for i in range(int(road.numbers[N_STATIONS])):
+        dx, dy = x - road.numbers[at], y - road.numbers[at + 1]
+        across = cosine * road.numbers[at + 3] - sine * road.numbers[at + 2]
         score = dx * dx + dy * dy + weight * across * across
         if score < best:
             best, nearest = score, i
-    progress = _across(shape, pieces, x, y, nearest * shape.station_step)[0]
-    return progress
+        at += STATION
+    road.found[0] = _across(road, x, y, nearest * road.numbers[STATION_STEP])[0]
 
 
-@allocation_free
-def lateral_error(
-    shape: Any, pieces: Records, kept: float, other: float, x: float, y: float, progress: float
-) -> Any:
+@inner
+def lateral_error(road: RoadSpace, k: int, x: float, y: float, progress: float) -> None:
     """Widths less the distance from the centre line."""
-    progress, off, left, right = _across(shape, pieces, x, y, progress)
-    part = shape.part
-    return progress, off, (off - left) * part[0] + kept, (-off - right) * part[1] + other
+    progress, off, left, right = _across(road, x, y, progress)
+    road.found[0], road.found[1] = progress, off
+    road.found[2] = (off - left) * road.numbers[PART] + road.kept[k, 0]
+    road.found[3] = (-off - right) * road.numbers[PART_OTHER] + road.kept[k, 1]
 
 
-@allocation_free
-def gradients(shape: Any, pieces: Records, x: float, y: float, progress: float) -> Any:
+@inner
+def gradients(road: RoadSpace, x: float, y: float, progress: float) -> None:
+    """See `_gradients`."""
+    slopes = _gradients(road, x, y, progress)
+    for i in range(7):
+        road.found[i] = slopes[i]
+
+
+@inner
+def sweep(road: RoadSpace, arc: Arc, progress: float, enough: float, enough_other: float) -> None:
+    """See `_sweep`."""
+    least = _sweep(road, arc, progress, enough, enough_other)
+    road.found[0], road.found[1], road.found[2] = least
+
+
+@inner
+def arc_length_to(
+    road: RoadSpace,
+    _x: float,
+    _y: float,
+    progress: float,
+    _goal_x: float,
+    _goal_y: float,
+    goal: float,
+) -> None:
+    """Difference of the two."""
+    way = goal - progress
+    if road.numbers[CLOSED] > 0.0:
+        way -= road.numbers[LENGTH] * round(way / road.numbers[LENGTH])
+    road.found[0] = way
+
+
+@inner
+def point_ahead(
+    road: RoadSpace, _x: float, _y: float, progress: float, way: float, _to: Any
+) -> None:
+    """The point with so much more progress."""
+    piece, t = _piece(road, _within(road, progress + way))
+    road.found[0], road.found[1], _, _, _, _ = _center_line(road.table[piece], t)
+
+
+FUNCTIONS = project, lateral_error, gradients, sweep, arc_length_to, point_ahead
+
+
+@inlined
+def _gradients(road: RoadSpace, x: float, y: float, progress: float) -> Any:
     """Exact derivatives at a projection.
 
     With the curvature ``c`` of the centre line and the distance ``e`` to its left, that of ``e^2 /
     2`` is ``n n' - e c / (1 - c e) t t'``.
     """
-    i, t = _piece(shape, pieces, progress)
-    piece = pieces[i]
-    here_x, here_y, dx, dy, ddx, ddy = _center_line(piece, t)
+    piece, t = _piece(road, progress)
+    here_x, here_y, dx, dy, ddx, ddy = _center_line(road.table[piece], t)
     rx, ry = x - here_x, y - here_y
     squared = dx * dx + dy * dy
     size = math.sqrt(squared)
@@ -88,9 +149,9 @@ def gradients(shape: Any, pieces: Records, x: float, y: float, progress: float) 
     # 1 - c e, times the square of the parameter's speed.
     part = max(squared - ddx * rx - ddy * ry, _LEAST_PART * squared)
     along = -(off_x * rx + off_y * ry) * (dx * ddy - dy * ddx) / (size * part)
-    left, right = _width_slopes(piece, t)
+    left, right = _width_slopes(road.table[piece], t)
     left, right = left / part, right / part
-    first, second = shape.part[0], shape.part[1]
+    first, second = road.numbers[PART], road.numbers[PART_OTHER]
     return (
         off_x,
         off_y,
@@ -103,16 +164,7 @@ def gradients(shape: Any, pieces: Records, x: float, y: float, progress: float) 
 
 
 @allocation_free
-def sweep(
-    shape: Any,
-    pieces: Records,
-    kept: float,
-    other_kept: float,
-    arc: Arc,
-    progress: float,
-    enough: float,
-    enough_other: float,
-) -> Any:
+def _sweep(road: RoadSpace, arc: Arc, progress: float, enough: float, enough_other: float) -> Any:
     """Least clearance to a hundredth of it, or a micrometre.
 
     The arc is halved until no part can hide a smaller clearance than was found at the ends of all
@@ -121,20 +173,20 @@ def sweep(
     a part does not leave if it is short, or if clearances at its ends are as long as it is.
     """
     length, turn = abs(arc.length), abs(arc.turn)
-    bound = shape.bend[0] * length * length + turn * length
-    bound_other = shape.bend[1] * length * length + turn * length
-    depth, i, here = 0, 0, _on_arc(shape, pieces, kept, other_kept, arc, 0.0, progress)
+    bound = road.numbers[BEND] * length * length + turn * length
+    bound_other = road.numbers[BEND_OTHER] * length * length + turn * length
+    depth, i, here = 0, 0, _on_arc(road, arc, 0.0, progress)
     least, other = here[1], here[2]
     while i < 1 << depth:
         step = 1.0 / (1 << depth)
-        there = _on_arc(shape, pieces, kept, other_kept, arc, (i + 1) * step, here[0])
+        there = _on_arc(road, arc, (i + 1) * step, here[0])
         least, other = min(least, there[1]), min(other, there[2])
         lowest = _lowest(here[1], here[3] * step, there[1], there[3] * step, bound * step * step)
         lowest_other = _lowest(
             here[2], here[4] * step, there[2], there[4] * step, bound_other * step * step
         )
         nearest = min(here[1] + there[1], here[2] + there[2])
-        known = length * step <= max(shape.room, nearest)
+        known = length * step <= max(road.numbers[ROOM], nearest)
         known &= lowest >= _nearly(min(least, enough))
         known &= lowest_other >= _nearly(min(other, enough_other))
         if known or depth == _DEEPEST or math.isnan(lowest + lowest_other):
@@ -149,23 +201,6 @@ def sweep(
     # Not a number if the arc's end is none.
     nothing = 0.0 * (arc.end_x + arc.end_y)
     return here[0], least + nothing, other + nothing
-
-
-@allocation_free
-def arc_length_to(shape: Any, progress: float, goal: float) -> float:
-    """Difference of the two."""
-    way = goal - progress
-    if shape.closed:
-        way -= shape.length * round(way / shape.length)
-    return way
-
-
-@allocation_free
-def point_ahead(shape: Any, pieces: Records, progress: float, way: float) -> Any:
-    """The point with so much more progress."""
-    i, t = _piece(shape, pieces, _within(shape, pieces, progress + way))
-    at_x, at_y, _, _, _, _ = _center_line(pieces[i], t)
-    return at_x, at_y
 
 
 @allocation_free
@@ -188,9 +223,7 @@ def _lowest(here: float, slope: float, there: float, slope_there: float, bound: 
 
 
 @allocation_free
-def _on_arc(
-    shape: Any, pieces: Records, kept: float, other_kept: float, arc: Arc, t: float, progress: float
-) -> Any:
+def _on_arc(road: RoadSpace, arc: Arc, t: float, progress: float) -> Any:
     """A point of an arc: progress, both clearances, and their slopes by ``t`` from 0 to 1."""
     if t == 0.0:
         x, y, cosine, sine = arc.x, arc.y, arc.cosine, arc.sine
@@ -198,94 +231,90 @@ def _on_arc(
         x, y, cosine, sine = arc.end_x, arc.end_y, arc.end_cosine, arc.end_sine
     else:
         x, y, cosine, sine = arc_part(arc, t)
-    progress, off, left, right = _across(shape, pieces, x, y, progress)
-    part = shape.part
-    clear = (left - off) * part[0] - kept
-    clear_other = (right + off) * part[1] - other_kept
-    _, _, _, first_x, first_y, second_x, second_y = gradients(shape, pieces, x, y, progress)
+    progress, off, left, right = _across(road, x, y, progress)
+    clear = (left - off) * road.numbers[PART] - road.kept[0, 0]
+    clear_other = (right + off) * road.numbers[PART_OTHER] - road.kept[0, 1]
+    _, _, _, first_x, first_y, second_x, second_y = _gradients(road, x, y, progress)
     slope = -(first_x * cosine + first_y * sine) * arc.length
     return progress, clear, clear_other, slope, -(second_x * cosine + second_y * sine) * arc.length
 
 
-@allocation_free
-def _across(shape: Any, pieces: Records, x: float, y: float, progress: float) -> Any:
+@inlined
+def _across(road: RoadSpace, x: float, y: float, progress: float) -> Any:
     """Progress of the nearest place of the centre line, going along it from a place nearby.
 
     Newton's method on the derivative of half the squared distance. With it come the distance to the
     left of the centre line, and the widths to the left and the right.
     """
-    progress, stride = _within(shape, pieces, progress), shape.stride
-    i, t, step = 0, 0.0, 0.0
+    progress, stride = _within(road, progress), road.numbers[STRIDE]
+    piece, t, step = 0, 0.0, 0.0
     dx, dy, rx, ry, squared = 1.0, 0.0, 0.0, 0.0, 1.0
     for _ in range(_MOST_STEPS):
-        i, t = _piece(shape, pieces, progress)
-        here_x, here_y, dx, dy, ddx, ddy = _center_line(pieces[i], t)
+        piece, t = _piece(road, progress)
+        here_x, here_y, dx, dy, ddx, ddy = _center_line(road.table[piece], t)
         rx, ry = x - here_x, y - here_y
         squared = dx * dx + dy * dy
         curved = squared - ddx * rx - ddy * ry
         # Beyond the centre of curvature Newton's step would lead away.
         step = (dx * rx + dy * ry) / (curved if curved > _LEAST_PART * squared else squared)
         step = min(max(step, -stride), stride)
-        progress = _within(shape, pieces, progress + step)
+        progress = _within(road, progress + step)
         if abs(step) <= _SETTLED:
             break
     off = (dx * ry - dy * rx) / math.sqrt(squared)
-    left, right = _widths(pieces[i], t + step)
+    left, right = _widths(road.table[piece], t + step)
     return progress, off, left, right
 
 
-@allocation_free
-def _within(shape: Any, pieces: Records, progress: float) -> float:
+@inlined
+def _within(road: RoadSpace, progress: float) -> float:
     """The same place with a progress that the table has; NaN becomes the start."""
-    low, high = pieces[0].begin, pieces[-1].begin
+    low, high, length = road.table[0, _BEGIN], road.table[-1, _BEGIN], road.numbers[LENGTH]
     if math.isnan(progress):
         progress = low
-    if shape.closed and not 0.0 <= progress < shape.length:
-        progress -= shape.length * math.floor(progress / shape.length)
+    if road.numbers[CLOSED] > 0.0 and not 0.0 <= progress < length:
+        progress -= length * math.floor(progress / length)
     within: float = min(max(progress, low), high)
     return within
 
 
-@allocation_free
-def _piece(shape: Any, pieces: Records, progress: float) -> Any:
-    """The piece that a place is on, and its progress since the beginning of that piece."""
-    last = pieces.shape[0] - 2
-    cell = int((progress - pieces[0].begin) * shape.cells_in_metre)
-    i = pieces[min(max(cell, 0), last)].at_cell
-    while i < last and progress >= pieces[i + 1].begin:
+@inlined
+def _piece(road: RoadSpace, progress: float) -> Any:
+    """Number of the piece that a place is on, and its progress since the beginning of that."""
+    last = road.table.shape[0] - 2
+    cell = int((progress - road.table[0, _BEGIN]) * road.numbers[CELLS_IN_METRE])
+    i = int(road.table[min(max(cell, 0), last), _AT_CELL])
+    while i < last and progress >= road.table[i + 1, _BEGIN]:
         i += 1
-    while i > 0 and progress < pieces[i].begin:
+    while i > 0 and progress < road.table[i, _BEGIN]:
         i -= 1
-    return i, progress - pieces[i].begin
+    return i, progress - road.table[i, _BEGIN]
 
 
-@allocation_free
-def _center_line(piece: Any, t: float) -> Any:
+@inlined
+def _center_line(piece: Array, t: float) -> Any:
     """A place (x, y), and the first and second derivatives of both by the progress."""
-    x, y = piece.curves[X], piece.curves[Y]
     return (
-        x[0] + t * (x[1] + t * (x[2] + t * x[3])),
-        y[0] + t * (y[1] + t * (y[2] + t * y[3])),
-        x[1] + t * (2.0 * x[2] + 3.0 * t * x[3]),
-        y[1] + t * (2.0 * y[2] + 3.0 * t * y[3]),
-        2.0 * x[2] + 6.0 * t * x[3],
-        2.0 * y[2] + 6.0 * t * y[3],
+        piece[2] + t * (piece[3] + t * (piece[4] + t * piece[5])),
+        piece[6] + t * (piece[7] + t * (piece[8] + t * piece[9])),
+        piece[3] + t * (2.0 * piece[4] + 3.0 * t * piece[5]),
+        piece[7] + t * (2.0 * piece[8] + 3.0 * t * piece[9]),
+        2.0 * piece[4] + 6.0 * t * piece[5],
+        2.0 * piece[8] + 6.0 * t * piece[9],
     )
 
 
-@allocation_free
-def _widths(piece: Any, t: float) -> Any:
-    left, right = piece.curves[LEFT], piece.curves[RIGHT]
+@inlined
+def _widths(piece: Array, t: float) -> Any:
     return (
-        left[0] + t * (left[1] + t * (left[2] + t * left[3])),
-        right[0] + t * (right[1] + t * (right[2] + t * right[3])),
+        piece[10] + t * (piece[11] + t * (piece[12] + t * piece[13])),
+        piece[14] + t * (piece[15] + t * (piece[16] + t * piece[17])),
     )
 
 
-@allocation_free
-def _width_slopes(piece: Any, t: float) -> Any:
-    left, right = piece.curves[LEFT], piece.curves[RIGHT]
+@inlined
+def _width_slopes(piece: Array, t: float) -> Any:
     return (
-        left[1] + t * (2.0 * left[2] + 3.0 * t * left[3]),
-        right[1] + t * (2.0 * right[2] + 3.0 * t * right[3]),
+        piece[11] + t * (2.0 * piece[12] + 3.0 * t * piece[13]),
+        piece[15] + t * (2.0 * piece[16] + 3.0 * t * piece[17]),
     )

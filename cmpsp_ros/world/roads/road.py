@@ -1,13 +1,20 @@
-"""What every kind of road says of itself; `road_functions` has what compiled code asks of it."""
+"""Roads, and open floor: no road at all."""
 
 from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from typing import ClassVar
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.world.roads.road_space import RoadSpace
+from cmpsp_ros.mpsp.jit import inner
+from cmpsp_ros.robots import Arc, TwistLimits
+from cmpsp_ros.world.roads.road_functions import FAR, RoadSpace, addresses, no_progress
 
 Point = tuple[float, float]
 
@@ -15,17 +22,31 @@ Point = tuple[float, float]
 class Road(ABC):
     """What the robot stays inside, and whose centre line it keeps to.
 
-    A road of its own kind is a frozen dataclass, which is equal to another one of the same values.
+    A kind of road is a frozen dataclass, equal to another one of the same values, and compiled
+    functions of its `numbers`.
     """
 
     edge_names: ClassVar[tuple[str, str]]
-    """What messages call the first and the second edge."""
+    """Names of the first and the second edge in messages."""
 
     has_center_line: ClassVar[bool] = True
     """Whether there are edges and a line between them."""
 
     has_progress: ClassVar[bool] = False
     """Whether a point can be on it in two places, which the progress tells apart."""
+
+    functions: ClassVar[tuple[Callable[..., None], ...]]
+    """Its compiled functions, in the order of `road_functions.addresses`."""
+
+    @property
+    @abstractmethod
+    def numbers(self) -> Array:
+        """What its compiled functions know of it."""
+
+    @property
+    def table(self) -> Array:
+        """More that they know, in rows."""
+        return np.zeros((1, 1))
 
     @property
     @abstractmethod
@@ -37,9 +58,35 @@ class Road(ABC):
         """Length of the centre line of a road without end; 0 where it has one [m]."""
         return 0.0
 
-    @abstractmethod
+    @property
+    def clearance_scale(self) -> Array:
+        """Fraction of the distance to either edge that counts as clearance, shape ``(2,)``."""
+        return np.ones(2)
+
+    def kept(self, distance: float) -> Array:
+        """`RoadSpace.kept` at a distance [m] from both edges, shape ``(1, 2)``."""
+        return np.full((1, 2), float(distance))
+
+    def kept_at_samples(self, kept: Array, limits: TwistLimits, period: float) -> Array:  # noqa: ARG002
+        """The same with the inter-sample margin of all arcs; see `FreeSpace.tightened`."""
+        return kept
+
+    def kept_for(self, kept: Array, twists: Array, period: float) -> Array:  # noqa: ARG002
+        """The same for the arcs of one plan, ``(N + 1, 2)``; see `FreeSpace.for_samples_of`."""
+        return kept
+
     def space(self, distance: float) -> RoadSpace:
         """Where the robot's centre is at least so far from both edges [m]."""
+        return self._space._replace(kept=self.kept(distance))
+
+    @cached_property
+    def _space(self) -> RoadSpace:
+        functions = addresses(*self.functions)
+        return RoadSpace(functions, self.numbers, self.table, np.zeros(7), self.kept(0.0))
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without addresses, which another process does not have."""
+        return {key: value for key, value in self.__dict__.items() if key != '_space'}
 
     @abstractmethod
     def edges(self) -> list[Array]:
@@ -62,9 +109,89 @@ class Road(ABC):
         """A pose that is not on this part of the road, shape ``(3,)`` [m, m, rad]."""
 
     def beyond(self, point: Point) -> float:  # noqa: ARG002
-        """How far a point lies beyond an end of the road, 0 where it does not [m]."""
+        """Distance of a point beyond an end of the road, 0 where it is not [m]."""
         return 0.0
 
     def shortest_length(self, start: Point, goal: Point, distance: float = 0.0) -> float:  # noqa: ARG002
         """A length that no path is shorter than that keeps the distance from both edges [m]."""
         return math.dist(start, goal)
+
+
+@inner
+def _no_edges(road: RoadSpace, _k: int, _x: float, _y: float, _at: float) -> None:
+    road.found[0], road.found[1], road.found[2], road.found[3] = 0.0, 0.0, -math.inf, -math.inf
+
+
+@inner
+def _no_gradients(road: RoadSpace, _x: float, _y: float, _at: float) -> None:
+    for i in range(7):
+        road.found[i] = 0.0
+
+
+@inner
+def _far_from_edges(
+    road: RoadSpace, arc: Arc, _at: float, _enough: float, _enough_other: float
+) -> None:
+    # NaN if the arc's end is.
+    road.found[0], road.found[1] = 0.0, FAR + 0.0 * (arc.end_x + arc.end_y)
+    road.found[2] = road.found[1]
+
+
+@inner
+def _straight_length(
+    road: RoadSpace, x: float, y: float, _at: float, goal_x: float, goal_y: float, _goal: float
+) -> None:
+    road.found[0] = math.hypot(goal_x - x, goal_y - y)
+
+
+@inner
+def _straight_ahead(
+    road: RoadSpace, x: float, y: float, _progress: float, way: float, to: Any
+) -> None:
+    left = max(math.hypot(to[0] - x, to[1] - y), 1e-9)
+    road.found[0], road.found[1] = x + (to[0] - x) * (way / left), y + (to[1] - y) * (way / left)
+
+
+@dataclass(frozen=True)
+class OpenFloor(Road):
+    """No road: neither edges nor a centre line."""
+
+    edge_names: ClassVar[tuple[str, str]] = ('an edge', 'an edge')
+    has_center_line: ClassVar[bool] = False
+    functions: ClassVar = (
+        no_progress, _no_edges, _no_gradients, _far_from_edges, _straight_length, _straight_ahead,
+    )  # fmt: skip
+
+    @property
+    def numbers(self) -> Array:
+        """None."""
+        return np.zeros(1)
+
+    @property
+    def width(self) -> float:
+        """What a picture should show around a path [m]."""
+        return 2.0
+
+    def kept(self, distance: float) -> Array:  # noqa: ARG002
+        """Nothing."""
+        return np.zeros((1, 2))
+
+    def edges(self) -> list[Array]:
+        """None."""
+        return []
+
+    def center_line(self) -> Array:
+        """None, shape ``(0, 2)``."""
+        return np.empty((0, 2))
+
+    def area(self) -> Array:
+        """None, shape ``(0, 2)``."""
+        return np.empty((0, 2))
+
+    def middle(self) -> Array:
+        """Any pose, shape ``(3,)`` [m, m, rad]."""
+        return np.zeros(3)
+
+    def beside(self) -> Array:
+        """Any other pose, shape ``(3,)`` [m, m, rad]."""
+        return np.array([1.0, 0.0, 0.0])

@@ -1,4 +1,7 @@
-"""Functions of a road for compiled code, the same for every kind of road.
+"""A road for compiled code: one type and the same functions for every kind of road.
+
+A kind of road is six functions like those below, called by their addresses, so that nothing but
+them is compiled for it; they write their results to `RoadSpace.found`.
 
 A place on a road is given by its progress [m], the length along the centre line from where it
 begins: that is unique where a road comes by one point twice. Each road has two edges, and its
@@ -7,155 +10,139 @@ clearance from an edge is never more than the distance to it.
 
 from __future__ import annotations
 
-import math
-from typing import Any
+from functools import cache
+from typing import Any, NamedTuple
 
-from cmpsp_ros.mpsp.jit import allocation_free
+import numpy as np
+
+from cmpsp_ros.arrays import Array, BoolArray, IntArray
+from cmpsp_ros.mpsp.jit import address_of, allocation_free, call, inner
 from cmpsp_ros.robots import Arc
-from cmpsp_ros.world.roads import annulus_functions, corridor_functions, open_floor_functions
-from cmpsp_ros.world.roads.road_space import ANNULUS, CORRIDOR, RoadSpace
 
 FAR = 1e6
 """Clearance from an edge that is not there [m]: a number that can be added, written and read."""
 
+_PROJECT, _LATERAL_ERROR, _GRADIENTS, _SWEEP, _ARC_LENGTH_TO, _POINT_AHEAD = range(6)
+
+
+class RoadSpace(NamedTuple):
+    """Where on a road the robot's centre may be.
+
+    The first edge is the outer one of an annulus and the left one of a corridor.
+
+    Attributes:
+        functions: Addresses of the road's functions, see `addresses`.
+        numbers: What they know of the road, in their own order. It is shared, never written to.
+        table: More of that, in rows.
+        found: What they write to, shape ``(7,)``.
+        kept: For both edges, for all stages or for each of them, shape ``(K, 2)`` [m]: of an
+            annulus the greatest and the least distance from the centre, of a corridor the
+            clearance to keep.
+    """
+
+    functions: IntArray
+    numbers: Array
+    table: Array
+    found: Array
+    kept: Array
+
+    def with_some(self, samples: BoolArray, of: RoadSpace) -> RoadSpace:
+        """See `FreeSpace.with_some`."""
+        return self._replace(kept=np.where(samples[:, None], of.kept, self.kept))
+
+
+@cache
+def addresses(*functions: Any) -> IntArray:
+    """Addresses of the six functions of a kind of road, in the order of those below."""
+    road = RoadSpace(
+        np.zeros(1, np.int64), np.zeros(1), np.zeros((1, 1)), np.zeros(1), np.zeros((1, 2))
+    )
+    numbers = (0.0,) * 6
+    examples = (
+        numbers[:4], (0, *numbers[:3]), numbers[:3], (Arc(*(0.0,) * 10), *numbers[:3]), numbers,
+        (*numbers[:4], (0.0, 0.0)),
+    )  # fmt: skip
+    pairs = zip(functions, examples, strict=True)
+    return np.array([address_of(None, each, road, *given) for each, given in pairs])
+
 
 @allocation_free
 def project(road: RoadSpace, x: float, y: float, heading: float, near: float) -> float:
-    """Progress of a pose.
+    """Progress of a pose [m].
 
-    Args:
-        road: The road.
-        x: Position [m].
-        y: See `x`.
-        heading: Of the pose: where the road crosses itself it says which way is meant. Not a
-            number for a point without a heading [rad].
-        near: Progress of a place from which the pose has not come far; not a number where none is
-            known. It counts more than the heading [m].
-
-    Returns:
-        Progress [m].
+    Where the road crosses itself the heading says which branch is meant, NaN for a point without
+    one. The progress of a place from which the pose has not come far counts more than the heading,
+    NaN where none is known.
     """
-    shape = road.shape[0]
-    if shape.kind == CORRIDOR:
-        progress: float = corridor_functions.project(
-            shape, road.pieces, road.stations, x, y, heading, near
-        )
-        return progress
-    return 0.0
+    call(road.functions[_PROJECT], (road, x, y, heading, near))
+    progress: float = road.found[0]
+    return progress
 
 
 @allocation_free
 def lateral_error(road: RoadSpace, k: int, x: float, y: float, progress: float) -> Any:
-    """Where a point is across the road.
-
-    Args:
-        road: The road.
-        k: Stage, for roads whose edges change along a horizon.
-        x: Position [m].
-        y: See `x`.
-        progress: Of a point nearby [m].
+    """Position of a point across the road at a stage, from the progress of a point nearby.
 
     Returns:
         Progress, distance from the centre line with a sign, and one path constraint an edge, not
         positive where met and ``-inf`` where there is no edge; all [m].
     """
-    shape, at = road.shape[0], min(k, road.kept.shape[0] - 1)
-    kept, other = road.kept[at, 0], road.kept[at, 1]
-    if shape.kind == ANNULUS:
-        return annulus_functions.lateral_error(shape, kept, other, x, y)
-    if shape.kind == CORRIDOR:
-        return corridor_functions.lateral_error(shape, road.pieces, kept, other, x, y, progress)
-    return 0.0, 0.0, -math.inf, -math.inf
+    at, found = min(k, road.kept.shape[0] - 1), road.found
+    call(road.functions[_LATERAL_ERROR], (road, at, x, y, progress))
+    return found[0], found[1], found[2], found[3]
 
 
 @allocation_free
 def gradients(road: RoadSpace, x: float, y: float, progress: float) -> Any:
     """Derivatives of what `lateral_error` returns, at the progress that it returned.
 
-    Args:
-        road: The road.
-        x: Position [m].
-        y: See `x`.
-        progress: Of this point [m].
-
     Returns:
-        The gradient of the distance from the centre line (x, y), a unit vector or zero; what the
-        second derivative of half its square is along the road; the gradients (x, y) of the first
-        and of the second constraint.
+        The gradient of the distance from the centre line (x, y), a unit vector or zero; the
+        component along the road of the second derivative of half its square; the gradients (x, y)
+        of the first and of the second constraint.
     """
-    shape = road.shape[0]
-    if shape.kind == ANNULUS:
-        return annulus_functions.gradients(shape, x, y)
-    if shape.kind == CORRIDOR:
-        return corridor_functions.gradients(shape, road.pieces, x, y, progress)
-    return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    found = road.found
+    call(road.functions[_GRADIENTS], (road, x, y, progress))
+    return found[0], found[1], found[2], found[3], found[4], found[5], found[6]
 
 
 @allocation_free
 def sweep(road: RoadSpace, arc: Arc, progress: float, enough: float, enough_other: float) -> Any:
-    """Least clearance of an arc, from end to end.
+    """Least clearance of an arc, from end to end, from the edges of the first stage.
 
-    Args:
-        road: The road; edges are those of the first stage.
-        arc: The arc.
-        progress: Of its beginning [m].
-        enough: Clearance from the first edge that need not be known more exactly [m].
-        enough_other: The same for the second edge.
+    Clearances need not be known more exactly above what is enough for either edge.
 
     Returns:
         Progress at its end, and clearance from both edges; all [m].
     """
-    shape, kept, other = road.shape[0], road.kept[0, 0], road.kept[0, 1]
-    if shape.kind == ANNULUS:
-        return annulus_functions.sweep(shape, kept, other, arc)
-    if shape.kind == CORRIDOR:
-        return corridor_functions.sweep(
-            shape, road.pieces, kept, other, arc, progress, enough, enough_other
-        )
-    return open_floor_functions.sweep(arc, FAR)
+    call(road.functions[_SWEEP], (road, arc, progress, enough, enough_other))
+    return road.found[0], road.found[1], road.found[2]
 
 
 @allocation_free
 def arc_length_to(
     road: RoadSpace, x: float, y: float, progress: float, goal_x: float, goal_y: float, goal: float
 ) -> float:
-    """Length along the centre line from one place to another, negative against its direction.
+    """Length along the centre line from one place to another, negative against its direction [m].
 
-    Args:
-        road: The road.
-        x: Position [m].
-        y: See `x`.
-        progress: Of this point [m].
-        goal_x: The other place [m].
-        goal_y: See `goal_x`.
-        goal: Its progress [m].
-
-    Returns:
-        The way [m]; the shorter one where the road closes upon itself.
+    Each place is a point and its progress. Where the road closes upon itself, the shorter way.
     """
-    shape = road.shape[0]
-    if shape.kind == ANNULUS:
-        return annulus_functions.arc_length_to(shape, x, y, goal_x, goal_y)
-    if shape.kind == CORRIDOR:
-        return corridor_functions.arc_length_to(shape, progress, goal)
-    return math.hypot(goal_x - x, goal_y - y)
+    call(road.functions[_ARC_LENGTH_TO], (road, x, y, progress, goal_x, goal_y, goal))
+    length: float = road.found[0]
+    return length
 
 
 @allocation_free
 def point_ahead(road: RoadSpace, x: float, y: float, progress: float, way: float, to: Any) -> Any:
-    """Point of the centre line (x, y) [m] that is some way ahead.
+    """Point of the centre line (x, y) some way ahead of a place, negative against its direction.
 
-    Args:
-        road: The road.
-        x: Position [m].
-        y: See `x`.
-        progress: Of this point [m].
-        way: Length along the centre line, negative against its direction [m].
-        to: Where that way leads in the end (x, y) [m], for open floor.
+    On open floor it is on the straight line to ``to`` (x, y) [m].
     """
-    shape = road.shape[0]
-    if shape.kind == ANNULUS:
-        return annulus_functions.point_ahead(shape, x, y, way)
-    if shape.kind == CORRIDOR:
-        return corridor_functions.point_ahead(shape, road.pieces, progress, way)
-    return open_floor_functions.point_ahead(x, y, way, to)
+    call(road.functions[_POINT_AHEAD], (road, x, y, progress, way, (to[0], to[1])))
+    return road.found[0], road.found[1]
+
+
+@inner
+def no_progress(road: RoadSpace, _x: float, _y: float, _heading: float, _near: float) -> None:
+    """Projection onto a road where no point is in two places."""
+    road.found[0] = 0.0

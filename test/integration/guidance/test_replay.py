@@ -12,7 +12,6 @@ from rclpy.time import Time
 from std_srvs.srv import Trigger
 
 from cmpsp_ros.bags import Bag, DecisionRecord, Names
-from cmpsp_ros.guidance import present_keys
 
 pytestmark = pytest.mark.integration
 
@@ -23,7 +22,6 @@ NAMES = Names.under('')
 def decision_to_key_values(values):
     """What of a decision must repeat."""
     told = ('run', 'revision', 'reason', 'level')
-    values = present_keys(values.items())
     return {k: v for k, v in values.items() if not k.endswith('_ms') and k not in told}
 
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import sys
 
+from diagnostic_msgs.msg import DiagnosticStatus
 from std_srvs.srv import Trigger
 
 from cmpsp_ros.nodes.common.topics import HEALTH
-from cmpsp_ros.nodes.recording.written import from_values
+from cmpsp_ros.nodes.recording.received import from_values
 
 RECORDER = [sys.executable, '-m', 'cmpsp_ros.nodes.recording.recorder', '--ros-args']
 
@@ -33,7 +34,11 @@ def flushing(ros):
         ros.spin_until(future.done)
         assert future.result().success
         (*_, status) = ros.spin_until(counted)
-        written = from_values({each.key: each.value for each in status.values})
-        return {topic: each.count for topic, each in written.items()}
+        values = {each.key: each.value for each in status.values}
+        counted_topics = {topic: each.count for topic, each in from_values(values).items()}
+        assert status.level == DiagnosticStatus.OK
+        assert int(values['messages']) == sum(counted_topics.values())
+        assert values['output'].endswith('bag')
+        return counted_topics
 
     return counts

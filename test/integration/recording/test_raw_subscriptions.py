@@ -9,7 +9,7 @@ from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import UInt32
 
-from cmpsp_ros.nodes.recording.raw_subscriptions import RawSubscriptions
+from cmpsp_ros.nodes.recording.received import RawSubscriptions
 
 pytestmark = pytest.mark.integration
 

@@ -9,7 +9,6 @@ import time
 from pathlib import Path
 
 import pytest
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import Twist
 from rclpy.duration import Duration
 from recorder_process import flushing, heard
@@ -92,25 +91,6 @@ def test_flush_answers_with_what_is_in_the_bag(record, ros, bag):
     assert recorder.wait() == 0
     with Bag(bag) as recorded:
         assert len(list(recorded.messages('/said'))) == 7
-
-
-def test_it_says_on_diagnostics_what_it_records(record, ros, bag):
-    said = {}
-
-    def hear(message):
-        said.update({each.name: each for each in message.status})
-
-    def records():
-        status = said.get('/recorder: recorder')
-        values = {each.key: each.value for each in status.values} if status else {}
-        return int(values.get('topics', 0)) and values
-
-    ros.node.create_subscription(DiagnosticArray, '/diagnostics', hear, 10)
-    ros.node.create_publisher(String, '/said', 10)
-    record('topics:=[/said]')
-    values = ros.spin_until(records)
-    assert values['output'] == str(bag)
-    assert said['/recorder: recorder'].level == DiagnosticStatus.OK
 
 
 @pytest.mark.parametrize(

@@ -10,16 +10,16 @@ from pathlib import Path
 
 import pytest
 
-from cmpsp_ros.bags import ENTRIES, Bag, Names
+from cmpsp_ros.bags import Bag, Names
 from cmpsp_ros.bags.audit import CheckOutcome, audit
 from cmpsp_ros.bags.decision_record import read_decisions
 from cmpsp_ros.bags.export import export
-from cmpsp_ros.bags.replay.comparison import Comparison
 from cmpsp_ros.bags.replay.follower import Follower
 from cmpsp_ros.bags.replay.inputs import Inputs, OdometryMissing
+from cmpsp_ros.bags.replay.replay import Comparison
 from cmpsp_ros.bags.report import write_report
 from cmpsp_ros.bags.runs import read_run
-from cmpsp_ros.guidance import decision_to_key_values
+from cmpsp_ros.guidance import DECISION_KEYS, decision_to_key_values
 from cmpsp_ros.parameters import guidance_settings
 
 FOLDER = Path(__file__).parent / 'recorded'
@@ -45,7 +45,7 @@ def test_every_decision_is_replayed_and_says_the_same_things(name):
                 continue
             count += 1
             entries = untimed(decision_to_key_values(decision))
-            assert entries == untimed(recorded.entries) <= ENTRIES.keys()
+            assert entries == untimed(recorded.entries) <= DECISION_KEYS.keys()
             different = {each.field for each in comparison.differences(count, recorded, decision)}
             # How much work it took is the solver's own affair.
             assert different <= {'iterations', 'qp_iterations', 'active_rows'}
@@ -76,4 +76,4 @@ def test_a_run_is_read_as_it_was():
 def test_every_entry_of_a_decision_is_known():
     with Bag(FOLDER / 'changed_live') as bag:
         decisions = read_decisions(bag, '/guidance/decision')
-    assert untimed(key for each in decisions for key in each.entries) <= ENTRIES.keys()
+    assert untimed(key for each in decisions for key in each.entries) <= DECISION_KEYS.keys()

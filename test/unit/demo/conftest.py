@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import pytest
-from bag_messages import JOINTS, ODOMETRY, STATUS, joints, odometry, raw, status
+from bag_messages import JOINTS, ODOMETRY, PLAIN_DECISION, STATUS, joints, odometry, raw, status
 
 from cmpsp_ros.bags import BagWriter
 
 
 def decision(stamp, level='nominal', finished=False, step_ms=None, **more):
-    wheels = {'wheel_speed_right': 45.0, 'wheel_speed_left': 44.0}
-    told = {'stamp': stamp, 'step': 0, 'fallback_level': level, 'finished': str(finished).lower()}
+    told = {'stamp': stamp, 'fallback_level': level, 'finished': str(finished).lower()}
     timed = {} if step_ms is None else {'step_ms': repr(step_ms)}
-    return status(f'It is {level}.', **told, **wheels, **more, **timed)
+    return status(f'It is {level}.', **PLAIN_DECISION | told | more | timed)
 
 
 @pytest.fixture

@@ -7,7 +7,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bag_messages import JOINTS, ODOMETRY, SECOND, STATUS, joints, odometry, raw, status
+from bag_messages import (
+    JOINTS,
+    ODOMETRY,
+    PLAIN_DECISION,
+    SECOND,
+    STATUS,
+    joints,
+    odometry,
+    raw,
+    status,
+)
 
 from cmpsp_ros.bags import BagWriter
 from cmpsp_ros.bags.runs import read_run
@@ -17,14 +27,6 @@ from cmpsp_ros.demo.pictures import draw_controls, draw_trajectory
 from cmpsp_ros.robots import arc_ends
 
 LENGTH = 2.0
-DECISION = {
-    'stamp': 0,
-    'step': 0,
-    'fallback_level': 'nominal',
-    'finished': 'false',
-    'wheel_speed_right': 1.0,
-    'wheel_speed_left': 1.0,
-}
 
 
 @pytest.fixture
@@ -50,7 +52,7 @@ def driven(tmp_path):
                 bag.write(f'{namespace}/sim/truth', stamp, raw(odometry(stamp, pose, motion)))
                 speeds = raw(joints(stamp, tuple(wheels.tolist())))
                 bag.write(f'{namespace}/sim/wheel_speeds', stamp, speeds)
-            bag.write(f'{namespace}/guidance/decision', 0, raw(status(**DECISION)))
+            bag.write(f'{namespace}/guidance/decision', 0, raw(status(**PLAIN_DECISION, stamp=0)))
         return replace(scenario, settings=settings), read_run(path, namespace)
 
     return made

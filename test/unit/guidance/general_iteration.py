@@ -24,7 +24,7 @@ def improve(settings, pose, held, guess, horizon):
     goal, outputs = np.array(target.position), terminal_constraint(target)
     heading = np.nan if target.heading is None else target.heading
     problem = GuidanceProblem(
-        settings.robot, space, formulation.cost, pose, goal, durations, heading, outputs
+        settings.robot, space, settings.weights, pose, goal, durations, heading, outputs
     )
     if formulation.remembers_control:
         weight, limit = settings.weights.control_rate, settings.max_wheel_change

@@ -10,7 +10,7 @@ import pytest
 from seeing import Drive
 
 from cmpsp_ros.guidance import MAP, SEEN, FallbackLevel
-from cmpsp_ros.guidance.planning.seen_way import searched_with
+from cmpsp_ros.guidance.planning.grid_path_memory import searched_with
 from cmpsp_ros.guidance.world import NOT_SEARCHED
 from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file, text_of
 from cmpsp_ros.world import FreeSpace

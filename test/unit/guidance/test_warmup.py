@@ -28,8 +28,8 @@ from numba.core.dispatcher import Dispatcher
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.prediction.estimator import Observation
 from cmpsp_ros.guidance.warmup import prepare
-from cmpsp_ros.mpsp.qp import riccati_backend
-from cmpsp_ros.mpsp.qp.riccati.outcome import ITERATION_LIMIT
+from cmpsp_ros.mpsp.qp import back_ends
+from cmpsp_ros.mpsp.qp.riccati import Outcome
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters import load_parameter_file
 from cmpsp_ros.parameters.settings import guidance_settings
@@ -97,7 +97,7 @@ def general(radius):
 
 own = [general(radius) for radius in (1.0, 2.0)]
 asked = []
-riccati_backend.solve_program = lambda *_: asked.append(1) or ITERATION_LIMIT
+back_ends.solve_program = lambda *_: asked.append(1) or Outcome.ITERATION_LIMIT
 for radius, (levels, speeds) in zip((1.0, 2.0), own, strict=True):
     found = general(radius)
     assert found[0] == levels, (found, levels)

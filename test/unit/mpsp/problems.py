@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cmpsp_ros.mpsp import Dimensions, Evaluation, Linearisation, OptimalControlProblem, Options
-from cmpsp_ros.mpsp.models.derivative_check import check_derivatives
+from cmpsp_ros.mpsp.models.derivatives import check_derivatives
 from cmpsp_ros.mpsp.sqp.cmpsp import solve
 
 

@@ -4,11 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from cmpsp_ros.guidance.formulation import Cost, GuidanceProblem
+from cmpsp_ros.guidance import Weights
+from cmpsp_ros.guidance.formulation import GuidanceProblem
 from cmpsp_ros.guidance.planning import FUNCTIONS
 from cmpsp_ros.mpsp import SLACK_TOLERANCE, Options
 from cmpsp_ros.mpsp.qp import QPStatus
-from cmpsp_ros.mpsp.qp.riccati import SOLVED
+from cmpsp_ros.mpsp.qp.riccati import Outcome
 from cmpsp_ros.mpsp.sqp import CMPSP, Driver
 from cmpsp_ros.robots import DifferentialDrive
 from cmpsp_ros.world import FreeSpace
@@ -23,7 +24,7 @@ def robot_problem(steps=25, limit=51.0, obstacles=OBSTACLES, pose=POSE, change=1
     return GuidanceProblem(
         DifferentialDrive(max_wheel_speed=limit),
         FreeSpace.of(Annulus(), obstacles, 0.05),
-        Cost(15.0, change, 0.0),
+        Weights(15.0, change),
         pose,
         GOAL,
         np.full(steps, 10.0 / steps),
@@ -87,7 +88,7 @@ def assert_same(ws, iterate, rtol=1e-9):
     np.testing.assert_allclose(run['cost'], evaluation.cost, rtol=1e-8, atol=rtol)
     np.testing.assert_allclose(ws.now.output_error, evaluation.output_error, atol=rtol * size)
     assert run['iterations'] == iterate.index
-    assert (run['outcome'] == SOLVED) == (step.qp_status is QPStatus.SOLVED)
+    assert (run['outcome'] == Outcome.SOLVED) == (step.qp_status is QPStatus.SOLVED)
     assert (run['level'] > 0) == step.elastic
     assert run['length'] == step.length
     if step.qp_status is QPStatus.SOLVED:

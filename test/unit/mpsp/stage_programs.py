@@ -11,11 +11,11 @@ import numpy as np
 from cmpsp_ros.mpsp import Linearisation
 from cmpsp_ros.mpsp.qp import Subproblem
 from cmpsp_ros.mpsp.qp.active_set import solve
-from cmpsp_ros.mpsp.qp.active_set.fill import Space, fill, solution_in, space
+from cmpsp_ros.mpsp.qp.active_set.records import Space, fill, solution_in, space
 from cmpsp_ros.mpsp.qp.active_set.solver import TOLERANCE
-from cmpsp_ros.mpsp.qp.active_set.state import FIRST
-from cmpsp_ros.mpsp.qp.riccati import SOLVED, kkt
-from cmpsp_ros.mpsp.qp.solution import Penalties, QPSolution
+from cmpsp_ros.mpsp.qp.active_set.state import RowState
+from cmpsp_ros.mpsp.qp.riccati import Outcome, kkt
+from cmpsp_ros.mpsp.qp.subproblem import Penalties, QPSolution
 
 # A subproblem whose arrays stand side by side.
 DERIVATIVES = [field.name for field in fields(Linearisation)]
@@ -136,15 +136,16 @@ def run(qp, penalties=None, warm=None, begun=0, work_limit=UNLIMITED, mine=None)
     warm = mine.warm if warm is None else warm
     outcome = solve(mine.program, mine.active, warm)
     found = Run(outcome, mine, warm, stages['dU'].copy(), stages['dX'].copy(), solution_in(mine))
-    if outcome == SOLVED:
+    if outcome == Outcome.SOLVED:
         assert kkt.kkt_residual(mine.program) <= TOLERANCE
     return found
 
 
-def warm_with(qp, rows):
+def warm_with(qp, rows, states=RowState.ACTIVE):
     """A warm start with these rows."""
     warm = space(staged(qp).size).warm
-    warm[0], warm[FIRST : FIRST + len(rows)] = len(rows), rows
+    warm.head['rows'] = len(rows)
+    warm.rows['row'][: len(rows)], warm.rows['state'][: len(rows)] = rows, states
     return warm
 
 

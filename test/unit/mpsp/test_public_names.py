@@ -6,7 +6,7 @@ import sys
 import pytest
 
 import cmpsp_ros.mpsp as method
-from cmpsp_ros.mpsp import qp
+from cmpsp_ros.mpsp.qp import back_ends
 
 # One step of the method without optional packages; None makes an import fail.
 ALONE = """
@@ -48,5 +48,5 @@ def test_numpy_numba_scipy_daqp_and_clarabel_are_enough():
 
 
 def test_without_qpsolvers_the_native_back_ends_are_left(monkeypatch):
-    monkeypatch.setattr(qp, 'find_spec', lambda name: None)
-    assert qp.available() == ('riccati_active_set', 'clarabel', 'daqp', 'hildreth')
+    monkeypatch.setattr(back_ends, 'find_spec', lambda name: None)
+    assert back_ends.available() == ('riccati_active_set', 'clarabel', 'daqp', 'hildreth')

@@ -5,8 +5,8 @@ import pytest
 from problems import VanDerPol
 
 from cmpsp_ros.mpsp import Evaluation, Options
+from cmpsp_ros.mpsp.results import Status, Violation, violations
 from cmpsp_ros.mpsp.sqp.cmpsp import solve
-from cmpsp_ros.mpsp.status import Status, Violation, violations
 
 NOTHING = Evaluation(0.0, np.empty(0), np.empty((3, 0)))
 

@@ -22,26 +22,24 @@ from cmpsp_ros.guidance.planning.homotopy.gaps import (
     search,
     stretches_of,
 )
-from cmpsp_ros.guidance.planning.homotopy.lateral_profile import (
-    elastic_band,
-    follow_profile,
-    lengths,
-    shortest_path,
-)
 from cmpsp_ros.guidance.planning.homotopy.road_frame import (
     SPACING,
     RoadFrame,
+    elastic_band,
     frame_along,
+    lengths,
     locate,
     point_at,
     road_frame,
+    shortest_path,
     stretch_at,
+    wrapped,
 )
 from cmpsp_ros.guidance.planning.initial_trajectories import (
     SHORTEST_LOOKAHEAD,
+    follow_profile,
     free_turn_rate,
     largest_turn,
-    wrapped,
 )
 from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.settings import LawSettings

@@ -1,9 +1,9 @@
-"""Road coordinates from a pose to a goal: stations along the road, positions across it.
+"""Road coordinates from a pose to a goal, and paths in them as lateral positions at stations.
 
-Between two circles, among discs, they are polar ones, in which all of it is exact: a station is the
-angle from the pose [rad], and a lateral position the distance from the centre [m]. Anywhere else
-they are those of a line that the road's functions draw: a station is the arc length [m], and a
-lateral position the distance to the left of the line [m]. On open floor the line is straight.
+Between two circles, among discs, they are polar and exact: a station is the angle from the pose
+[rad], a lateral position the distance from the centre [m]. Elsewhere they follow a line, which on
+open floor is straight: a station is the arc length [m], a lateral position the distance to the left
+of the line [m].
 """
 
 from __future__ import annotations
@@ -15,39 +15,41 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.goals import Target
-from cmpsp_ros.guidance.planning.initial_trajectories import wrapped
 from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.mpsp.jit import allocation_free
-from cmpsp_ros.world.roads import ANNULUS, Annulus, arc_length_to, lookahead_points
+from cmpsp_ros.world.roads import Annulus, arc_length_to, lookahead_points
 
 SPACING: Final = 0.2
-"""Of the stations, at least [m]."""
-
+"""Least distance of stations [m]."""
 _MAX_STATIONS: Final = 400
-# On the inner side of a bend stations come no nearer to each other than by this fraction.
 _LEAST_STRETCH: Final = 0.05
+"""Least distance of stations on the inner side of a bend, relative to that on the line."""
 _PASSES: Final = 3
+_RETURN: Final = 1.5
+"""Length over which a path that was pushed aside returns to the centre line [m]."""
+_SWEEPS: Final = 40
+_RELAXATION: Final = 1.6
 
 
 class RoadFrame(NamedTuple):
-    """Stations across the way from a pose to a goal.
+    """Stations along the path from a pose to a goal.
 
     Attributes:
         stations: Evenly spaced from 0, shape ``(K,)`` [rad or m].
-        step: From one to the next [rad or m].
-        length: Of the way [m].
+        step: Distance of two stations [rad or m].
+        length: Length of the path [m].
         middle: Lateral position of the centre line [m].
         ends: Lateral positions of the pose and of the goal [m].
-        left: 1 where lateral positions grow to the left, -1 where to the right.
+        left: 1 if lateral positions grow to the left, -1 if to the right.
         polar: Whether they are polar coordinates.
         x: Centre of polar coordinates [m].
-        y: See `x`.
+        y: Centre of polar coordinates [m].
         begin: Bearing of the pose from there [rad].
         side: 1 anticlockwise, -1 clockwise.
-        points: Of the line at the stations, shape ``(K, 2)`` [m]; of polar coordinates none.
+        points: Points of the line at the stations, shape ``(K, 2)`` [m]; none in polar coordinates.
         directions: Unit vectors along it there, shape ``(K, 2)``.
-        curvature: Of the line, positive to the left, shape ``(K,)`` [1/m].
+        curvature: Curvature of the line, positive to the left, shape ``(K,)`` [1/m].
     """
 
     stations: Array
@@ -67,13 +69,8 @@ class RoadFrame(NamedTuple):
 
     @property
     def spacing(self) -> float:
-        """From one station to the next on the centre line [m]."""
+        """Distance of two stations on the centre line [m]."""
         return self.step * self.middle if self.polar else self.step
-
-    @property
-    def normals(self) -> Array:
-        """Unit vectors to the left of the line, shape ``(K, 2)``."""
-        return np.column_stack([-self.directions[:, 1], self.directions[:, 0]])
 
     def coordinates(self, points: Array) -> tuple[Array, Array]:
         """Stations and lateral positions of points, each of shape ``(M,)``."""
@@ -89,7 +86,7 @@ class RoadFrame(NamedTuple):
         return self.stations[nearest] + along / stretch, across
 
     def local(self, points: Array, station: Any) -> tuple[Array, Array]:
-        """Of points along and across the line at stations of it [m]."""
+        """Points along and across the line, from stations of it [m]."""
         away, directions = points - self.points[station], self.directions[station]
         along: Array = (away * directions).sum(axis=-1)
         across: Array = directions[..., 0] * away[..., 1] - directions[..., 1] * away[..., 0]
@@ -97,15 +94,9 @@ class RoadFrame(NamedTuple):
 
 
 def road_frame(settings: LawSettings, start: PlanStart, target: Target) -> RoadFrame:
-    """The coordinates of the way from where a plan begins to its goal.
-
-    Args:
-        settings: All settings of the guidance law.
-        start: Where it begins.
-        target: Where it ends.
-    """
+    """Coordinates of the road from the beginning of a plan to its target."""
     discs = all(len(each.corners) == 1 for each in start.world.shapes)
-    if discs and start.world.road_space.kind == ANNULUS:
+    if discs and isinstance(start.world.road, Annulus):
         return _polar(start.world.annulus, start.pose, target.position)
     return _along_line(settings, start, target)
 
@@ -139,7 +130,7 @@ def _along_line(settings: LawSettings, start: PlanStart, target: Target) -> Road
 
 
 def frame_along(points: Array) -> RoadFrame:
-    """The coordinates of a line, from its points at even distances, shape ``(K, 2)`` [m]."""
+    """Coordinates of a line, from points at even distances, shape ``(K, 2)`` [m]."""
     length = float(np.hypot(*np.diff(points, axis=0).T).sum())
     stations = np.linspace(0.0, max(length, SPACING), len(points))
     directions = np.gradient(points, axis=0)
@@ -158,18 +149,7 @@ def _count(length: float) -> int:
 
 @allocation_free
 def locate(frame: RoadFrame, x: float, y: float, at: float, bearing: float) -> Any:
-    """Station and lateral position of a point, from those of one nearby.
-
-    Args:
-        frame: The coordinates.
-        x: Position [m].
-        y: See `x`.
-        at: Station of a place nearby; beyond the ends it is none of the list.
-        bearing: Of that place in polar coordinates [rad].
-
-    Returns:
-        Its station, its lateral position [m], and its bearing [rad].
-    """
+    """Station, lateral position [m] and bearing [rad] of a point, from those of one nearby."""
     if frame.polar:
         now = math.atan2(y - frame.y, x - frame.x)
         lateral = math.hypot(x - frame.x, y - frame.y)
@@ -187,7 +167,7 @@ def locate(frame: RoadFrame, x: float, y: float, at: float, bearing: float) -> A
 
 @allocation_free
 def point_at(frame: RoadFrame, at: float, lateral: float) -> Any:
-    """Point (x, y) at a station, between two of the list too, and a lateral position [m]."""
+    """Point (x, y) at a station, or between two, and a lateral position [m]."""
     if frame.polar:
         bearing = frame.begin + frame.side * at
         return frame.x + lateral * math.cos(bearing), frame.y + lateral * math.sin(bearing)
@@ -204,9 +184,70 @@ def point_at(frame: RoadFrame, at: float, lateral: float) -> Any:
 
 @allocation_free
 def stretch_at(frame: RoadFrame, at: float, lateral: float) -> float:
-    """Length of a path along the road for one unit of stations [m or 1]."""
+    """Length of a path along the road per unit of stations [m or 1]."""
     if frame.polar:
         return lateral
     k = int(min(max(at / frame.step + 0.5, 0.0), frame.stations.shape[0] - 1.0))
     stretch: float = 1.0 - frame.curvature[k] * lateral
     return stretch
+
+
+@allocation_free
+def wrapped(angle: float) -> float:
+    """An angle wrapped to the range from ``-pi`` to ``pi`` [rad]."""
+    return angle - 2.0 * math.pi * round(angle / (2.0 * math.pi))
+
+
+def elastic_band(frame: RoadFrame, low: Array, high: Array, ends: tuple[float, float]) -> Array:
+    """Elastic bands between bounds, attracted by the centre line, by projected over-relaxation.
+
+    Args:
+        frame: Road coordinates.
+        low: Lower bounds at its stations, one row a path, shape ``(W, K)`` [m].
+        high: Upper bounds.
+        ends: Lateral positions of all beginnings and ends [m].
+
+    Returns:
+        Lateral positions, shape ``(W, K)`` [m].
+    """
+    profiles: Array = np.clip(np.full_like(low, frame.middle), low, high)
+    profiles[:, 0], profiles[:, -1] = ends
+    pull = np.full(len(frame.stations), (frame.spacing / _RETURN) ** 2)
+    _relax(profiles, low, high, pull, pull * frame.middle)
+    return profiles
+
+
+def shortest_path(frame: RoadFrame, low: Array, high: Array, ends: tuple[float, float]) -> Array:
+    """Shortest paths between bounds; arguments and result as in `elastic_band`.
+
+    To first order in its angle to the road a straight line has ``r'' = r`` in polar coordinates,
+    and ``e'' = c^2 e - c`` beside a line of curvature ``c``.
+    """
+    profiles = low.copy() if frame.polar else np.clip(np.zeros_like(low), low, high)
+    profiles[:, 0], profiles[:, -1] = ends
+    if frame.polar:
+        pull, drift = np.full(len(frame.stations), frame.step**2), np.zeros(len(frame.stations))
+    else:
+        pull, drift = (frame.curvature * frame.step) ** 2, frame.curvature * frame.step**2
+    _relax(profiles, low, high, pull, drift)
+    return profiles
+
+
+@allocation_free
+def _relax(profiles: Array, low: Array, high: Array, pull: Array, drift: Array) -> None:
+    for path in range(profiles.shape[0]):
+        for sweep in range(2 * _SWEEPS):
+            for k in range(1 + sweep % 2, profiles.shape[1] - 1, 2):
+                here = profiles[path, k]
+                wanted = profiles[path, k - 1] + profiles[path, k + 1] + drift[k]
+                moved = here + _RELAXATION * (wanted / (2.0 + pull[k]) - here)
+                profiles[path, k] = min(max(moved, low[path, k]), high[path, k])
+
+
+def lengths(frame: RoadFrame, profile: Array) -> Array:
+    """Lengths ``(..., K - 1)`` between stations of paths at lateral positions ``(..., K)`` [m]."""
+    along = (profile[..., 1:] + profile[..., :-1]) / 2.0
+    if not frame.polar:
+        along = 1.0 - (frame.curvature[1:] + frame.curvature[:-1]) / 2.0 * along
+    pieces: Array = np.hypot(np.diff(profile), along * frame.step)
+    return pieces

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.jit.compiled import allocation_free, inner
-from cmpsp_ros.mpsp.qp.riccati.intrinsics import dot
+from cmpsp_ros.mpsp.jit.intrinsics import dot
 
 # Fraction of its length that a row must have outside the basis to count as independent.
 _INDEPENDENT = 1e-10
@@ -20,12 +20,7 @@ _CANCELLED = 0.01
 
 
 class Basis(NamedTuple):
-    """Memory for the basis; each function is given the number of rows in it.
-
-    Attributes:
-        Q: Orthonormal rows, shape ``(M, q)``.
-        R: Upper triangular, shape ``(M, M)``.
-    """
+    """Orthonormal rows ``Q (M, q)`` and upper triangular ``R (M, M)``; callers know how many."""
 
     Q: Array
     R: Array
@@ -37,17 +32,9 @@ def split(
 ) -> float:
     """Split a row into its part in the span of the basis and the rest.
 
-    Args:
-        basis: The basis.
-        count: Rows in it.
-        row: The row, 0 from `length` on.
-        length: See there.
-        inside: Filled with the coefficients of the part inside, ``Q row``, shape ``(M,)``.
-        outside: Filled with the rest, shape ``(q,)``; its length is that of the present horizon.
-        again: Scratch, shape ``(M,)``.
-
-    Returns:
-        Square of the length of the rest, exactly 0 where the row depends on the basis.
+    `inside` is filled with the coefficients ``Q row`` of the first and `outside` with the second;
+    the row is 0 from `length` on, and `again` is scratch. Returns the square of the length of the
+    rest, exactly 0 where the row depends on the basis.
     """
     whole = dot(row, row, length)
     for i in range(length):

@@ -14,10 +14,10 @@ from typing import Final
 
 from cmpsp_ros.mpsp.jit.compiled import allocation_free, inner
 from cmpsp_ros.mpsp.qp.active_set.fixed_bounds import recover_bound_multipliers
-from cmpsp_ros.mpsp.qp.active_set.state import FIRST, ActiveSet, Indices
+from cmpsp_ros.mpsp.qp.active_set.state import ActiveSet, WarmStart
 from cmpsp_ros.mpsp.qp.riccati.program import (
-    BOUND,
     Program,
+    RowKind,
     clear_multipliers,
     is_bound,
     limit,
@@ -34,34 +34,32 @@ FARTHEST: Final = 1e6
 _ROUNDING = 1e-8
 # Slopes up to this fraction of the largest are met by `FARTHEST`, if that leaves a proof.
 _THRESHOLDS = (1e-12, 0.0)
-# Multipliers in a warm start are whole numbers up to this one.
-_SCALE = 1e15
 
 
 @allocation_free
 def contradicts(p: Program, at: ActiveSet, largest: float) -> bool:
-    """Whether the multipliers of the rows prove that nothing meets them; names them if so.
+    """True where the multipliers of the rows prove that nothing meets them; names them.
 
-    Args:
-        p: The program, with multipliers of hard rows, and of bounds what these leave over.
-        at: `conflict` is filled.
-        largest: The largest multiplier of a bound.
+    `largest` is the largest multiplier of a bound.
     """
-    for threshold in _THRESHOLDS:
-        if _least_value(p, threshold * largest) > 0.0:
-            name_rows(p, at, threshold * largest)
+    for threshold in _THRESHOLDS:  # noqa: SIM110 (numba knows no generators here)
+        if proves(p, at, threshold * largest):
             return True
     return False
 
 
+@allocation_free
+def proves(p: Program, at: ActiveSet, negligible: float) -> bool:
+    """As `contradicts`, without the bounds whose multiplier is not above `negligible`."""
+    if not _least_value(p, negligible) > 0.0:
+        return False
+    name_rows(p, at, negligible)
+    return True
+
+
 @inner
 def _least_value(p: Program, negligible: float) -> float:
-    """Least value of the sum of the rows within the bounds, less its rounding.
-
-    Args:
-        p: The program, with all multipliers.
-        negligible: Bounds whose multiplier is not larger are not used.
-    """
+    """Least value of the sum of the rows within the bounds, less its rounding."""
     head, total, size = p.head[0], 0.0, 0.0
     for j in range(p.terminal.shape[0]):
         row = p.terminal[j]
@@ -102,7 +100,7 @@ def name_rows(p: Program, at: ActiveSet, negligible: float) -> None:
 
 @allocation_free
 def bounds_cross(p: Program, at: ActiveSet, row: int) -> bool:
-    """Whether a row is the bound of a control whose bounds leave nothing between them; names it."""
+    """True for a bound of a control whose bounds leave nothing between them; names both."""
     if not is_bound(p, row):
         return False
     _, k, a, _ = locate(p, row)
@@ -110,48 +108,48 @@ def bounds_cross(p: Program, at: ActiveSet, row: int) -> bool:
     if not lower - upper > _ROUNDING * (1.0 + abs(upper)):
         return False
     for i in range(2):
-        at.conflict[i] = row_number(p, BOUND, k, a, 1.0 - 2.0 * i)
+        at.conflict[i] = row_number(p, RowKind.BOUND, k, a, 1.0 - 2.0 * i)
     p.head[0].conflicting = 2
     return True
 
 
 @allocation_free
-def leave_proof(p: Program, at: ActiveSet, warm: Indices) -> None:
-    """Leave the multipliers of a proof in a warm start, if they are few."""
-    found, largest = 0, 0.0
+def leave_proof(p: Program, at: ActiveSet, warm: WarmStart) -> None:
+    """Leave the multipliers of a proof in a warm start, if there is room for them."""
+    head, found, largest = warm.head[0], 0, 0.0
     for i in range(p.head[0].conflicting):
         if not is_bound(p, at.conflict[i]):
             largest = max(largest, abs(multiplier_of(p, at.conflict[i])))
             found += 1
-    warm[2] = 0
-    if 2 * found > FIRST - 3 or not 0.0 < largest < math.inf:
+    head.proof = 0
+    if found > warm.proof.shape[0] or not 0.0 < largest < math.inf:
         return
     for i in range(p.head[0].conflicting):
         row = at.conflict[i]
         if not is_bound(p, row):
-            place = 3 + 2 * warm[2]
-            warm[place] = row
-            warm[place + 1] = int(_SCALE * (multiplier_of(p, row) / largest))
-            warm[2] += 1
+            place = warm.proof[head.proof]
+            place.row, place.multiplier = row, multiplier_of(p, row) / largest
+            head.proof += 1
 
 
 @allocation_free
-def still_contradicts(p: Program, at: ActiveSet, warm: Indices) -> bool:
-    """Whether the proof in a warm start, moved to the present horizon, holds for this program."""
-    if warm[0] == 0:
-        warm[2] = 0
-    if warm[2] == 0:
+def still_contradicts(p: Program, at: ActiveSet, warm: WarmStart) -> bool:
+    """True where the proof in a warm start, on the present horizon, holds for this program."""
+    head = warm.head[0]
+    if head.rows == 0:
+        head.proof = 0
+    if head.proof == 0:
         return False
     clear_multipliers(p)
-    for i in range(warm[2]):
-        row = warm[3 + 2 * i]
+    for i in range(head.proof):
+        row = warm.proof[i].row
         if not 0 <= row < at.states.shape[0]:
             return False
         bound, upper = limit(p, row)
         if upper < math.inf or abs(bound) == math.inf:
             return False
-        set_multiplier(p, row, float(warm[4 + 2 * i]))
+        set_multiplier(p, row, warm.proof[i].multiplier)
     p.head[0].is_proved = int(contradicts(p, at, recover_bound_multipliers(p, 0.0)))
     if p.head[0].is_proved == 0:
-        warm[2] = 0
+        head.proof = 0
     return bool(p.head[0].is_proved == 1)

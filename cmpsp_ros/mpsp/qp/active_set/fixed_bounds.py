@@ -15,12 +15,12 @@ import math
 from typing import Final
 
 from cmpsp_ros.mpsp.jit.compiled import allocation_free, inner
-from cmpsp_ros.mpsp.qp.active_set.state import FIRST, ActiveSet, Indices, saturated_multiplier
+from cmpsp_ros.mpsp.jit.intrinsics import room_for
+from cmpsp_ros.mpsp.qp.active_set.state import ActiveSet, WarmStart, saturated_multiplier
 from cmpsp_ros.mpsp.qp.active_set.warm_start import leave_warm_start
-from cmpsp_ros.mpsp.qp.riccati.intrinsics import room_for
 from cmpsp_ros.mpsp.qp.riccati.program import (
-    BOUND,
     Program,
+    RowKind,
     add_cost_gradient,
     add_row_gradient,
     clear_multipliers,
@@ -38,21 +38,22 @@ _ROUNDING = 1e-11
 
 
 @allocation_free
-def fix_from(p: Program, warm: Indices) -> None:
+def fix_from(p: Program, warm: WarmStart) -> None:
     """Hold the bounds of a warm start, if they are many."""
     terminal, rows, found = p.terminal.shape[0], count_rows(p), 0
     free_all(p)
     for attempt in range(2):
-        for i in range(FIRST, FIRST + warm[0]):
-            if not terminal <= warm[i] < rows:
+        for i in range(warm.head[0].rows):
+            row = warm.rows[i].row
+            if not terminal <= row < rows:
                 continue
-            kind, k, a, sign = locate(p, warm[i])
-            if kind == BOUND:
+            kind, k, a, sign = locate(p, row)
+            if kind == RowKind.BOUND:
                 if attempt == 0:
                     found += 1
                 elif abs(p.stages[k].upper[a] if sign > 0.0 else p.stages[k].lower[a]) < math.inf:
                     _hold(p, k, a, sign)
-        if found < MANY or 2 * found < warm[0]:
+        if found < MANY or 2 * found < warm.head[0].rows:
             return
 
 
@@ -104,12 +105,8 @@ def write_multipliers(p: Program, at: ActiveSet) -> None:
 def recover_bound_multipliers(p: Program, cost: float) -> float:
     """Multipliers of the held bounds: what the gradient of all else leaves over there.
 
-    Args:
-        p: The program, with its step and all other multipliers.
-        cost: 1, or 0 to leave the cost out; then those of all bounds.
-
-    Returns:
-        The largest part of a gradient.
+    With `cost` = 0 the cost is left out, and all bounds get one. Returns the largest part of a
+    gradient.
     """
     head, first, largest = p.head[0], p.stages[0], 0.0
     n, r = first.B.shape
@@ -210,14 +207,10 @@ def _violated_path_rows(p: Program) -> int:
 
 
 @allocation_free
-def restart_from(p: Program, at: ActiveSet, warm: Indices, absorbs: bool) -> None:
+def restart_from(p: Program, at: ActiveSet, warm: WarmStart, absorbs: bool) -> None:
     """Leave a warm start of the rows alone, after bounds have been held or let go.
 
-    Args:
-        p: The program.
-        at: Its active set.
-        warm: Filled.
-        absorbs: Whether active bounds are held from now on.
+    With `absorbs` active bounds are held from now on.
     """
     fixed = p.head[0].fixed
     p.head[0].fixed = 0
@@ -229,5 +222,5 @@ def restart_from(p: Program, at: ActiveSet, warm: Indices, absorbs: bool) -> Non
         row = at.rows[j]
         if row >= p.terminal.shape[0]:
             kind, k, a, sign = locate(p, row)
-            if kind == BOUND and at.multipliers[j] > 0.0:
+            if kind == RowKind.BOUND and at.multipliers[j] > 0.0:
                 _hold(p, k, a, sign)

@@ -1,7 +1,8 @@
-"""What the active-set method knows while it is at work, and how rounding is taken out of it."""
+"""State of the active-set method, the warm start it leaves, and iterative refinement."""
 
 from __future__ import annotations
 
+from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
@@ -9,7 +10,14 @@ import numpy as np
 from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
 from cmpsp_ros.mpsp.qp.active_set.basis import Basis, append, remove, solve, solve_transposed
-from cmpsp_ros.mpsp.qp.riccati.program import Program, count_rows, limit, load_row, row_value
+from cmpsp_ros.mpsp.qp.riccati.program import (
+    Program,
+    Records,
+    count_rows,
+    limit,
+    load_row,
+    row_value,
+)
 from cmpsp_ros.mpsp.qp.riccati.sweeps import recover_step, transform_row
 
 Indices = IntArray
@@ -23,35 +31,56 @@ TOLERANCE = 1e-11
 # Rows off by more than this, relative to 1 plus their right-hand side, are refined.
 _OFF = 1e-12
 
-FIRST = 35
-"""Where in a warm start the rows begin, after room for a proof (see `empty_warm_start`)."""
+_PROOF = 16
+"""Room for the rows of a proof in a warm start; longer ones are not kept."""
 
-AT_LOWER = 2**32
-"""Marks terminal rows of a warm start whose multiplier is at its lower end."""
 
-IS_OFF, IS_ACTIVE, AT_PENALTY, AT_MINUS_PENALTY, IS_IMPLIED = 0, 1, 2, 3, 4
-"""States of a row; the last one is of a row that the active ones imply."""
+class RowState(IntEnum):
+    """State of a row; `IMPLIED` is one that depends on the active ones and agrees with them."""
+
+    OFF = 0
+    ACTIVE = 1
+    AT_PENALTY = 2
+    AT_MINUS_PENALTY = 3
+    IMPLIED = 4
+
+
+class WarmStart(NamedTuple):
+    """Rows that a solution leaves for the next program like it.
+
+    Attributes:
+        head: One record: numbers of `rows` and of rows in the `proof`, and the `begun` of their
+            program's head.
+        rows: `row` and `state` of each, active ones in the order in which they became so.
+        proof: `row` and `multiplier` of rows that contradict each other (see `farkas`).
+    """
+
+    head: Records
+    rows: Records
+    proof: Records
+
+    @property
+    def size(self) -> int:
+        """Number of rows in it."""
+        return int(self.head['rows'][0])
+
+    def clear(self) -> None:
+        """Begin without anything that is known."""
+        self.head['rows'] = 0
+
+    def copy(self) -> WarmStart:
+        """The same in memory of its own."""
+        return WarmStart(*(each.copy() for each in self))
 
 
 class ActiveSet(NamedTuple):
     """State of the method and room for its vectors; counters are in the program's head.
 
-    Attributes:
-        v: The point, shape ``(q,)``.
-        basis: Of the active rows.
-        rows: Numbers of the active rows, shape ``(M,)``.
-        multipliers: Theirs, shape ``(M,)``.
-        upper: Their largest multipliers, infinite for hard rows; shape ``(M,)``.
-        states: State of every row, shape ``(rows,)``.
-        norms: Length of every row in ``v``, 0 where it was not asked for yet; shape ``(rows,)``.
-        distances: How far away in ``v`` the furthest violated row of each kind begins to be met,
-            shape ``(kinds,)``.
-        furthest: Which it is, shape ``(kinds,)``.
-        conflict: Rows that contradict each other, where infeasible; shape ``(rows,)``.
-        row: Scratch, shape ``(q,)``.
-        outside: Scratch, shape ``(q,)``.
-        inside: Scratch, shape ``(M,)``.
-        dependence: Scratch, shape ``(M,)``.
+    `v` is the point ``(q,)``. Of the active rows there are `basis`, the numbers `rows`,
+    `multipliers` and their largest values `upper`, infinite for hard rows, all ``(M,)``. Every row
+    has a `states` entry, and its length in ``v`` in `norms`, 0 where it was not asked for yet.
+    `furthest` is the violated row of each kind that is furthest away in ``v``, and `distances` says
+    how far. `conflict` names rows that contradict each other. The rest is scratch.
     """
 
     v: Array
@@ -92,17 +121,14 @@ def empty_active_set(N: int, n: int, r: int, m: int, l: int) -> ActiveSet:  # no
     )
 
 
-def empty_warm_start(N: int, n: int, r: int, m: int, l: int) -> Indices:  # noqa: E741
-    """Memory for the rows that a solution leaves for the next program like it.
-
-    The first entry is how many there are, the second the `begun` of their program's head. The third
-    is how many rows proved that there was no solution (see `farkas`): pairs of a row's number and
-    its multiplier follow, as many as there is room for before `FIRST`. From there on there are the
-    numbers of the rows that were active, in the order in which they became so, and
-    ``-1 - number`` of those at their penalty; of terminal rows at minus their penalty it is
-    ``-1 - number - AT_LOWER``.
-    """
-    return np.zeros(FIRST + m + (N + 1) * (l + 2 * r + 2 * n), np.int64)
+def empty_warm_start(N: int, n: int, r: int, m: int, l: int) -> WarmStart:  # noqa: E741
+    """Memory for a warm start of programs of these sizes, with nothing in it."""
+    count = m + (N + 1) * (l + 2 * r + 2 * n)
+    return WarmStart(
+        np.zeros(1, [('rows', np.int64), ('proof', np.int64), ('begun', np.int64)]),
+        np.zeros(count, [('row', np.int64), ('state', np.int64)]),
+        np.zeros(_PROOF, [('row', np.int64), ('multiplier', np.float64)]),
+    )
 
 
 @allocation_free
@@ -131,23 +157,14 @@ def on_horizon(p: Program, whole: ActiveSet) -> ActiveSet:
 def add_constraint(
     p: Program, at: ActiveSet, row: int, multiplier: float, upper: float, sign: float
 ) -> None:
-    """Make a row active.
-
-    Args:
-        p: The program.
-        at: There is room in it; `inside` and `outside` are the row's `split`, times the sign.
-        row: Its number.
-        multiplier: Its multiplier.
-        upper: Its largest one.
-        sign: 1 or -1.
-    """
+    """Make a row active; `inside` and `outside` are its `split`, times the sign."""
     head = p.head[0]
     count = head.active
     append(at.basis, count, at.inside, at.outside, sign)
     at.rows[count] = row
     at.multipliers[count] = multiplier
     at.upper[count] = upper
-    at.states[row] = IS_ACTIVE
+    at.states[row] = RowState.ACTIVE
     head.active += 1
 
 
@@ -185,9 +202,9 @@ def apply_multiplier(p: Program, at: ActiveSet, row: int, multiplier: float) -> 
 @allocation_free
 def saturated_multiplier(p: Program, at: ActiveSet, row: int) -> float:
     """Multiplier of a row that is not in the basis: 0 unless it is at its penalty."""
-    if at.states[row] == AT_PENALTY:
+    if at.states[row] == RowState.AT_PENALTY:
         return limit(p, row)[1]
-    return -limit(p, row)[1] if at.states[row] == AT_MINUS_PENALTY else 0.0
+    return -limit(p, row)[1] if at.states[row] == RowState.AT_MINUS_PENALTY else 0.0
 
 
 @allocation_free

@@ -13,25 +13,21 @@ import math
 from typing import Final
 
 from cmpsp_ros.mpsp.jit.compiled import allocation_free, inner
+from cmpsp_ros.mpsp.jit.intrinsics import dot
 from cmpsp_ros.mpsp.qp.active_set.basis import solve, split
 from cmpsp_ros.mpsp.qp.active_set.state import (
-    AT_LOWER,
-    AT_MINUS_PENALTY,
-    AT_PENALTY,
-    FIRST,
-    IS_OFF,
     TOLERANCE,
     ActiveSet,
-    Indices,
+    RowState,
+    WarmStart,
     add_constraint,
     apply_multiplier,
     remove_constraint,
     row_in_v,
 )
-from cmpsp_ros.mpsp.qp.riccati.intrinsics import dot
 from cmpsp_ros.mpsp.qp.riccati.program import (
-    BOUND,
     Program,
+    RowKind,
     count_rows,
     limit,
     locate,
@@ -49,17 +45,14 @@ _PASSES: Final = 3
 
 
 @allocation_free
-def begin(p: Program, at: ActiveSet, warm: Indices) -> None:
+def begin(p: Program, at: ActiveSet, warm: WarmStart) -> None:
     """Begin at the terminal rows and those of the warm start, and recover the step there.
 
-    Args:
-        p: The program, factorised.
-        at: Filled. A terminal row that depends on those before it is the furthest of its kind.
-        warm: Rows to begin with.
+    A terminal row that depends on those before it is the furthest of its kind.
     """
     head, r, terminal = p.head[0], p.stages[0].B.shape[1], p.terminal.shape[0]
     head.active = head.saturated = head.implied = head.conflicting = head.is_proved = 0
-    at.states[:] = IS_OFF
+    at.states[:] = RowState.OFF
     at.norms[:] = 0.0
     at.distances[:] = 0.0
     for k in range(head.horizon + 1):
@@ -68,12 +61,13 @@ def begin(p: Program, at: ActiveSet, warm: Indices) -> None:
     _rest_at_penalty(p, at, warm)
     for row in range(terminal):
         _add_violated(p, at, row)
-        if at.states[row] == IS_OFF:
+        if at.states[row] == RowState.OFF:
             kind = at.distances.shape[0] - terminal + row
             at.distances[kind] = math.inf
             at.furthest[kind] = row
-    for i in range(FIRST, FIRST + warm[0]):
-        _add_violated(p, at, warm[i])
+    for i in range(warm.head[0].rows):
+        if warm.rows[i].state == RowState.ACTIVE:
+            _add_violated(p, at, warm.rows[i].row)
     before, is_current = -1, False
     for _ in range(_PASSES):
         # What was met before others joined may be violated after.
@@ -81,9 +75,10 @@ def begin(p: Program, at: ActiveSet, warm: Indices) -> None:
             break
         before, is_current = head.active, True
         recover_step(p, at.v)
-        for i in range(FIRST, FIRST + warm[0]):
-            if _is_violated(p, at, warm[i]):
-                _add_violated(p, at, warm[i])
+        for i in range(warm.head[0].rows):
+            row = warm.rows[i].row
+            if warm.rows[i].state == RowState.ACTIVE and _is_violated(p, at, row):
+                _add_violated(p, at, row)
                 is_current = False
     while True:
         solve(at.basis, head.active, at.multipliers, at.dependence)
@@ -97,20 +92,18 @@ def begin(p: Program, at: ActiveSet, warm: Indices) -> None:
 
 
 @inner
-def _rest_at_penalty(p: Program, at: ActiveSet, warm: Indices) -> None:
+def _rest_at_penalty(p: Program, at: ActiveSet, warm: WarmStart) -> None:
     """Put rows at their penalty that the warm start has there."""
-    for i in range(FIRST, FIRST + warm[0]):
-        row, state = -1 - warm[i], AT_PENALTY
-        if row >= AT_LOWER:
-            row, state = row - AT_LOWER, AT_MINUS_PENALTY
-        count = at.states.shape[0] if state == AT_PENALTY else p.terminal.shape[0]
-        if not 0 <= row < count or at.states[row] != IS_OFF:
+    for i in range(warm.head[0].rows):
+        row, state = warm.rows[i].row, warm.rows[i].state
+        count = at.states.shape[0] if state == RowState.AT_PENALTY else p.terminal.shape[0]
+        if state == RowState.ACTIVE or not 0 <= row < count or at.states[row] != RowState.OFF:
             continue
         bound, upper = limit(p, row)
-        # A row that is hard now is met like any other; one that does not apply has no multiplier.
+        # A row that is hard now, or does not apply, rests at no penalty.
         if math.inf in (bound, upper):
             continue
-        apply_multiplier(p, at, row, upper if state == AT_PENALTY else -upper)
+        apply_multiplier(p, at, row, upper if state == RowState.AT_PENALTY else -upper)
         at.states[row] = state
         p.head[0].saturated += 1
 
@@ -120,7 +113,7 @@ def _add_violated(p: Program, at: ActiveSet, row: int) -> None:
     """Move the point onto a row that is violated; `multipliers` gets its entry of ``y``."""
     head = p.head[0]
     count = head.active
-    if not 0 <= row < at.states.shape[0] or at.states[row] != IS_OFF:
+    if not 0 <= row < at.states.shape[0] or at.states[row] != RowState.OFF:
         return
     if count == at.rows.shape[0] or head.work > head.work_limit or _is_held(p, row):
         return
@@ -146,13 +139,13 @@ def _is_held(p: Program, row: int) -> bool:
     if p.head[0].fixed == 0 or row < p.terminal.shape[0]:
         return False
     kind, k, a, sign = locate(p, row)
-    return kind == BOUND and p.stages[k].fixed[a] == sign
+    return kind == RowKind.BOUND and p.stages[k].fixed[a] == sign
 
 
 @inner
 def _is_violated(p: Program, at: ActiveSet, row: int) -> bool:
     """Whether a row that is not active is violated by the step."""
-    if not 0 <= row < at.states.shape[0] or at.states[row] != IS_OFF:
+    if not 0 <= row < at.states.shape[0] or at.states[row] != RowState.OFF:
         return False
     bound, _ = limit(p, row)
     return row_value(p, row) - bound > TOLERANCE * (1.0 + abs(bound))
@@ -164,7 +157,7 @@ def _drop(p: Program, at: ActiveSet) -> bool:
     before = p.head[0].active
     for j in range(before - 1, -1, -1):
         if at.dependence[j] < 0.0 and at.rows[j] >= p.terminal.shape[0]:
-            at.states[at.rows[j]] = IS_OFF
+            at.states[at.rows[j]] = RowState.OFF
             remove_constraint(p, at, j, at.multipliers, at.v)
     return p.head[0].active < before
 
@@ -176,9 +169,9 @@ def _saturate(p: Program, at: ActiveSet) -> bool:
         upper = at.upper[j]
         if abs(at.dependence[j]) <= upper:
             continue
-        row, state = at.rows[j], AT_PENALTY
+        row, state = at.rows[j], RowState.AT_PENALTY
         if at.dependence[j] < 0.0:
-            upper, state = -upper, AT_MINUS_PENALTY
+            upper, state = -upper, RowState.AT_MINUS_PENALTY
         at.states[row] = state
         p.head[0].saturated += 1
         remove_constraint(p, at, j, at.multipliers, at.v)
@@ -194,49 +187,51 @@ def _saturate(p: Program, at: ActiveSet) -> bool:
 
 
 @allocation_free
-def leave_warm_start(p: Program, at: ActiveSet, warm: Indices) -> None:
+def leave_warm_start(p: Program, at: ActiveSet, warm: WarmStart) -> None:
     """Note the active rows, those at their penalty, and the bounds that are held."""
-    head, found = p.head[0], FIRST
-    warm[1] = head.begun
+    head, kept = p.head[0], warm.head[0]
+    kept.rows, kept.begun = 0, head.begun
     for j in range(head.active):
-        warm[found] = at.rows[j]
-        found += 1
+        _keep(warm, at.rows[j], RowState.ACTIVE)
     if head.saturated > 0:
         for row in range(at.states.shape[0]):
             state = at.states[row]
-            if state in (AT_PENALTY, AT_MINUS_PENALTY):
-                warm[found] = -1 - row - (AT_LOWER if state == AT_MINUS_PENALTY else 0)
-                found += 1
-    warm[0] = found - FIRST
+            if state in (RowState.AT_PENALTY, RowState.AT_MINUS_PENALTY):
+                _keep(warm, row, state)
     if head.fixed > 0:
         for row in range(p.terminal.shape[0], at.states.shape[0]):
             kind, k, a, sign = locate(p, row)
-            if kind == BOUND and p.stages[k].fixed[a] == sign:
-                warm[found] = row
-                found += 1
-        warm[0] = found - FIRST
+            if kind == RowKind.BOUND and p.stages[k].fixed[a] == sign:
+                _keep(warm, row, RowState.ACTIVE)
+
+
+@inner
+def _keep(warm: WarmStart, row: int, state: int) -> None:
+    place = warm.rows[warm.head[0].rows]
+    place.row, place.state = row, state
+    warm.head[0].rows += 1
 
 
 @allocation_free
-def shift_warm_start(p: Program, warm: Indices) -> None:
+def shift_warm_start(p: Program, warm: WarmStart) -> None:
     """Move a warm start to the present horizon, which begins at a later stage."""
-    terminal, last, kept = p.terminal.shape[0], count_rows(p), 0
-    over = (p.head[0].begun - warm[1]) * rows_per_stage(p)
+    head = warm.head[0]
+    over = (p.head[0].begun - head.begun) * rows_per_stage(p)
     if over == 0:
         return
-    for i in range(3, 3 + 2 * warm[2], 2):
-        # A row that is over has a number that no row has.
-        if warm[i] >= terminal:
-            warm[i] = warm[i] - over if warm[i] - over >= terminal else -1
-    for i in range(FIRST, FIRST + warm[0]):
-        row, saturated = warm[i], warm[i] < 0
-        if saturated:
-            row = -1 - row
-        # Outputs have no stage; those at minus their penalty are `AT_LOWER` and above.
-        if terminal <= row < AT_LOWER:
-            row -= over
-            if not terminal <= row < last:
-                continue
-        warm[FIRST + kept] = -1 - row if saturated else row
-        kept += 1
-    warm[0], warm[1] = kept, p.head[0].begun
+    for i in range(head.proof):
+        warm.proof[i].row = _shifted(p, warm.proof[i].row, over)
+    found, head.rows, head.begun = head.rows, 0, p.head[0].begun
+    for i in range(found):
+        row = _shifted(p, warm.rows[i].row, over)
+        if row < count_rows(p):
+            _keep(warm, row, warm.rows[i].state)
+
+
+@inner
+def _shifted(p: Program, row: int, over: int) -> int:
+    """Number of a row on the present horizon; one that no row has where it is over."""
+    terminal = p.terminal.shape[0]
+    if row < terminal:
+        return row
+    return row - over if row - over >= terminal else count_rows(p)

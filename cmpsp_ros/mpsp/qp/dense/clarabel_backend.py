@@ -12,11 +12,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.mpsp.qp.active_set.fill import is_positive_definite, kkt_residual
-from cmpsp_ros.mpsp.qp.dense.infeasibility import contradicting_rows, row_lengths
-from cmpsp_ros.mpsp.qp.dense.sparse_form import SparseQP, row_of, solution_of, sparse_qp
-from cmpsp_ros.mpsp.qp.solution import Penalties, QPSolution, QPStatus
-from cmpsp_ros.mpsp.qp.subproblem import Subproblem
+from cmpsp_ros.mpsp.qp.active_set.farkas import proves
+from cmpsp_ros.mpsp.qp.active_set.fixed_bounds import free_all, recover_bound_multipliers
+from cmpsp_ros.mpsp.qp.active_set.records import (
+    borrowed_space,
+    conflict_in,
+    fill,
+    is_positive_definite,
+    kkt_residual,
+    put_solution,
+)
+from cmpsp_ros.mpsp.qp.dense.rows import SparseQP, sparse_qp
+from cmpsp_ros.mpsp.qp.subproblem import Penalties, QPSolution, QPStatus, Row, Subproblem
 
 TOLERANCE = 1e-8
 """Largest residual (see `kkt_residual`) of a solution, as in the active-set method."""
@@ -27,21 +34,17 @@ _MAX_ITERATIONS = 200
 _EQUAL = 1e-10
 # A multiplier so much smaller than its slack, both scaled, is 0: the first that passes the check.
 _INACTIVE = (1e-4, 1e-6, 0.0)
+# Multipliers that a proof may do without, relative to the largest.
+_THRESHOLDS = (0.3, 0.1, 0.03, 1e-2, 1e-3, 1e-6, 1e-9, 0.0)
 
 
 class ConeProgram(NamedTuple):
     """Constraints ``A z + s = b`` with ``s`` zero or not negative; slack variables end ``z``.
 
-    Attributes:
-        A: Dynamics, equalities, upper and lower limits, signs of slack variables.
-        b: Right-hand sides.
-        equalities: Number of rows with a zero ``s``, the first ones.
-        first: Where the rows begin, after the dynamics.
-        rows: Which row of the program each is.
-        side: -1 where it is a lower limit, else 1.
-        price: Cost of each slack variable.
-        slack_row: Row of the program that each slack variable relaxes.
-        slack_sign: 1 where it lets the row exceed its limit, -1 where it lets it fall below.
+    Rows of `A` are the dynamics, equalities, upper and lower limits, and signs of slack variables;
+    the first `equalities` of them have a zero ``s``, and from `first` on each is one of the
+    program's `rows`, with `side` -1 at a lower limit, else 1. A slack variable costs `price` and
+    lets `slack_row` exceed its limit (`slack_sign` 1) or fall below it (-1).
     """
 
     A: Any
@@ -75,12 +78,12 @@ def solve(subproblem: Subproblem, penalties: Penalties | None) -> QPSolution:
     if lin.not_finite or any(np.isnan(each).any() for each in given):
         return QPSolution.unsolved(size, QPStatus.FAILED)
     program = _with_equalities(sparse_qp(subproblem, penalties))
-    for index in np.flatnonzero(program.lower > program.upper).tolist():
-        crossed = row_of(subproblem, program, index)
-        return QPSolution.unsolved(size, QPStatus.INFEASIBLE, (crossed,))
+    rows = program.rows
+    for index in np.flatnonzero(rows.lower > rows.upper).tolist():
+        return QPSolution.unsolved(size, QPStatus.INFEASIBLE, (rows.row(index),))
     if not is_positive_definite(subproblem):
         return QPSolution.unsolved(size, QPStatus.FAILED)
-    cones = cone_program(program, program.weight)
+    cones = cone_program(program, rows.weight)
     answer = run(cones, program.P, program.q)
     for threshold in _INACTIVE:
         found = _solution(subproblem, program, cones, answer, threshold)
@@ -89,25 +92,21 @@ def solve(subproblem: Subproblem, penalties: Penalties | None) -> QPSolution:
     # Its multipliers prove a contradiction with fewer rows than the ray of the program itself.
     nearest = cone_program(program, _violation_weights(subproblem, program))
     for each, z in (nearest, run(nearest).z), (cones, answer.z):
-        multipliers = each.row_multipliers(np.array(z), len(program.upper))
+        multipliers = each.row_multipliers(np.array(z), len(rows.upper))
         if conflict := contradicting_rows(subproblem, program, multipliers):
             return QPSolution.unsolved(size, QPStatus.INFEASIBLE, conflict)
     return QPSolution.unsolved(size, QPStatus.FAILED)
 
 
 def cone_program(program: SparseQP, weight: Array) -> ConeProgram:
-    """The constraints in Clarabel's form.
-
-    Args:
-        program: The program.
-        weight: Penalty of each row, ``inf`` where hard; without a positive one a row is left out.
-    """
+    """The constraints in Clarabel's form, with the penalty of each row, left out where 0."""
     from scipy import sparse  # noqa: PLC0415 (takes 0.2 s to import, and few runs need it)
 
-    is_equal, kept = program.lower == program.upper, weight > 0.0
+    lower, upper = program.rows.lower, program.rows.upper
+    is_equal, kept = lower == upper, weight > 0.0
     equal = np.flatnonzero(is_equal & kept)
-    above = np.flatnonzero(~is_equal & kept & np.isfinite(program.upper))
-    below = np.flatnonzero(~is_equal & kept & np.isfinite(program.lower))
+    above = np.flatnonzero(~is_equal & kept & np.isfinite(upper))
+    below = np.flatnonzero(~is_equal & kept & np.isfinite(lower))
     up = np.concatenate([equal, above])
     rows, first = np.concatenate([up, below]), program.D.shape[0]
     side = np.ones(len(rows))
@@ -123,7 +122,7 @@ def cone_program(program: SparseQP, weight: Array) -> ConeProgram:
     hard = sparse.vstack([program.D, program.G[up], -program.G[below]], format='csr')
     soft = sparse.csc_array(entries, shape=(hard.shape[0], len(slacks)))
     no_limit = sparse.csc_array((len(slacks), hard.shape[1]))
-    limits = np.where(side > 0.0, program.upper[rows], -program.lower[rows])
+    limits = np.where(side > 0.0, upper[rows], -lower[rows])
     return ConeProgram(
         A=sparse.block_array([[hard, soft], [no_limit, -sparse.eye_array(len(slacks))]]).tocsc(),
         b=np.concatenate([np.zeros(first), limits, np.zeros(len(slacks))]),
@@ -140,10 +139,8 @@ def cone_program(program: SparseQP, weight: Array) -> ConeProgram:
 def run(program: ConeProgram, P: Any = None, q: Array | None = None) -> Any:
     """Clarabel's answer, with ``x``, ``z``, ``s``, ``status`` and ``iterations``.
 
-    Args:
-        program: The constraints.
-        P: Upper triangle of the Hessian without the slack variables; None for 0.
-        q: Gradient without the slack variables; None for 0.
+    `P` is the upper triangle of the Hessian and `q` the gradient, without the slack variables; None
+    for 0.
     """
     import clarabel  # noqa: PLC0415 (few runs need it)
     from scipy import sparse  # noqa: PLC0415 (as above)
@@ -174,41 +171,74 @@ def _solution(
 ) -> QPSolution:
     """The point that Clarabel came to, with multipliers of inactive rows exactly 0.
 
-    Args:
-        subproblem: The program.
-        program: The same as sparse matrices.
-        cones: What was solved.
-        answer: The answer.
-        threshold: A multiplier smaller than that times its slack, both scaled, is 0.
+    A multiplier smaller than `threshold` times its slack, both scaled, is 0.
     """
     x, z, s = np.array(answer.x), np.array(answer.z), np.array(answer.s)
     dU = x[: subproblem.lower.size].reshape(subproblem.lower.shape)
     scale = threshold * (1.0 + np.abs(z).max(initial=0.0)) / (1.0 + np.abs(dU).max(initial=0.0))
     inactive = z < scale * s
     inactive[: cones.equalities] = False
-    values = cones.row_multipliers(np.where(inactive, 0.0, z), len(program.upper))
+    values = cones.row_multipliers(np.where(inactive, 0.0, z), len(program.rows.upper))
     # What the multiplier of a relaxed row lacks to its weight is the multiplier of its slack.
     full = inactive[len(inactive) - len(cones.price) :]
     values[cones.slack_row[full]] = (cones.slack_sign * cones.price)[full]
-    values = np.clip(values, -program.weight, program.weight)
-    return solution_of(subproblem, program, dU, values, answer.iterations)
+    values = np.clip(values, -program.rows.weight, program.rows.weight)
+    return program.rows.solution(subproblem, dU, values, answer.iterations)
 
 
 def _with_equalities(program: SparseQP) -> SparseQP:
     """Rows whose two limits are the same but for rounding, as equalities."""
-    lower, upper = program.lower, program.upper
+    lower, upper = program.rows.lower, program.rows.upper
     size = 1.0 + np.minimum(np.abs(lower), np.abs(upper))
     with np.errstate(invalid='ignore'):
         near = np.isfinite(size) & (np.abs(upper - lower) <= _EQUAL * size)
         middle = 0.5 * (lower + upper)
-    return program._replace(
-        lower=np.where(near, middle, lower), upper=np.where(near, middle, upper)
-    )
+    lower, upper = (np.where(near, middle, each) for each in (lower, upper))
+    return program._replace(rows=program.rows._replace(lower=lower, upper=upper))
 
 
 def _violation_weights(subproblem: Subproblem, program: SparseQP) -> Array:
     """Weights under which hard rows but the bounds cost their distance, and others nothing."""
-    length, hard = row_lengths(program), program.weight == np.inf
+    length, hard = _row_lengths(program), program.rows.weight == np.inf
     weight = np.where(hard, 1.0 / np.where(length > 0.0, length, 1.0), 0.0)
     weight[len(weight) - subproblem.lower.size :] = np.inf
     return weight
+
+
+def contradicting_rows(
+    subproblem: Subproblem, program: SparseQP, multipliers: Array
+) -> tuple[Row, ...]:
+    """Hard rows that a dual ray proves to contradict each other; empty where it proves nothing.
+
+    The ray ``(R,)`` is positive at upper limits; its entries for bounds are not used: the others
+    determine them. Rows with small multipliers are left out where the rest proves it (see
+    `farkas`).
+    """
+    rows, length = program.rows, _row_lengths(program)
+    limit = np.where(multipliers > 0.0, rows.upper, rows.lower)
+    used = np.isinf(rows.weight) & np.isfinite(limit)
+    used[rows.starts[-1] :] = False
+    ray = np.where(used, multipliers, 0.0)
+    # A row without an effect has no length, and still contradicts by itself.
+    size = np.abs(ray) * np.where(length > 0.0, length, 1.0)
+    largest = size.max(initial=0.0)
+    if not 0.0 < largest < np.inf:
+        return ()
+    still = np.zeros_like(subproblem.lower)
+    dX = np.zeros_like(subproblem.linearisation.L_X)
+    with borrowed_space(subproblem.size) as space:
+        fill(space, subproblem)
+        free_all(space.program)
+        for threshold in _THRESHOLDS:
+            kept = np.where(size > threshold * largest, ray / largest, 0.0)
+            put_solution(space, rows.solution(subproblem, still, kept), dX)
+            recover_bound_multipliers(space.program, 0.0)
+            if proves(space.program, space.active, threshold):
+                return conflict_in(space)
+    return ()
+
+
+def _row_lengths(program: SparseQP) -> Array:
+    """Euclidean length of each row in controls and states, shape ``(R,)``."""
+    lengths: Array = np.sqrt(program.G.power(2).sum(axis=1))
+    return lengths

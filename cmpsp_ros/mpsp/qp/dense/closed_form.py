@@ -12,9 +12,8 @@ from dataclasses import replace
 import numpy as np
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.mpsp.qp.active_set.fill import kkt_residual
-from cmpsp_ros.mpsp.qp.solution import QPSolution, QPStatus
-from cmpsp_ros.mpsp.qp.subproblem import Subproblem
+from cmpsp_ros.mpsp.qp.active_set.records import kkt_residual
+from cmpsp_ros.mpsp.qp.subproblem import QPSolution, QPStatus, Subproblem
 
 CURVATURE_MARGIN = 1e-10
 """Least eigenvalue that counts as positive, relative to the largest entry of the diagonal."""
@@ -36,15 +35,11 @@ def has_closed_form(subproblem: Subproblem) -> bool:
 def solve_closed_form(subproblem: Subproblem) -> QPSolution:
     """Solve (35), ``[[A_UU, A_Ul], [A_lU, 0]] (dU, lambda) + (b_U, b_l) = 0``.
 
-    The Hessian need not be positive definite as long as it is so along the terminal constraint.
-    Where rows of ``S_N`` depend on each other and agree, ``lambda`` is the shortest that fits.
-
-    Args:
-        subproblem: A program that `has_closed_form`; its other rows and bounds are ignored.
-
-    Returns:
-        The solution; `QPStatus.INFEASIBLE` where the terminal rows contradict each other, and
-        `QPStatus.FAILED` where the cost has no minimum along them or the data are not finite.
+    For a program that `has_closed_form`; other rows and bounds are ignored. The Hessian need not be
+    positive definite as long as it is so along the terminal constraint. Where rows of ``S_N``
+    depend on each other and agree, ``lambda`` is the shortest that fits. `QPStatus.INFEASIBLE`
+    where they contradict each other, `QPStatus.FAILED` where the cost has no minimum along them or
+    the data are not finite.
     """
     qp, failed = subproblem.condensed, QPSolution.unsolved(subproblem.size, QPStatus.FAILED)
     if not (is_positive_definite(qp.H) or is_positive_definite_along(qp.H, qp.S_N)):
@@ -77,11 +72,7 @@ def _is_right(subproblem: Subproblem, answer: QPSolution) -> bool:
 
 
 def is_positive_definite(H: Array) -> bool:
-    """Whether every eigenvalue of ``H`` exceeds the margin; one Cholesky factorisation.
-
-    Args:
-        H: Symmetric, shape ``(q, q)``; not definite where it is not finite.
-    """
+    """True where every eigenvalue of ``H (q, q)`` exceeds the margin; by Cholesky."""
     if H.size == 0:
         return True
     if not np.isfinite(H).all():
@@ -95,14 +86,10 @@ def is_positive_definite(H: Array) -> bool:
 
 
 def is_positive_definite_along(H: Array, S: Array) -> bool:
-    """Whether ``dU' H dU > 0`` for every ``dU`` other than 0 with ``S dU = 0``.
+    """True where ``dU' H dU > 0`` for every ``dU`` other than 0 with ``S dU = 0``.
 
     Condition (iii)(c) of Theorem 2 with the Hessian of a quadratic program in the Lagrangian's
-    place, and all that makes the stationary point (35) a minimum.
-
-    Args:
-        H: Symmetric, shape ``(q, q)``.
-        S: Rows of the constraint, shape ``(m, q)``, dependent or not.
+    place, and all that makes the stationary point (35) a minimum. Rows of ``S`` may be dependent.
     """
     if not (np.isfinite(H).all() and np.isfinite(S).all()):
         return False

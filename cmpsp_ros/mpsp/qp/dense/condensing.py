@@ -48,19 +48,17 @@ class CondensedQP:
     lower: Array
     upper: Array
 
+    @property
+    def rows(self) -> Array:
+        """Terminal, path and trust rows, stacked; shape ``(m + p + t, q)``."""
+        return np.concatenate([self.S_N, self.B_C, self.T])
+
 
 def sensitivities(A: Array, B: Array) -> Array:
-    """State sensitivities ``B_j^k`` of the recursion (23).
+    """``dX_k/dU_j`` at ``[j, k]`` by the recursion (23), shape ``(N + 1, N + 1, n, r)``.
 
     The products of (23) are associated from the other end, ``B_j^(k+1) = A_k B_j^k``, which gives
     every ``k`` of one ``j`` in one sweep and needs no ``Phi_j^k``.
-
-    Args:
-        A: ``dF_k/dX_k``, shape ``(N, n, n)``.
-        B: ``dF_k/dU_k``, shape ``(N, n, r)``.
-
-    Returns:
-        ``dX_k/dU_j`` at ``[j, k]``, zero for ``k <= j``; shape ``(N + 1, N + 1, n, r)``.
     """
     steps, n, r = B.shape
     result = np.zeros((steps + 1, steps + 1, n, r))
@@ -73,15 +71,9 @@ def condense(
 ) -> CondensedQP:
     """Eliminate the states: the quadratic program (45) (54) (57) of one iteration.
 
-    Args:
-        linearisation: Derivatives along the predicted trajectory.
-        lower: Least control deviations, shape ``(N + 1, r)``.
-        upper: Largest control deviations, shape ``(N + 1, r)``.
-        trust_radius: Largest predicted change of each state component at every stage, shape
-            ``(n,)``, infinite where free; None for no trust region.
-
-    Returns:
-        The condensed program; time and memory grow with the square of the horizon.
+    Bounds of the deviations have shape ``(N + 1, r)``; the trust region is the largest predicted
+    change of each state at every stage, ``(n,)``, infinite where free. Time and memory grow with
+    the square of the horizon.
     """
     lin = linearisation
     steps, n, r = lin.B.shape
@@ -100,11 +92,11 @@ def condense(
     _rows(B_C, blocks, stage, lin.g_X[stage, index], lin.g_U[stage, index])
 
     tight = [] if trust_radius is None else list(np.flatnonzero(trust_radius != np.inf))
-    trust_stage = np.tile(np.arange(1, steps + 1), len(tight))
+    trust_stage = np.repeat(np.arange(1, steps + 1), len(tight))
     T = np.empty((len(trust_stage), q))
-    unit = np.repeat(np.eye(n)[tight].reshape(-1, n), steps, axis=0)
+    unit = np.tile(np.eye(n)[tight].reshape(-1, n), (steps, 1))
     _rows(T, blocks, trust_stage, unit, np.zeros((len(T), r)))
-    radius = np.empty(0) if trust_radius is None else np.repeat(trust_radius[tight], steps)
+    radius = np.empty(0) if trust_radius is None else np.tile(trust_radius[tight], steps)
 
     return CondensedQP(
         H=H,
@@ -125,14 +117,7 @@ def condense(
 def gradient(A: Array, B: Array, by_state: Array, by_control: Array) -> Array:
     """Derivative by the controls alone of a sum over the stages, by one backward sweep.
 
-    Args:
-        A: ``dF_k/dX_k``, shape ``(N, n, n)``.
-        B: ``dF_k/dU_k``, shape ``(N, n, r)``.
-        by_state: Derivative of each stage's term by its state, shape ``(N + 1, n)``.
-        by_control: Derivative of each stage's term by its control, shape ``(N + 1, r)``.
-
-    Returns:
-        Shape ``(N + 1, r)``.
+    `by_state` ``(N + 1, n)`` and `by_control` ``(N + 1, r)`` are those of each stage's term.
     """
     c: Array = np.empty(by_control.shape)
     _gradient(c.reshape(-1), A, B, by_state, by_control)

@@ -19,9 +19,8 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.jit.compiled import compiled
-from cmpsp_ros.mpsp.qp.dense.dense import dense_rows, dense_solution
-from cmpsp_ros.mpsp.qp.solution import Penalties, QPSolution, QPStatus
-from cmpsp_ros.mpsp.qp.subproblem import Subproblem
+from cmpsp_ros.mpsp.qp.dense.rows import Rows
+from cmpsp_ros.mpsp.qp.subproblem import Penalties, QPSolution, QPStatus, Subproblem
 
 SWEEP_LIMIT = 20_000
 """Sweeps through all rows, at most."""
@@ -51,10 +50,8 @@ def solve(subproblem: Subproblem, penalties: Penalties | None) -> QPSolution:
     from scipy.linalg import solve_triangular  # noqa: PLC0415 (slow to import, and seldom needed)
 
     qp = subproblem.condensed
-    given, q = dense_rows(qp, penalties), len(qp.c)
-    rows: Array = np.concatenate([given.matrix, np.eye(q)])
-    lower, upper = np.append(given.lower, qp.lower), np.append(given.upper, qp.upper)
-    cap = np.append(given.weight, np.full(q, np.inf))
+    given, rows = Rows.of(subproblem, penalties), np.concatenate([qp.rows, np.eye(len(qp.c))])
+    lower, upper, cap = given.lower, given.upper, given.weight
     failed = QPSolution.unsolved(subproblem.size, QPStatus.FAILED)
     finite = all(np.isfinite(part).all() for part in (qp.H, qp.c, rows))
     if not finite or np.isnan(lower).any() or np.isnan(upper).any():
@@ -81,7 +78,7 @@ def solve(subproblem: Subproblem, penalties: Penalties | None) -> QPSolution:
     dU = solve_triangular(L, start - shares @ V, lower=True, trans='T')
     multipliers = np.zeros(len(rows))
     multipliers[kept] = shares
-    return dense_solution(subproblem, dU, multipliers, sweeps)
+    return given.solution(subproblem, dU, multipliers, sweeps)
 
 
 @compiled
@@ -99,20 +96,8 @@ def _ascend(
 ) -> tuple[int, int]:
     """Maximise the dual of ``min |z - z_0|^2 / 2, lower <= V z <= upper``, in place.
 
-    Args:
-        z: ``z_0``, and on return the primal point, shape ``(q,)``.
-        multipliers: 0, and on return the dual point, positive at upper bounds, shape ``(R,)``.
-        V: Rows, shape ``(R, q)``.
-        lower: ``-inf`` where there is none, shape ``(R,)``.
-        upper: ``inf`` where there is none, shape ``(R,)``.
-        cap: Largest size of each multiplier, shape ``(R,)``.
-        limit: Sweeps at most.
-        tolerance: Longest move of a converged sweep, relative to ``1 + |z|``.
-        between_checks: Sweeps between two looks for a proof of infeasibility.
-        farthest: See `FARTHEST`.
-
-    Returns:
-        How it ended, and the sweeps done.
+    `z` begins as ``z_0`` and `multipliers` as 0; these are positive at upper bounds, and at most
+    `cap` in size. Returns how it ended, and the sweeps done.
     """
     count, q = V.shape
     square = np.zeros(count)

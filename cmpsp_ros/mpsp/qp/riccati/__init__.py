@@ -5,8 +5,6 @@ from typing import TYPE_CHECKING
 from cmpsp_ros.front_door import lazy_exports
 
 if TYPE_CHECKING:
-    from cmpsp_ros.mpsp.qp.riccati.layout import row_type, stage_type
-    from cmpsp_ros.mpsp.qp.riccati.outcome import INFEASIBLE, ITERATION_LIMIT, NO_CURVATURE, SOLVED
-    from cmpsp_ros.mpsp.qp.riccati.program import empty_program
+    from cmpsp_ros.mpsp.qp.riccati.program import Outcome, empty_program, row_type, stage_type
 
 __getattr__, __all__ = lazy_exports(__name__, __file__)

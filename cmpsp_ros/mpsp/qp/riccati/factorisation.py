@@ -17,7 +17,7 @@ from typing import Any
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.jit.compiled import allocation_free, inner
-from cmpsp_ros.mpsp.qp.riccati.intrinsics import room_for
+from cmpsp_ros.mpsp.jit.intrinsics import room_for
 from cmpsp_ros.mpsp.qp.riccati.program import Program
 
 _SMALLEST_PIVOT = 1e-14
@@ -27,13 +27,10 @@ _FACTORISE = 4
 
 @allocation_free
 def factorise(p: Program) -> bool:
-    """Sweep backward over all stages.
+    """Sweep backward over all stages; false where the condensed Hessian is not positive definite.
 
     The Hessian of a stage is split as ``C D C'`` with ones on the diagonal of ``C``: the next stage
     need not wait for roots.
-
-    Returns:
-        Whether the condensed Hessian is positive definite; else the factorisation is of no use.
     """
     head, first = p.head[0], p.stages[0]
     n, r = first.B.shape

@@ -12,13 +12,13 @@ from typing import Any
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.jit.compiled import allocation_free, inner
-from cmpsp_ros.mpsp.qp.riccati.intrinsics import room_for
+from cmpsp_ros.mpsp.jit.intrinsics import room_for
 from cmpsp_ros.mpsp.qp.riccati.program import Program, add_cost_gradient, add_row_gradient, product
 
 
 @allocation_free
 def kkt_residual(p: Program) -> float:
-    """Largest violation of the optimality conditions, relative to the size of the data.
+    """Largest violation of the optimality conditions, relative to the data; NaN where they are.
 
     Covers stationarity, feasibility (of the rows that are hard), signs of multipliers, and
     complementarity, in which a relaxed row may be violated only at its full penalty. Stationarity
@@ -27,12 +27,6 @@ def kkt_residual(p: Program) -> float:
 
     The gradient of the Lagrangian has parts of cost, rows and bounds; the first two are an adjoint
     sweep each, ``p_k = X_k + A' p_(k+1)``, with the gradient ``U_k + B' p_(k+1)``.
-
-    Args:
-        p: The program, with a step, its linearised states and all multipliers.
-
-    Returns:
-        The residual; NaN where the data or the point are.
     """
     head, first = p.head[0], p.stages[0]
     n, r = first.B.shape

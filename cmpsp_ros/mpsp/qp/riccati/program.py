@@ -1,12 +1,19 @@
-"""A stage-wise quadratic program for compiled code, and the numbering of its rows.
+"""A stage-wise quadratic program in memory: one record a stage, and one a constraint row.
 
-First come the terminal rows; then, for each stage, its path rows, the upper and lower bound of each
-control, and the upper and lower limit of the trust region for each state.
+The sizes ``n`` and ``r`` are part of the records' types. Code compiled for them has constant loop
+counts, an argument stands for all the arrays of its record, and what a sweep needs of a stage is
+side by side. The horizon and the number of path constraints are lengths of arrays. In Python a
+field of all records is an ordinary array: ``stages['A']`` has shape ``(N + 1, n, n)``.
+
+Rows are numbered: first the terminal ones; then, for each stage, its path rows, the upper and lower
+bound of each control, and the upper and lower limit of the trust region for each state.
 """
 
 from __future__ import annotations
 
 import math
+from enum import IntEnum
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,22 +21,93 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
-from cmpsp_ros.mpsp.qp.riccati.layout import head_type, row_type, stage_type
 
+
+class Outcome(IntEnum):
+    """How a compiled solver ended."""
+
+    SOLVED = 0
+    """The point meets the optimality conditions."""
+    INFEASIBLE = 1
+    """No point meets all rows that are hard."""
+    ITERATION_LIMIT = 2
+    """Work, room or numerical accuracy ran out before the conditions were met."""
+    NO_CURVATURE = 3
+    """The Hessian in the controls is not positive definite."""
+
+
+class RowKind(IntEnum):
+    """Kinds of inequalities."""
+
+    PATH = 0
+    BOUND = 1
+    TRUST = 2
+
+
+RecordType = np.dtype[Any]
 Records = NDArray[Any]
 
-PATH, BOUND, TRUST = 0, 1, 2
-"""Kinds of inequalities."""
+
+@cache
+def stage_type(n: int, r: int) -> RecordType:
+    """A stage of the quadratic program (45) (54) (57), of its factorisation and of its solution.
+
+    The program, before the states are eliminated, is to minimise the sum over the stages of
+    ``L_X' dX + L_U' dU + 1/2 dX' L_XX dX + dU' L_UX dX + 1/2 dU' L_UU dU`` along
+    ``dX_(k+1) = A dX_k + B dU_k`` with ``dX_0 = 0``, subject to its rows (see `row_type`),
+    ``lower <= dU <= upper``, and ``|dX_k| <= trust_radius`` for ``k >= 1``.
+    """
+    return _record(
+        # What one sweep needs is side by side. The program first; `A` and `B` of the last stage are
+        # not used.
+        A=(n, n), B=(n, r), L_X=(n,), L_U=(r,), L_XX=(n, n), L_UX=(r, n), L_UU=(r, r),
+        # Its Riccati factorisation, dU = L_inv' v - K dX.
+        optimum=(r,), K=(r, n), L_inv=(r, r), A_cl=(n, n), B_cl=(n, r),
+        # Its solution, and limits.
+        dU=(r,), dX=(n,), lower=(r,), upper=(r,), bounds=(r,), trust=(n,),
+        # Controls that are held at a bound (1 at the upper one, -1 at the lower one) are taken out
+        # of the factorisation: they move the states by `drift`, and `origin_U`, `origin_X` is the
+        # step at v = 0.
+        fixed=(r,), drift=(n,), origin_U=(r,), origin_X=(n,), covariance=(n, n),
+        # Second-order correction of the step.
+        correction_U=(r,), correction_X=(n,),
+    )  # fmt: skip
+
+
+@cache
+def row_type(n: int, r: int) -> RecordType:
+    """A linearised constraint ``value + X' dX + U' dU``, not positive (path) or 0 (terminal).
+
+    A path constraint that does not apply has the value ``-inf``. `penalty` is the largest
+    multiplier in force, infinite where the row is hard; `weight` that of the relaxation, and
+    `merit` the weight in the merit function.
+    """
+    return _record(value=(), X=(n,), U=(r,), multiplier=(), penalty=(), weight=(), merit=())
+
+
+@cache
+def head_type(n: int, r: int) -> RecordType:
+    """Record of a whole program: horizon, counters, and the row that is looked at.
+
+    `begun` numbers the stage at which the horizon begins, for warm starts of a later one.
+    """
+    counters = (
+        'horizon', 'begun', 'iterations', 'active', 'saturated', 'implied', 'conflicting', 'fixed',
+        'has_covariance', 'is_factorised', 'is_proved', 'work', 'work_limit',
+    )  # fmt: skip
+    row = _record(trust_radius=(n,), X=(n,), U=(r,))
+    return np.dtype([*((name, np.int64) for name in counters), *row.descr])
+
+
+def _record(**shapes: tuple[int, ...]) -> RecordType:
+    return np.dtype([(name, np.float64, shape) for name, shape in shapes.items()])
 
 
 class Program(NamedTuple):
-    """A program with a horizon of at most so many steps, and its solution.
+    """A program with a horizon of at most ``N``, and its solution.
 
-    Attributes:
-        head: Of `head_type`, shape ``(1,)``.
-        stages: Of `stage_type`, shape ``(N + 1,)``.
-        terminal: Of `row_type`, shape ``(m,)``.
-        path: Of `row_type`, shape ``(N + 1, l)``.
+    Of `head_type` ``(1,)``, of `stage_type` ``(N + 1,)``, and of `row_type` ``(m,)`` and
+    ``(N + 1, l)``.
     """
 
     head: Records
@@ -57,50 +135,50 @@ def empty_program(N: int, n: int, r: int, m: int, l: int) -> Program:  # noqa: E
 
 @allocation_free
 def rows_per_stage(p: Program) -> int:
-    """How many inequalities each stage has."""
+    """Number of inequalities of each stage."""
     n, r = p.stages[0].B.shape
     return p.path.shape[1] + 2 * r + 2 * n
 
 
 @allocation_free
 def count_rows(p: Program) -> int:
-    """How many rows there are on the present horizon."""
+    """Number of rows on the present horizon."""
     return p.terminal.shape[0] + (p.head[0].horizon + 1) * rows_per_stage(p)
 
 
 @allocation_free
 def locate(p: Program, row: int) -> Any:
-    """Where an inequality stands: kind, stage, component, and -1 for a lower limit, else 1."""
+    """Kind, stage and component of an inequality, and -1 for a lower limit, else 1."""
     r = p.stages[0].B.shape[1]
     width, path = rows_per_stage(p), p.path.shape[1]
     k = (row - p.terminal.shape[0]) // width
     i = (row - p.terminal.shape[0]) % width
     if i < path:
-        return PATH, k, i, 1.0
+        return RowKind.PATH, k, i, 1.0
     i -= path
     if i < 2 * r:
-        return BOUND, k, i // 2, 1.0 - 2.0 * (i % 2)
+        return RowKind.BOUND, k, i // 2, 1.0 - 2.0 * (i % 2)
     i -= 2 * r
-    return TRUST, k, i // 2, 1.0 - 2.0 * (i % 2)
+    return RowKind.TRUST, k, i // 2, 1.0 - 2.0 * (i % 2)
 
 
 @allocation_free
 def is_bound(p: Program, row: int) -> bool:
-    """Whether a row is the bound of a control."""
+    """True for the bound of a control."""
     if row < p.terminal.shape[0]:
         return False
     kind, _, _, _ = locate(p, row)
-    return bool(kind == BOUND)
+    return bool(kind == RowKind.BOUND)
 
 
 @allocation_free
 def row_number(p: Program, kind: int, k: int, component: int, sign: float) -> int:
     """Number of an inequality, the reverse of `locate`."""
     first = p.terminal.shape[0] + k * rows_per_stage(p)
-    if kind == PATH:
+    if kind == RowKind.PATH:
         return first + component
     first += p.path.shape[1] + 2 * component + (0 if sign > 0.0 else 1)
-    return first if kind == BOUND else first + 2 * p.stages[0].B.shape[1]
+    return first if kind == RowKind.BOUND else first + 2 * p.stages[0].B.shape[1]
 
 
 @allocation_free
@@ -109,9 +187,9 @@ def limit(p: Program, row: int) -> Any:
     if row < p.terminal.shape[0]:
         return -p.terminal[row].value, p.terminal[row].penalty
     kind, k, i, sign = locate(p, row)
-    if kind == PATH:
+    if kind == RowKind.PATH:
         return -p.path[k, i].value, p.path[k, i].penalty
-    if kind == BOUND:
+    if kind == RowKind.BOUND:
         return p.stages[k].upper[i] if sign > 0.0 else -p.stages[k].lower[i], math.inf
     return p.head[0].trust_radius[i], math.inf
 
@@ -129,7 +207,7 @@ def load_row(p: Program, row: int) -> int:
             U[a] = p.terminal[row].U[a]
         return head.horizon
     kind, k, component, sign = locate(p, row)
-    if kind == PATH:
+    if kind == RowKind.PATH:
         constraint = p.path[k, component]
         for i in range(n):
             X[i] = constraint.X[i]
@@ -140,7 +218,7 @@ def load_row(p: Program, row: int) -> int:
         X[i] = 0.0
     for a in range(r):
         U[a] = 0.0
-    if kind == BOUND:
+    if kind == RowKind.BOUND:
         U[component] = sign
     else:
         X[component] = sign
@@ -153,9 +231,9 @@ def row_value(p: Program, row: int) -> float:
     if row < p.terminal.shape[0]:
         return product(p.terminal[row], p.stages[p.head[0].horizon])
     kind, k, i, sign = locate(p, row)
-    if kind == PATH:
+    if kind == RowKind.PATH:
         return product(p.path[k, i], p.stages[k])
-    return sign * (p.stages[k].dU[i] if kind == BOUND else p.stages[k].dX[i])
+    return sign * (p.stages[k].dU[i] if kind == RowKind.BOUND else p.stages[k].dX[i])
 
 
 @allocation_free
@@ -232,9 +310,9 @@ def set_multiplier(p: Program, row: int, multiplier: float) -> None:
         p.terminal[row].multiplier = multiplier
         return
     kind, k, i, sign = locate(p, row)
-    if kind == PATH:
+    if kind == RowKind.PATH:
         p.path[k, i].multiplier = multiplier
-    elif kind == BOUND:
+    elif kind == RowKind.BOUND:
         p.stages[k].bounds[i] += sign * multiplier
     else:
         p.stages[k].trust[i] += sign * multiplier
@@ -246,7 +324,7 @@ def multiplier_of(p: Program, row: int) -> float:
     if row < p.terminal.shape[0]:
         return p.terminal[row].multiplier
     kind, k, i, sign = locate(p, row)
-    if kind == PATH:
+    if kind == RowKind.PATH:
         return p.path[k, i].multiplier
-    both = p.stages[k].bounds[i] if kind == BOUND else p.stages[k].trust[i]
+    both = p.stages[k].bounds[i] if kind == RowKind.BOUND else p.stages[k].trust[i]
     return max(sign * both, 0.0)

@@ -9,8 +9,8 @@ import math
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
+from cmpsp_ros.mpsp.jit.intrinsics import room_for
 from cmpsp_ros.mpsp.qp.riccati.factorisation import fixed_control
-from cmpsp_ros.mpsp.qp.riccati.intrinsics import room_for
 from cmpsp_ros.mpsp.qp.riccati.program import Program
 
 # What a stage costs beside one of `recover_step`.
@@ -126,15 +126,9 @@ def keep_origin(p: Program, v: Array) -> None:
 
 @allocation_free
 def transform_row(p: Program, k: int, row: Array) -> int:
-    """The row in the head's `X` and `U` in ``v``.
+    """The row in the head's `X` and `U`, of stage `k`, in ``v``.
 
-    Args:
-        p: The program, factorised.
-        k: Stage of the row.
-        row: Filled up to the count returned, shape ``((N + 1) r,)``.
-
-    Returns:
-        How many leading entries may be other than 0.
+    Returns how many leading entries of `row` may be other than 0; it is filled up to there.
     """
     stage, given, U = p.stages[k], p.head[0].X, p.head[0].U
     n, r = stage.B.shape

@@ -48,11 +48,7 @@ class CourseInput(Listener):
         self.waits, self.refusal = False, ''
 
     def _change(self, changes: dict[str, Any]) -> None:
-        """Change parameters.
-
-        Raises:
-            ValueError: They are refused.
-        """
+        """Change parameters; raises ValueError if they are refused."""
         change_parameters(self._node, changes)
         self.waits, self.refusal = False, ''
 
@@ -72,7 +68,7 @@ class RoadInput(CourseInput):
             node.get_logger().info('waiting for a road on the topic road')
 
     def drive_along(self, path: Path) -> tuple[float, float]:
-        """Take the path of an action for the road, and its end for the goal, which is returned.
+        """Take the path of an action for the road, and return its end, the goal.
 
         Raises:
             ValueError: It cannot be that; nothing changes.

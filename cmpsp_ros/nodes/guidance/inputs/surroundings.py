@@ -149,12 +149,7 @@ class SensorInput(SurroundingsInput):
         self._publisher = SIGHTING.publish_on(node) if self._sensors else None
 
     def note(self, stamp: int, pose: Array) -> str:
-        """Note the robot's pose; reason to stop, if a sensor has shown nothing for too long.
-
-        Args:
-            stamp: Time stamp of odometry [ns].
-            pose: Shape ``(3,)`` [m, m, rad].
-        """
+        """Note a pose ``(3,)`` [m, m, rad] of odometry; reason to stop if a sensor is blind."""
         if not self._sensors:
             return ''
         self.drain()

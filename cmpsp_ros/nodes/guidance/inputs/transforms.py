@@ -166,11 +166,7 @@ class TransformInput(Listener):
         return {**changes, 'road.points': [number for each in moved for number in each]}
 
     def frame_pose(self, frame: str) -> Array:
-        """Pose of a frame in that of the course by the latest transform, ``(3,)`` [m, m, rad].
-
-        Raises:
-            TransformError: It is not known.
-        """
+        """Pose of a frame in that of the course by the latest transform, ``(3,)``."""
         return self._look_up(self.settings.frame_id, frame, 0)
 
     def _publish_odometry(self, data: bytes, center: str, pose: Array, upon: Array) -> None:
@@ -193,11 +189,7 @@ class TransformInput(Listener):
             raise error(f'{what} in frame {frame!r}, wanted {wanted!r} (frame_id): {why}.') from why
 
     def _look_up(self, target: str, source: str, stamp: int) -> Array:
-        """Pose of a frame in another one at a time [ns].
-
-        Raises:
-            TransformError: It is not known.
-        """
+        """Pose of a frame in another one at a time [ns]; raises TransformError."""
         if target == source:
             return np.zeros(3)
         if TFMessage is None:

@@ -1,32 +1,54 @@
-"""Road, obstacles and goal as markers for RViz and Foxglove."""
+"""Road, obstacles and goals, and the latest decision, as markers for RViz and Foxglove."""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from geometry_msgs.msg import Point
+from rclpy.duration import Duration
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
+from cmpsp_ros.guidance import NANOSECONDS
 from cmpsp_ros.guidance.formulation import sample_space
-from cmpsp_ros.world.obstacles import outlines
+from cmpsp_ros.guidance.messages import PeerTrajectory
+from cmpsp_ros.guidance.safety import plan_clearance
+from cmpsp_ros.nodes.common.messages import set_stamp
+from cmpsp_ros.view import LEVEL_COLORS
+from cmpsp_ros.world.obstacles import outline_of, outlines
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
     from builtin_interfaces.msg import Time
 
-    from cmpsp_ros.guidance import Goal, LawSettings, World
+    from cmpsp_ros.guidance import Decision, Goal, GuidanceSettings, LawSettings, World
+    from cmpsp_ros.guidance.messages import Track
 
 _HEIGHT = 0.2
 
-_ROAD = (0.45, 0.45, 0.45, 1.0)
-_OBSTACLE = (0.85, 0.25, 0.2, 0.9)
-_MARGIN = (0.95, 0.6, 0.1, 0.9)
-_GOAL = (0.1, 0.6, 0.25, 0.9)
-_PASSED = (0.1, 0.6, 0.25, 0.25)
+_ROAD = ColorRGBA(r=0.45, g=0.45, b=0.45, a=1.0)
+_OBSTACLE = ColorRGBA(r=0.85, g=0.25, b=0.2, a=0.9)
+_MARGIN = ColorRGBA(r=0.95, g=0.6, b=0.1, a=0.9)
+_GOAL = ColorRGBA(r=0.1, g=0.6, b=0.25, a=0.9)
+_PASSED = ColorRGBA(r=0.1, g=0.6, b=0.25, a=0.25)
 _ARROW = 0.5
+_WHITE = ColorRGBA(r=1.0, g=1.0, b=1.0, a=1.0)
+
+PLENTY: Final = 0.3
+"""Clearance beyond `safety.margin` from which on nothing is near [m]."""
+
+_LIFETIME: Final = 5.0
+"""Control periods for which markers stay when no more come."""
+
+_WIDTH: Final = 0.06
+_BAND: Final = 2.0 * _WIDTH
+_RING: Final = 0.02
+_TEXT_HEIGHT: Final = 0.25
+_ABOVE: Final = 0.6
+_AHEAD: Final = 1.0
+"""How far ahead what moves is foreseen in the picture [s]."""
 
 
 def marker_array(
@@ -84,8 +106,8 @@ def marker_array(
     return MarkerArray(markers=markers)
 
 
-def _disc(center: tuple[float, float], radius: float, color: tuple[float, ...]) -> Marker:
-    marker = Marker(type=Marker.CYLINDER, color=_color(color))
+def _disc(center: tuple[float, float], radius: float, color: ColorRGBA) -> Marker:
+    marker = Marker(type=Marker.CYLINDER, color=color)
     marker.pose.position.x, marker.pose.position.y = map(float, center)
     marker.pose.position.z = _HEIGHT / 2.0
     marker.scale.x = marker.scale.y = 2.0 * float(radius)
@@ -93,28 +115,155 @@ def _disc(center: tuple[float, float], radius: float, color: tuple[float, ...]) 
     return marker
 
 
-def _arrow(tail: tuple[float, float], heading: float, color: tuple[float, ...]) -> Marker:
-    marker = Marker(type=Marker.ARROW, color=_color(color))
+def _arrow(tail: tuple[float, float], heading: float, color: ColorRGBA) -> Marker:
+    marker = Marker(type=Marker.ARROW, color=color)
     tip = (tail[0] + _ARROW * math.cos(heading), tail[1] + _ARROW * math.sin(heading))
     marker.points = [Point(x=float(x), y=float(y), z=_HEIGHT) for x, y in (tail, tip)]
     marker.scale.x, marker.scale.y = 0.04, 0.1
     return marker
 
 
-def _line(points: Iterable[Sequence[float]], width: float, color: tuple[float, ...]) -> Marker:
-    marker = Marker(type=Marker.LINE_STRIP, color=_color(color))
+def _line(points: Iterable[Sequence[float]], width: float, color: ColorRGBA) -> Marker:
+    marker = Marker(type=Marker.LINE_STRIP, color=color)
     marker.scale.x = width
     marker.points = [Point(x=float(x), y=float(y)) for x, y in points]
     return marker
 
 
 def _text(center: Sequence[float], text: str) -> Marker:
-    marker = Marker(type=Marker.TEXT_VIEW_FACING, text=text, color=_color((1.0, 1.0, 1.0, 1.0)))
+    marker = Marker(type=Marker.TEXT_VIEW_FACING, text=text, color=_WHITE)
     marker.pose.position.x, marker.pose.position.y = map(float, center)
     marker.pose.position.z = 2.0 * _HEIGHT
     marker.scale.z = 0.3
     return marker
 
 
-def _color(rgba: tuple[float, ...]) -> ColorRGBA:
-    return ColorRGBA(**dict(zip('rgba', rgba, strict=True)))
+class PlanMarkers:
+    """Markers of the latest decision; one message is filled again and again.
+
+    The plan is a band in the colour of its fallback level, and in it a line in the colours of the
+    clearance: from `NEAR` where only `safety.margin` is left to `FAR` where `PLENTY` is left
+    beside. Where it begins is the outline of a robot that has corners. A plan that is gone is
+    removed, the reason stays where the robot was last. A moving obstacle is shown where it is, with
+    an arrow to where it will be a second later; the rings around it and around the arrow's tip are
+    what the robot's centre, or that of its discs, keeps from it.
+    """
+
+    def __init__(self, settings: GuidanceSettings) -> None:
+        """Make the message for a frame, a course and a control period."""
+        self._band = Marker(ns='plan', type=Marker.LINE_STRIP)
+        self._band.scale.x = _BAND
+        self._line = Marker(ns='clearance', type=Marker.LINE_STRIP, color=SCALE[-1])
+        self._line.scale.x = _WIDTH
+        # Above the band, for who looks from above.
+        self._line.pose.position.z = _RING
+        self._text = Marker(ns='level', type=Marker.TEXT_VIEW_FACING, action=Marker.DELETE)
+        self._text.scale.z = _TEXT_HEIGHT
+        self._text.pose.position.z = _ABOVE
+        self._array = MarkerArray(markers=[self._band, self._line, self._text])
+        for each in self._array.markers:
+            each.header.frame_id = settings.frame_id
+            each.pose.orientation.w = 1.0
+            each.lifetime = Duration(seconds=_LIFETIME * settings.control_period).to_msg()
+        self.take(settings, settings.world)
+
+    def take(self, settings: LawSettings, world: World) -> None:
+        """Take another course, in the same frame."""
+        self._settings, self._world = settings, world
+
+    def fill(self, decision: Decision) -> MarkerArray:
+        """The message of a decision, good until the next."""
+        plan = decision.plan
+        color = _COLORS['arrived' if decision.finished else decision.level.name.lower()]
+        for each in (self._band, self._line, self._text):
+            set_stamp(each.header, decision.stamp)
+        self._band.color = self._text.color = color
+        self._text.text = f'{decision.level.name.lower()}: {decision.reason}'
+        points, colors = [], []
+        if plan is not None:
+            places = plan.poses[:, :2].tolist()
+            points = [Point(x=x, y=y) for x, y in places]
+            spare = (
+                plan_clearance(self._settings, self._world, decision) - self._settings.safety.margin
+            )
+            colors = [color_of(each) for each in spare.tolist()]
+            self._text.pose.position.x, self._text.pose.position.y = places[0]
+            self._text.action = Marker.ADD
+        for each in (self._band, self._line):
+            each.action = Marker.DELETE if plan is None else Marker.ADD
+            each.points = points
+        self._line.colors = colors
+        outline = self._outline(decision)
+        self._array.markers = [self._band, self._line, self._text, *outline]
+        self._array.markers += self._moving(decision)
+        return self._array
+
+    def _outline(self, decision: Decision) -> Iterator[Marker]:
+        """The corners of the robot where the plan begins."""
+        footprint, plan = self._settings.footprint, decision.plan
+        if footprint.corners and plan is not None:
+            corners = footprint.at(plan.poses[0]).tolist()
+            marker = _line((*corners, corners[0]), _RING, self._text.color)
+            yield self._placed('footprint', marker)
+
+    def _moving(self, decision: Decision) -> Iterator[Marker]:
+        for each in decision.tracks:
+            if isinstance(each, PeerTrajectory):
+                # It shows itself where it plans to be.
+                continue
+            age = (decision.stamp - each.stamp) / NANOSECONDS
+            x, y = each.x + age * each.vx, each.y + age * each.vy
+            tip_x, tip_y = x + _AHEAD * each.vx, y + _AHEAD * each.vy
+            disc = Marker(type=Marker.CYLINDER, color=_MOVING)
+            disc.pose.position.x, disc.pose.position.y = x, y
+            disc.scale.x = disc.scale.y = max(2.0 * each.radius, _WIDTH)
+            disc.scale.z = _WIDTH
+            arrow = Marker(type=Marker.ARROW, color=_MOVING)
+            arrow.points = [Point(x=x, y=y), Point(x=tip_x, y=tip_y)]
+            arrow.scale.x, arrow.scale.y = _WIDTH, 2.0 * _WIDTH
+            yield self._placed('moving_obstacles', disc, each.id)
+            yield self._placed('moving_velocities', arrow, each.id)
+            yield self._placed('moving_margins', self._ring(each, (x, y), age), each.id)
+            later = self._ring(each, (tip_x, tip_y), age + _AHEAD)
+            yield self._placed('moving_foreseen', later, each.id)
+
+    def _ring(self, track: Track, center: tuple[float, float], age: float) -> Marker:
+        """Distance that the robot's centre keeps from an obstacle seen so long before [s]."""
+        settings = self._settings
+        radius = track.radius + settings.moving_obstacles.growth * age
+        radius += settings.robot_radius + settings.safety.margin
+        return _line(outline_of([center], radius), _RING, _MOVING)
+
+    def _placed(self, namespace: str, marker: Marker, number: int = 0) -> Marker:
+        marker.ns, marker.id, marker.header = namespace, number, self._band.header
+        marker.pose.orientation.w, marker.lifetime = 1.0, self._band.lifetime
+        return marker
+
+
+def color_of(spare: float) -> ColorRGBA:
+    """Colour of a stage that is so much clearer than it must be [m]."""
+    return SCALE[round((len(SCALE) - 1) * min(max(spare / PLENTY, 0.0), 1.0))]
+
+
+def _color(text: str) -> ColorRGBA:
+    """A colour written as `#rrggbb`."""
+    red, green, blue = (part / 255.0 for part in bytes.fromhex(text.removeprefix('#')))
+    return ColorRGBA(r=red, g=green, b=blue, a=1.0)
+
+
+def _between(first: ColorRGBA, last: ColorRGBA, steps: int) -> list[ColorRGBA]:
+    """Colours from one towards another, which is left out."""
+    parts = [k / steps for k in range(steps)]
+    return [
+        ColorRGBA(**{n: (1.0 - f) * getattr(first, n) + f * getattr(last, n) for n in 'rgba'})
+        for f in parts
+    ]
+
+
+NEAR, HALFWAY, FAR = _color('#d55e00'), _color('#f0e442'), _color('#009e73')
+"""Red, yellow and green that stay apart for colour-blind readers (Okabe and Ito)."""
+
+SCALE: Final = (*_between(NEAR, HALFWAY, 16), *_between(HALFWAY, FAR, 16), FAR)
+
+_MOVING: Final = _color('#b03a8c')
+_COLORS: Final = {name: _color(text) for name, text in LEVEL_COLORS.items()}

@@ -1,8 +1,13 @@
-"""Decisions to messages."""
+"""Decisions as messages, each made once and filled again and again, and commands as bytes.
+
+Making the parts of a message anew takes longer than to fill them, and to have rclpy serialise a
+command as long as a good part of deciding. So commands leave in CDR (OMG DDS-RTPS 2.5, section 10,
+with the alignment of XCDR version 1).
+"""
 
 from __future__ import annotations
 
-import math
+import struct
 from typing import TYPE_CHECKING
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -11,65 +16,50 @@ from nav_msgs.msg import Path
 from std_msgs.msg import Header
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.guidance import decision_to_key_values, severity, waypoints, with_former_keys
+from cmpsp_ros.guidance import NANOSECONDS, decision_to_key_values, severity, waypoints
+from cmpsp_ros.nodes.common.messages import set_pose, set_stamp
+from cmpsp_ros.robots import with_side
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from sensor_msgs.msg import JointState
-
     from cmpsp_ros.guidance import Decision, Plan
 
+_LITTLE_ENDIAN = b'\x00\x01\x00\x00'
+_TWIST = struct.Struct('<6d')
+_STAMP = struct.Struct('<iI')
+_ALIGNMENT = 8
 
-def set_stamp(header: Header, stamp_ns: int) -> None:
-    """Stamp a message [ns]."""
-    header.stamp.sec, header.stamp.nanosec = divmod(stamp_ns, 1_000_000_000)
+
+def twist_bytes(decision: Decision) -> bytes:
+    """The command of a decision as a `geometry_msgs/Twist`."""
+    return _LITTLE_ENDIAN + _twist(decision)
 
 
-def fill_wheels(message: JointState, decision: Decision) -> None:
-    """Commanded wheel speeds [rad/s]."""
-    message.velocity = decision.wheel_speeds.tolist()
+def stamped_bytes(decision: Decision, frame: bytes) -> bytes:
+    """The command as a `geometry_msgs/TwistStamped` with the stamp of its odometry.
+
+    The frame is as from `frame_bytes`.
+    """
+    stamp = _STAMP.pack(*divmod(decision.stamp, NANOSECONDS))
+    return _LITTLE_ENDIAN + stamp + frame + _twist(decision)
+
+
+def frame_bytes(frame_id: str) -> bytes:
+    """A frame after a stamp, padded up to the twist."""
+    name = frame_id.encode() + b'\0'
+    text = struct.pack('<I', len(name)) + name
+    return text + bytes(-(_STAMP.size + len(text)) % _ALIGNMENT)
+
+
+def _twist(decision: Decision) -> bytes:
+    forward, left, turn_rate = with_side(decision.twist).tolist()
+    return _TWIST.pack(forward, left, 0.0, 0.0, 0.0, turn_rate)
 
 
 def level_of(decision: Decision) -> bytes:
     """Diagnostic level of a decision: having arrived is no error."""
     return bytes([severity(decision)])
-
-
-class DecisionMessage:
-    """Everything about a decision but its plan; numbers read back exactly.
-
-    One message is filled again and again: making its parts anew takes longer than to fill them.
-    """
-
-    def __init__(self, name: str, hardware_id: str, frame_id: str) -> None:
-        """Make the message.
-
-        Args:
-            name: Of the node, in diagnostics.
-            hardware_id: Of the robot.
-            frame_id: Of the odometry.
-        """
-        self._message = DiagnosticStatus(name=name, hardware_id=hardware_id)
-        self._array = DiagnosticArray(status=[self._message])
-        self._array.header.frame_id = frame_id
-        self._values: dict[str, KeyValue] = {}
-
-    def fill(self, decision: Decision) -> DiagnosticArray:
-        """The message of a decision, good until the next; stamped as what it answers."""
-        set_stamp(self._array.header, decision.stamp)
-        self._message.level = level_of(decision)
-        self._message.message = decision.reason
-        self._message.values = [
-            self._value(*item)
-            for item in with_former_keys(decision_to_key_values(decision)).items()
-        ]
-        return self._array
-
-    def _value(self, key: str, value: str) -> KeyValue:
-        found = self._values.get(key) or self._values.setdefault(key, KeyValue(key=key))
-        found.value = value
-        return found
 
 
 def polygon_message(corners: Array, frame_id: str, stamp_ns: int) -> PolygonStamped:
@@ -80,11 +70,36 @@ def polygon_message(corners: Array, frame_id: str, stamp_ns: int) -> PolygonStam
     return message
 
 
+class DecisionMessage:
+    """Everything about a decision but its plan; numbers read back exactly."""
+
+    def __init__(self, name: str, hardware_id: str, frame_id: str) -> None:
+        """Make the message, with the name of its status, and the frame of odometry."""
+        self._message = DiagnosticStatus(name=name, hardware_id=hardware_id)
+        self._array = DiagnosticArray(status=[self._message])
+        self._array.header.frame_id = frame_id
+        self._values: dict[str, KeyValue] = {}
+
+    def fill(self, decision: Decision) -> DiagnosticArray:
+        """The message of a decision, good until the next, with the stamp of its odometry."""
+        set_stamp(self._array.header, decision.stamp)
+        self._message.level = level_of(decision)
+        self._message.message = decision.reason
+        self._message.values = [
+            self._value(*item) for item in decision_to_key_values(decision).items()
+        ]
+        return self._array
+
+    def _value(self, key: str, value: str) -> KeyValue:
+        found = self._values.get(key) or self._values.setdefault(key, KeyValue(key=key))
+        found.value = value
+        return found
+
+
 class PathMessage:
     """The predicted path, each pose at the time when the robot should be there."""
 
     def __init__(self, frame_id: str) -> None:
-        """Make the message, in a frame."""
         self._path = Path()
         self._path.header.frame_id = frame_id
         self._poses: list[PoseStamped] = []
@@ -105,11 +120,8 @@ class PathMessage:
 
     def stand(self, pose: Sequence[float], stamp_ns: int) -> Path:
         """The message of a robot that stands at a pose (x, y, heading) [m, m, rad]."""
-        x, y, heading = pose
         there = PoseStamped(header=Header(frame_id=self._path.header.frame_id))
-        there.pose.position.x, there.pose.position.y = x, y
-        there.pose.orientation.z = math.sin(heading / 2.0)
-        there.pose.orientation.w = math.cos(heading / 2.0)
+        set_pose(there.pose, pose)
         for each in (self._path.header, there.header):
             set_stamp(each, stamp_ns)
         self._path.poses = [there]

@@ -9,6 +9,7 @@ import numpy as np
 from sensor_msgs.msg import JointState
 
 from cmpsp_ros.nodes.common.health import hardware_id
+from cmpsp_ros.nodes.common.messages import BASE, set_stamp
 from cmpsp_ros.nodes.common.topics import (
     COMMAND,
     DECISION,
@@ -21,17 +22,16 @@ from cmpsp_ros.nodes.common.topics import (
     WHEELS,
     Topic,
 )
-from cmpsp_ros.nodes.guidance.outputs.command_bytes import frame_bytes, stamped_bytes, twist_bytes
 from cmpsp_ros.nodes.guidance.outputs.listeners import Listeners
-from cmpsp_ros.nodes.guidance.outputs.markers import marker_array
+from cmpsp_ros.nodes.guidance.outputs.markers import PlanMarkers, marker_array
 from cmpsp_ros.nodes.guidance.outputs.messages import (
     DecisionMessage,
     PathMessage,
-    fill_wheels,
+    frame_bytes,
     polygon_message,
-    set_stamp,
+    stamped_bytes,
+    twist_bytes,
 )
-from cmpsp_ros.nodes.guidance.outputs.plan_markers import PlanMarkers
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -42,16 +42,13 @@ if TYPE_CHECKING:
     from cmpsp_ros.parameters import Values
 
 
-_BASE = 'base_link'
-
-
 class GuidanceOutputs:
     """Publishers of one configured guidance node.
 
     The command leaves before anything else is made or sent.
 
     Attributes:
-        listeners: Who listens.
+        listeners: Subscribers that a run waits for.
     """
 
     def __init__(self, node: LifecycleNode, values: Values, settings: GuidanceSettings) -> None:
@@ -74,23 +71,17 @@ class GuidanceOutputs:
         self.listeners = Listeners(
             node, self._command, (self._wheels, self._decisions), values['recorder_timeout']
         )
-        self._robot_frame = _BASE, frame_bytes(_BASE)
-        self._make_messages(values, settings)
-
-    def _make_messages(self, values: Values, settings: GuidanceSettings) -> None:
-        """Make the messages that are filled at each control step."""
+        self._robot_frame = BASE, frame_bytes(BASE)
+        self._footprint, self._frame_id = settings.footprint, settings.frame_id
+        name = f'{node.get_fully_qualified_name()}: decision'
         self._wheel_message = JointState(name=values['robot.joint_names'])
-        name = self._node.get_fully_qualified_name()
-        self._path_message = PathMessage(values['frame_id'])
+        self._decision_message = DecisionMessage(name, hardware_id(node), self._frame_id)
+        self._path_message = PathMessage(self._frame_id)
         self._plan_message = PlanMarkers(settings)
-        self._footprint = settings.footprint
-        robot = hardware_id(self._node)
-        self._frame_id = values['frame_id']
-        self._decision_message = DecisionMessage(f'{name}: decision', robot, self._frame_id)
 
     @property
     def subscribers(self) -> dict[str, int]:
-        """How many listen to what every decision is told by, for diagnostics."""
+        """Numbers of subscribers to what reports every decision, for diagnostics."""
         publishers = {
             'command': self._command,
             'decision': self._decisions,
@@ -112,16 +103,14 @@ class GuidanceOutputs:
     def name_robot(self, frame: str) -> None:
         """Name the robot's frame, of commands that are stamped; `base_link` where unknown."""
         if frame != self._robot_frame[0]:
-            self._robot_frame = frame, frame_bytes(frame or _BASE)
+            self._robot_frame = frame, frame_bytes(frame or BASE)
 
     def report(self, decision: Decision, pose: Sequence[float]) -> None:
-        """Send what a decision was made of; path and markers only if somebody listens.
+        """Send a decision; path and markers only if somebody listens.
 
-        Args:
-            decision: The decision.
-            pose: Where the robot is (x, y, heading) [m, m, rad]; empty where nobody knows.
+        The pose of the robot (x, y, heading) [m, m, rad] is empty where it is unknown.
         """
-        fill_wheels(self._wheel_message, decision)
+        self._wheel_message.velocity = decision.wheel_speeds.tolist()
         set_stamp(self._wheel_message.header, decision.stamp)
         self._wheels.publish(self._wheel_message)
         self._decisions.publish(self._decision_message.fill(decision))
@@ -137,14 +126,9 @@ class GuidanceOutputs:
             self._corners.publish(polygon_message(corners, self._frame_id, decision.stamp))
 
     def show(self, settings: LawSettings, world: World, ahead: Goal | None) -> None:
-        """Send road, obstacles and goals to everybody, now and later.
+        """Send road, obstacles and goals, paler before the goal ahead.
 
-        Whether anybody listens does not matter: who comes later is told by the middleware.
-
-        Args:
-            settings: With the goals.
-            world: Road and static obstacles.
-            ahead: The goal that is driven to, if any.
+        They are latched: late subscribers receive them, too.
         """
         now = self._node.get_clock().now().to_msg()
         self._markers.publish(marker_array(settings, world, now, ahead))

@@ -215,7 +215,7 @@ def setting(number, **facts):
 
 
 def without(*keys):
-    """A change that makes decisions those of a version which did not say so."""
+    """A change that leaves keys of decisions out."""
 
     def change(topic, _index, message):
         if topic == DECISIONS:

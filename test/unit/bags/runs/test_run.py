@@ -6,7 +6,19 @@ import math
 
 import numpy as np
 import pytest
-from bag_messages import JOINTS, ODOMETRY, PATH, SECOND, STATUS, joints, odometry, path, raw, status
+from bag_messages import (
+    JOINTS,
+    ODOMETRY,
+    PATH,
+    PLAIN_DECISION,
+    SECOND,
+    STATUS,
+    joints,
+    odometry,
+    path,
+    raw,
+    status,
+)
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -36,12 +48,7 @@ def at(stamp, x, heading, speed):
 
 
 def decision(stamp, **more):
-    wheels = {'wheel_speed_right': 45.0, 'wheel_speed_left': 44.0}
-    return status(
-        **{'stamp': stamp, 'step': 0, 'fallback_level': 'nominal', 'finished': 'false'}
-        | wheels
-        | more
-    )
+    return status(**PLAIN_DECISION | {'stamp': stamp} | more)
 
 
 def write(folder, topics):

@@ -22,9 +22,12 @@ from tempfile import TemporaryDirectory
 from rosbags.interfaces import MessageDefinition, MessageDefinitionFormat
 
 from cmpsp_ros.bags import Bag, BagError, BagWriter, Form
-from cmpsp_ros.bags.definitions import jazzy
-from cmpsp_ros.bags.export.files import export
+from cmpsp_ros.bags.export import export
 from cmpsp_ros.bags.recover import recover
+
+sys.path.insert(0, str(Path(__file__).parents[3]))
+
+import bag_messages as say
 
 MEMORY = 1500 << 20
 """Address space a bag may take, libraries included [bytes]."""
@@ -58,33 +61,12 @@ OWN = MessageDefinition(
 
 def messages():
     """One message of every kind that guidance knows, and one of a type nobody knows."""
-    make = jazzy().types
-    time_ = make['builtin_interfaces/msg/Time'](1, 2)
-    header = make['std_msgs/msg/Header'](time_, 'odom')
-    vector = make['geometry_msgs/msg/Vector3'](1.0, 2.0, 3.0)
-    twist = make['geometry_msgs/msg/Twist'](vector, vector)
-    pair = make['diagnostic_msgs/msg/KeyValue']
-    pose = make['geometry_msgs/msg/Pose'](
-        make['geometry_msgs/msg/Point'](1.0, 2.0, 0.0),
-        make['geometry_msgs/msg/Quaternion'](0.0, 0.0, 0.0, 1.0),
-    )
-    posed = make['geometry_msgs/msg/PoseStamped'](header, pose)
-    for topic, name, message in (
-        ('/cmd_vel', 'geometry_msgs/msg/Twist', twist),
-        (
-            '/guidance/decision',
-            'diagnostic_msgs/msg/DiagnosticStatus',
-            make['diagnostic_msgs/msg/DiagnosticStatus'](
-                0, 'guidance', 'why', 'id', [pair('stamp', '1'), pair('miss', '0.25')]
-            ),
-        ),
-        (
-            '/guidance/predicted_path',
-            'nav_msgs/msg/Path',
-            make['nav_msgs/msg/Path'](header, [posed] * 3),
-        ),
+    for topic, message in (
+        ('/cmd_vel', say.twist(1.0, 2.0)),
+        ('/guidance/decision', say.status('why', stamp=1, miss=0.25)),
+        ('/guidance/predicted_path', say.path(1, [(1.0, 2.0)] * 3)),
     ):
-        yield topic, name, bytes(jazzy().serialize_cdr(message, name)), None
+        yield topic, message.__msgtype__, say.raw(message), None
     names = struct.pack('<III', 0x100, 1, 2) + b'a\0\0\0' + struct.pack('<I', 0)
     yield '/own', 'my_msgs/msg/Own', names, OWN
 

@@ -58,6 +58,12 @@ def edit_metadata(path, old, new):
     metadata.write_text(text.replace(old, new))
 
 
+def compressed(path, mode):
+    """Say that a bag is compressed by zstd, by file or by message."""
+    edit_metadata(path, "compression_mode: ''", f'compression_mode: {mode}')
+    edit_metadata(path, "compression_format: ''", 'compression_format: zstd')
+
+
 def test_random_damage(tmp_path, program):
     outcomes, _ = program(HERE / 'fuzz.py').fuzz(30, 'test', tmp_path)
     assert outcomes.keys() >= {'read', 'refused', 'partly read', 'recovered'}
@@ -92,6 +98,9 @@ def test_more_random_damage_in_bounded_memory():
         ('# ' + 'x' * MAX_METADATA, 'at most'),
         ('rosbag2_bagfile_information: [1]', 'has no rosbag2_bagfile_information'),
         ('\x00', 'not YAML'),
+        ('', 'not a readable bag'),
+        ('{', 'not a readable bag'),
+        ('rosbag2_bagfile_information: {version: 9}', 'not a readable bag'),
     ],
 )
 def test_metadata(path, text, reason):
@@ -116,6 +125,7 @@ RESTARTS = """cmpsp_ros.restarts: '{{"/a": {}}}'\n    x: '"""
         ("compression_mode: ''", 'compression_mode: file', 'not a readable bag'),
         ('cmpsp_ros.version: 0', 'cmpsp_ros.version: [0', 'not YAML'),
         ('cmpsp_ros.version: ', 'cmpsp_ros.version: !!int 4 #', 'wanted a str'),
+        ("parameters: '{", "parameters: '{/guidance", 'not a readable bag'),
         ("parameters: '{", "parameters: '" + '[' * 100_000 + '{', 'not a readable bag'),
         ("parameters: '{", "parameters: '{" + '"a": 5 , "b":{', 'not a readable bag'),
         (KEPT, RESTARTS.format(5), 'restarts of /a is a int, wanted a list'),
@@ -277,8 +287,7 @@ def test_databases(path, script):
 
 def test_file_that_fills_the_disk(path, monkeypatch):
     make(path)
-    edit_metadata(path, "compression_mode: ''", 'compression_mode: FILE')
-    edit_metadata(path, "compression_format: ''", 'compression_format: zstd')
+    compressed(path, 'FILE')
     file = path / 'bag_0.mcap'
     whole = file.read_bytes()
     file.write_bytes(zstd.compress(whole))
@@ -290,13 +299,11 @@ def test_file_that_fills_the_disk(path, monkeypatch):
 def test_messages_compressed_one_by_one(path):
     message = zstd.compress(HELLO)
     make(path, raw=message)
-    edit_metadata(path, "compression_mode: ''", 'compression_mode: MESSAGE')
-    edit_metadata(path, "compression_format: ''", 'compression_format: zstd')
+    compressed(path, 'MESSAGE')
     assert [each.data for _, each in read(path)] == ['hello'] * 3
     shutil.rmtree(path)
     make(path, raw=zstd.compress(bytes(MAX_CHUNK + 1)))
-    edit_metadata(path, "compression_mode: ''", 'compression_mode: MESSAGE')
-    edit_metadata(path, "compression_format: ''", 'compression_format: zstd')
+    compressed(path, 'MESSAGE')
     refused(path, f'more than {MAX_CHUNK} bytes uncompressed')
 
 

@@ -7,8 +7,6 @@ from binascii import crc32
 
 import pytest
 from bag_messages import HELLO, STRING
-from rosbags.rosbag2 import StoragePlugin, Writer
-from rosbags.typesys import Stores, get_typestore
 
 from cmpsp_ros.bags import Bag, BagError, BagWriter, Form
 from cmpsp_ros.bags.recover import recover
@@ -148,12 +146,3 @@ def test_checksums(tmp_path, compressed):
             list(bag.messages('/a'))
         remarks = recover(path, tmp_path / 'new').remarks
         assert any('is not what it was when it was written' in each for each in remarks)
-
-
-def test_bag_of_rosbags(tmp_path):
-    store = get_typestore(Stores.ROS2_HUMBLE)
-    with Writer(tmp_path / 'a', version=8, storage_plugin=StoragePlugin.MCAP) as writer:
-        connection = writer.add_connection('/a', STRING, typestore=store)
-        writer.write(connection, 3, HELLO)
-    with Bag(tmp_path / 'a') as bag:
-        assert [(stamp, each.data) for stamp, each in bag.messages('/a')] == [(3, 'hello')]

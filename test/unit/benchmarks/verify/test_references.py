@@ -14,7 +14,7 @@ from benchmarks.verify.programs.families import cases
 from benchmarks.verify.programs.general import random_program
 from benchmarks.verify.references import Verdict, references, verdict
 from cmpsp_ros.mpsp.qp import Penalties, QPStatus, Subproblem
-from cmpsp_ros.mpsp.qp.dense import daqp_backend
+from cmpsp_ros.mpsp.qp.dense import solve_by_daqp
 
 
 def prices(terminal, path):
@@ -22,7 +22,7 @@ def prices(terminal, path):
 
 
 def daqp(program):
-    return daqp_backend.solve(program.subproblem, program.penalties, 1e-9)
+    return solve_by_daqp(program.subproblem, program.penalties, 1e-9)
 
 
 @pytest.mark.parametrize('solve', [clarabel_reference.solve, daqp])

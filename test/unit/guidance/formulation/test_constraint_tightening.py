@@ -7,7 +7,7 @@ from scenarios import CASES, FIRST, SECOND, settings, start_of
 
 from cmpsp_ros.guidance import Goal, Safety
 from cmpsp_ros.guidance.formulation import goal_space, sample_space
-from cmpsp_ros.guidance.formulation.constraint_tightening import path_space
+from cmpsp_ros.guidance.formulation.ocp_formulation import path_space
 from cmpsp_ros.guidance.goals import Target
 from cmpsp_ros.guidance.mission.goal_manager import GoalManager
 from cmpsp_ros.world import outside

@@ -5,12 +5,13 @@ import numpy as np
 import pytest
 from problems import assert_derivatives, differences
 
-from cmpsp_ros.guidance.formulation import Cost, GuidanceProblem
+from cmpsp_ros.guidance import Weights
+from cmpsp_ros.guidance.formulation import GuidanceProblem
 from cmpsp_ros.guidance.formulation.guidance_problem import N_EDGE_CONSTRAINTS
 from cmpsp_ros.mpsp import Options
 from cmpsp_ros.mpsp.qp.curvature import nearest_positive_semidefinite
+from cmpsp_ros.mpsp.results import Status
 from cmpsp_ros.mpsp.sqp.cmpsp import solve
-from cmpsp_ros.mpsp.status import Status
 from cmpsp_ros.robots import DifferentialDrive
 from cmpsp_ros.world import FreeSpace
 from cmpsp_ros.world.grids import GridObstacle, OccupancyGrid
@@ -42,7 +43,7 @@ def options(posed, **changes):
 
 @pytest.mark.parametrize('kind', KINDS)
 def test_derivatives(kind):
-    posed = problem(Cost(15.0, 2.0, 0.3), OBSTACLES, steps=6)
+    posed = problem(Weights(15.0, 2.0, 0.3), OBSTACLES, steps=6)
     rng = np.random.default_rng(0)
     U = np.array([45.0, 44.5]) + 0.5 * rng.normal(size=(7, 2))
     assert_derivatives(posed, U, atol=2e-6)
@@ -55,7 +56,7 @@ def test_derivatives_of_several_discs(road):
     """Each disc has its rows, which depend on the heading unless it is at the reference point."""
     discs = np.array([[0.0, 0.0], [0.6, 0.0], [-0.4, 0.3]])
     whole = FreeSpace.of(road, OBSTACLES, 0.2, discs)
-    cost, pose, goal = Cost(15.0, 2.0, 0.3), np.array([0.0, -9.25, 0.3]), np.array([10.0, 0.0])
+    cost, pose, goal = Weights(15.0, 2.0, 0.3), np.array([0.0, -9.25, 0.3]), np.array([10.0, 0.0])
     posed = GuidanceProblem(DifferentialDrive(), whole, cost, pose, goal, np.full(6, 0.5))
     assert posed.size.path == 3 * (2 + len(OBSTACLES))
     U = np.array([45.0, 44.5]) + 0.5 * np.random.default_rng(0).normal(size=(7, 2))
@@ -72,7 +73,7 @@ def test_derivatives_of_several_discs(road):
 @pytest.mark.parametrize('radius', [7.0, 10.0])
 def test_exact_hessian_is_the_second_derivative_inside_and_outside_the_centre_line(radius):
     road = Annulus(inner_radius=2.0 * radius - 11.0)
-    posed = problem(Cost(15.0, 2.0, 0.3), OBSTACLES, road=road, steps=6)
+    posed = problem(Weights(15.0, 2.0, 0.3), OBSTACLES, road=road, steps=6)
     U = np.array([45.0, 44.8]) + 0.1 * np.random.default_rng(1).normal(size=(7, 2))
     inside = np.linalg.norm(posed.predict(U)[:, :2], axis=1) < radius
     assert inside.any() == (radius == 10.0)
@@ -80,7 +81,7 @@ def test_exact_hessian_is_the_second_derivative_inside_and_outside_the_centre_li
 
 
 def test_projected_hessian_is_the_positive_part_of_the_exact_one():
-    posed = problem(Cost(15.0, 0.0, 0.0), steps=6)
+    posed = problem(Weights(15.0, 0.0, 0.0), steps=6)
     U = np.tile([45.0, 44.8], (7, 1))
     X = posed.predict(U)
     inside = np.linalg.norm(X[:, :2], axis=1) < 10.0
@@ -98,7 +99,7 @@ def test_projected_hessian_is_the_positive_part_of_the_exact_one():
 
 
 def test_gauss_newton_is_what_remains_of_the_second_derivative_on_the_centre_line():
-    posed = problem(Cost(15.0, 0.0, 0.0), road=Annulus(inner_radius=7.5), steps=1)
+    posed = problem(Weights(15.0, 0.0, 0.0), road=Annulus(inner_radius=7.5), steps=1)
     U = np.zeros((2, 2))
     X = posed.predict(U)
 
@@ -110,7 +111,7 @@ def test_gauss_newton_is_what_remains_of_the_second_derivative_on_the_centre_lin
 
 
 def test_cost_is_that_of_equation_95():
-    posed = problem(Cost(15.0, 3.0, 0.2), steps=4)
+    posed = problem(Weights(15.0, 3.0, 0.2), steps=4)
     U = np.arange(10.0).reshape(5, 2)
     X = posed.predict(U)
     radius = np.linalg.norm(X[:, :2], axis=1)
@@ -119,7 +120,7 @@ def test_cost_is_that_of_equation_95():
 
 
 def test_constraints_are_clearances_and_stage_0_has_none():
-    posed = problem(Cost(15.0, 1.0, 0.0), OBSTACLES, steps=4)
+    posed = problem(Weights(15.0, 1.0, 0.0), OBSTACLES, steps=4)
     assert posed.size.path == N_EDGE_CONSTRAINTS + 2
     U = np.tile([45.0, 44.0], (5, 1))
     X = posed.predict(U)
@@ -135,10 +136,10 @@ def test_constraints_are_clearances_and_stage_0_has_none():
 
 
 def test_limits():
-    posed = problem(Cost(15.0, 1.0, 0.0), robot=DifferentialDrive(max_wheel_speed=51.0))
+    posed = problem(Weights(15.0, 1.0, 0.0), robot=DifferentialDrive(max_wheel_speed=51.0))
     np.testing.assert_array_equal(posed.control_upper, np.full((51, 2), 51.0))
     np.testing.assert_array_equal(posed.control_lower, np.full((51, 2), -51.0))
-    free = problem(Cost(15.0, 1.0, 0.0))
+    free = problem(Weights(15.0, 1.0, 0.0))
     assert np.isinf(free.control_upper).all()
 
 
@@ -147,7 +148,7 @@ def test_at_the_centre_of_the_road_everything_is_finite(kind):
     posed = GuidanceProblem(
         DifferentialDrive(),
         FreeSpace.of(Annulus(), (Obstacle('here', (0.0, 0.0), 0.5),), 0.0),
-        Cost(15.0, 1.0, 0.0),
+        Weights(15.0, 1.0, 0.0),
         np.zeros(3),
         np.zeros(2),
         np.full(3, 0.2),
@@ -165,7 +166,7 @@ def test_shortest_horizons(steps):
     posed = GuidanceProblem(
         DifferentialDrive(max_wheel_speed=51.0),
         FreeSpace.of(Annulus(), OBSTACLES, 0.0),
-        Cost(15.0, 1.0, 0.0),
+        Weights(15.0, 1.0, 0.0),
         np.array([9.9, -0.4 * steps, 1.5]),
         np.array([10.0, 0.0]),
         np.full(steps, 0.25),
@@ -223,9 +224,9 @@ def best(posed, U, cost, road, limit=np.inf, obstacles=()):
 @pytest.mark.parametrize(
     ('cost', 'limit', 'obstacles'),
     [
-        (Cost(15.0, 0.1, 0.02), np.inf, ()),
-        (Cost(15.0, 0.2, 0.02), np.inf, OBSTACLES),
-        (Cost(15.0, 0.2, 0.02), 48.0, OBSTACLES),
+        (Weights(15.0, 0.1, 0.02), np.inf, ()),
+        (Weights(15.0, 0.2, 0.02), np.inf, OBSTACLES),
+        (Weights(15.0, 0.2, 0.02), 48.0, OBSTACLES),
     ],
 )
 @pytest.mark.parametrize('kind', KINDS)
@@ -246,7 +247,7 @@ def test_derivatives_beside_a_map():
     cells = np.zeros((60, 80), np.uint8)
     cells[20:26, 30:34] = cells[40:, 50:52] = 1
     grid = GridObstacle('map', OccupancyGrid((-1.0, -2.5, 0.3), 0.1, cells))
-    posed = problem(Cost(15.0, 2.0, 0.3), (*OBSTACLES, grid), road=OpenFloor(), steps=6, y=-1.0)
+    posed = problem(Weights(15.0, 2.0, 0.3), (*OBSTACLES, grid), road=OpenFloor(), steps=6, y=-1.0)
     U = np.array([20.0, 19.0]) + 0.5 * np.random.default_rng(0).normal(size=(7, 2))
 
     assert posed.size.path == N_EDGE_CONSTRAINTS + 3

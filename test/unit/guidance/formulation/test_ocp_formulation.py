@@ -8,8 +8,7 @@ from scenarios import CASES, FIRST, ROAD, SECOND, clearance, closed_loop, settin
 
 from cmpsp_ros.guidance import FallbackLevel, Safety, SolverSettings
 from cmpsp_ros.guidance.formulation import OcpFormulation, sample_space
-from cmpsp_ros.guidance.formulation.constraint_tightening import path_space
-from cmpsp_ros.guidance.formulation.ocp_formulation import terminal_penalty
+from cmpsp_ros.guidance.formulation.ocp_formulation import path_space, terminal_penalty
 from cmpsp_ros.world.obstacles import Obstacle
 from cmpsp_ros.world.roads import Annulus, Corridor, OpenFloor
 

@@ -7,7 +7,8 @@ import sys
 import numpy as np
 import pytest
 
-from cmpsp_ros.guidance.formulation import Cost, GuidanceProblem, begun_at, ocp_functions
+from cmpsp_ros.guidance import Weights
+from cmpsp_ros.guidance.formulation import GuidanceProblem, ocp_functions
 from cmpsp_ros.guidance.formulation.guidance_problem import with_parameters
 from cmpsp_ros.mpsp.qp.riccati import row_type, stage_type
 from cmpsp_ros.robots import DifferentialDrive, TwistLimits
@@ -108,7 +109,7 @@ def problem(space, outputs=2):
     return GuidanceProblem(
         DifferentialDrive(max_wheel_speed=51.0),
         space,
-        Cost(15.0, 2.0, 0.3),
+        Weights(15.0, 2.0, 0.3),
         np.array([0.3, -8.8, 0.1]),
         np.array([9.0, 0.0]),
         np.full(STEPS, 0.2),
@@ -171,7 +172,8 @@ def test_a_problem_begun_elsewhere_leaves_the_first_one_as_it_is():
     posed = problem(FreeSpace.of(Annulus(), (), 0.1))
     U = np.full((STEPS + 1, 2), 45.0)
     X, data = posed.predict(U), posed.data
-    posed.data = begun_at(data, np.array([1.0, 2.0, 3.0]), np.full(STEPS, 0.1), 0.0)
+    changes = {'pose': np.array([1.0, 2.0, 3.0]), 'durations': np.full(STEPS, 0.1)}
+    posed.data = data._replace(**changes, progress=0.0)
     posed.data = with_parameters(posed.data, goal=np.zeros(2), heading=0.0)
     assert posed.predict(U)[0].tolist() == [1.0, 2.0, 3.0]
     assert posed.evaluate(X, U).output_error.tolist() == X[-1, :2].tolist()

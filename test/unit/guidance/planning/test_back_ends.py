@@ -11,7 +11,7 @@ from cmpsp_ros.guidance import SolverSettings, Weights, remaining, shift, to_nan
 from cmpsp_ros.guidance.formulation import OcpFormulation
 from cmpsp_ros.guidance.planning import Planner, initial_guess
 from cmpsp_ros.mpsp.jit import address_of, allocation_free
-from cmpsp_ros.mpsp.qp.riccati import ITERATION_LIMIT
+from cmpsp_ros.mpsp.qp.riccati import Outcome
 from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 from cmpsp_ros.parameters.files import preset_names
 from cmpsp_ros.world.obstacles import Obstacle
@@ -85,7 +85,7 @@ def test_back_ends_by_name_and_the_exact_hessian(changes):
 
 @allocation_free
 def gives_up(_program, _active, _warm):
-    return ITERATION_LIMIT
+    return Outcome.ITERATION_LIMIT
 
 
 def test_what_the_compiled_solver_gives_up_is_done_by_a_back_end():

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cmpsp_ros.guidance.planning import manoeuvres
-from cmpsp_ros.guidance.planning.manoeuvres import has_to_turn
+from cmpsp_ros.guidance.planning.reeds_shepp import has_to_turn
 from cmpsp_ros.guidance.prediction import PlanStart
 from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 from cmpsp_ros.world import FreeSpace

@@ -37,9 +37,8 @@ from cmpsp_ros.guidance import (
 )
 from cmpsp_ros.guidance.formulation import OcpFormulation
 from cmpsp_ros.guidance.planning import Planner, along_road, initial_guess
-from cmpsp_ros.guidance.planning.candidate import Candidate
+from cmpsp_ros.guidance.planning.candidate import Candidate, Ranking
 from cmpsp_ros.guidance.planning.homotopy.path_search import guide_paths
-from cmpsp_ros.guidance.planning.ranking import Ranking
 from cmpsp_ros.guidance.safety import Audit
 from cmpsp_ros.world.obstacles import Obstacle
 

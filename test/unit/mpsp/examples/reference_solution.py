@@ -6,8 +6,8 @@ import casadi
 import numpy as np
 
 from cmpsp_ros.mpsp import Options
+from cmpsp_ros.mpsp.results import Status
 from cmpsp_ros.mpsp.sqp.cmpsp import solve
-from cmpsp_ros.mpsp.status import Status
 
 _QUIET = {
     'print_time': False,

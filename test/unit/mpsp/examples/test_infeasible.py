@@ -6,8 +6,8 @@ import pytest
 from reference_solution import options_for
 
 from cmpsp_ros.mpsp.models.casadi_functions import from_casadi
+from cmpsp_ros.mpsp.results import Status
 from cmpsp_ros.mpsp.sqp.cmpsp import solve
-from cmpsp_ros.mpsp.status import Status
 
 N, DT = 20, 0.1
 SPEED_LIMIT, DISTANCE = 1.0, 3.0

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from reference_solution import assert_agrees, options_for
 
-from cmpsp_ros.mpsp.analysis.convergence import Convergence
-from cmpsp_ros.mpsp.analysis.theorem2 import Verdict, check, lagrangian_hessian
+from cmpsp_ros.mpsp.convergence import Convergence
 from cmpsp_ros.mpsp.models.casadi_functions import from_casadi
 from cmpsp_ros.mpsp.qp.dense import condense
+from cmpsp_ros.mpsp.theorem2 import Verdict, check, lagrangian_hessian
 
 N, FLIGHT_TIME = 60, 1.25
 START = (0.0, 0.0, np.radians(20.0))

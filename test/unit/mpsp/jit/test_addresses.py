@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cmpsp_ros.mpsp.jit import address_of, allocation_free, call
-from cmpsp_ros.mpsp.jit.addresses import call_for_float, call_for_int
+from cmpsp_ros.mpsp.jit.compiled import call_for_float, call_for_int
 
 
 @allocation_free

@@ -179,4 +179,4 @@ def test_without_a_known_content_a_kernel_is_compiled_in_every_process(module, f
     with pytest.raises(TypeError, match=r'lock object .* has no content'):
         fingerprint(made.kernel)
     assert allocation_free(made.kernel)(1) == 2
-    assert [*folder.iterdir()] == []
+    assert [*folder.glob('*.kernel')] == []

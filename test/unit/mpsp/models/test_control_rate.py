@@ -7,8 +7,8 @@ from problems import LinearQuadratic, VanDerPol, assert_derivatives
 from cmpsp_ros.mpsp import Options, ProblemError
 from cmpsp_ros.mpsp.models import ControlRateProblem
 from cmpsp_ros.mpsp.qp.dense import condense
+from cmpsp_ros.mpsp.results import Status
 from cmpsp_ros.mpsp.sqp.cmpsp import solve
-from cmpsp_ros.mpsp.status import Status
 
 
 def condensed(problem, U):

@@ -7,7 +7,7 @@ import pytest
 from problems import LinearQuadratic, VanDerPol, assert_derivatives, assert_same_problem
 
 from cmpsp_ros.mpsp import Options, ProblemError, Status, from_functions, solve
-from cmpsp_ros.mpsp.models.differences import StageFunction
+from cmpsp_ros.mpsp.models.derivatives import StageFunction
 
 SCHEMES = ('auto', 'complex_step', 'central')
 

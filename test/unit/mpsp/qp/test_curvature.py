@@ -8,7 +8,7 @@ from problems import LinearQuadratic
 from programs import staged
 
 from cmpsp_ros.mpsp import QPStatus, Subproblem, convexify, solve_qp
-from cmpsp_ros.mpsp.qp.active_set import fill
+from cmpsp_ros.mpsp.qp.active_set import records
 from cmpsp_ros.mpsp.qp.curvature import (
     CURVATURE_LEFT,
     extreme_eigenvalues,
@@ -177,9 +177,9 @@ def test_they_are_those_of_the_condensed_hessian(seed, shape, lost):
     np.testing.assert_allclose(extreme_eigenvalues(subproblem), values[[0, -1]], atol=1e-13 * size)
     assert largest_diagonal(subproblem) == pytest.approx(np.abs(np.diag(H)).max())
     for shift in (-values[0] + 1e-9 * size, -values[0] - 1e-9 * size):
-        assert fill.is_positive_definite(subproblem, shift) == (shift > -values[0])
+        assert records.is_positive_definite(subproblem, shift) == (shift > -values[0])
     for shift in (values[-1] + 1e-9 * size, values[-1] - 1e-9 * size):
-        assert fill.is_positive_definite(subproblem, shift, -1.0) == (shift > values[-1])
+        assert records.is_positive_definite(subproblem, shift, -1.0) == (shift > values[-1])
 
 
 def test_a_hessian_with_nothing_on_its_diagonal():
@@ -199,5 +199,5 @@ def test_what_is_not_finite_has_none(part, bad):
     spoilt = getattr(subproblem.linearisation, part).copy()
     spoilt[2] = bad
     stages = changed(subproblem, **{part: spoilt})
-    assert not fill.is_positive_definite(stages, 1.0)
+    assert not records.is_positive_definite(stages, 1.0)
     assert not np.isfinite(extreme_eigenvalues(stages)).all()

@@ -10,15 +10,15 @@ from cmpsp_ros.mpsp import Linearisation
 from cmpsp_ros.mpsp.qp import (
     QPStatus,
     Subproblem,
+    back_ends,
     kkt_residual,
     no_warm_start,
-    riccati_backend,
     solve_from,
     solve_qp,
 )
 from cmpsp_ros.mpsp.qp.active_set.state import CAPACITY
 from cmpsp_ros.mpsp.qp.dense import clarabel_backend
-from cmpsp_ros.mpsp.qp.riccati import ITERATION_LIMIT
+from cmpsp_ros.mpsp.qp.riccati import Outcome
 
 
 @pytest.fixture
@@ -38,7 +38,7 @@ def asked(monkeypatch):
 @pytest.fixture
 def stopped(monkeypatch):
     """An active-set method that gives up."""
-    monkeypatch.setattr(riccati_backend, 'solve_program', lambda *_: ITERATION_LIMIT)
+    monkeypatch.setattr(back_ends, 'solve_program', lambda *_: Outcome.ITERATION_LIMIT)
 
 
 def crowded(N):
@@ -123,7 +123,7 @@ def test_more_active_bounds_than_there_is_capacity_for(asked):
         assert np.count_nonzero(solution.bounds) > CAPACITY
         assert kkt_residual(subproblem, solution, None) < 1e-8
         np.testing.assert_allclose(solution.dU[:-2], 1.0, atol=1e-10)
-        assert warm[0] == np.count_nonzero(solution.bounds)
+        assert warm.size == np.count_nonzero(solution.bounds)
     assert asked == []
 
 
@@ -143,7 +143,7 @@ def test_more_other_rows_than_there_is_capacity_for(asked):
     assert solution.status is QPStatus.SOLVED
     np.testing.assert_allclose(solution.dU[:-2], 1.0, atol=1e-7)
     assert len(asked) == 1
-    assert warm[0] == 0
+    assert warm.size == 0
 
 
 def test_without_curvature_neither_is_of_use(asked):

@@ -18,7 +18,7 @@ from programs import (
 
 from cmpsp_ros.mpsp import ProblemError
 from cmpsp_ros.mpsp.qp import Penalties, QPStatus, available, backend, solve_qp
-from cmpsp_ros.mpsp.qp.dense import qpsolvers_backend
+from cmpsp_ros.mpsp.qp.dense.back_ends import solve_by_qpsolvers
 
 BACKENDS = available()
 
@@ -189,7 +189,7 @@ def test_program_is_left_as_it_was():
 
 @pytest.mark.parametrize('solver', ['daqp', 'clarabel'])
 def test_solvers_of_qpsolvers_agree(solver):
-    solve = partial(qpsolvers_backend.solve, solver)
+    solve = partial(solve_by_qpsolvers, solver)
     for seed in range(3):
         qp = program(seed)
         for weights in (None, penalties(qp, 2.0, 3.0)):

@@ -7,7 +7,6 @@ import pytest
 from problems import LinearQuadratic
 from programs import program, staged
 
-from cmpsp_ros.mpsp import qp as room
 from cmpsp_ros.mpsp.qp import (
     Penalties,
     QPSolution,
@@ -17,6 +16,7 @@ from cmpsp_ros.mpsp.qp import (
     kkt_residual,
     solve_qp,
 )
+from cmpsp_ros.mpsp.qp import back_ends as room
 
 BACKENDS = available()
 
@@ -78,7 +78,7 @@ def written_out(subproblem, solution, penalties):
     qp = subproblem.condensed
     rows = qp.path_stage, qp.path_index
     dU, bounds, rho = solution.dU.ravel(), solution.bounds.ravel(), solution.path[rows]
-    trust = solution.trust[1:, np.isfinite(subproblem.trust_radius)].T.ravel()
+    trust = solution.trust[1:, np.isfinite(subproblem.trust_radius)].ravel()
     pull = qp.S_N.T @ solution.terminal + qp.B_C.T @ rho + qp.T.T @ trust
     parts = qp.H @ dU + qp.c, pull, bounds
     scale, size = 1.0 + max(np.abs(part).max() for part in parts), 1.0 + np.abs(dU).max()

@@ -8,7 +8,6 @@ from problems import LinearQuadratic, VanDerPol
 from reference_merit import Merit
 
 from cmpsp_ros.mpsp import Linearisation, Options
-from cmpsp_ros.mpsp.iterate import record
 from cmpsp_ros.mpsp.qp import (
     RICCATI_ACTIVE_SET,
     Penalties,
@@ -19,6 +18,7 @@ from cmpsp_ros.mpsp.qp import (
 )
 from cmpsp_ros.mpsp.qp.curvature import convexify
 from cmpsp_ros.mpsp.qp.dense.closed_form import has_closed_form
+from cmpsp_ros.mpsp.results import record
 from cmpsp_ros.mpsp.sqp import CMPSP
 
 SHAPES = [(1, 3, 2, 2, 2), (5, 3, 2, 2, 2), (9, 1, 1, 0, 0), (7, 4, 3, 1, 1)]
@@ -44,7 +44,7 @@ def test_its_functions_are_the_rows_of_the_condensed_program(shape):
     assert dX.shape == (shape[0] + 1, shape[1])
     assert not dX[0].any()
     held = np.isfinite(subproblem.trust_radius)
-    np.testing.assert_allclose(dX[1:, held].T.ravel(), qp.T @ dU.ravel(), atol=1e-11)
+    np.testing.assert_allclose(dX[1:, held].ravel(), qp.T @ dU.ravel(), atol=1e-11)
     np.testing.assert_allclose(
         subproblem.terminal(dU, dX), qp.S_N @ dU.ravel() + qp.output_error, atol=1e-11
     )

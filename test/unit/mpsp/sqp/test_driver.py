@@ -13,7 +13,7 @@ from cmpsp_ros.guidance.planning import FUNCTIONS
 from cmpsp_ros.mpsp import SLACK_TOLERANCE
 from cmpsp_ros.mpsp.models import CONTROL_RATE, ControlRateData, ControlRateProblem
 from cmpsp_ros.mpsp.qp import QPStatus
-from cmpsp_ros.mpsp.qp.riccati import NO_CURVATURE, SOLVED
+from cmpsp_ros.mpsp.qp.riccati import Outcome
 from cmpsp_ros.robots import within_ramp
 from cmpsp_ros.world.obstacles import Obstacle
 
@@ -142,7 +142,7 @@ def test_without_curvature_the_run_ends():
     guess = guesses(10, 15.0, 1)
     driver = driver_for(problem, robot_options(problem))
     ws = improve(driver, data, guess, 5)
-    assert ws.run['outcome'] == NO_CURVATURE
+    assert ws.run['outcome'] == Outcome.NO_CURVATURE
     np.testing.assert_array_equal(ws.now.U, np.clip(guess, -51.0, 51.0))
 
 
@@ -157,7 +157,7 @@ def test_what_is_not_finite_ends_the_run(where):
     else:
         data = with_parameters(data, goal=bad[:2])
     ws = improve(driver_for(problem, robot_options(problem)), data, guess, 5)
-    assert ws.run['outcome'] != SOLVED
+    assert ws.run['outcome'] != Outcome.SOLVED
     # A Hessian that is not finite has no curvature, and is left to others at once.
     assert ws.run['iterations'] == int(where != 'guess')
 
@@ -169,7 +169,7 @@ def test_a_limit_of_work_ends_the_run():
     driver.forget()
     driver.ws.program.head['work_limit'] = whole // 10
     ws = improve(driver, problem.data, guesses(50, 2.0), 3)
-    assert ws.run['outcome'] != SOLVED
+    assert ws.run['outcome'] != Outcome.SOLVED
     assert ws.program.head['work'][0] < 3 * (whole // 10) + 20 * 51
 
 

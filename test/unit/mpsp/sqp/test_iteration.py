@@ -9,9 +9,9 @@ from problems import LinearQuadratic, TooFlat, VanDerPol, options_for, run, zero
 from cmpsp_ros.mpsp import ProblemError
 from cmpsp_ros.mpsp.qp import Penalties, QPStatus, solve_qp
 from cmpsp_ros.mpsp.qp.dense import condense
+from cmpsp_ros.mpsp.results import Status
 from cmpsp_ros.mpsp.sqp import CMPSP
 from cmpsp_ros.mpsp.sqp.cmpsp import solve
-from cmpsp_ros.mpsp.status import Status
 
 
 class Saddle(VanDerPol):

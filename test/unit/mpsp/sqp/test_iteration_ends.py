@@ -7,9 +7,9 @@ import pytest
 from problems import HalfHearted, LinearQuadratic, TooFlat, VanDerPol, options_for, run, zeros
 
 from cmpsp_ros.mpsp.qp import QPStatus
+from cmpsp_ros.mpsp.results import Status
 from cmpsp_ros.mpsp.sqp import CMPSP
 from cmpsp_ros.mpsp.sqp.cmpsp import solve
-from cmpsp_ros.mpsp.status import Status
 
 
 def contradictory(seed=0):

@@ -9,16 +9,16 @@ from reference_merit import Merit
 
 from cmpsp_ros.mpsp import Evaluation
 from cmpsp_ros.mpsp.qp import QPStatus, Subproblem, solve_qp
-from cmpsp_ros.mpsp.qp.active_set.fill import compiled_size, put_derivatives
+from cmpsp_ros.mpsp.qp.active_set.records import compiled_size, put_derivatives
 from cmpsp_ros.mpsp.sqp.line_search import (
-    GOES_ON,
-    WANTS_CORRECTION,
     begin_search,
     go_on,
     go_on_corrected,
+    merit,
+    predicted_reduction,
+    update_penalties,
 )
-from cmpsp_ros.mpsp.sqp.merit import merit, predicted_reduction, update_penalties
-from cmpsp_ros.mpsp.sqp.workspace import workspace
+from cmpsp_ros.mpsp.sqp.workspace import Request, workspace
 
 # What they call takes long to compile: by one worker.
 pytestmark = pytest.mark.xdist_group('riccati')
@@ -78,15 +78,15 @@ class Search:
         run['predicted'] = predicted if promised is None else promised
         self.ws.program.stages['correction_U'] = 0.0
         begin_search(self.ws, 0.0)
-        length = GOES_ON
-        while length in {GOES_ON, WANTS_CORRECTION}:
-            if length == WANTS_CORRECTION:
-                length = go_on_corrected(self.ws)
+        request = Request.EVALUATE
+        while request != Request.DONE:
+            if request == Request.CORRECT:
+                request = go_on_corrected(self.ws)
                 continue
             tried = self.ws.trial.U[:, : size.control].copy()
             run['trial_cost'] = self._put(self.ws.trial, tried).cost
-            length = go_on(self.ws)
-        return length, self.ws.now.U[:, : size.control].copy()
+            request = go_on(self.ws)
+        return run['length'], self.ws.now.U[:, : size.control].copy()
 
     @property
     def slope(self):

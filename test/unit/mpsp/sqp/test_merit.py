@@ -7,9 +7,9 @@ from stage_programs import random_program, relaxed, run, staged
 
 from cmpsp_ros.mpsp import Dimensions, Evaluation
 from cmpsp_ros.mpsp.qp import Subproblem
-from cmpsp_ros.mpsp.qp.riccati import SOLVED
-from cmpsp_ros.mpsp.sqp.elastic import LEVELS, relax
-from cmpsp_ros.mpsp.sqp.merit import (
+from cmpsp_ros.mpsp.qp.riccati import Outcome
+from cmpsp_ros.mpsp.sqp.iteration import LEVELS, relax
+from cmpsp_ros.mpsp.sqp.line_search import (
     magnitude,
     merit,
     predicted_reduction,
@@ -29,7 +29,7 @@ def solved(seed=0):
     qp = random_program(np.random.default_rng(seed), bound=0.7)
     qp.g[:] += 0.5
     found = run(qp, relaxed(qp, 4.0, 4.0))
-    assert found.outcome == SOLVED
+    assert found.outcome == Outcome.SOLVED
     p = found.space.program
     p.terminal['weight'], p.path['weight'] = TERMINAL, PATH
     update_penalties(p)

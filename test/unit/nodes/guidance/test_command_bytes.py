@@ -8,7 +8,7 @@ import pytest
 from geometry_msgs.msg import Twist, TwistStamped
 from rclpy.serialization import deserialize_message, serialize_message
 
-from cmpsp_ros.nodes.guidance.outputs.command_bytes import frame_bytes, stamped_bytes, twist_bytes
+from cmpsp_ros.nodes.guidance.outputs.messages import frame_bytes, stamped_bytes, twist_bytes
 
 LATEST = (2**31 - 1) * 10**9 + 999_999_999
 TWISTS = [(0.0, 0.0), (1.785, -0.25), (-1e-300, math.pi), (math.nan, math.inf)]

@@ -11,16 +11,11 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from hypothesis import given
 from hypothesis import strategies as st
 from rclpy.time import Time
-from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
 from cmpsp_ros.guidance import Decision, FallbackLevel, Horizon, Plan
-from cmpsp_ros.nodes.guidance.outputs.messages import (
-    DecisionMessage,
-    PathMessage,
-    fill_wheels,
-    set_stamp,
-)
+from cmpsp_ros.nodes.common.messages import set_stamp
+from cmpsp_ros.nodes.guidance.outputs.messages import DecisionMessage, PathMessage
 
 FLOATS = st.floats() | st.sampled_from([5e-324, -0.0, 0.1 + 0.2, 1e308, math.inf, math.nan])
 NUMBERS = ('time_left', 'terminal_error', 'clearance', 'worst_clearance', 'slack')
@@ -37,6 +32,7 @@ def decision(**changes):
         'level': FallbackLevel.NOMINAL,
         'reason': 'Well.',
         'wheel_speeds': np.array([45.1, 44.2]),
+        'steering_angle': None,
         'twist': np.array([1.5, 0.1 + 0.2]),
         'time_left': 8.6,
         'plan': None,
@@ -94,13 +90,6 @@ def test_a_message_filled_again_keeps_nothing_of_the_decision_before():
         assert refilled.fill(made) == DecisionMessage('it', 'robot', 'odom').fill(made)
     assert 'solve_ms' in values_of(refilled.fill(first))
     assert 'solve_ms' not in values_of(refilled.fill(second))
-
-
-def test_wheel_speeds_are_the_decision_s():
-    joints = JointState(name=['right', 'left'])
-    fill_wheels(joints, decision())
-    assert joints.name == ['right', 'left']
-    assert joints.velocity.tolist() == [45.1, 44.2]
 
 
 @pytest.mark.parametrize('stamp', [0, 999_999_999, 1_700_000_000_123_456_789])

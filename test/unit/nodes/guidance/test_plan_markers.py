@@ -11,7 +11,7 @@ from visualization_msgs.msg import Marker
 from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw, Observation
 from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.guidance.safety import plan_clearance
-from cmpsp_ros.nodes.guidance.outputs.plan_markers import FAR, NEAR, PLENTY, PlanMarkers, color_of
+from cmpsp_ros.nodes.guidance.outputs.markers import FAR, NEAR, PLENTY, PlanMarkers, color_of
 from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 
 

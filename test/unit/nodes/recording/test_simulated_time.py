@@ -5,8 +5,7 @@ from rclpy.serialization import serialize_message
 from rclpy.time import Time
 from rosgraph_msgs.msg import Clock
 
-from cmpsp_ros.nodes.recording.raw_subscriptions import Received
-from cmpsp_ros.nodes.recording.simulated_time import PATIENCE, SimulatedTime
+from cmpsp_ros.nodes.recording.received import PATIENCE, Received, SimulatedTime
 
 NOW = 100
 

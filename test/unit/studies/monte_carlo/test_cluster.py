@@ -11,7 +11,8 @@ import time
 import pytest
 from commands import command
 
-from cmpsp_ros.studies.monte_carlo import Order, Study, StudyError, run, workers
+from cmpsp_ros.studies.monte_carlo import Order, Study, StudyError, run_study
+from cmpsp_ros.studies.monte_carlo import run as study_runs
 from cmpsp_ros.studies.monte_carlo.results_log import NAME, digest, open_results_log
 
 STUDY = Study('nominal', 1)
@@ -66,9 +67,9 @@ def worker(start, address):
 
 
 def test_an_address_without_a_worker_is_told(address, monkeypatch, tmp_path):
-    monkeypatch.setattr(workers, '_ANSWER_TIMEOUT', 0.5)
+    monkeypatch.setattr(study_runs, '_ANSWER_TIMEOUT', 0.5)
     with pytest.raises(StudyError, match=rf'found no worker at {address}, wanted one'):
-        run(Order(STUDY, 2, tmp_path / 'study', scheduler=address), lambda *_: lambda _: None)
+        run_study(Order(STUDY, 2, tmp_path / 'study', scheduler=address), lambda *_: lambda _: None)
 
 
 @pytest.mark.slow
@@ -86,7 +87,7 @@ def test_a_killed_worker_loses_nothing_and_nothing_counts_twice(start, address, 
     assert f'nominal: {RUNS} runs of seed 1' in said
     assert sorted(numbers_in(folder)) == list(range(RUNS))
     alone = tmp_path / 'alone'
-    run(Order(STUDY, RUNS, alone), lambda *_: lambda _: None)
+    run_study(Order(STUDY, RUNS, alone), lambda *_: lambda _: None)
     assert (folder / 'summary.json').read_bytes() == (alone / 'summary.json').read_bytes()
     there = [dict(sorted(open_results_log(each, STUDY).items())) for each in (folder, alone)]
     assert there[0] == there[1]
@@ -105,7 +106,7 @@ def numbers_in(folder):
 
 @pytest.mark.parametrize('address', ['tcp://127.0.0.1:9', 'nonsense://x', 'nowhere'])
 def test_no_scheduler_there_is_told_in_one_line(monkeypatch, tmp_path, address):
-    monkeypatch.setattr(workers, '_ANSWER_TIMEOUT', 0.5)
+    monkeypatch.setattr(study_runs, '_ANSWER_TIMEOUT', 0.5)
     arguments = ['study', 'nominal', '--scheduler', address, '--output', str(tmp_path / 'study')]
     result = command(*arguments)
     assert result.exit_code == 1
@@ -116,10 +117,10 @@ def test_no_scheduler_there_is_told_in_one_line(monkeypatch, tmp_path, address):
 def test_without_dask_it_says_what_it_wants(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, 'distributed', None)
     with pytest.raises(StudyError, match='pip install distributed'):
-        run(Order(STUDY, 2, tmp_path / 'study', scheduler='x'), lambda *_: lambda _: None)
+        run_study(Order(STUDY, 2, tmp_path / 'study', scheduler='x'), lambda *_: lambda _: None)
 
 
 def test_a_worker_with_other_code_makes_nothing():
     other = digest()[::-1]
     with pytest.raises(StudyError, match=f'other code: found {digest()}, wanted {other}'):
-        workers._make_remotely(STUDY, [0], other)
+        study_runs._make_remotely(STUDY, [0], other)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from dataclasses import replace
 
@@ -9,9 +10,10 @@ import numpy as np
 import pytest
 
 from cmpsp_ros.guidance import GuidanceLaw
+from cmpsp_ros.simulator import Plant
 from cmpsp_ros.studies.monte_carlo import Study
 from cmpsp_ros.studies.monte_carlo.driving import drive, farthest, outcome
-from cmpsp_ros.studies.monte_carlo.outcome import Outcome, Verdict
+from cmpsp_ros.studies.monte_carlo.outcome import RunVerdict, StudyOutcome
 from cmpsp_ros.world.obstacles import Obstacle
 
 START = (0.0, -9.25, 0.0)
@@ -31,7 +33,7 @@ def task():
 
 def test_a_good_run(task):
     made = outcome(drive(task))
-    assert made.verdict(1e-3) == Verdict.ARRIVED
+    assert made.verdict(1e-3) == RunVerdict.ARRIVED
     assert made.miss < 1e-9
     assert made.obstacle_clearance is None
     assert 0.0 < made.road_clearance <= 0.25
@@ -49,7 +51,7 @@ def test_a_start_in_an_obstacle_has_begun_outside_and_touches(task):
     made = outcome(drive(replace(task, scenario=scenario, settings=settings)))
     assert made.began_outside
     assert made.clearance == made.obstacle_clearance <= -0.2 + 1e-12
-    assert made.verdict(1e-3) == Verdict.TOUCHED
+    assert made.verdict(1e-3) == RunVerdict.TOUCHED
 
 
 def test_an_exception_is_kept_and_stops_the_robot(task, monkeypatch):
@@ -64,14 +66,14 @@ def test_an_exception_is_kept_and_stops_the_robot(task, monkeypatch):
     driven = drive(task)
     made = outcome(driven)
     assert made.exception == 'ZeroDivisionError: of all things'
-    assert made.verdict(1e-3) == Verdict.EXCEPTION
+    assert made.verdict(1e-3) == RunVerdict.EXCEPTION
     assert driven.motions[-1].wheel_speeds.tolist() == [0.0, 0.0]
     assert made.nominal == 10
     assert made.x[11] == made.x[-1]
 
 
 @pytest.mark.parametrize(
-    ('scale', 'verdict'), [(math.nan, Verdict.NOT_FINITE), (2.0, Verdict.TOO_FAST)]
+    ('scale', 'verdict'), [(math.nan, RunVerdict.NOT_FINITE), (2.0, RunVerdict.TOO_FAST)]
 )
 def test_commands_that_must_not_be_are_counted(task, monkeypatch, scale, verdict):
     law = GuidanceLaw.step
@@ -95,14 +97,12 @@ def test_what_cannot_be_reached_is_known(task):
         drive(replace(task, scenario=far, plant=replace(task.plant, initial_pose=far.pose)))
     )
     assert made.out_of_reach
-    assert made.verdict(1e-3) in {Verdict.TOO_FAR, Verdict.STOPPED}
+    assert made.verdict(1e-3) in {RunVerdict.TOO_FAR, RunVerdict.STOPPED}
 
 
 def test_the_farthest_way_is_what_the_plant_drives(task):
     disturbed = Study('disturbed').run(0)
     line = replace(disturbed.plant, initial_pose=(0.0, 0.0, 0.0), cmd_vel_timeout=0.0)
-    from cmpsp_ros.simulator import Plant
-
     plant = Plant(line)
     plant.command(0, line.robot.max_speed, 0.0)
     plant.advance(10_000_000_000)
@@ -113,12 +113,10 @@ def test_the_farthest_way_is_what_the_plant_drives(task):
 
 
 def test_an_outcome_reads_back_bit_for_bit(task):
-    import json
-
     made = outcome(drive(task))
-    assert Outcome.from_values(json.loads(made.to_json())) == made
+    assert StudyOutcome.from_values(json.loads(made.to_json())) == made
     nan = replace(made, miss=math.nan, road_clearance=math.nan)
-    assert nan.verdict(1e-3) == Verdict.LEFT_ROAD
+    assert nan.verdict(1e-3) == RunVerdict.LEFT_ROAD
 
 
 def test_noise_repeats_and_differs_from_run_to_run():
@@ -146,7 +144,7 @@ def test_a_robot_whose_delay_is_told_wrong_arrives(number):
     """Without correction it touches an obstacle or leaves the road."""
     study = Study('told_wrong')
     made = outcome(drive(study.run(number)))
-    assert made.verdict(study.tolerance) is Verdict.ARRIVED
+    assert made.verdict(study.tolerance) is RunVerdict.ARRIVED
     assert made.clearance > 0.02
     assert abs(made.told_error) > 0.03
     believing = Study('told_wrong', assignments=('command_delay_tolerance=0.0',))

@@ -9,12 +9,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cmpsp_ros.studies.monte_carlo import Order, Study, StudyError, run
-from cmpsp_ros.studies.monte_carlo.courses.scenario import GAP, WIDTH, is_open
+from cmpsp_ros.studies.monte_carlo import Order, Study, StudyError, judging, run_study
 from cmpsp_ros.studies.monte_carlo.driving import drive, farthest, outcome
-from cmpsp_ros.studies.monte_carlo.judging import judge as judges
-from cmpsp_ros.studies.monte_carlo.judging.costs import passed_alike
-from cmpsp_ros.studies.monte_carlo.outcome import Verdict
+from cmpsp_ros.studies.monte_carlo.judging import passed_alike
+from cmpsp_ros.studies.monte_carlo.outcome import RunVerdict
+from cmpsp_ros.studies.monte_carlo.ring_courses import GAP, WIDTH, is_open
 from cmpsp_ros.studies.paper.ipopt import limit_excess, motion
 
 ROBOTS = {
@@ -85,28 +84,28 @@ def test_a_run_keeps_every_limit(robot):
     task = study(robot).run(3)
     driven = drive(task)
     made = outcome(driven)
-    assert made.verdict(1e-3) == Verdict.ARRIVED
+    assert made.verdict(1e-3) == RunVerdict.ARRIVED
     assert made.over_limit == 0
     settings = task.settings
     assert limit_excess(settings.robot, driven.controls, settings.control_period) < 1e-6
     # A robot that could not do as much would have broken its limits.
     weaker = replace(settings.robot, max_wheel_acceleration=0.9 * 2.5)
     weak = replace(task, settings=replace(settings, robot=weaker))
-    assert outcome(replace(driven, task=weak)).verdict(1e-3) == Verdict.OVER_LIMIT
+    assert outcome(replace(driven, task=weak)).verdict(1e-3) == RunVerdict.OVER_LIMIT
 
 
 @pytest.mark.parametrize('number', [77, 114])
 def test_a_car_comes_to_its_goal_slowly_enough_to_stop_behind_it(number):
     made = outcome(drive(study('car').run(number)))
-    assert made.verdict(1e-3) == Verdict.ARRIVED
+    assert made.verdict(1e-3) == RunVerdict.ARRIVED
     assert made.stop == 0
 
 
 def test_the_judge_brakes_a_car_to_rest():
     pytest.importorskip('casadi')
     task = study('f1tenth').run(2)
-    found = judges.judged(task)
-    assert found['answer'] == judges.FEASIBLE
+    found = judging.judge_failure(task)
+    assert found['answer'] == judging.FEASIBLE
 
 
 def test_sides_of_a_point():
@@ -121,11 +120,11 @@ def test_sides_of_a_point():
 def test_of_forty_robots_those_arrive_that_can(robot, tmp_path):
     """All but one full-size car, which steers slowly."""
     order = Order(study(robot, 7), 40, tmp_path / robot, judge=True)
-    values = run(order, lambda *_: lambda _: None)
+    values = run_study(order, lambda *_: lambda _: None)
     (folder,) = tmp_path.iterdir()
     assert json.loads((folder / 'summary.json').read_text()) == json.loads(json.dumps(values))
     answers = [each['judge']['answer'] for each in values['failures']]
-    assert len(answers) - answers.count(judges.NOT_FOUND) <= (robot == 'car')
+    assert len(answers) - answers.count(judging.NOT_FOUND) <= (robot == 'car')
     counts = {name: each['count'] for name, each in values['shares'].items()}
     assert counts['touched an obstacle, of runs with any'] == counts['left the road'] == 0
     assert counts['commands changed or steered too much'] == 0
@@ -136,5 +135,5 @@ def test_of_forty_robots_those_arrive_that_can(robot, tmp_path):
 def test_a_plan_that_may_change_quickly_costs_little_more_than_the_least(robot, tmp_path):
     quick = *ROBOTS[robot], 'weights.control_change=0.0001'
     order = Order(Study('nominal', 7, assignments=quick, robot=robot), 10, tmp_path, costs=10)
-    costs = run(order, lambda *_: lambda _: None)['costs']
+    costs = run_study(order, lambda *_: lambda _: None)['costs']
     assert costs['at_most_5_percent_more'] >= 0.8 * costs['of_the_same_class'] > 0

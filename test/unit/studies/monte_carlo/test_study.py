@@ -17,11 +17,11 @@ from commands import command
 from pyarrow import parquet
 
 import cmpsp_ros
-from cmpsp_ros.studies.monte_carlo import Order, Study, StudyError, run
-from cmpsp_ros.studies.monte_carlo.judging import judge as judges
-from cmpsp_ros.studies.monte_carlo.judging.slalom import slalom
+from cmpsp_ros.studies.monte_carlo import Order, Study, StudyError, judging, run_study
+from cmpsp_ros.studies.monte_carlo.guesses import slalom
 from cmpsp_ros.studies.monte_carlo.results_log import HASHED_PACKAGES, NAME, open_results_log
-from cmpsp_ros.studies.monte_carlo.workers import make
+from cmpsp_ros.studies.monte_carlo.run import make_runs
+from cmpsp_ros.studies.monte_carlo.summary import Share
 
 STUDY = Study('nominal', 1)
 RUNS = 20
@@ -62,16 +62,34 @@ def test_a_study_counts_keeps_and_draws(made):
     assert drawn == {f'run_{each["run"]:05d}.png' for each in values['failures']}
 
 
-@pytest.mark.parametrize('package', HASHED_PACKAGES)
-def test_the_digest_covers_every_package_that_decides(package):
-    assert list((Path(cmpsp_ros.__file__).parent / package).rglob('*.py'))
+def test_the_digest_covers_every_package_that_decides():
+    root = Path(cmpsp_ros.__file__).parent
+    assert all(list((root / package).rglob('*.py')) for package in HASHED_PACKAGES)
+
+
+@pytest.mark.parametrize(
+    ('count', 'total', 'interval'),
+    [
+        # R. G. Newcombe, Two-sided confidence intervals for the single proportion, Stat. Med. 17
+        # (1998), table I, method 3.
+        (81, 263, (0.2553, 0.3662)),
+        (15, 148, (0.0624, 0.1605)),
+        (0, 20, (0.0, 0.1611)),
+        (1, 29, (0.0061, 0.1718)),
+        (0, 0, (0.0, 1.0)),
+    ],
+)
+def test_intervals_are_the_published_ones(count, total, interval):
+    assert Share('', count, total).interval == pytest.approx(interval, abs=5e-5)
 
 
 @pytest.mark.slow
 def test_of_two_hundred_robots_none_is_unsafe_and_nearly_all_arrive(tmp_path):
     """The study of `cmpsp study nominal`, with other courses than those of the documentation."""
     study = Study('nominal', 7)
-    values = run(Order(study, 200, tmp_path / 'nominal', workers=2), lambda *_: lambda _: None)
+    values = run_study(
+        Order(study, 200, tmp_path / 'nominal', workers=2), lambda *_: lambda _: None
+    )
     counts = {name: each['count'] for name, each in values['shares'].items()}
     arrived = values['shares']['arrived within 1 mm, goal in reach']
     assert arrived['count'] >= 0.95 * arrived['of'] > 80
@@ -85,7 +103,7 @@ def test_of_two_hundred_robots_none_is_unsafe_and_nearly_all_arrive(tmp_path):
 def test_two_workers_come_to_the_same(made, tmp_path):
     folder = tmp_path / 'nominal'
     told = []
-    run(Order(STUDY, RUNS, folder, workers=2), lambda *_: told.append)
+    run_study(Order(STUDY, RUNS, folder, workers=2), lambda *_: told.append)
     assert results_of(folder) == results_of(made[0])
     assert (folder / 'summary.json').read_bytes() == (made[0] / 'summary.json').read_bytes()
     assert sum(told) >= RUNS
@@ -94,7 +112,7 @@ def test_two_workers_come_to_the_same(made, tmp_path):
 def test_any_order_comes_to_the_same(made, tmp_path):
     folder = tmp_path / 'nominal'
     open_results_log(folder, STUDY)
-    outcomes = list(make(STUDY, [17, 3, 11], folder, 1, lambda _: None))
+    outcomes = list(make_runs(Order(STUDY, 0, folder), [17, 3, 11], lambda _: None))
     assert [each.number for each in outcomes] == [17, 3, 11]
     kept = results_of(made[0])
     assert outcomes == [kept[17], kept[3], kept[11]]
@@ -123,7 +141,7 @@ def test_after_a_kill_it_goes_on_and_loses_nothing(made, tmp_path):
     assert len(there) >= len(finished)
     missing = [number for number in range(RUNS) if number not in there]
     told = []
-    run(Order(STUDY, RUNS, folder), lambda part, _: told.append if part == 'runs' else len_of)
+    run_study(Order(STUDY, RUNS, folder), lambda part, _: told.append if part == 'runs' else len_of)
     assert told == [RUNS - len(missing), *[1] * len(missing)]
     kept = results_of(folder)
     assert {number: kept[number] for number in range(RUNS)} == results_of(made[0])
@@ -166,7 +184,7 @@ def test_what_a_power_cut_left_of_a_line_is_made_again(made, tmp_path):
     content = (made[0] / NAME).read_bytes().rstrip()
     path.write_bytes(content[:-30])
     last = next(number for number in range(RUNS) if number not in open_results_log(tmp_path, STUDY))
-    list(make(STUDY, [last], tmp_path, 1, lambda _: None))
+    list(make_runs(Order(STUDY, 0, tmp_path), [last], lambda _: None))
     assert results_of(tmp_path) == results_of(made[0])
 
 
@@ -226,41 +244,34 @@ def test_one_run_again(made, tmp_path):
     assert '0.00 s  ' in result.stdout
 
 
-def test_its_own_command_is_what_a_failure_is_titled_with():
-    study = Study('disturbed', 4, 6, ('final_time=11.0',))
-    said = 'cmpsp study disturbed --seed 4 --run 17 --obstacles 6 --set final_time=11.0'
-    assert study.command(17) == said
-
-
 def test_the_judge_finds_a_way_where_there_is_one(tmp_path):
-    assert judges.judged(STUDY.run(next_arrived()))['answer'] == judges.FEASIBLE
+    assert judging.judge_failure(STUDY.run(next_arrived()))['answer'] == judging.FEASIBLE
     blocked = Study('nominal', 1, 0, ('robot.max_wheel_speed=0.5',)).run(0)
-    assert judges.judged(blocked) == {'answer': judges.OUT_OF_REACH}
-    assert judges.kept(tmp_path) == {}
-    judges.keep(tmp_path, {3: {'answer': judges.NOT_FOUND}})
-    assert judges.kept(tmp_path) == {3: {'answer': judges.NOT_FOUND}}
-    (tmp_path / judges.NAME).write_text('[1]')
+    assert judging.judge_failure(blocked) == {'answer': judging.OUT_OF_REACH}
+    path = tmp_path / judging.JUDGED
+    assert judging.read_answers(path) == {}
+    judging.write_answers(path, {3: {'answer': judging.NOT_FOUND}})
+    assert judging.read_answers(path) == {3: {'answer': judging.NOT_FOUND}}
+    path.write_text('[1]')
     with pytest.raises(StudyError, match=r'judged\.json'):
-        judges.kept(tmp_path)
+        judging.read_answers(path)
 
 
 def test_the_judge_passes_a_goal_near_an_obstacle_and_keeps_the_margin():
     task = Study('disturbed', 1).run(502)
     near = min(math.dist(task.settings.goal, o.center) - o.radius for o in task.settings.obstacles)
     assert 0.05 < near < 0.08
-    found = judges.judged(task)
-    assert found['answer'] == judges.FEASIBLE
+    found = judging.judge_failure(task)
+    assert found['answer'] == judging.FEASIBLE
     assert found['clearance_m'] >= 0.05 - 1e-6
 
 
 def next_arrived():
     """The first run of which the goal is in reach."""
-    from cmpsp_ros.studies.monte_carlo.driving import farthest
-
     for number in range(100):
         task = STUDY.run(number)
         way = task.settings.road.shortest_length(task.scenario.pose[:2], task.settings.goal)
-        if way < 0.8 * farthest(task):
+        if way < 0.8 * judging.farthest(task):
             return number
     raise AssertionError
 
@@ -268,7 +279,7 @@ def next_arrived():
 def test_without_casadi_the_judge_says_what_it_wants(monkeypatch):
     monkeypatch.setitem(sys.modules, 'casadi', None)
     with pytest.raises(StudyError, match='pip install casadi'):
-        judges.judged(STUDY.run(next_arrived()))
+        judging.judge_failure(STUDY.run(next_arrived()))
 
 
 def test_a_start_for_the_judge_passes_obstacles_where_there_is_room():

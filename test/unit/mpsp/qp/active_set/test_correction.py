@@ -9,9 +9,9 @@ from stage_programs import dense, place, random_program, run
 
 from cmpsp_ros.mpsp.qp import RICCATI_ACTIVE_SET, QPSolution, QPStatus, Subproblem, solve_qp
 from cmpsp_ros.mpsp.qp.active_set import correct
-from cmpsp_ros.mpsp.qp.active_set.correction import activate
-from cmpsp_ros.mpsp.qp.active_set.fill import borrowed_space, fill, put_solution
-from cmpsp_ros.mpsp.qp.riccati import SOLVED
+from cmpsp_ros.mpsp.qp.active_set.records import borrowed_space, fill, put_solution
+from cmpsp_ros.mpsp.qp.active_set.solver import activate
+from cmpsp_ros.mpsp.qp.riccati import Outcome
 from cmpsp_ros.mpsp.sqp.back_end import BackEnd
 
 # What they call takes long to compile: by one worker.
@@ -24,7 +24,7 @@ def after_full_step(seed, N=5, bound=0.7):
     qp = random_program(rng, N, bound=bound)
     qp.g[:] += 0.2
     found = run(qp)
-    assert found.outcome == SOLVED
+    assert found.outcome == Outcome.SOLVED
     assert found.multipliers.path.any()
     assert found.multipliers.bounds.any()
     return qp, found, 0.01 * rng.normal(size=2), 0.01 * rng.normal(size=qp.g.shape) - 0.005
@@ -67,7 +67,7 @@ def test_controls_that_are_held_stay_there():
     qp = random_program(rng, 60, bound=0.2)
     qp.g[:], qp.output_error[:] = qp.g - 0.3, 0.1 * qp.output_error
     found = run(qp)
-    assert found.outcome == SOLVED
+    assert found.outcome == Outcome.SOLVED
     assert found.fixed > 20
     output_error, g = 0.001 * rng.normal(size=2), np.full(qp.g.shape, -0.001)
     found_U = corrected(found, output_error, g)

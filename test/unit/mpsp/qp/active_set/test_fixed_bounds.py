@@ -15,17 +15,17 @@ from stage_programs import (
     warm_with,
 )
 
-from cmpsp_ros.mpsp.qp import QPStatus, riccati_backend
-from cmpsp_ros.mpsp.qp.active_set.fill import is_positive_definite
+from cmpsp_ros.mpsp.qp import QPStatus, solve
+from cmpsp_ros.mpsp.qp.active_set.records import conflict_in, is_positive_definite
 from cmpsp_ros.mpsp.qp.active_set.state import CAPACITY
 from cmpsp_ros.mpsp.qp.dense import clarabel_backend
-from cmpsp_ros.mpsp.qp.riccati import INFEASIBLE, SOLVED
-from cmpsp_ros.mpsp.qp.solution import Penalties
+from cmpsp_ros.mpsp.qp.riccati import Outcome
+from cmpsp_ros.mpsp.qp.subproblem import Penalties
 
 # What they call takes long to compile: by one worker.
 pytestmark = pytest.mark.xdist_group('riccati')
 
-STATUSES = {SOLVED: QPStatus.SOLVED, INFEASIBLE: QPStatus.INFEASIBLE}
+STATUSES = {Outcome.SOLVED: QPStatus.SOLVED, Outcome.INFEASIBLE: QPStatus.INFEASIBLE}
 
 
 def crowded(seed):
@@ -51,7 +51,7 @@ def penalties_of(qp, sort):
 
 def assert_names_a_contradiction(qp, found):
     """The rows that are named have no solution even alone."""
-    rows = riccati_backend._named(found.space, found.conflict)
+    rows = conflict_in(found.space)
     least = Penalties(np.zeros(len(qp.output_error)), np.zeros(qp.g.shape))
     for row in rows:
         if row.kind == 'terminal':
@@ -80,7 +80,7 @@ def test_programs_end_as_with_clarabel(seed, sort):
     wrong = warm_with(qp, [place(qp, 'bound', k, 0, (-1.0) ** k) for k in range(len(qp.g))])
     for each in (found, again, other, run(qp, penalties, wrong)):
         assert each.outcome == found.outcome
-        if found.outcome == INFEASIBLE:
+        if found.outcome == Outcome.INFEASIBLE:
             assert_names_a_contradiction(qp, each)
             continue
         ours, least = cost(qp, each.dU, penalties), cost(qp, reference.dU, penalties)
@@ -95,10 +95,10 @@ def test_they_are_of_all_sorts():
         _, qp = crowded(seed)
         found = run(qp)
         ends.append(found.outcome)
-        if found.outcome == SOLVED:
+        if found.outcome == Outcome.SOLVED:
             most = max(most, np.count_nonzero(found.multipliers.bounds))
         held += found.fixed > 0
-    assert min(ends.count(SOLVED), ends.count(INFEASIBLE)) >= 3
+    assert min(ends.count(Outcome.SOLVED), ends.count(Outcome.INFEASIBLE)) >= 3
     assert most > CAPACITY
     assert held >= 8
 
@@ -123,7 +123,7 @@ def test_work_grows_with_the_horizon_and_not_with_its_square(sort):
         for seed in range(5):
             qp = sailing(np.random.default_rng(seed), N, bound=0.5, pull=2.0, l=0)
             found = run(qp, penalties_of(qp, sort))
-            assert found.outcome == SOLVED
+            assert found.outcome == Outcome.SOLVED
             active = np.count_nonzero(found.multipliers.bounds)
             assert active > 0.5 * N
             assert found.iterations < 40 + active / 8
@@ -139,7 +139,7 @@ def test_carts_that_hurry_as_their_forces_allow():
     qp.A[:], qp.B[:, :2] = np.eye(3), np.eye(2)
     qp.L_X[:, :2], qp.lower[:], qp.upper[:] = [-1.0, -2.0], -1.0, 1.0
     found = run(qp)
-    assert found.outcome == SOLVED
+    assert found.outcome == Outcome.SOLVED
     assert np.count_nonzero(found.multipliers.bounds) > CAPACITY
     np.testing.assert_allclose(found.dU[:-2], 1.0, atol=1e-12)
     assert found.active == 0
@@ -148,7 +148,11 @@ def test_carts_that_hurry_as_their_forces_allow():
 
 def test_a_goal_within_and_out_of_reach():
     """The whole way at full speed is 20; what is beyond contradicts all bounds that push."""
-    for target, outcome in ((19.9, SOLVED), (20.0, SOLVED), (20.1, INFEASIBLE)):
+    for target, outcome in (
+        (19.9, Outcome.SOLVED),
+        (20.0, Outcome.SOLVED),
+        (20.1, Outcome.INFEASIBLE),
+    ):
         qp = chain(200, target)
         qp.lower[:, 0], qp.upper[:, 0] = -0.1, 0.1
         # Pushes away from the goal at first: all bounds of a first guess are wrong.
@@ -156,7 +160,7 @@ def test_a_goal_within_and_out_of_reach():
         for warm in (None, warm_with(qp, [place(qp, 'bound', k, 0, -1.0) for k in range(200)])):
             found = run(qp, warm=warm)
             assert found.outcome == outcome
-            if outcome == SOLVED:
+            if outcome == Outcome.SOLVED:
                 assert found.dU[:200, 0].sum() == pytest.approx(target, abs=1e-9)
             else:
                 wanted = {0, *(place(qp, 'bound', k, 0) for k in range(200))}
@@ -170,7 +174,7 @@ def test_held_bounds_that_rows_push_inward_are_released():
     qp.L_U[:, 0], qp.lower[:, 0], qp.upper[:, 0] = -5.0, -1.0, 1.0
     qp.g_X[100, 0, 0], qp.g[100, 0] = 1.0, -20.0
     found = run(qp)
-    assert found.outcome == SOLVED
+    assert found.outcome == Outcome.SOLVED
     np.testing.assert_allclose(found.dU[:100, 0], 0.2, atol=1e-10)
     np.testing.assert_allclose(found.dU[100:, 0], 1.0, atol=1e-12)
     assert found.multipliers.path[100, 0] == pytest.approx(4.8)
@@ -178,7 +182,7 @@ def test_held_bounds_that_rows_push_inward_are_released():
     qp.g_X[100, 0, 0], qp.g[100, 0] = 0.0, -np.inf
     qp = qp._replace(output_error=np.array([-20.0]), h_X=np.eye(1, 3), h_U=np.zeros((1, 2)))
     found = run(qp)
-    assert found.outcome == SOLVED
+    assert found.outcome == Outcome.SOLVED
     np.testing.assert_allclose(found.dU[:200, 0], 0.1, atol=1e-10)
 
 
@@ -187,7 +191,7 @@ def test_crossed_bounds_among_many_that_are_held():
     qp.g[:] = -np.inf
     qp.lower[30, 1], qp.upper[30, 1] = 0.2, 0.1
     found = run(qp, relaxed(qp))
-    assert found.outcome == INFEASIBLE
+    assert found.outcome == Outcome.INFEASIBLE
     assert found.conflict <= {place(qp, 'bound', 30, 1, sign) for sign in (1.0, -1.0)}
 
 
@@ -197,7 +201,7 @@ def test_limits_that_are_equal_on_all_stages():
     for penalties in (relaxed(qp), None):
         found, reference = run(qp, penalties), clarabel_backend.solve(staged(qp), penalties)
         assert STATUSES[found.outcome] is reference.status
-        if found.outcome == SOLVED:
+        if found.outcome == Outcome.SOLVED:
             np.testing.assert_allclose(found.dU[::2], 0.1, atol=1e-12)
             np.testing.assert_allclose(found.dU, reference.dU, atol=1e-6)
 
@@ -208,16 +212,16 @@ def test_nothing_stays_held_in_memory_that_is_borrowed_again(monkeypatch):
     other = sailing(np.random.default_rng(1), 60, 0.5, 2.0, l=0)
     other.lower[:30], other.upper[:30] = -np.inf, np.inf
     monkeypatch.setattr(clarabel_backend, 'solve', None)
-    assert riccati_backend.solve(staged(first), None).status is QPStatus.SOLVED
+    assert solve(staged(first), None).status is QPStatus.SOLVED
     assert is_positive_definite(staged(first))
-    solution = riccati_backend.solve(staged(other), None)
+    solution = solve(staged(other), None)
     np.testing.assert_allclose(solution.dU, run(other).dU, atol=1e-10)
 
 
 def test_bounds_that_fill_the_basis_are_let_go():
     qp = random_program(np.random.default_rng(20), 340, bound=0.5)
     found = run(qp)
-    assert (found.outcome, found.fixed) == (SOLVED, 0)
+    assert (found.outcome, found.fixed) == (Outcome.SOLVED, 0)
     assert 200 < found.active < CAPACITY
 
 
@@ -225,6 +229,6 @@ def test_bounds_that_fill_the_basis_are_let_go():
 def test_bounds_among_many_violated_path_rows_are_not_held(seed):
     """The basis, which these rows make large, would be made again with each guess."""
     found = run(random_program(np.random.default_rng(seed), 60, bound=0.5, l=4, m=1))
-    assert (found.outcome, found.fixed) == (SOLVED, 0)
+    assert (found.outcome, found.fixed) == (Outcome.SOLVED, 0)
     assert np.count_nonzero(found.multipliers.bounds) > 15
     assert found.iterations < 2 * found.active

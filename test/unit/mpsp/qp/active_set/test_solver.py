@@ -15,20 +15,21 @@ from stage_programs import (
 )
 
 from cmpsp_ros.mpsp.qp import QPStatus
-from cmpsp_ros.mpsp.qp.dense import clarabel_backend, daqp_backend
-from cmpsp_ros.mpsp.qp.riccati import INFEASIBLE, ITERATION_LIMIT, NO_CURVATURE, SOLVED
+from cmpsp_ros.mpsp.qp.active_set.state import RowState
+from cmpsp_ros.mpsp.qp.dense import clarabel_backend, solve_by_daqp
+from cmpsp_ros.mpsp.qp.riccati import Outcome
 from cmpsp_ros.mpsp.qp.riccati.kkt import kkt_residual
 
 # What they call takes long to compile: by one worker.
 pytestmark = pytest.mark.xdist_group('riccati')
 
-STATUSES = {SOLVED: QPStatus.SOLVED, INFEASIBLE: QPStatus.INFEASIBLE}
+STATUSES = {Outcome.SOLVED: QPStatus.SOLVED, Outcome.INFEASIBLE: QPStatus.INFEASIBLE}
 
 
 def controls(qp, penalties=None, warm=None):
     """The first control of each stage."""
     found = run(qp, penalties, warm)
-    assert found.outcome == SOLVED
+    assert found.outcome == Outcome.SOLVED
     return found.dU[:, 0]
 
 
@@ -54,7 +55,7 @@ def test_nothing_asked_is_nothing_done():
     qp = chain(3)
     qp.L_U[:] = -2.0
     found = run(qp)
-    assert found.outcome == SOLVED
+    assert found.outcome == Outcome.SOLVED
     np.testing.assert_allclose(found.dU, 2.0)
     assert found.iterations == 0
 
@@ -119,7 +120,7 @@ def test_a_saturated_output_is_released_and_may_end_at_its_other_penalty(
 def test_a_saturated_inequality_is_released():
     """``u_0 >= 2`` is too dear until the output asks for as much in any case."""
     qp = walled(chain(2, 6.0, 1), 0, 2.0)
-    warm = warm_with(qp, [-1 - place(qp, 'path', 0, 0)])
+    warm = warm_with(qp, [place(qp, 'path', 0, 0)], RowState.AT_PENALTY)
     found = controls(qp, relaxed(qp, np.inf, 0.5), warm)
     np.testing.assert_allclose(found, [3.0, 3.0, 0.0], atol=1e-14)
 
@@ -137,7 +138,7 @@ def test_repeated_rows_change_nothing(seed):
         (run(once), run(thrice)),
         (run(once, relaxed(once, 3.0, 0.3)), run(thrice, relaxed(thrice, 3.0, 0.1))),
     ):
-        assert one.outcome == three.outcome == SOLVED
+        assert one.outcome == three.outcome == Outcome.SOLVED
         np.testing.assert_allclose(three.dU, one.dU, atol=1e-10)
         together = three.multipliers.path.reshape(6, 3, 2).sum(axis=1)
         np.testing.assert_allclose(together, one.multipliers.path, atol=1e-8)
@@ -150,7 +151,7 @@ def test_rows_that_others_imply():
     np.testing.assert_allclose(found.dU[:, 0], [1.5, 1.5, 0.0], atol=1e-14)
     assert found.implied == 1
     found = run(walled(chain(2, [3.0, 3.1], 1, m=2), 0, -9.0))
-    assert found.outcome == INFEASIBLE
+    assert found.outcome == Outcome.INFEASIBLE
     assert found.conflict == {0, 1}
     qp = walled(chain(2, [3.0, 3.0], 1, m=2), 0, 6.0)
     for weight, second in ((2.0, -3.0), (1.0, -2.0), (0.25, -0.5)):
@@ -163,7 +164,7 @@ def test_an_output_that_repeats_a_saturated_one_is_met_once(weight):
     """The first one is at its penalty before the second is looked at, and nothing else is."""
     qp = chain(2, [3.0, 3.0], m=2)
     found = run(qp, relaxed(qp, terminal=weight))
-    assert found.outcome == SOLVED
+    assert found.outcome == Outcome.SOLVED
     np.testing.assert_allclose(found.dU[:, 0], [1.5, 1.5, 0.0], atol=1e-13)
     assert found.multipliers.terminal.sum() == pytest.approx(-1.5)
 
@@ -173,23 +174,23 @@ def test_rows_almost_alike_contradict_each_other_as_far_as_they_are_alike(apart,
     qp = chain(2, [3.0, 3.0 + apart], 1, m=2)
     qp.h_U[1, 0] = 1e-10
     found = run(qp)
-    assert (found.outcome, found.is_proved) == (INFEASIBLE, proved)
+    assert (found.outcome, found.is_proved) == (Outcome.INFEASIBLE, proved)
 
 
 def test_contradictions_name_their_rows():
     qp = chain(3, 3.0)
     qp.upper[:2, 0] = 0.5
-    assert run(qp).outcome == SOLVED
+    assert run(qp).outcome == Outcome.SOLVED
     qp.upper[2, 0] = 1.75
     found = run(qp)
-    assert found.outcome == INFEASIBLE
+    assert found.outcome == Outcome.INFEASIBLE
     assert found.conflict == {0, *(place(qp, 'bound', k, 0) for k in range(3))}
     assert_certifies(qp, found.conflict)
     np.testing.assert_allclose(controls(qp, relaxed(qp)), [0.5, 0.5, 1.75, 0.0], atol=1e-14)
     qp = chain(2)
     qp.lower[1, 0], qp.upper[1, 0] = 1.0, 0.5
     found = run(qp)
-    assert found.outcome == INFEASIBLE
+    assert found.outcome == Outcome.INFEASIBLE
     assert found.conflict == {place(qp, 'bound', 1, 0), place(qp, 'bound', 1, 0, -1.0)}
     # A row of the first state, which nothing moves, is met or it is not.
     qp = chain(2, 1.0, 1)
@@ -197,7 +198,7 @@ def test_contradictions_name_their_rows():
     np.testing.assert_allclose(controls(qp), [0.5, 0.5, 0.0], atol=1e-14)
     qp.g[0] = 0.5
     found = run(qp)
-    assert (found.outcome, found.conflict) == (INFEASIBLE, {place(qp, 'path', 0, 0)})
+    assert (found.outcome, found.conflict) == (Outcome.INFEASIBLE, {place(qp, 'path', 0, 0)})
     np.testing.assert_allclose(controls(qp, relaxed(qp)), [0.5, 0.5, 0.0], atol=1e-14)
 
 
@@ -222,22 +223,23 @@ def test_random_programs_end_as_with_other_solvers(seed):
     found, reference = run(qp, penalties), clarabel_backend.solve(staged(qp), penalties)
     assert STATUSES[found.outcome] is reference.status
     if seed % 4 == 0:
-        assert daqp_backend.solve(staged(qp), penalties).status is reference.status
+        assert solve_by_daqp(staged(qp), penalties).status is reference.status
     # A warm start changes the way: that of a neighbour, and rows at random.
     near = qp._replace(L_X=qp.L_X + 0.2 * rng.normal(size=qp.L_X.shape), g=qp.g - 0.05)
     last = len(dense(qp).limits)
-    anything = rng.integers(-last - 5, last + 5, size=min(last, 60))
+    anything = rng.integers(-5, last + 5, size=min(last, 60))
     # Rows of no program are not looked at.
     anything[:2] = 2**62, -(2**62)
-    for warm in (found.warm.copy(), run(near, penalties).warm, warm_with(qp, anything)):
+    states = rng.integers(RowState.ACTIVE, RowState.IMPLIED, size=len(anything))
+    for warm in (found.warm.copy(), run(near, penalties).warm, warm_with(qp, anything, states)):
         other = run(qp, penalties, warm)
         assert other.outcome == found.outcome
-        if found.outcome == SOLVED:
+        if found.outcome == Outcome.SOLVED:
             np.testing.assert_allclose(other.dU, found.dU, atol=1e-9)
             np.testing.assert_allclose(
                 cost(qp, other.dU, penalties), cost(qp, reference.dU, penalties), atol=1e-7
             )
-    if found.outcome == INFEASIBLE and penalties is None:
+    if found.outcome == Outcome.INFEASIBLE and penalties is None:
         assert_certifies(qp, found.conflict)
 
 
@@ -246,7 +248,12 @@ def test_random_programs_are_of_all_sorts():
         (run(qp, penalties).outcome, penalties is None)
         for _, qp, penalties in map(sorts, range(40))
     ]
-    assert {(SOLVED, True), (SOLVED, False), (INFEASIBLE, True), (INFEASIBLE, False)} == set(ends)
+    assert {
+        (Outcome.SOLVED, True),
+        (Outcome.SOLVED, False),
+        (Outcome.INFEASIBLE, True),
+        (Outcome.INFEASIBLE, False),
+    } == set(ends)
 
 
 def test_a_proof_goes_along_to_the_next_program():
@@ -256,15 +263,15 @@ def test_a_proof_goes_along_to_the_next_program():
     later = chain(7, 2.8)
     later.upper[:, 0] = 0.3
     found = run(later, None, warm, begun=1)
-    assert (found.outcome, found.iterations, found.is_proved) == (INFEASIBLE, 0, 1)
+    assert (found.outcome, found.iterations, found.is_proved) == (Outcome.INFEASIBLE, 0, 1)
     assert found.conflict == {0, *(place(later, 'bound', k, 0) for k in range(7))}
     assert_certifies(later, found.conflict)
     # It proves nothing where the output may be missed, or can be reached.
     weights = relaxed(later, terminal=5.0)
-    assert run(later, weights, warm.copy(), begun=1).outcome == SOLVED
+    assert run(later, weights, warm.copy(), begun=1).outcome == Outcome.SOLVED
     later.upper[3, 0] = 1.3
     found = run(later, None, warm, begun=1)
-    assert found.outcome == SOLVED
+    assert found.outcome == Outcome.SOLVED
     np.testing.assert_allclose(found.dU, run(later).dU, atol=1e-12)
 
 
@@ -280,8 +287,8 @@ def test_rows_almost_parallel_are_met_all(apart):
             for name, rows in (('g', qp.g), ('g_X', qp.g_X), ('g_U', qp.g_U))
         }
         found = run(qp._replace(**twice))
-        assert found.outcome in (SOLVED, INFEASIBLE)
-        if found.outcome == SOLVED:
+        assert found.outcome in (Outcome.SOLVED, Outcome.INFEASIBLE)
+        if found.outcome == Outcome.SOLVED:
             assert kkt_residual(found.space.program) < 2e-9
 
 
@@ -291,23 +298,23 @@ def test_a_limit_of_work(warm):
     qp.g[:] += 0.3
     penalties = relaxed(qp, 1e3, 1e3)
     whole = run(qp, penalties)
-    assert whole.outcome == SOLVED
+    assert whole.outcome == Outcome.SOLVED
     for fraction in (0.01, 0.1, 0.5):
         limit = int(fraction * whole.work)
         found = run(qp, penalties, whole.warm.copy() if warm else None, work_limit=limit)
-        if found.outcome == SOLVED:
+        if found.outcome == Outcome.SOLVED:
             assert warm
             continue
-        assert found.outcome == ITERATION_LIMIT
+        assert found.outcome == Outcome.ITERATION_LIMIT
         assert found.work <= 3 * limit + 20 * 61
-    assert run(qp, penalties, work_limit=2 * whole.work).outcome == SOLVED
+    assert run(qp, penalties, work_limit=2 * whole.work).outcome == Outcome.SOLVED
 
 
 def test_what_has_no_curvature_or_is_not_finite_is_never_solved():
     mine = None
     qp = random_program(np.random.default_rng(0), bound=1.0)
     qp.L_UU[2] -= 100.0 * np.eye(2)
-    assert run(qp).outcome == NO_CURVATURE
+    assert run(qp).outcome == Outcome.NO_CURVATURE
     for name in (*'AB', 'L_X', 'L_U', 'L_XX', 'L_UU', 'output_error', 'h_X', 'g', 'g_X', 'lower'):
         for value in (np.nan, np.inf):
             qp = random_program(np.random.default_rng(0), bound=1.0, trust=2.0)
@@ -315,12 +322,12 @@ def test_what_has_no_curvature_or_is_not_finite_is_never_solved():
             for penalties in (None, relaxed(qp)):
                 found = run(qp, penalties, mine=mine)
                 mine = found.space
-                assert found.outcome != SOLVED, (name, value)
-                mine.warm[0] = 0
+                assert found.outcome != Outcome.SOLVED, (name, value)
+                mine.warm.clear()
     # Nothing of it is left in the memory.
     qp = random_program(np.random.default_rng(0), bound=1.0, trust=2.0)
     used, fresh = run(qp, relaxed(qp), mine=mine), run(qp, relaxed(qp))
-    assert used.outcome == SOLVED
+    assert used.outcome == Outcome.SOLVED
     np.testing.assert_array_equal(used.dU, fresh.dU)
     np.testing.assert_equal(vars(used.multipliers), vars(fresh.multipliers))
 
@@ -329,7 +336,7 @@ def test_a_saturated_row_may_have_come_to_a_stage_where_it_does_not_apply():
     qp = walled(chain(2, l=1), 1, 2.0)
     found = run(qp, relaxed(qp, path=1.0))
     np.testing.assert_allclose(found.dU[:, 0], [0.0, 1.0, 0.0])
-    warm = warm_with(qp, [-1 - place(qp, 'path', 2, 0)])
+    warm = warm_with(qp, [place(qp, 'path', 2, 0)], RowState.AT_PENALTY)
     found = run(qp, relaxed(qp, path=1.0), warm)
-    assert found.outcome == SOLVED
+    assert found.outcome == Outcome.SOLVED
     np.testing.assert_array_equal(found.multipliers.path[:, 0], [0.0, 1.0, 0.0])

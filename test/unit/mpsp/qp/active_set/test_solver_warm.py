@@ -5,12 +5,12 @@ import pytest
 from stage_programs import chain, random_program, relaxed, run
 
 from cmpsp_ros.mpsp.qp import QPStatus
-from cmpsp_ros.mpsp.qp.riccati import INFEASIBLE, SOLVED
+from cmpsp_ros.mpsp.qp.riccati import Outcome
 
 # What they call takes long to compile: by one worker.
 pytestmark = pytest.mark.xdist_group('riccati')
 
-STATUSES = {SOLVED: QPStatus.SOLVED, INFEASIBLE: QPStatus.INFEASIBLE}
+STATUSES = {Outcome.SOLVED: QPStatus.SOLVED, Outcome.INFEASIBLE: QPStatus.INFEASIBLE}
 
 
 def given_program(weight):
@@ -35,14 +35,14 @@ def test_the_warm_start_left_is_the_shortest_way_to_the_same_answer(weight):
 def test_an_output_at_either_penalty_stays_there(side):
     qp = chain(2, 3.0 * side)
     alone = run(qp, relaxed(qp, terminal=1.0))
-    assert (alone.outcome, alone.saturated) == (SOLVED, 1)
+    assert (alone.outcome, alone.saturated) == (Outcome.SOLVED, 1)
     again = run(qp, relaxed(qp, terminal=1.0), alone.warm.copy())
-    assert (again.outcome, again.saturated, again.iterations) == (SOLVED, 1, 0)
+    assert (again.outcome, again.saturated, again.iterations) == (Outcome.SOLVED, 1, 0)
     np.testing.assert_allclose(again.dU, alone.dU, atol=1e-14)
     # Also when the horizon moves on.
     qp = chain(1, 3.0 * side)
     later = run(qp, relaxed(qp, terminal=1.0), alone.warm.copy(), begun=1)
-    assert (later.outcome, later.saturated, later.iterations) == (SOLVED, 1, 0)
+    assert (later.outcome, later.saturated, later.iterations) == (Outcome.SOLVED, 1, 0)
 
 
 @pytest.mark.parametrize('stages', [1, 4, 30])
@@ -63,8 +63,8 @@ def test_a_warm_start_moves_to_a_later_horizon(stages):
     )
     weights = relaxed(later, 50.0, 2.0)
     alone, shifted = run(later, weights), run(later, weights, warm, begun=stages)
-    assert alone.outcome == shifted.outcome == SOLVED
+    assert alone.outcome == shifted.outcome == Outcome.SOLVED
     np.testing.assert_allclose(shifted.dU, alone.dU, atol=1e-10)
-    assert shifted.warm[1] == stages
+    assert shifted.warm.head['begun'][0] == stages
     if stages == 1:
         assert shifted.iterations < alone.iterations

@@ -5,7 +5,7 @@ import pytest
 from stage_programs import random_program, relaxed, run
 
 from cmpsp_ros.mpsp.qp.active_set.state import iterative_refinement
-from cmpsp_ros.mpsp.qp.riccati import SOLVED
+from cmpsp_ros.mpsp.qp.riccati import Outcome
 from cmpsp_ros.mpsp.qp.riccati.sweeps import recover_step
 
 # What they call takes long to compile: by one worker.
@@ -15,7 +15,7 @@ pytestmark = pytest.mark.xdist_group('riccati')
 def solution():
     qp = random_program(np.random.default_rng(4), bound=0.8)
     found = run(qp, relaxed(qp, np.inf, np.inf))
-    assert found.outcome == SOLVED
+    assert found.outcome == Outcome.SOLVED
     assert found.active > 1
     # The memory is just as long as the horizon.
     return found, found.space.program, found.space.active

@@ -5,10 +5,9 @@ import pytest
 from scipy.optimize import linprog
 from stage_programs import CONTROLS, STATES, chain, cost, dense, random_program, relaxed, staged
 
-from cmpsp_ros.mpsp.qp import CLARABEL, QPStatus, Row, available, backend, kkt_residual, solve_qp
+from cmpsp_ros.mpsp.qp import QPStatus, Row, kkt_residual, solve_qp
 from cmpsp_ros.mpsp.qp.dense import sparse_qp
-from cmpsp_ros.mpsp.qp.dense.clarabel_backend import TOLERANCE, solve
-from cmpsp_ros.mpsp.qp.dense.infeasibility import contradicting_rows
+from cmpsp_ros.mpsp.qp.dense.clarabel_backend import TOLERANCE, contradicting_rows, solve
 
 
 def solved(qp, penalties=None):
@@ -188,7 +187,7 @@ def test_a_ray_proves_only_what_the_rows_contradict():
         qp.g[:], qp.g[2] = -np.inf, (1.0, -1.0 + overlap)
         qp.g_X[2, :, 0] = 1.0, -1.0
         program = sparse_qp(staged(qp), None)
-        ray = np.zeros(len(program.lower))
+        ray = np.zeros(len(program.rows.lower))
         ray[:2] = 7.0
         wanted = (Row('path', 2, 0), Row('path', 2, 1)) if overlap > 0.0 else ()
         assert contradicting_rows(staged(qp), program, ray) == wanted
@@ -205,7 +204,7 @@ def test_small_multipliers_are_left_out_of_a_proof():
     qp.g[:], qp.g[1, 0], qp.g[2] = -np.inf, -5.0, (1.0, 0.0)
     qp.g_X[1, 0, 0], qp.g_X[2, :, 0] = 1.0, (1.0, -1.0)
     program = sparse_qp(staged(qp), None)
-    ray = np.zeros(len(program.lower))
+    ray = np.zeros(len(program.rows.lower))
     ray[:3] = 1e-5, 1.0, 1.0
     found = contradicting_rows(staged(qp), program, ray)
     assert found == (Row('path', 2, 0), Row('path', 2, 1))
@@ -264,10 +263,3 @@ def test_data_that_are_not_finite_fail():
     qp.lower[0, 0] = qp.upper[0, 0] = np.inf
     assert solve(staged(qp), penalties).status is not QPStatus.SOLVED
     assert solve(staged(program()), relaxed(program(), np.nan)).status is QPStatus.FAILED
-
-
-def test_the_earlier_name_is_accepted_with_a_warning():
-    backend.cache_clear()
-    with pytest.warns(FutureWarning, match="'riccati_interior_point' is now 'clarabel'"):
-        assert backend('riccati_interior_point') is backend(CLARABEL) is solve
-    assert 'riccati_interior_point' not in available()

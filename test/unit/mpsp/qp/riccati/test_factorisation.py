@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from stage_programs import dense, random_program, staged
 
-from cmpsp_ros.mpsp.qp.active_set.fill import fill, space
+from cmpsp_ros.mpsp.qp.active_set.records import fill, space
 from cmpsp_ros.mpsp.qp.active_set.state import row_in_v
 from cmpsp_ros.mpsp.qp.riccati.factorisation import factorise
 from cmpsp_ros.mpsp.qp.riccati.program import load_row, row_value_at_origin

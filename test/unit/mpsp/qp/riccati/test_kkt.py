@@ -6,8 +6,7 @@ from stage_programs import chain, place, random_program, relaxed, run, staged
 
 from cmpsp_ros.mpsp.qp import QPSolution, QPStatus
 from cmpsp_ros.mpsp.qp import kkt_residual as residual_of
-from cmpsp_ros.mpsp.qp.active_set.state import FIRST
-from cmpsp_ros.mpsp.qp.riccati import SOLVED
+from cmpsp_ros.mpsp.qp.riccati import Outcome
 from cmpsp_ros.mpsp.qp.riccati.kkt import kkt_residual
 
 # What they call takes long to compile: by one worker.
@@ -25,7 +24,7 @@ def solution(sort):
     qp = random_program(np.random.default_rng(0), bound=0.7, trust=1.2)
     qp.g[:] += 0.2
     found = run(qp, sort(qp))
-    assert found.outcome == SOLVED
+    assert found.outcome == Outcome.SOLVED
     parts = ('terminal', 'path', 'trust', 'bounds')
     assert all(getattr(found.multipliers, part).any() for part in parts)
     p = found.space.program
@@ -110,14 +109,14 @@ def test_many_held_bounds_have_their_multipliers():
     qp = random_program(np.random.default_rng(1), 80, bound=0.1)
     qp.g[:] -= 1.0
     found = run(qp, relaxed(qp, 2.0, 2.0))
-    assert found.outcome == SOLVED
+    assert found.outcome == Outcome.SOLVED
     assert found.fixed > 40
     p, held = found.space.program, found.space.program.stages['fixed']
     assert (held * p.stages['bounds'] >= 0.0).all()
     k, a = np.argwhere(held)[7]
     p.stages['bounds'][k, a] *= -1.0
     assert kkt_residual(p) > 1e-4
-    assert place(qp, 'bound', k, a, held[k, a]) in found.warm[FIRST : FIRST + found.warm[0]]
+    assert place(qp, 'bound', k, a, held[k, a]) in found.warm.rows['row'][: found.warm.size]
 
 
 @pytest.mark.parametrize(

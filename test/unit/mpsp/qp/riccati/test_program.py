@@ -8,8 +8,8 @@ from stage_programs import CONTROLS, STATES, dense, place, random_program, relax
 
 from cmpsp_ros.mpsp import Dimensions, Linearisation
 from cmpsp_ros.mpsp.qp import QPStatus
-from cmpsp_ros.mpsp.qp.active_set import fill as filling
-from cmpsp_ros.mpsp.qp.active_set.fill import (
+from cmpsp_ros.mpsp.qp.active_set import records as filling
+from cmpsp_ros.mpsp.qp.active_set.records import (
     borrowed_space,
     compiled_size,
     fill,
@@ -19,18 +19,16 @@ from cmpsp_ros.mpsp.qp.active_set.fill import (
     subproblem_in,
 )
 from cmpsp_ros.mpsp.qp.riccati.program import (
-    BOUND,
-    PATH,
-    TRUST,
+    RowKind,
     count_rows,
     limit,
     locate,
     row_number,
     row_value,
 )
-from cmpsp_ros.mpsp.qp.solution import QPSolution
+from cmpsp_ros.mpsp.qp.subproblem import QPSolution
 
-KINDS = {PATH: 'path', BOUND: 'bound', TRUST: 'trust'}
+KINDS = {each: each.name.lower() for each in RowKind}
 
 
 def filled(qp, penalties=None):
@@ -49,9 +47,9 @@ def test_every_row_has_a_number_of_its_own(sizes):
     program, (N, m, l) = filled(qp).program, sizes  # noqa: E741
     numbers = set()
     for k in range(N + 1):
-        for kind, count in ((PATH, l), (BOUND, CONTROLS), (TRUST, STATES)):
+        for kind, count in ((RowKind.PATH, l), (RowKind.BOUND, CONTROLS), (RowKind.TRUST, STATES)):
             for component in range(count):
-                for sign in (1.0,) if kind == PATH else (1.0, -1.0):
+                for sign in (1.0,) if kind == RowKind.PATH else (1.0, -1.0):
                     number = row_number(program, kind, k, component, sign)
                     assert number == place(qp, KINDS[kind], k, component, sign)
                     assert locate(program, number) == (kind, k, component, sign)
@@ -73,7 +71,7 @@ def test_values_and_limits_are_those_of_the_rows(penalties):
     assert len(values) == count_rows(mine.program)
     for row, (value, wanted) in enumerate(zip(values, written.limits, strict=True)):
         assert row_value(mine.program, row) == pytest.approx(value, abs=1e-12)
-        upper = 7.0 if row < 2 else 9.0 if locate(mine.program, row)[0] == PATH else np.inf
+        upper = 7.0 if row < 2 else 9.0 if locate(mine.program, row)[0] == RowKind.PATH else np.inf
         assert limit(mine.program, row) == (wanted, upper if penalties else np.inf)
 
 

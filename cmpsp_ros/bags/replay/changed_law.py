@@ -1,0 +1,242 @@
+"""What if: a changed guidance law on recorded odometry beside the recorded law, as bag and picture.
+
+It is open-loop: the robot followed the recorded commands, not those of the changed law.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.bags.decision_record import DecisionRecord
+from cmpsp_ros.bags.errors import UnknownTypeError
+from cmpsp_ros.bags.messages import (
+    DECISION,
+    PATH,
+    TWIST,
+    command_message,
+    decision_message,
+    path_message,
+)
+from cmpsp_ros.bags.names import Names
+from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.bags.replay.follower import Follower
+from cmpsp_ros.bags.replay.inputs import Halted, Input, Inputs, OdometryReceived
+from cmpsp_ros.bags.replay.recording import OdometrySample
+from cmpsp_ros.bags.writer import BagWriter
+from cmpsp_ros.guidance import Decision, GuidanceSettings
+from cmpsp_ros.parameters import TABLE, Values, guidance_settings
+from cmpsp_ros.robots import with_side
+from cmpsp_ros.view import BAGS, GOAL, course, draw, show, traces
+
+PREFIX = '/what_if'
+"""Before the names of topics of the changed law."""
+
+_PLANS_DRAWN = 4
+_MARGIN = 0.5
+
+_RECORDED, _CHANGED = BAGS[:2]
+
+
+@dataclass(frozen=True)
+class Change:
+    """The change to the recorded law.
+
+    Attributes:
+        base: A parameter set instead of the recorded one with its live changes, or None.
+        assignments: Values by key that replace those of the set.
+    """
+
+    base: Mapping[str, Any] | None
+    assignments: Mapping[str, Any]
+
+    def of(self, recorded: Values) -> Values:
+        """The complete changed set, for a recorded one; raises `ParameterError`."""
+        base = recorded if self.base is None else self.base
+        return TABLE.resolve({**base, **self.assignments})
+
+
+@dataclass
+class WhatIf:
+    """Two laws on the same odometry.
+
+    Attributes:
+        settings: Initial settings of the changed law.
+        odometry: All odometry received.
+        recorded: Decisions of the recorded law.
+        decisions: Decisions of the changed law, with the time of reception of odometry [ns].
+        left_out: Topics that could not be copied.
+    """
+
+    settings: GuidanceSettings
+    odometry: list[OdometrySample] = field(default_factory=list)
+    recorded: list[DecisionRecord] = field(default_factory=list)
+    decisions: list[tuple[int, Decision]] = field(default_factory=list)
+    left_out: list[str] = field(default_factory=list)
+
+    def __str__(self) -> str:
+        """Summary in a few lines."""
+        return '\n'.join(
+            f'{who}: {sum(counts.values())} decisions, '
+            + ', '.join(f'{count} {level}' for level, count in sorted(counts.items()))
+            for who, counts in zip(('recorded', 'changed'), self.levels, strict=True)
+        )
+
+    @property
+    def levels(self) -> tuple[dict[str, int], dict[str, int]]:
+        """Decisions of each fallback level: recorded, and of the changed law."""
+        return (
+            dict(Counter(each.level for each in self.recorded)),
+            dict(Counter(each.level.name.lower() for _, each in self.decisions)),
+        )
+
+
+def what_if(path: Path, names: Names, change: Change, output: Path) -> WhatIf:
+    """Run the changed law, and write a new bag with the recording and its decisions.
+
+    Args:
+        path: The recorded bag.
+        names: Names of the recorded node and its topics.
+        change: The change to the recorded law.
+        output: Folder of the new bag; must not exist.
+
+    Raises:
+        BagError: The bag lacks what is needed, or the new one cannot be written.
+        ParameterError: The changed parameters cannot be used.
+    """
+
+    def settings_of(values: Values) -> GuidanceSettings:
+        return guidance_settings(change.of(values))
+
+    with Bag(path) as bag:
+        inputs = Inputs(bag, names)
+        result, follower = WhatIf(settings_of(inputs.values)), Follower(settings_of)
+        for event in inputs:
+            _take(event, follower, result)
+        with BagWriter(output) as new:
+            _copy(bag, new, result)
+            for node, values in bag.parameters.items():
+                new.set_parameters(node, values)
+            for node, restarts in bag.restarts.items():
+                for since, values in restarts:
+                    new.set_parameters(node, values, since)
+            new.set_parameters(f'{PREFIX}{names.node}', change.of(inputs.values))
+            _write(new, names, result)
+    return result
+
+
+def _take(event: Input, follower: Follower, result: WhatIf) -> None:
+    decision = _decision(event, follower)
+    match event:
+        case OdometryReceived(odometry, recorded):
+            received = odometry.received
+            result.odometry.append(odometry)
+            if recorded is not None:
+                result.recorded.append(recorded)
+        case Halted(recorded):
+            received = recorded.received
+            result.recorded.append(recorded)
+        case _:
+            return
+    if decision is not None:
+        result.decisions.append((received, decision))
+
+
+def _decision(event: Input, follower: Follower) -> Decision | None:
+    """The decision on an input; a law that fails stops the robot, as it does in the node."""
+    try:
+        return follower.follow(event)
+    except Exception as error:
+        if not isinstance(event, OdometryReceived):
+            raise
+        reason = f'The guidance law failed: {type(error).__name__}: {error}'
+        return follower.law.halt(event.odometry.stamp, reason)
+
+
+def _copy(bag: Bag, new: BagWriter, result: WhatIf) -> None:
+    for name, topic in bag.topics.items():
+        if name.startswith(f'{PREFIX}/'):
+            continue
+        try:
+            new.topic(name, topic.msgtype, topic.qos_profiles)
+        except UnknownTypeError:
+            result.left_out.append(name)
+            continue
+        for stamp, raw in bag.raw(name):
+            new.write(name, stamp, raw)
+
+
+def _write(new: BagWriter, names: Names, result: WhatIf) -> None:
+    decided, commanded, planned = (
+        f'{PREFIX}{name}' for name in (names.decision, names.cmd_vel, names.path)
+    )
+    for topic, kind in ((decided, DECISION), (commanded, TWIST), (planned, PATH)):
+        new.topic(topic, kind)
+    for received, decision in result.decisions:
+        new.write(decided, received, decision_message(decision, f'{PREFIX}{names.node}: decision'))
+        new.write(commanded, received, command_message(decision))
+        if decision.plan is not None:
+            path = path_message(decision.plan, result.settings.frame_id, decision.stamp)
+            new.write(planned, received, path)
+
+
+def draw_what_if(result: WhatIf, title: str, path: Path) -> None:
+    """Draw commands over time and plans on the road, of both laws."""
+    figure = Figure(figsize=(13.0, 6.5), layout='constrained')
+    figure.suptitle(f'{title}\nOpen loop: the robot followed the recorded commands only.')
+    grid = figure.add_gridspec(2, 2)
+    above = figure.add_subplot(grid[0, 0])
+    below = figure.add_subplot(grid[1, 0], sharex=above)
+    _draw_commands((above, below), result)
+    _draw_plans(figure.add_subplot(grid[:, 1]), result)
+    figure.savefig(path, dpi=120)
+
+
+def _draw_commands(axes: Sequence[Axes], result: WhatIf) -> None:
+    commanded = [each for each in result.recorded if each.command is not None]
+    begin = result.recorded[0].stamp
+    before = np.array([each.stamp - begin for each in commanded]) / 1e9
+    changed = np.array([each.stamp - begin for _, each in result.decisions]) / 1e9
+    recorded_twists = np.array([each.command for each in commanded]).reshape(-1, 3)
+    decided = [with_side(each.twist) for _, each in result.decisions]
+    twists = np.array(decided).reshape(-1, 3)
+    for one, index, name in zip(axes, (0, 2), ('speed [m/s]', 'turn rate [rad/s]'), strict=True):
+        one.step(before, recorded_twists[:, index], where='post', color=_RECORDED, label='recorded')
+        one.step(changed, twists[:, index], where='post', color=_CHANGED, ls='--', label='changed')
+        one.set_ylabel(name)
+        one.grid(alpha=0.3)
+    axes[0].legend()
+    axes[-1].set_xlabel('time since the first decision [s]')
+
+
+def _draw_plans(axes: Axes, result: WhatIf) -> None:
+    draw(axes, traces(course([result.settings.road], result.settings.obstacles), ''))
+    driven = np.array([each.pose[:2] for each in result.odometry]).reshape(-1, 2)
+    recorded = [np.array(each.path)[:, :2] for each in result.recorded if each.path]
+    changed = [each.plan.poses[:, :2] for _, each in result.decisions if each.plan is not None]
+    for plans, color, style, name in (
+        (recorded, _RECORDED, '-', 'recorded plans'),
+        (changed, _CHANGED, '--', 'changed plans'),
+    ):
+        for index, plan in enumerate(_some(plans)):
+            label = name if index == 0 else None
+            axes.plot(*plan.T, style, color=color, lw=1.2, label=label, zorder=4)
+    axes.plot(*driven.T, color='black', lw=2.0, label='driven, as recorded', zorder=3)
+    axes.plot(*result.settings.goal, '*', color=GOAL, ms=14, label='goal', zorder=5)
+    show(axes, [driven, np.array([result.settings.goal]), *recorded, *changed], _MARGIN)
+    axes.legend(loc='best')
+
+
+def _some(plans: Sequence[Array]) -> list[Array]:
+    """A few of the plans, from the first on."""
+    return (
+        [plans[part * len(plans) // _PLANS_DRAWN] for part in range(_PLANS_DRAWN)] if plans else []
+    )

@@ -1,0 +1,110 @@
+"""Memory of the path across a grid: what sensors see opens and blocks paths from scan to scan."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from cmpsp_ros.arrays import Array, BoolArray
+from cmpsp_ros.guidance.settings import LawSettings
+from cmpsp_ros.guidance.world import Searched, World
+from cmpsp_ros.world import FreeSpace, KeptLine, is_beside
+from cmpsp_ros.world.grids import Cell, GridObstacle
+from cmpsp_ros.world.roads import OpenFloor
+
+Point = tuple[float, float]
+
+_SPACING: Final = 0.1
+_MAX_HYSTERESIS: Final = 5.0
+
+
+def search_ahead(
+    settings: LawSettings, world: World, place: Array, goals: Sequence[Point]
+) -> Searched:
+    """Search for the paths to the next goals; arguments and result as of `searched_with`."""
+    searched = searched_with(settings, world, place, goals[0])
+    if searched is not world.searched:
+        world = replace(world, searched=searched)
+    search = world.map_search(settings)
+    if search is not None:
+        for each in goals:
+            search.prepare(each)
+    return searched
+
+
+def searched_with(settings: LawSettings, world: World, place: Array, goal: Point) -> Searched:
+    """Inputs of the search for the path from a place to the goal at the next control step.
+
+    Another path is taken if the present one is blocked, or if it is shorter by more than the
+    hysteresis, which doubles each time: where noise opens and closes a gap, the robot would
+    otherwise drive to and fro. It takes as long as a search of the grid.
+
+    Args:
+        settings: All settings of the guidance law.
+        world: What is seen now, and the inputs of the last search.
+        place: Position of the robot, shape ``(2,)`` [m].
+        goal: Its goal (x, y) [m].
+    """
+    if world.seen is None:
+        return world.searched
+    find = _by_sight if world.map is None else _with_a_map
+    return find(settings, world, world.seen, place, goal)
+
+
+def _by_sight(
+    settings: LawSettings, world: World, seen: GridObstacle, place: Array, goal: Point
+) -> Searched:
+    """Search what is seen now; the path is kept while it is open."""
+    before, line = world.searched, _line(settings, world, place, goal)
+    if not len(line):
+        return before._replace(seen=seen, kept=None, is_another=False)
+    is_open = not _is_blocked(settings, seen, line).any()
+    kept = KeptLine(line, before.hysteresis) if is_open else None
+    found = before._replace(seen=seen, kept=kept)
+    found_line = _line(settings, replace(world, searched=found), place, goal)
+    is_another = not is_beside(found_line, line)
+    if is_another and is_open:
+        found = _with_more_hysteresis(found)
+    return found._replace(is_another=is_another)
+
+
+def _with_a_map(
+    settings: LawSettings, world: World, seen: GridObstacle, place: Array, goal: Point
+) -> Searched:
+    """Search the map alone, or with what blocked its path.
+
+    The path of the map alone counts again once all that blocked it is seen to be free: an obstacle
+    that is only forgotten may still be there.
+    """
+    before, line = world.searched, _line(settings, world, place, goal)
+    if _is_blocked(settings, seen, line).any():
+        found = before._replace(seen=seen, is_another=True)
+        line = _line(settings, replace(world, searched=found), place, goal)
+        return found if len(line) else before
+    alone = before._replace(seen=None, is_another=True)
+    other = _line(settings, replace(world, searched=alone), place, goal)
+    if before.seen is None or _is_blocked(settings, seen, other).any():
+        return before
+    blocked = other[_is_blocked(settings, before.seen, other)]
+    is_shorter = 0 < len(other) * (1.0 + before.hysteresis) < len(line)
+    is_free = is_shorter and (seen.grid.at(blocked) == Cell.FREE).all()
+    return _with_more_hysteresis(alone) if is_free else before
+
+
+def _with_more_hysteresis(searched: Searched) -> Searched:
+    return searched._replace(hysteresis=min(2.0 * searched.hysteresis, _MAX_HYSTERESIS))
+
+
+def _line(settings: LawSettings, world: World, place: Array, goal: Point) -> Array:
+    search = world.map_search(settings)
+    return np.empty((0, 2)) if search is None else search.line(place, goal, _SPACING)
+
+
+def _is_blocked(settings: LawSettings, seen: GridObstacle, line: Array) -> BoolArray:
+    """Points that the robot cannot pass, shape ``(K,)``."""
+    poses = np.column_stack([line, np.zeros(len(line))])
+    clearance = FreeSpace.of(OpenFloor(), (seen,), settings.kept / 2.0).at(poses)[:, 2]
+    return np.asarray(clearance < 0.0)

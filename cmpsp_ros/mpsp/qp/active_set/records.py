@@ -1,0 +1,195 @@
+"""Conversion of subproblems to the records that compiled code works on, and back.
+
+Code is compiled for a size, which takes long; a program of another size is filled up with states
+and controls that nothing moves and that cost nothing else. They are 0 in every solution.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import fields, replace
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.mpsp.problem import Dimensions, Linearisation
+from cmpsp_ros.mpsp.qp.active_set.fixed_bounds import free_all
+from cmpsp_ros.mpsp.qp.active_set.state import (
+    ActiveSet,
+    WarmStart,
+    empty_active_set,
+    empty_warm_start,
+)
+from cmpsp_ros.mpsp.qp.riccati import kkt
+from cmpsp_ros.mpsp.qp.riccati.factorisation import factorise
+from cmpsp_ros.mpsp.qp.riccati.program import Program, Records, RowKind, empty_program, locate
+from cmpsp_ros.mpsp.qp.subproblem import Penalties, QPSolution, QPStatus, Row, Subproblem
+
+SIZES: Final = ((3, 2), (5, 2), (8, 4), (16, 8), (32, 16), (64, 32))
+"""States and controls that code is compiled for; those of the guidance law first."""
+
+
+class Space(NamedTuple):
+    """Memory for one program: the user's sizes, records, active set and an empty warm start."""
+
+    size: Dimensions
+    program: Program
+    active: ActiveSet
+    warm: WarmStart
+
+
+def compiled_size(n: int, r: int) -> tuple[int, int]:
+    """The least size that code is compiled for and that a program fits in."""
+    for states, controls in SIZES:
+        if n <= states and r <= controls and (states > 5 or (n, r) == (states, controls)):
+            return states, controls
+    return n, r
+
+
+def space(size: Dimensions) -> Space:
+    """Memory for programs of some sizes."""
+    n, r = compiled_size(size.state, size.control)
+    sizes = size.horizon, n, r, size.output, size.path
+    program = empty_program(*sizes)
+    for a in range(size.control, r):
+        program.stages['L_UU'][:, a, a] = 1.0
+    return Space(size, program, empty_active_set(*sizes), empty_warm_start(*sizes))
+
+
+_free: defaultdict[Dimensions, list[Space]] = defaultdict(list)
+
+
+@contextmanager
+def borrowed_space(size: Dimensions) -> Iterator[Space]:
+    """Memory that nobody else uses meanwhile: making it takes longer than solving."""
+    free = _free[size]
+    mine = free.pop() if free else space(size)
+    yield mine
+    free.append(mine)
+
+
+def fill(into: Space, qp: Subproblem, penalties: Penalties | None = None) -> None:
+    """Write a program of the memory's sizes into its records; all rows hard without penalties."""
+    n, r = into.size.state, into.size.control
+    program, stages, head = into.program, into.program.stages, into.program.head
+    head['horizon'] = into.size.horizon
+    head['work'], head['is_factorised'], head['begun'] = 0, 0, 0
+    head['trust_radius'] = np.inf
+    head['trust_radius'][0, :n] = qp.trust_radius
+    stages['lower'][:, :r], stages['upper'][:, :r] = qp.lower, qp.upper
+    put_derivatives(stages, program.path, program.terminal, qp.linearisation)
+    program.terminal['penalty'] = np.inf if penalties is None else penalties.terminal
+    program.path['penalty'] = np.inf if penalties is None else penalties.path
+
+
+def put_derivatives(stages: Records, path: Records, terminal: Records, lin: Linearisation) -> None:
+    """Write derivatives along a trajectory into records, which may be larger in any size."""
+    arrays = _derivatives(stages, path, terminal, lin.size)
+    for array, field in zip(arrays, fields(lin), strict=True):
+        array[...] = getattr(lin, field.name)
+
+
+def derivatives_in(
+    stages: Records, path: Records, terminal: Records, size: Dimensions
+) -> Linearisation:
+    """The derivatives in records, in arrays of their own."""
+    return Linearisation(*(each.copy() for each in _derivatives(stages, path, terminal, size)))
+
+
+def subproblem_in(of: Space) -> Subproblem:
+    """The program in records, on their present horizon, in arrays of its own."""
+    program = of.program
+    size = replace(of.size, horizon=int(program.head['horizon'][0]))
+    linearisation = derivatives_in(program.stages, program.path, program.terminal, size)
+    stages, r = program.stages[: size.horizon + 1], size.control
+    lower, upper = stages['lower'][:, :r].copy(), stages['upper'][:, :r].copy()
+    trust_radius = program.head['trust_radius'][0, : size.state].copy()
+    return Subproblem(linearisation, lower, upper, trust_radius)
+
+
+def _derivatives(
+    stages: Records, path: Records, terminal: Records, size: Dimensions
+) -> tuple[Array, ...]:
+    """The parts of records that hold a `Linearisation`, in the order of its fields."""
+    N, n, r = size.horizon, size.state, size.control
+    stages, path = stages[: N + 1], path[: N + 1]
+    return (
+        stages['A'][:N, :n, :n],
+        stages['B'][:N, :n, :r],
+        stages['L_X'][:, :n],
+        stages['L_U'][:, :r],
+        stages['L_XX'][:, :n, :n],
+        stages['L_UX'][:, :r, :n],
+        stages['L_UU'][:, :r, :r],
+        terminal['value'],
+        terminal['X'][:, :n],
+        terminal['U'][:, :r],
+        path['value'],
+        path['X'][:, :, :n],
+        path['U'][:, :, :r],
+    )
+
+
+def put_solution(into: Space, found: QPSolution, dX: Array) -> None:
+    """Write a solution, and the states ``(N + 1, n)`` it leads to, into records."""
+    n, r, count = into.size.state, into.size.control, len(dX)
+    stages = into.program.stages[:count]
+    stages['dU'], stages['dX'], stages['bounds'], stages['trust'] = 0.0, 0.0, 0.0, 0.0
+    stages['dU'][:, :r], stages['dX'][:, :n] = found.dU, dX
+    stages['bounds'][:, :r], stages['trust'][:, :n] = found.bounds, found.trust
+    into.program.terminal['multiplier'] = found.terminal
+    into.program.path['multiplier'][:count] = found.path
+
+
+def solution_in(of: Space) -> QPSolution:
+    """The solution in records, in arrays of its own."""
+    n, r, stages = of.size.state, of.size.control, of.program.stages
+    return QPSolution(
+        QPStatus.SOLVED,
+        stages['dU'][:, :r].copy(),
+        of.program.terminal['multiplier'].copy(),
+        of.program.path['multiplier'].copy(),
+        stages['trust'][:, :n].copy(),
+        stages['bounds'][:, :r].copy(),
+        int(of.program.head['iterations'][0]),
+    )
+
+
+def conflict_in(of: Space) -> tuple[Row, ...]:
+    """The rows named by the solver as contradicting each other; a bound with both sides once."""
+    count = int(of.program.head['conflicting'][0])
+    numbers = sorted(of.active.conflict[:count].tolist())
+    return tuple(dict.fromkeys(_row(of, number) for number in numbers))
+
+
+def _row(of: Space, number: int) -> Row:
+    if number < of.size.output:
+        return Row('terminal', of.size.horizon, number)
+    kind, stage, component, _ = locate(of.program, number)
+    if kind == RowKind.PATH:
+        return Row('path', stage, component)
+    return Row('bound' if kind == RowKind.BOUND else 'trust', stage, component)
+
+
+def kkt_residual(qp: Subproblem, solution: QPSolution, penalties: Penalties | None) -> float:
+    """Largest violation of the optimality conditions, as `kkt.kkt_residual`; of any solution."""
+    with borrowed_space(qp.size) as mine:
+        fill(mine, qp, penalties)
+        put_solution(mine, solution, qp.propagate(solution.dU))
+        return float(kkt.kkt_residual(mine.program))
+
+
+def is_positive_definite(qp: Subproblem, shift: float = 0.0, sign: float = 1.0) -> bool:
+    """True where ``sign H + shift I`` is, with ``H`` the condensed Hessian; one Riccati sweep."""
+    lin = qp.linearisation
+    # Infinite entries are not definite.
+    with np.errstate(over='ignore', invalid='ignore'):
+        L_UU = sign * lin.L_UU + shift * np.eye(qp.size.control)
+        lin = replace(lin, L_XX=sign * lin.L_XX, L_UX=sign * lin.L_UX, L_UU=L_UU)
+    with borrowed_space(qp.size) as mine:
+        fill(mine, replace(qp, linearisation=lin))
+        free_all(mine.program)
+        return bool(factorise(mine.program))

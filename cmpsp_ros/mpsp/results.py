@@ -1,0 +1,291 @@
+"""Iterates, the record that is kept of each, and how a run ended, in words and in numbers."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from enum import Enum
+from typing import NamedTuple
+
+import numpy as np
+
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.mpsp.arguments import not_finite
+from cmpsp_ros.mpsp.problem import Evaluation
+from cmpsp_ros.mpsp.qp import QPSolution, QPStatus, kkt_residual
+from cmpsp_ros.mpsp.qp.subproblem import Subproblem
+
+SLACK_TOLERANCE = 1e-6
+"""Violation of a linearised constraint up to which it counts as met."""
+
+# A relaxed subproblem that leaves this much of the violation has nothing left to gain.
+_NOTHING_GAINED = 0.99
+
+
+@dataclass(frozen=True)
+class Step:
+    """What one iteration did.
+
+    Attributes:
+        qp_status: How the subproblem ended.
+        elastic: Whether it had to be relaxed.
+        slack_terminal: Violation of the linearised terminal constraint that was left, ``(m,)``.
+        slack_path: Violation of the linearised path constraints that was left, ``(N + 1, l)``.
+        length: Step length taken; 0 where no step was.
+        terminal_multipliers: ``lambda``, shape ``(m,)``.
+        path_multipliers: ``rho``, shape ``(N + 1, l)``.
+        bound_multipliers: Of the control bounds, positive at the upper one, ``(N + 1, r)``.
+        active_rows: Number of path rows, trust rows and bounds that are active.
+        qp_iterations: Iterations of the QP back end.
+        full_change: Relative change of the controls that the full step asks for, as compared with
+            ``eps_U`` in Sec. 4; the change made, where the length is 1.
+        shift: Added to the Hessian's diagonal because curvature was lost, else 0.
+        corrected: Whether the line search went along a second-order correction.
+        not_finite: The first number of the subproblem that is not finite; empty where all are.
+    """
+
+    qp_status: QPStatus
+    elastic: bool
+    slack_terminal: Array
+    slack_path: Array
+    length: float
+    terminal_multipliers: Array
+    path_multipliers: Array
+    bound_multipliers: Array
+    active_rows: int
+    qp_iterations: int
+    full_change: float = 0.0
+    shift: float = 0.0
+    corrected: bool = False
+    not_finite: str = ''
+
+    @property
+    def slack(self) -> float:
+        """Largest violation that the relaxation left in the linearised constraints."""
+        parts = np.abs(self.slack_terminal).max(initial=0.0), self.slack_path.max(initial=0.0)
+        return float(max(parts))
+
+    @property
+    def needed_slack(self) -> bool:
+        """Whether the relaxation left a violation."""
+        return self.elastic and self.slack > SLACK_TOLERANCE
+
+    def gains_nothing_on(self, evaluation: Evaluation) -> bool:
+        """Whether the relaxed subproblem leaves the violation it started from as it was."""
+        left = np.abs(self.slack_terminal).sum() + self.slack_path.sum()
+        now = np.abs(evaluation.output_error).sum() + np.maximum(evaluation.g, 0.0).sum()
+        return self.needed_slack and bool(left >= _NOTHING_GAINED * now)
+
+
+class Size(NamedTuple):
+    """Magnitudes that grow without bound where a run diverges, each plus 1."""
+
+    cost: float
+    control: float
+
+
+@dataclass(frozen=True)
+class Iterate:
+    """State of the iteration after `index` = ``i`` steps: ``U``, ``X`` and their evaluation.
+
+    `guess_size` is that of the guess; controls before the last step, and that step, are None at the
+    start.
+    """
+
+    index: int
+    U: Array
+    X: Array
+    evaluation: Evaluation
+    guess_size: Size
+    previous_U: Array | None = None
+    step: Step | None = None
+
+    @property
+    def not_finite(self) -> str:
+        """The first number of prediction or cost that is not finite; empty where all are."""
+        cost = self.evaluation.cost
+        in_X = not_finite('the prediction', self.X)
+        return in_X or ('' if np.isfinite(cost) else f'the cost: found {cost}')
+
+
+@dataclass(frozen=True)
+class Record:
+    """What one iterate measures.
+
+    Attributes:
+        index: Iterations done, ``i``.
+        U: Controls ``U^i``, shape ``(N + 1, r)``.
+        cost: ``J``.
+        step_norm: ``|U^i - U^(i-1)|``, Euclidean; 0 at the guess.
+        step_length: Length that the line search took; 0 at the guess.
+        terminal_error: ``|Y_N - Y_N*|``.
+        violation: Largest path constraint (4), 0 where all are met.
+        kkt_residual: Violation of the optimality conditions of the problem itself at the iterate,
+            with its latest multipliers (0 at the guess): stationarity, feasibility, signs and
+            complementarity, relative to the size of the data. NaN where they are.
+        terminal_multipliers: ``lambda``, shape ``(m,)``.
+        path_multipliers: ``rho``, shape ``(N + 1, l)``.
+        bound_multipliers: ``beta``, shape ``(N + 1, r)``, positive at the upper bound.
+        shift: What was added to the Hessian because curvature was lost.
+    """
+
+    index: int
+    U: Array
+    cost: float
+    step_norm: float
+    step_length: float
+    terminal_error: float
+    violation: float
+    kkt_residual: float
+    terminal_multipliers: Array
+    path_multipliers: Array
+    bound_multipliers: Array
+    shift: float
+
+    @property
+    def active_path(self) -> frozenset[tuple[int, int]]:
+        """Active path constraints, each as ``(stage, index)``: those with a multiplier."""
+        return frozenset((int(k), int(j)) for k, j in np.argwhere(self.path_multipliers > 0.0))
+
+    @property
+    def active_bounds(self) -> frozenset[tuple[int, int]]:
+        """Active control bounds, each as ``(stage, component)``: those with a multiplier."""
+        return frozenset((int(k), int(j)) for k, j in np.argwhere(self.bound_multipliers))
+
+
+def record(at: Iterate, subproblem: Subproblem | None) -> Record:
+    """Measure an iterate; its subproblem has the gradients, None where it is not finite."""
+    step, evaluation, residual = at.step, at.evaluation, math.nan
+    g, moved = evaluation.g, 0.0 if at.previous_U is None else np.linalg.norm(at.U - at.previous_U)
+    terminal = np.zeros_like(evaluation.output_error)
+    path, bounds = np.zeros_like(g), np.zeros_like(at.U)
+    if step is not None:
+        terminal, path = step.terminal_multipliers, step.path_multipliers
+        bounds = step.bound_multipliers
+    if subproblem is not None:
+        # A point that is its own subproblem's solution, with dU = 0, meets the conditions.
+        here = replace(
+            QPSolution.unsolved(subproblem.size, QPStatus.SOLVED),
+            terminal=terminal,
+            path=np.where(subproblem.linearisation.g == -np.inf, 0.0, path),
+            bounds=bounds,
+        )
+        residual = kkt_residual(subproblem, here, None)
+    return Record(
+        at.index,
+        at.U,
+        evaluation.cost,
+        float(moved),
+        0.0 if step is None else step.length,
+        float(np.linalg.norm(evaluation.output_error)),
+        float(g.max(initial=0.0)),
+        residual,
+        terminal,
+        path,
+        bounds,
+        0.0 if step is None else step.shift,
+    )
+
+
+_NAMED = 4
+
+
+class Status(Enum):
+    """End of a C-MPSP run; the value is a sentence for the user."""
+
+    CONVERGED = (
+        'Converged: terminal error, control change and constraint violation are below their '
+        'tolerances.'
+    )
+    ITERATION_LIMIT = 'Stopped at the iteration limit before all tolerances were met.'
+    INFEASIBLE = 'The linearised constraints contradict each other; slack was needed to the end.'
+    DIVERGED = 'The controls or the cost grow without bound.'
+    STALLED = 'No step along the search direction lowers the merit function any more.'
+    QP_FAILED = 'The QP back end found no solution of the subproblem.'
+    NOT_FINITE = 'The prediction or its derivatives are not finite numbers.'
+
+
+@dataclass(frozen=True)
+class Violation:
+    """A path constraint (4) at a stage, or a terminal output (5) at ``N``, that is not met.
+
+    `amount` is positive for a path constraint, of either sign for an output.
+    """
+
+    stage: int
+    index: int
+    is_terminal: bool
+    amount: float
+
+    def __str__(self) -> str:
+        """The constraint's name and the amount."""
+        if self.is_terminal:
+            return f'terminal output {self.index} is off by {self.amount:.3g}'
+        return (
+            f'path constraint {self.index} at stage {self.stage} is exceeded by {self.amount:.3g}'
+        )
+
+
+def violations(evaluation: Evaluation, terminal: float, path: float) -> tuple[Violation, ...]:
+    """All constraints violated by more than absolute tolerances, the worst first."""
+    error, g = evaluation.output_error, evaluation.g
+    last = len(g) - 1
+    found = [
+        Violation(last, int(i), True, float(error[i]))
+        for i in np.flatnonzero(~(np.abs(error) <= terminal))
+    ]
+    found += [
+        Violation(int(k), int(j), False, float(g[k, j])) for k, j in np.argwhere(~(g <= path))
+    ]
+    return tuple(sorted(found, key=lambda violation: -abs(violation.amount)))
+
+
+@dataclass(frozen=True)
+class Solution:
+    """End of a run.
+
+    Multipliers are those of the last subproblem, 0 where none was solved. Their signs make
+    ``grad J + S_N' lambda + B_C' rho + beta = 0`` at a solution, (63) with the control bounds.
+
+    Attributes:
+        iterate: The last iterate.
+        status: How the run ended.
+        history: One record for every iterate, the guess first.
+        terminal_multipliers: ``lambda``, shape ``(m,)``, of either sign.
+        path_multipliers: ``rho``, shape ``(N + 1, l)``, not negative.
+        bound_multipliers: ``beta``, shape ``(N + 1, r)``, positive at an upper bound, negative at
+            a lower one.
+        violated: Constraints not met at the last iterate, the worst first.
+    """
+
+    iterate: Iterate
+    status: Status
+    history: tuple[Record, ...]
+    terminal_multipliers: Array
+    path_multipliers: Array
+    bound_multipliers: Array
+    violated: tuple[Violation, ...]
+
+    @property
+    def curvature_lost(self) -> int:
+        """Number of iterations whose Hessian had to be shifted to give a unique step."""
+        return sum(record.shift > 0.0 for record in self.history)
+
+    @property
+    def sentence(self) -> str:
+        """What a user wants to read: how it ended, after how many iterations, and what is wrong."""
+        last = self.history[-1]
+        step = self.iterate.step
+        not_finite = self.iterate.not_finite or (step.not_finite if step is not None else '')
+        parts = [
+            self.status.value,
+            *([f'First of them: {not_finite}.'] if not_finite else ()),
+            f'Iterations: {self.iterate.index}; KKT residual {last.kkt_residual:.1e}.',
+        ]
+        if self.violated:
+            named = '; '.join(str(violation) for violation in self.violated[:_NAMED])
+            more = len(self.violated) - _NAMED
+            parts.append(f'Not met: {named}' + (f'; and {more} more.' if more > 0 else '.'))
+        if self.curvature_lost:
+            parts.append(f'The Hessian had lost curvature in {self.curvature_lost} iterations.')
+        return ' '.join(parts)

@@ -1,1 +1,0 @@
-"""The player: publishes a bag to live nodes."""

@@ -1,1 +1,0 @@
-"""What is random in a run: its start, its course and its obstacles."""

@@ -1,1 +1,0 @@
-"""Whether a run could have done better: other solvers, and searches."""

@@ -1,0 +1,229 @@
+"""Courses on a ring: random obstacles, the paper's, and those in proportion to other robots.
+
+Lengths are those of a ring 2 m wide; on a wider one they grow with it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Final
+
+import numpy as np
+
+from cmpsp_ros.guidance import GuidanceSettings
+from cmpsp_ros.robots import Robot
+from cmpsp_ros.world.obstacles import Obstacle, Shape
+from cmpsp_ros.world.roads import Annulus
+
+WIDTH: Final = 2.0
+"""Of the ring of case 3 [m]."""
+
+FROM_EDGE: Final = 0.05
+"""Least distance of the start from road edges, and of start and goal from obstacles [m]."""
+
+GAP: Final = 0.4
+"""Width that obstacles leave free all along the road [m]."""
+
+RADII: Final = (0.1, 0.8)
+"""Least and greatest radius of an obstacle [m]."""
+
+_BEYOND: Final = 0.5
+"""Angle by which obstacles may lie behind the start and past the goal [rad]."""
+
+_ATTEMPTS: Final = 1000
+
+_PAPER_OBSTACLES: Final = (Obstacle('a', (8.0, -6.0), 0.7), Obstacle('b', (10.0, -2.0), 0.5))
+"""Those of case 3."""
+
+_STARTS: Final = -9.6, -9.1
+"""Ordinates around the paper's -9.25 [m]."""
+
+_ASKEW: Final = 0.3
+"""Largest heading at the start; the paper's is 0 [rad]."""
+
+Point = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """The random part of a run.
+
+    Attributes:
+        number: Of the run in its study.
+        pose: Initial pose (x, y, heading) [m, m, rad].
+        obstacles: On the road.
+        seed: Of all random numbers of the plant.
+        changes: Settings of the guidance law that differ from those of the study.
+    """
+
+    number: int
+    pose: tuple[float, float, float]
+    obstacles: tuple[Shape, ...]
+    seed: int
+    changes: Mapping[str, Any] = field(default_factory=dict)
+
+
+def scenario(
+    settings: GuidanceSettings,
+    seed: int,
+    number: int,
+    most_obstacles: int,
+    bearings: tuple[float, float] = (0.0, math.tau),
+) -> Scenario:
+    """The scenario of a run, which depends on these arguments only.
+
+    Args:
+        settings: Road, goal and radius of the robot; their obstacles are ignored.
+        seed: Of the study, not negative.
+        number: Of the run, not negative.
+        most_obstacles: Maximum number on the road.
+        bearings: Where on the ring the start may be [rad].
+    """
+    random = np.random.default_rng(np.random.SeedSequence([seed, number]))
+    plant_seed = int(random.integers(2**31))
+    road, goal = settings.world.annulus, settings.goal
+    scale = (road.outer_radius - road.inner_radius) / WIDTH
+    away = settings.robot_radius + scale * FROM_EDGE
+    start = _point(random, road, bearings, away)
+    ahead = road.angle_between(start, goal)
+    bearing = _bearing(road, start)
+    along = bearing + math.copysign(math.pi / 2.0, ahead)
+    heading = math.remainder(along + random.uniform(-math.pi / 2.0, math.pi / 2.0), math.tau)
+    beyond = math.copysign(_BEYOND, ahead)
+    first, last = sorted((bearing - beyond, bearing + ahead + beyond))
+    wanted, obstacles = int(random.integers(most_obstacles + 1)), list[Obstacle]()
+    for _ in range(_ATTEMPTS):
+        if len(obstacles) == wanted:
+            break
+        drawn = _obstacle(random, road, (first, last), f'o{len(obstacles) + 1}', scale)
+        clear = all(math.dist(each, drawn.center) >= drawn.radius + away for each in (start, goal))
+        width = scale * GAP + 2.0 * settings.robot_radius
+        if clear and is_open(road, [*obstacles, drawn], width):
+            obstacles.append(drawn)
+    return Scenario(number, (*start, heading), tuple(obstacles), plant_seed)
+
+
+def paper_scenario(
+    settings: GuidanceSettings, seed: int, number: int, most_obstacles: int
+) -> Scenario:
+    """The course of case 3, from starts near the paper's.
+
+    Args:
+        settings: Not used: the course is the same for every robot.
+        seed: Of the study, not negative.
+        number: Of the run, not negative.
+        most_obstacles: Maximum number on the road.
+    """
+    del settings
+    random = np.random.default_rng(np.random.SeedSequence([seed, number]))
+    plant_seed = int(random.integers(2**31))
+    pose = 0.0, float(random.uniform(*_STARTS)), float(random.uniform(-_ASKEW, _ASKEW))
+    return Scenario(number, pose, _PAPER_OBSTACLES[:most_obstacles], plant_seed)
+
+
+def is_open(road: Annulus, obstacles: Sequence[Obstacle], width: float) -> bool:
+    """Whether a disc of this width [m] can drive the whole road.
+
+    It cannot if and only if a chain of obstacles with too narrow gaps leads from one edge to the
+    other: the set that separates the two sides of a plane strip is connected.
+    """
+    away = {each: math.dist(each.center, road.center) for each in obstacles}
+    if road.outer_radius - road.inner_radius < width:
+        return False
+    waiting = [each for each in away if away[each] - each.radius - road.inner_radius < width]
+    others = [each for each in away if each not in waiting]
+    while waiting:
+        link = waiting.pop()
+        if road.outer_radius - away[link] - link.radius < width:
+            return False
+        near = [each for each in others if _gap(link, each) < width]
+        waiting += near
+        others = [each for each in others if each not in near]
+    return True
+
+
+def _gap(one: Obstacle, other: Obstacle) -> float:
+    return math.dist(one.center, other.center) - one.radius - other.radius
+
+
+def _obstacle(
+    random: np.random.Generator,
+    road: Annulus,
+    bearings: tuple[float, float],
+    name: str,
+    scale: float,
+) -> Obstacle:
+    place = _point(random, road, bearings, 0.0)
+    return Obstacle(name, place, scale * float(random.uniform(*RADII)))
+
+
+def _point(
+    random: np.random.Generator, road: Annulus, bearings: tuple[float, float], away: float
+) -> Point:
+    """A point of the road so far from its edges, every square metre as likely as another."""
+    bearing = random.uniform(*bearings)
+    inner, outer = road.inner_radius + away, road.outer_radius - away
+    distance = math.sqrt(random.uniform(inner**2, outer**2))
+    x, y = road.center
+    return x + distance * math.cos(bearing), y + distance * math.sin(bearing)
+
+
+def _bearing(road: Annulus, point: Point) -> float:
+    return math.atan2(point[1] - road.center[1], point[0] - road.center[0])
+
+
+_TOP_SPEED, _WHEEL_SPEED, _ROAD_CENTER = 1.785, 51.0, 15.0
+"""Of case 3 [m/s, rad/s, 1/m^2]."""
+
+_THOROUGH: Final = {'solver.iterations_per_step': 4, 'solver.work_share': 0.3}
+
+_RADII_WIDE: Final = 4.0
+"""Width of the ring in radii of the robot, at least."""
+
+_AHEAD: Final = 2.0
+"""Angle of the ring from start to goal, at most [rad]."""
+
+_PACE: Final = (0.5, 0.75)
+"""Fraction of the top speed that the shortest way takes."""
+
+
+def in_proportion(robot: Robot, given: Mapping[str, Any], radius: float) -> dict[str, Any]:
+    """Changes of the parameters of case 3 that make it a course for a robot.
+
+    The weight of the centre line keeps its proportion to that of changes of the controls.
+
+    Args:
+        robot: The robot.
+        given: Parameters of case 3.
+        radius: Of its footprint [m].
+    """
+    scale = max(robot.max_speed / _TOP_SPEED, _RADII_WIDE * radius / WIDTH)
+    unit = float(np.abs(robot.controls(np.array([robot.max_speed, 0.0]))).max()) / _WHEEL_SPEED
+    return {
+        'road.inner_radius': scale * given['road.inner_radius'],
+        'road.outer_radius': scale * given['road.outer_radius'],
+        'goal.position': [scale * each for each in given['goal.position']],
+        # As modelled, it stops as modelled.
+        'safety.stopping_time': 0.0,
+        'weights.road_center': _ROAD_CENTER * (unit / scale) ** 2,
+        **_THOROUGH,
+    }
+
+
+def robot_scenario(
+    settings: GuidanceSettings, seed: int, number: int, most_obstacles: int
+) -> Scenario:
+    """A scenario with the time that the robot needs; arguments as of `scenario`."""
+    x, y = settings.goal
+    bearing = math.atan2(y, x)
+    made = scenario(settings, seed, number, most_obstacles, (bearing - _AHEAD, bearing + _AHEAD))
+    random = np.random.default_rng(np.random.SeedSequence([seed, number, 1]))
+    robot, period = settings.robot, settings.control_period
+    speed = float(random.uniform(*_PACE)) * robot.max_speed
+    way = settings.road.shortest_length(made.pose[:2], settings.goal)
+    # Half of the way is lost until a robot that accelerates evenly has its speed.
+    time = way / speed + speed / robot.max_acceleration + period
+    changes = {'final_time': round(math.ceil(time / period) * period, 6)}
+    return replace(made, changes=changes)

@@ -102,15 +102,8 @@ class Supervisor:
         # It is improved as it is: what slows it down may be wrong about what it leads into.
         state.following.plan = plan
         self._drop_plan_after_failures(state)
-        limited = self._approach.limited(
-            plan,
-            verdict,
-            ahead,
-            start,
-            context.pending,
-            estimate.here,
-            state.estimator.risk(seen.stamp),
-        )
+        risk, here = state.estimator.risk(seen.stamp), estimate.here
+        limited = self._approach.limited(plan, verdict, ahead, start, context.pending, here, risk)
         if limited is None:
             reason = f'The robot stops: no speed is clear of what its response may be. {reason}'
             return self.decisions.stop(
@@ -122,16 +115,9 @@ class Supervisor:
         errors = selected.terminal_error, selected.heading_error
         if not selected.admissible:
             errors = context.goal.errors(plan.poses[-1])
+        reason, phases = reason + remark, self._selector.phases
         return self.decisions.follow(
-            state,
-            seen.stamp,
-            level,
-            reason + remark,
-            slower,
-            verdict,
-            errors,
-            result,
-            self._selector.phases,
+            state, seen.stamp, level, reason, slower, verdict, errors, result, phases
         )
 
     def _accept(

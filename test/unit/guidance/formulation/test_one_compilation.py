@@ -30,7 +30,10 @@ import numpy as np
 from numba.core.dispatcher import Dispatcher
 
 from cmpsp_ros.guidance.safety.audit import Audit
-from cmpsp_ros.world.roads.arc_length import (
+from cmpsp_ros.world.roads import (
+    Annulus,
+    Corridor,
+    OpenFloor,
     arc_length_to,
     lookahead_point,
     project_on_path,
@@ -42,12 +45,8 @@ from cmpsp_ros.guidance.warmup import run_kernels
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters import load_parameter_file
 from cmpsp_ros.parameters.settings import guidance_settings
-from cmpsp_ros.world.free_space import FreeSpace
-from cmpsp_ros.world.roads.corridor import Corridor
-from cmpsp_ros.world.obstacles.moving_discs import MovingDiscs
-from cmpsp_ros.world.obstacles.shapes import convex
-from cmpsp_ros.world.roads.annulus import Annulus
-from cmpsp_ros.world.roads.open_floor import OpenFloor
+from cmpsp_ros.world import FreeSpace
+from cmpsp_ros.world.obstacles import MovingDiscs, convex
 
 
 def code():

@@ -247,7 +247,7 @@ def _drive_robot(name: str, scenario: Scenario) -> RobotDrive:
     """One run by the exact model, commands held for a control period."""
     settings, pose = scenario.settings, np.array(scenario.values['initial_pose'], float)
     # One step that does not count has compiled code loaded.
-    GuidanceLaw(settings, settings.world).update(0, pose)
+    GuidanceLaw(settings, settings.world).step(Observation(0, pose))
     times, work, levels = [], [], Counter[str]()
     with _counted_work() as counted:
         for took, decision, reached in drive(settings, pose, time.thread_time_ns):

@@ -40,7 +40,7 @@ from cmpsp_ros.world.roads import (
     remaining_arc_length,
 )
 from cmpsp_ros.guidance.planning.initial_trajectories import along_road
-from cmpsp_ros.guidance.prediction.plan_start import PlanStart
+from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.warmup import run_kernels
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters import load_parameter_file

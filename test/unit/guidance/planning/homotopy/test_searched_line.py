@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from cmpsp_ros.guidance import GuidanceLaw
+from cmpsp_ros.guidance import GuidanceLaw, Observation
 from cmpsp_ros.guidance.planning.homotopy.path_search import searched_line
 from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 from cmpsp_ros.world import FreeSpace
@@ -30,8 +30,8 @@ def test_the_law_drives_towards_a_goal_that_no_time_is_enough_for(distance):
     values = {**load_parameter_file('floor'), 'goal.position': [distance, distance / 3.0]}
     settings = guidance_settings(TABLE.resolve(values))
     law, pose = GuidanceLaw(settings, settings.world), np.zeros(3)
-    decision = law.update(0, pose)
-    law.foretell(decision, pose)
+    decision = law.step(Observation(0, pose))
+    law.after_step()
     assert 'final_time would have to be' in law.warnings[0]
     assert decision.plan is not None
     assert math.dist(decision.plan.poses[-1][:2], settings.goal) < abs(distance) * math.hypot(

@@ -72,20 +72,12 @@ def machine() -> dict[str, str]:
 
 
 def resident(pid: int | None = None) -> float:
-    """Resident set of a process [MB]; of this one without a number.
-
-    Raises:
-        BenchError: There is no such process.
-    """
+    """Resident set of a process [MB]; of this one without a number."""
     return float(_process(pid).memory_info().rss) / 1e6
 
 
 def processor_time(pid: int) -> float:
-    """Processor time that a process has had [s].
-
-    Raises:
-        BenchError: There is no such process.
-    """
+    """Processor time that a process has had [s]."""
     spent = _process(pid).cpu_times()
     return float(spent.user + spent.system)
 

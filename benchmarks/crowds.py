@@ -60,16 +60,7 @@ class PlansTiming:
 def measure_plans(
     runs: int, counts: Sequence[int] = PLAN_COUNTS, progress: Callable[[], None] = lambda: None
 ) -> list[PlansTiming]:
-    """Begin Case 3 past four small obstacles on the centre line, all numbers of plans in turn.
-
-    Args:
-        runs: Runs of each; one more has all compiled code loaded.
-        counts: Numbers of plans, at most as many as there are ways: 16.
-        progress: Told after each run of all of them.
-
-    Raises:
-        BenchError: Not so many plans were made.
-    """
+    """Begin Case 3 past four small obstacles on the centre line, all numbers of plans in turn."""
     preset = Preset.load('case3')
     every = {count: _plan_settings(preset.settings, count) for count in counts}
     laws = {count: GuidanceLaw(each, each.world) for count, each in every.items()}

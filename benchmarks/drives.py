@@ -45,11 +45,7 @@ class Preset:
 
     @classmethod
     def load(cls, name: str) -> Preset:
-        """Read and check a preset or parameter file.
-
-        Raises:
-            ParameterError: No such preset, or one that cannot be used.
-        """
+        """Read and check a preset or parameter file."""
         values = TABLE.resolve(load_parameter_file(name))
         check_start(values)
         return cls(name, guidance_settings(values), np.array(values['initial_pose']))
@@ -59,9 +55,6 @@ def chosen(names: Sequence[str]) -> list[Preset]:
     """Presets of these names; without any, all presets and the runs of the paper's tables.
 
     From most starts of the latter the first plans need slack.
-
-    Raises:
-        ParameterError: No such preset, or one that cannot be used.
     """
     if names:
         return [Preset.load(name) for name in names]
@@ -204,11 +197,7 @@ def robots_that_fit() -> list[str]:
 
 
 def of_robots(robots: Sequence[str]) -> dict[str, Scenario]:
-    """Courses of robots, by their names or files.
-
-    Raises:
-        ParameterError: No such robot, or one that cannot drive there.
-    """
+    """Courses of robots, by their names or files."""
     return {name: load_scenario(COURSE, (), lockstep=True, robot=name) for name in robots}
 
 
@@ -225,11 +214,7 @@ def of_models() -> dict[str, Scenario]:
 def time_robots(
     scenarios: Mapping[str, Scenario], runs: int, progress: Callable[[], None] = lambda: None
 ) -> list[RobotDrive]:
-    """Drive every robot in turn, again and again, and take the times.
-
-    Raises:
-        BenchError: Two runs of one robot differ.
-    """
+    """Drive every robot in turn, again and again, and take the times."""
     drives: dict[str, RobotDrive] = {}
     for _ in range(runs):
         for name, scenario in scenarios.items():

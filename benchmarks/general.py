@@ -49,9 +49,6 @@ def time_programs(runs: int, progress: Callable[[], None] = lambda: None) -> lis
 
     They go through the back end for any problem, without a warm start. It is compiled for a few
     sizes, and a program is filled up to the next one (`compiled_size`).
-
-    Raises:
-        BenchError: A program was not solved.
     """
     programs = [[program(seed, *size) for seed in range(PROGRAMS)] for size in SIZES]
     times = np.empty((runs, len(SIZES), PROGRAMS))

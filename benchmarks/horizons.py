@@ -164,17 +164,7 @@ class LongHorizons:
 def time_long_horizons(
     horizons: Sequence[int], runs: int, *, beside: bool, progress: Callable[[], None] = lambda: None
 ) -> LongHorizons:
-    """Time control steps at several horizons, ours and other solvers' in turn.
-
-    Args:
-        horizons: Numbers of steps.
-        runs: Repetitions, of several steps each.
-        beside: Whether other solvers take part.
-        progress: Told after each horizon.
-
-    Raises:
-        BenchError: A plan does not keep within its limits.
-    """
+    """Time control steps at several horizons, ours and other solvers' in turn."""
     result = LongHorizons([], {})
     for steps in horizons:
         result.found.append(

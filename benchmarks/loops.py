@@ -135,9 +135,6 @@ def compare(
     """Time methods against the first of them.
 
     A method that does not solve the task is not timed: how long a wrong answer takes is no time.
-
-    Raises:
-        BenchError: The first method does not solve the task.
     """
     trials = {}
     for method in methods:
@@ -276,11 +273,7 @@ def hard_cases() -> list[Preset]:
 def time_hard_cases(
     cases: Sequence[Preset], runs: int, progress: Callable[[], None] = lambda: None
 ) -> list[HardCase]:
-    """Drive every case in turn, again and again, and take the times.
-
-    Raises:
-        BenchError: A program was not solved, or a plan may not be followed.
-    """
+    """Drive every case in turn, again and again, and take the times."""
     tasks = [Task.of(each) for each in cases]
     methods = [FullStep(task) for task in tasks]
     times: list[list[Array]] = [[] for _ in cases]

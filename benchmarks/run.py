@@ -31,12 +31,7 @@ Progress = Callable[[str, int], Callable[[], None]]
 
 
 def run(order: Order, progress: Progress = lambda _part, _pieces: lambda: None) -> Results:
-    """Measure what is asked, and write it where it is asked.
-
-    Raises:
-        BenchError: The output cannot be used, or a measurement failed.
-        ParameterError: No such preset, or one that cannot be used.
-    """
+    """Measure what is asked, and write it where it is asked."""
     presets = drives.chosen(order.presets)
     if order.output is not None:
         check_output(order.output)

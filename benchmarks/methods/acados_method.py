@@ -42,11 +42,7 @@ class Acados:
         self._durations: dict[int, Array] = {}
 
     def prepare(self, steps: int) -> None:
-        """Generate and compile code for the first horizon; later ones are made from the same.
-
-        Raises:
-            BenchError: acados or its compiler has failed.
-        """
+        """Generate and compile code for the first horizon; later ones are made from the same."""
         if steps in self._solvers:
             return
         folder, first = Path(self._folder.name), not self._solvers

@@ -166,11 +166,7 @@ class _CasadiSolver:
         """Each call starts from the controls alone."""
 
     def step(self, pose: Array, U: Array, durations: Array) -> Array:
-        """Solve the problem that is left, from the path rolled out.
-
-        Raises:
-            BenchError: The solver fails.
-        """
+        """Solve the problem that is left, from the path rolled out."""
         return unpack(self._answer(pose, U, durations)['x'].full().ravel(), U[-1])
 
     def _answer(self, pose: Array, U: Array, durations: Array, **more: Array) -> Any:
@@ -242,14 +238,7 @@ class Converged(_CasadiSolver):
     def __init__(
         self, task: Task, solver: str, options: Mapping[str, Any], *, keeps_multipliers: bool
     ) -> None:
-        """Take the task and say which solver.
-
-        Args:
-            task: The task.
-            solver: Name of an NLP solver of CasADi's.
-            options: For it.
-            keeps_multipliers: Whether it can start from the last step's multipliers.
-        """
+        """Take the task and say which solver."""
         failure = f'{solver} cannot work with its program'
         super().__init__(task, f'{solver}, to convergence', 400, failure)
         self._solver = solver
@@ -262,11 +251,7 @@ class Converged(_CasadiSolver):
         self._multipliers = {}
 
     def step(self, pose: Array, U: Array, durations: Array) -> Array:
-        """Solve the problem that is left, from the path rolled out.
-
-        Raises:
-            BenchError: The solver does not even begin.
-        """
+        """Solve the problem that is left, from the path rolled out."""
         answer = self._answer(pose, U, durations, **self._multipliers)
         if self._keeps_multipliers and len(durations) > 1:
             self._multipliers = self._later(answer)

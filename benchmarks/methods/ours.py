@@ -61,9 +61,6 @@ class Method(Protocol):
 
         Returns:
             Controls, shape ``(N + 1, 2)`` [rad/s].
-
-        Raises:
-            BenchError: It cannot.
         """
 
 
@@ -124,11 +121,7 @@ class RiccatiActiveSet:
         self._left = steps
 
     def step(self, pose: Array, U: Array, durations: Array) -> Array:
-        """Two iterations.
-
-        Raises:
-            BenchError: A program was not solved.
-        """
+        """Two iterations."""
         steps, ws = len(durations), self._driver.ws
         over, self._left = self._left - steps, steps
         ws.trial.U[: steps + 1] = U
@@ -207,11 +200,7 @@ class FullStep:
         self._now = self.elastic = 0
 
     def step(self, pose: Array, U: Array, durations: Array) -> Array:  # noqa: ARG002 (by the clock)
-        """Shift, improve, audit.
-
-        Raises:
-            BenchError: The plan may not be followed.
-        """
+        """Shift, improve, audit."""
         settings, planner, audit, period, final = self._parts
         horizon = remaining(self._now, period, final)
         guess = U if self._plan is None else shift(self._plan.controls, self._plan.horizon, horizon)
@@ -260,11 +249,7 @@ class Law:
         self._stamp = 0
 
     def step(self, pose: Array, U: Array, durations: Array) -> Array:  # noqa: ARG002 (its own)
-        """Decide.
-
-        Raises:
-            BenchError: The decision is to stop.
-        """
+        """Decide."""
         decision = self._law.step(Observation(self._stamp, pose))
         if decision is None or decision.plan is None:
             raise BenchError(decision.reason if decision else 'it has nothing to decide')

@@ -72,7 +72,7 @@ class CondensedDaqp:
 
     def __init__(self, task: Task) -> None:
         """Take the task."""
-        self._task = task
+        self.task = task
 
     def prepare(self, steps: int) -> None:
         """Nothing depends on the horizon alone."""
@@ -82,7 +82,7 @@ class CondensedDaqp:
 
     def step(self, pose: Array, U: Array, durations: Array) -> Array:
         """Two iterations."""
-        problem = self._task.problem(pose, durations)
+        problem = self.task.problem(pose, durations)
         options = Options(
             penalty_terminal=np.full(problem.size.output, PENALTY),
             penalty_path=np.full(problem.size.path, PENALTY),
@@ -107,7 +107,7 @@ class RiccatiActiveSet:
 
     def __init__(self, task: Task) -> None:
         """Take the task."""
-        self._task = task
+        self.task = task
         self._allocate(1)
 
     def prepare(self, steps: int) -> None:
@@ -132,8 +132,8 @@ class RiccatiActiveSet:
         return ws.now.U[: steps + 1].copy()
 
     def _allocate(self, steps: int) -> None:
-        pose, durations = self._task.pose, self._task.durations(steps)
-        problem = self._task.problem(pose, durations)
+        pose, durations = self.task.pose, self.task.durations(steps)
+        problem = self.task.problem(pose, durations)
         size = problem.size
         self._driver = driver = Driver(
             size,
@@ -175,7 +175,7 @@ class FullStep:
 
     def __init__(self, task: Task) -> None:
         """Take the task."""
-        self._task = task
+        self.task = task
         self._made: dict[int, _Parts] = {}
 
     def prepare(self, steps: int) -> None:
@@ -184,7 +184,7 @@ class FullStep:
     def begin(self, steps: int) -> None:
         """Forget the plan."""
         if steps not in self._made:
-            settings = self._task.settings_for(steps)
+            settings = self.task.settings_for(steps)
             period, final = map(to_nanoseconds, (settings.control_period, settings.final_time))
             self._made[steps] = _Parts(
                 settings,
@@ -230,7 +230,7 @@ class Law:
 
     def __init__(self, task: Task) -> None:
         """Take the task."""
-        self._task = task
+        self.task = task
         self._made: dict[int, tuple[GuidanceLaw, int]] = {}
 
     def prepare(self, steps: int) -> None:
@@ -239,7 +239,7 @@ class Law:
     def begin(self, steps: int) -> None:
         """Reset the law."""
         if steps not in self._made:
-            settings = self._task.settings_for(steps)
+            settings = self.task.settings_for(steps)
             self._made[steps] = (
                 GuidanceLaw(settings, settings.world),
                 to_nanoseconds(settings.control_period),

@@ -75,14 +75,6 @@ def test_controls_that_are_held_stay_there():
     np.testing.assert_allclose(found_U, wanted(qp, found, output_error, g), atol=1e-9)
 
 
-def test_nothing_to_correct_and_more_than_can_be():
-    qp, found, output_error, g = after_full_step(0)
-    none = np.full(qp.g.shape, -1.0) * (found.multipliers.path == 0)
-    np.testing.assert_allclose(corrected(found, np.zeros(2), none), 0.0, atol=1e-14)
-    # All rows of all stages are more than there are controls.
-    assert np.isfinite(corrected(found, output_error, np.abs(g) + 0.01)).all()
-
-
 def second_order_correction(subproblem, solution, output_error, g):
     """The correction of a step by any back end, shape ``(N + 1, r)``."""
     size = subproblem.size

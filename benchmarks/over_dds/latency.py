@@ -11,9 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.errors import BenchError
-from benchmarks.families.spread import Spread
-from benchmarks.machine import resident
+from benchmarks.common import BenchError, Spread, resident
 from cmpsp_ros.arrays import Array, BoolArray
 from cmpsp_ros.demo import Child, DemoError, use_free_domain
 from cmpsp_ros.nodes import Observer

@@ -12,10 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from benchmarks.errors import BenchError
-from benchmarks.machine import processor_time, resident
-from benchmarks.quiet import collector_off
-from benchmarks.table import Table
+from benchmarks.common import BenchError, Table, collector_off, processor_time, resident
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.bags import DecisionRecord
 from cmpsp_ros.demo import Child, DemoError, Scenario, guide, load_scenario, started

@@ -34,6 +34,8 @@ from cmpsp_ros.world.grids import NO_FIELD, GridObstacle, OccupancyGrid
 from cmpsp_ros.world.obstacles import Capsule, MovingDiscs
 from cmpsp_ros.world.roads import (
     Annulus,
+    Corridor,
+    OpenFloor,
     arc_length_to,
     find_near,
     lookahead_point,
@@ -98,8 +100,10 @@ def warm_up(settings: GuidanceSettings) -> None:
 def run_kernels(settings: LawSettings) -> None:
     """Run every kernel of robot and road except those of the planner.
 
-    Each of them is compiled once, for all kinds of road.
+    Each of them is compiled once, for all kinds of road, and each kind has functions of its own.
     """
+    for kind in (Annulus, Corridor, OpenFloor):
+        kind.load()
     pose, durations = _A_ROAD.middle(), np.ones(1)
     controls = np.zeros((2, settings.robot.n_controls))
     on_road = replace(settings, goal=(0.0, 10.0))

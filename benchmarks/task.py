@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from benchmarks.families.presets import Preset
+from benchmarks.drives import Preset
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance import GuidanceSettings
 from cmpsp_ros.guidance.formulation import (
@@ -23,7 +23,7 @@ _LARGEST_VIOLATION = 1e-3
 
 
 @dataclass(frozen=True)
-class Outcome:
+class TaskOutcome:
     """What a control history leads to, by the project's own model.
 
     Attributes:
@@ -111,7 +111,7 @@ class Task:
         goal = np.array(settings.goal)
         return guidance_data(settings.robot, self.space, settings.weights, pose, goal, durations)
 
-    def outcome(self, U: Array) -> Outcome:
+    def outcome(self, U: Array) -> TaskOutcome:
         """What a control history over the whole time leads to.
 
         Args:
@@ -119,14 +119,14 @@ class Task:
         """
         problem = self.problem(self.pose, self.durations(len(U) - 1))
         evaluation = problem.evaluate(problem.predict(U), U)
-        return Outcome(
+        return TaskOutcome(
             evaluation.cost,
             float(np.linalg.norm(evaluation.output_error)),
             float(evaluation.g.max()),
             float(np.abs(U).max()),
         )
 
-    def failure(self, outcome: Outcome) -> str:
+    def failure(self, outcome: TaskOutcome) -> str:
         """Why an outcome does not solve the task, in words; empty where it does."""
         settings = self.settings
         if not outcome.miss <= settings.goal_tolerance:

@@ -1,12 +1,24 @@
-"""Methods in their closed loops, in turn."""
+"""Methods in their closed loops, in turn, and their longest steps."""
+
+from __future__ import annotations
+
+import gc
 
 import numpy as np
 import pytest
 
-from benchmarks.errors import BenchError
-from benchmarks.families.timing import Comparison, Ratios, Timed, close_loop, compare
-from benchmarks.methods.condensed_method import CondensedDaqp
-from benchmarks.methods.ours import OURS
+from benchmarks.common import BenchError
+from benchmarks.loops import (
+    MethodComparison,
+    Ratios,
+    Tail,
+    Timed,
+    close_loop,
+    compare,
+    loops,
+    tails,
+)
+from benchmarks.methods.ours import OURS, CondensedDaqp
 from benchmarks.results import COMPARED_STEPS
 
 STEPS = 6
@@ -103,8 +115,39 @@ def test_ratios_are_medians_of_quotients_in_the_same_step(task):
     outcome = task.outcome(task.guess(2))
     one = Timed('one', outcome, np.array([[1.0, 10.0], [2.0, 10.0], [3.0, 10.0]]))
     other = Timed('other', outcome, np.array([[2.0, 5.0], [8.0, 10.0], [3.0, 50.0]]))
-    found = Comparison(2, 3, [one, other], {})
+    found = MethodComparison(2, 3, [one, other], {})
     assert found.ratios('other', 'one') == Ratios(2.0, 1.5)
     assert found.ratios('one', 'other') == Ratios(0.5, 0.75)
     assert found.ratios('one', 'third') is None
     assert found.ratios('third', 'one') is None
+
+
+class Watching(CondensedDaqp):
+    """Notes whether the garbage collector is on."""
+
+    def __init__(self, task, notes):
+        super().__init__(task)
+        self.notes = notes
+
+    def step(self, pose, U, durations):
+        self.notes.append((gc.isenabled(), gc.get_freeze_count() > 0))
+        return super().step(pose, U, durations)
+
+
+def test_ratio_of_the_percentile_to_the_median():
+    times = np.concatenate([np.full(1990, 2.0), np.full(10, 9.0)])
+    found = Tail('method', times, np.full(1000, 3.0))
+    assert found.ratio == pytest.approx(4.5)
+    assert found.ratio_again == pytest.approx(1.0)
+    assert Tail('method', times[:500], times).ratio is None
+
+
+def test_whole_loops_with_the_collector_off(task):
+    notes, told = [], []
+    found = tails(task, [Watching(task, notes)], 3, 7, lambda: told.append(1))
+    assert [each.times.shape for each in found] == [(9,)]
+    assert [each.again.shape for each in found] == [(9,)]
+    assert len(told) == loops(7, 3) == 3
+    assert set(notes) == {(False, True)}
+    assert gc.isenabled()
+    assert gc.get_freeze_count() == 0

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.errors import BenchError
-from benchmarks.quiet import collector_off
+from benchmarks.common import BenchError, collector_off
 from cmpsp_ros.mpsp import Linearisation
 from cmpsp_ros.mpsp.qp import RICCATI_ACTIVE_SET, QPStatus, Subproblem, solve, solve_qp
 
@@ -25,7 +24,7 @@ _ROOM = 3.0
 
 
 @dataclass(frozen=True)
-class General:
+class GeneralTiming:
     """Programs of one size.
 
     Attributes:
@@ -45,7 +44,7 @@ class General:
     flops: float
 
 
-def measure(runs: int, progress: Callable[[], None] = lambda: None) -> list[General]:
+def time_programs(runs: int, progress: Callable[[], None] = lambda: None) -> list[GeneralTiming]:
     """Time random programs of every size, all of them in turn.
 
     They go through the back end for any problem, without a warm start. It is compiled for a few
@@ -66,7 +65,7 @@ def measure(runs: int, progress: Callable[[], None] = lambda: None) -> list[Gene
                     times[run, place, seed] = (time.perf_counter_ns() - began) * 1e-3
             progress()
     medians = np.median(times, axis=0).mean(axis=1)
-    return [_of(each, float(took)) for each, took in zip(programs, medians, strict=True)]
+    return [_timing(each, float(took)) for each, took in zip(programs, medians, strict=True)]
 
 
 def program(seed: int, states: int, controls: int) -> Subproblem:
@@ -126,7 +125,7 @@ def flops(N: int, n: int, r: int, l: int, k: int, c: int) -> float:  # noqa: E74
     return factorisation + k * (row + look + 3 * N * r * c / 2 + c**2 / 3)
 
 
-def _of(programs: list[Subproblem], took: float) -> General:
+def _timing(programs: list[Subproblem], took: float) -> GeneralTiming:
     size = programs[0].size
     iterations: list[int] = []
     active: list[int] = []
@@ -140,7 +139,7 @@ def _of(programs: list[Subproblem], took: float) -> General:
         active.append(sum(int(np.count_nonzero(part)) for part in rows))
         sizes = size.horizon, size.state, size.control, size.path
         work.append(flops(*sizes, solution.iterations, active[-1]))
-    return General(
+    return GeneralTiming(
         size.state,
         size.control,
         float(np.median(iterations)),

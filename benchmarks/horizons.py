@@ -1,4 +1,4 @@
-"""One plan's control step over the horizon, with about half of the wheel-speed bounds active."""
+"""Computing time over the number of steps."""
 
 from __future__ import annotations
 
@@ -9,15 +9,96 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.errors import BenchError
-from benchmarks.families.presets import Preset
-from benchmarks.families.task import Task
+from benchmarks.common import BenchError, collector_off, unheard
+from benchmarks.drives import Preset
+from benchmarks.methods.ours import Method
 from benchmarks.methods.peers import peers
-from benchmarks.quiet import collector_off, unheard
+from benchmarks.task import Task
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance import remaining, to_nanoseconds
 from cmpsp_ros.guidance.formulation import OcpFormulation
 from cmpsp_ros.guidance.planning import Planner, PlanningContext
+
+HORIZONS = (10, 25, 50, 100, 200, 400)
+
+_ASYMPTOTIC = 100
+"""Steps from which on the growth is fitted: below, what does not grow counts too much."""
+
+
+@dataclass(frozen=True)
+class Growth:
+    """One method over horizons.
+
+    Attributes:
+        name: Of the method.
+        steps: Horizons, shape ``(K,)``.
+        times: Median of the first step at each, shape ``(K,)`` [us].
+        exponent: Slope of the logarithm of time over that of steps from 100 steps on; None with
+            fewer than two horizons there.
+    """
+
+    name: str
+    steps: list[int]
+    times: list[float]
+    exponent: float | None
+
+    @classmethod
+    def of(cls, name: str, times: dict[int, float]) -> Growth:
+        """From the times by number of steps."""
+        long = [each for each in times if each >= _ASYMPTOTIC]
+        exponent = None
+        if len(long) >= 2:
+            slope, _ = np.polyfit(np.log(long), np.log([times[each] for each in long]), 1)
+            exponent = float(slope)
+        return cls(name, list(times), list(times.values()), exponent)
+
+
+def grow(
+    task: Task,
+    methods: Sequence[Method],
+    horizons: Sequence[int],
+    runs: int,
+    progress: Callable[[], None] = lambda: None,
+) -> list[Growth]:
+    """Time the first step of methods at several horizons, the methods in turn.
+
+    A horizon at which a method's step does not bring the path nearer to the goal is left out.
+    """
+    times: dict[str, dict[int, float]] = {method.name: {} for method in methods}
+    for steps in horizons:
+        able = [each for each in methods if steps <= each.largest and _tries(task, each, steps)]
+        samples = np.empty((runs, len(able)))
+        with collector_off():
+            for run in range(runs):
+                for place, method in enumerate(able):
+                    _first_step_time(task, method, steps)
+                    samples[run, place] = _first_step_time(task, method, steps)
+        for method, sample in zip(able, samples.T, strict=True):
+            times[method.name][steps] = float(np.median(sample))
+        progress()
+    return [Growth.of(name, of_method) for name, of_method in times.items()]
+
+
+def _tries(task: Task, method: Method, steps: int) -> bool:
+    """Prepare a method, and see whether its step does what it should."""
+    try:
+        with unheard():
+            method.prepare(steps)
+            method.begin(steps)
+            U = method.step(task.pose, task.guess(steps), task.durations(steps))
+    except BenchError:
+        return False
+    return task.outcome(U).miss < task.outcome(task.guess(steps)).miss
+
+
+def _first_step_time(task: Task, method: Method, steps: int) -> float:
+    """Time of one first step [us]."""
+    guess, durations = task.guess(steps), task.durations(steps)
+    method.begin(steps)
+    began = time.perf_counter_ns()
+    method.step(task.pose, guess, durations)
+    return (time.perf_counter_ns() - began) * 1e-3
+
 
 LONG_HORIZONS = (50, 100, 200, 400)
 
@@ -80,7 +161,7 @@ class LongHorizons:
         return float(slope)
 
 
-def measure(
+def time_long_horizons(
     horizons: Sequence[int], runs: int, *, beside: bool, progress: Callable[[], None] = lambda: None
 ) -> LongHorizons:
     """Time control steps at several horizons, ours and other solvers' in turn.
@@ -96,7 +177,9 @@ def measure(
     """
     result = LongHorizons([], {})
     for steps in horizons:
-        result.found.append(_measure(long_task(steps), runs * _SAMPLES, beside, result.missing))
+        result.found.append(
+            _time_long_horizon(long_task(steps), runs * _SAMPLES, beside, result.missing)
+        )
         progress()
     return result
 
@@ -111,7 +194,7 @@ def long_task(steps: int) -> Task:
     )
 
 
-def _measure(task: Task, samples: int, beside: bool, missing: dict[str, str]) -> LongStep:
+def _time_long_horizon(task: Task, samples: int, beside: bool, missing: dict[str, str]) -> LongStep:
     settings, steps = task.settings, task.steps
     planner, controls = Planner(OcpFormulation(settings, settings.world)), task.guess(steps)
     horizon = remaining(0, *map(to_nanoseconds, (settings.control_period, settings.final_time)))

@@ -14,7 +14,13 @@ import numpy as np
 from benchmarks.common import BenchError, Spread, Table, collector_off
 from benchmarks.drives import Preset, drive
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.guidance import GuidanceLaw, GuidanceSettings, MovingObstacles, to_nanoseconds
+from cmpsp_ros.guidance import (
+    GuidanceLaw,
+    GuidanceSettings,
+    MovingObstacles,
+    Observation,
+    to_nanoseconds,
+)
 from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.parameters import (
     TABLE,
@@ -98,14 +104,14 @@ def _two_steps(law: GuidanceLaw, preset: Preset, count: int) -> tuple[float, flo
     law.reset()
     with collector_off():
         began = time.perf_counter_ns()
-        decision = law.update(0, pose)
+        decision = law.step(Observation(0, pose))
         first = time.perf_counter_ns() - began
         if decision is None:
             raise BenchError('plans: found no decision on the first odometry')
         held = np.array([settings.control_period])
         pose = settings.robot.roll_out(pose, decision.wheel_speeds[None], held)[-1]
         began = time.perf_counter_ns()
-        decision = law.update(to_nanoseconds(settings.control_period), pose)
+        decision = law.step(Observation(to_nanoseconds(settings.control_period), pose))
         second = time.perf_counter_ns() - began
     if count > 1 and (decision is None or f'best of {count} plans' not in decision.reason):
         found = None if decision is None else decision.reason
@@ -281,11 +287,11 @@ def _sensor_steps(preset: str) -> Iterator[tuple[float, ...]]:
             sighting = eyes.see(stamp, pose)
             seen = time.thread_time_ns()
             if law.is_due(stamp):
-                decision = law.update(stamp, pose, (), sighting)
+                decision = law.step(Observation(stamp, pose, (), sighting))
                 decided = time.thread_time_ns()
                 if decision is None or decision.finished or sighting is None:
                     return
-                law.search(pose)
+                law.after_step()
                 searched = time.thread_time_ns()
                 distance_field(sighting.grid, unknown_is_free=True)
                 done = time.thread_time_ns()

@@ -15,7 +15,7 @@ import numpy as np
 from benchmarks.common import BenchError, Spread, collector_off
 from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.demo import Scenario, load_scenario
-from cmpsp_ros.guidance import Decision, GuidanceLaw, GuidanceSettings, to_nanoseconds
+from cmpsp_ros.guidance import Decision, GuidanceLaw, GuidanceSettings, Observation, to_nanoseconds
 from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.guidance.planning import Planner, SolveResult
 from cmpsp_ros.parameters import (
@@ -144,7 +144,7 @@ def drive(
         for stamp in itertools.count(0, period):
             seen = tracks(stamp)
             began = clock()
-            decision = law.update(stamp, pose, seen)
+            decision = law.step(Observation(stamp, pose, seen))
             took = (clock() - began) * 1e-6
             if decision is None:
                 continue
@@ -247,7 +247,7 @@ def _drive_robot(name: str, scenario: Scenario) -> RobotDrive:
     """One run by the exact model, commands held for a control period."""
     settings, pose = scenario.settings, np.array(scenario.values['initial_pose'], float)
     # One step that does not count has compiled code loaded.
-    GuidanceLaw(settings, settings.world).update(0, pose)
+    GuidanceLaw(settings, settings.world).step(Observation(0, pose))
     times, work, levels = [], [], Counter[str]()
     with _counted_work() as counted:
         for took, decision, reached in drive(settings, pose, time.thread_time_ns):

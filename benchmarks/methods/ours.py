@@ -11,7 +11,15 @@ import numpy as np
 from benchmarks.common import BenchError
 from benchmarks.task import Task
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.guidance import GuidanceLaw, GuidanceSettings, Plan, remaining, shift, to_nanoseconds
+from cmpsp_ros.guidance import (
+    GuidanceLaw,
+    GuidanceSettings,
+    Observation,
+    Plan,
+    remaining,
+    shift,
+    to_nanoseconds,
+)
 from cmpsp_ros.guidance.formulation import OcpFormulation
 from cmpsp_ros.guidance.planning import FUNCTIONS, Planner, PlanningContext
 from cmpsp_ros.guidance.safety import Audit
@@ -257,7 +265,7 @@ class Law:
         Raises:
             BenchError: The decision is to stop.
         """
-        decision = self._law.update(self._stamp, pose)
+        decision = self._law.step(Observation(self._stamp, pose))
         if decision is None or decision.plan is None:
             raise BenchError(decision.reason if decision else 'it has nothing to decide')
         self._stamp += self._period

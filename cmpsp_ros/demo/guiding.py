@@ -15,7 +15,7 @@ from cmpsp_ros.demo.scenario import Scenario
 from cmpsp_ros.guidance import is_at_rest
 
 if TYPE_CHECKING:
-    from cmpsp_ros.nodes import Observer, Seen
+    from cmpsp_ros.nodes import GuidanceStatus, LifecycleClient
 
 START_TIMEOUT: Final = 30.0
 """Time within which a node of one robot changes its state [s]."""
@@ -26,10 +26,10 @@ _PATIENCE: Final = 2.0
 
 
 def guide(
-    observer: Observer,
+    observer: LifecycleClient,
     children: Sequence[Child],
     robots: Sequence[Scenario],
-    notice: Callable[[Scenario, Seen], None],
+    notice: Callable[[Scenario, GuidanceStatus], None],
     apart: float = 0.0,
 ) -> None:
     """Have the robots set out, and follow them up to the decisions that their time has passed.
@@ -49,7 +49,7 @@ def guide(
     activated: dict[str, float] = {}
     begun, said = set[str](), set[str]()
 
-    def on_decision(namespace: str, seen: Seen) -> None:
+    def on_decision(namespace: str, seen: GuidanceStatus) -> None:
         heard[namespace] = time.monotonic()
         if seen.decision['halted'] == 'false':
             begun.add(namespace)
@@ -91,7 +91,7 @@ def guide(
     observer.wait_until(is_over, math.inf)
 
 
-def _reason_to_wait(robot: Scenario, seen: Seen) -> str:
+def _reason_to_wait(robot: Scenario, seen: GuidanceStatus) -> str:
     """Why a run has not begun, with the topic of a sensor that is waited for."""
     why = seen.reason or seen.message or 'Guidance says nothing.'
     topics = {each: robot.values[f'sensors.{each}.topic'] for each in robot.values['sensors.names']}

@@ -25,7 +25,7 @@ from cmpsp_ros.parameters.files import write_parameter_file
 
 if TYPE_CHECKING:
     from cmpsp_ros.demo.summary import Summary
-    from cmpsp_ros.nodes import Observer, Seen
+    from cmpsp_ros.nodes import GuidanceStatus, LifecycleClient
 
 _DELIVERY_TIMEOUT, _ASK_AGAIN = 15.0, 0.1
 
@@ -81,7 +81,7 @@ def driven(
         DemoError: A node failed, the run did not end, or not all of it was recorded.
     """
 
-    def tell(robot: Scenario, seen: Seen) -> None:
+    def tell(robot: Scenario, seen: GuidanceStatus) -> None:
         progress(robot.settings.final_time - float(seen.decision['time_left']))
 
     with started(robots, folder, view_port) as (observer, children):
@@ -105,7 +105,7 @@ def driven(
 @contextmanager
 def started(
     robots: Sequence[Scenario], folder: Path, view_port: int | None = None, *, record: bool = True
-) -> Iterator[tuple[Observer, Sequence[Child]]]:
+) -> Iterator[tuple[LifecycleClient, Sequence[Child]]]:
     """Start and configure the nodes of one robot or several; all are stopped at the end.
 
     Args:
@@ -122,9 +122,9 @@ def started(
         domain = use_free_domain()
         for name, arguments, namespace in _nodes(robots, folder, view_port, record=record):
             children.append(Child.start(name, arguments, folder, namespace))
-        from cmpsp_ros.nodes import Observer  # noqa: PLC0415 (the nodes need longer)
+        from cmpsp_ros.nodes import LifecycleClient  # noqa: PLC0415 (the nodes need longer)
 
-        with Observer(domain, [each.namespace for each in robots]) as observer:
+        with LifecycleClient(domain, [each.namespace for each in robots]) as observer:
             if record:
                 threading.Thread(target=import_module, args=[_RESULTS], daemon=True).start()
             _get_ready(observer, children, robots, record=record)
@@ -151,7 +151,11 @@ def _nodes(
 
 
 def _get_ready(
-    observer: Observer, children: Sequence[Child], robots: Sequence[Scenario], *, record: bool
+    observer: LifecycleClient,
+    children: Sequence[Child],
+    robots: Sequence[Scenario],
+    *,
+    record: bool,
 ) -> None:
     """Configure the guidance nodes, and wait until nothing of the run can be missed."""
     timeout = START_TIMEOUT * len(robots)
@@ -183,7 +187,7 @@ def _get_ready(
 
 
 def _wait_for_the_end(
-    observer: Observer, children: Sequence[Child], robots: Sequence[Scenario]
+    observer: LifecycleClient, children: Sequence[Child], robots: Sequence[Scenario]
 ) -> None:
     """Wait until every decision received is in the bag, with its command and inputs.
 
@@ -207,7 +211,7 @@ def _wait_for_the_end(
 
 
 def _wait_for_bag(
-    observer: Observer, children: Sequence[Child], wanted: Mapping[str, Written]
+    observer: LifecycleClient, children: Sequence[Child], wanted: Mapping[str, Written]
 ) -> str:
     """Wait until the bag has this number of messages of each topic, and none older."""
     end = time.monotonic() + _DELIVERY_TIMEOUT

@@ -18,8 +18,7 @@ from cmpsp_ros.guidance.formulation.ocp_formulation import (
 )
 from cmpsp_ros.guidance.formulation.ocp_functions import WHEEL_ROUNDING, GuidanceData
 from cmpsp_ros.guidance.goals import Target
-from cmpsp_ros.guidance.horizon import Horizon, to_nanoseconds
-from cmpsp_ros.guidance.horizon_functions import remaining, steps_over
+from cmpsp_ros.guidance.horizon import Horizon, remaining, steps_over, to_nanoseconds
 from cmpsp_ros.guidance.planning.candidate import SolveResult
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 from cmpsp_ros.guidance.solver_settings import UNLIMITED

@@ -26,7 +26,15 @@ from scenarios import (
     with_plans,
 )
 
-from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw, InitialGuess, Safety, remaining, shift
+from cmpsp_ros.guidance import (
+    FallbackLevel,
+    GuidanceLaw,
+    InitialGuess,
+    Observation,
+    Safety,
+    remaining,
+    shift,
+)
 from cmpsp_ros.guidance.formulation import OcpFormulation
 from cmpsp_ros.guidance.planning import Planner, along_road, initial_guess
 from cmpsp_ros.guidance.planning.candidate import Candidate, Ranking
@@ -166,7 +174,7 @@ def test_a_plan_that_may_not_be_followed_is_replaced_at_every_step(monkeypatch):
     pose = run.pose
     for k in range(6, 12):
         guesses.clear()
-        law.update(k * PERIOD, pose)
+        law.step(Observation(k * PERIOD, pose))
         durations = np.full(50 - k, 0.2)
         start, target = start_of(given, pose), given.target
         guess = along_road(given, start, target, durations)
@@ -177,7 +185,7 @@ def test_a_plan_that_may_not_be_followed_is_replaced_at_every_step(monkeypatch):
 
 
 def test_the_reason_names_the_way():
-    first = law_of(settings(BOTH, 51.0, ROAD)).update(0, np.array(START))
+    first = law_of(settings(BOTH, 51.0, ROAD)).step(Observation(0, np.array(START)))
     assert 'the best of 4 plans, ' in first.reason
     assert ' of first and ' in first.reason
     assert first.reason.endswith(' of second.')
@@ -215,7 +223,7 @@ def test_noise_seldom_changes_the_plan(obstacles, start, noise, seed, steps, mos
     given, rng = settings(obstacles, 51.0, ROAD), np.random.default_rng(seed)
     law, pose, changes = GuidanceLaw(given, given.world), np.array(start), 0
     for k in range(steps):
-        decision = law.update(k * PERIOD, pose + rng.normal(0.0, [noise] * 3))
+        decision = law.step(Observation(k * PERIOD, pose + rng.normal(0.0, [noise] * 3)))
         changes += 'Changed over' in decision.reason
         pose = given.robot.roll_out(pose, decision.wheel_speeds[None], np.array([0.2]))[-1]
     assert changes <= most
@@ -250,7 +258,7 @@ def test_one_candidate_is_the_warm_plan_or_a_fresh_one_along_the_road(name):
             fresh = improved(second, context_of(given, pose, horizon).center_line_guess)
             if ranking.score(fresh, start).beats(ranking.score(candidate, start)):
                 warm, second, candidate = second, warm, fresh
-        decision = law.update(now, pose)
+        decision = law.step(Observation(now, pose))
         plan = candidate.plan
         np.testing.assert_array_equal(decision.plan.controls, plan.controls)
         assert 'best of' not in decision.reason
@@ -288,7 +296,7 @@ def test_where_there_is_no_room_to_drive_in_a_bow_the_robot_turns_on_the_spot_fi
 
 def test_no_turn_on_the_spot_is_tried_where_a_plan_has_no_flaw(monkeypatch):
     counts = counted(monkeypatch)
-    law_of(settings(BOTH, 51.0, ROAD)).update(0, np.array(START))
+    law_of(settings(BOTH, 51.0, ROAD)).step(Observation(0, np.array(START)))
     # Four plans, and one of them again.
     assert counts == {50: 5}
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scenarios import CASES, FIRST, PERIOD, ROAD, START, context_of, law_of, settings, start_of
 
-from cmpsp_ros.guidance import FallbackLevel, SolverSettings, Weights, remaining
+from cmpsp_ros.guidance import FallbackLevel, Observation, SolverSettings, Weights, remaining
 from cmpsp_ros.guidance.formulation import OcpFormulation
 from cmpsp_ros.guidance.planning import Planner, initial_guess
 from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
@@ -86,7 +86,7 @@ def test_a_first_plan_that_runs_out_of_work_is_a_stop_with_its_reason(candidates
     changes['solver.work_rate'] = work_rate
     law = law_of(guidance_settings(TABLE.resolve(load_parameter_file('case3') | changes)))
     for stamp in (0, 10_000_000):
-        decision = law.update(stamp, POSE)
+        decision = law.step(Observation(stamp, POSE))
         assert decision.level == FallbackLevel.STOP
         assert decision.reason.startswith('The work of this control step was used up')
         assert decision.plan is None

@@ -11,7 +11,7 @@ from hypothesis import settings as profile
 from hypothesis import strategies as st
 from scenarios import FIRST, ROAD, SECOND, START, clearance, settings, start_of
 
-from cmpsp_ros.guidance import GuidanceLaw, Safety
+from cmpsp_ros.guidance import GuidanceLaw, Observation, Safety
 from cmpsp_ros.guidance.formulation import OcpFormulation
 from cmpsp_ros.guidance.planning import along_road
 from cmpsp_ros.guidance.planning.homotopy.path_search import (
@@ -302,8 +302,8 @@ def test_the_law_drives_towards_a_goal_that_no_time_is_enough_for(distance):
     values = {**load_parameter_file('floor'), 'goal.position': [distance, distance / 3.0]}
     given = guidance_settings(TABLE.resolve(values))
     law, pose = GuidanceLaw(given, given.world), np.zeros(3)
-    decision = law.update(0, pose)
-    law.foretell(decision, pose)
+    decision = law.step(Observation(0, pose))
+    law.after_step()
     assert 'final_time would have to be' in law.warnings[0]
     assert decision.plan is not None
     assert math.dist(decision.plan.poses[-1][:2], given.goal) < math.hypot(*given.goal)

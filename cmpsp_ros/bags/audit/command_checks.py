@@ -1,113 +1,207 @@
-"""Checks of the commands: were they feasible, in time, and obeyed?"""
+"""Checks of motion: odometry without jumps, commands within limits, as decided and obeyed."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from dataclasses import replace
 from itertools import pairwise
 from typing import Final
 
 import numpy as np
 
-from cmpsp_ros.arrays import Array, IntArray
-from cmpsp_ros.bags.audit.commands import agreeing
-from cmpsp_ros.bags.audit.finding import Verdict, not_judged, passed_if, skipped, unless
-from cmpsp_ros.bags.audit.legs import Leg
-from cmpsp_ros.bags.audit.record import AuditRecord
+from cmpsp_ros.arrays import Array, BoolArray, IntArray
+from cmpsp_ros.bags.audit.finding import Sample, SkippedError, check
+from cmpsp_ros.bags.audit.legs import Leg, agreeing
+from cmpsp_ros.bags.audit.record import AuditRecord, path_gap
 from cmpsp_ros.bags.decision_record import wheel_speeds
-from cmpsp_ros.bags.runs.odometry import Hole, in_words, mean_twists, overlaps
-from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings, to_nanoseconds
+from cmpsp_ros.bags.runs import overlaps
+from cmpsp_ros.bags.runs.odometry import mean_twists, wrapped
+from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings
+from cmpsp_ros.guidance.messages import motion_limits
+from cmpsp_ros.guidance.safety import CHANGE_ROUNDING
 
-_ROUNDING = 1e-9
-"""Part of a wheel speed that is lost on the way to a twist and back."""
+_ROUNDING: Final = 1e-9
+"""Part of a wheel speed or steering angle that is lost on the way to a twist and back."""
 
 LATE: Final = 1.5
 """Control periods after which the next command is missing."""
 
-_SLACK = 0.15
-"""What may lie between a node's clock and its timers, and a recorder's [s]."""
-
-_SAME_CLOCK = 10.0
-"""Difference from which times of reception are taken for those of another clock [s]."""
-
-_SETTLED = 2.0 / 3.0
+_SETTLED: Final = 2.0 / 3.0
 """Part of the time for which a command holds after which the robot has to obey it."""
 
-_BRIEF = 0.5
+_BRIEF: Final = 0.5
 """Control periods for which a command has to hold before obedience can be judged."""
 
-_OBEYED = 0.1
+_OBEYED: Final = 0.1
 """Part of the largest wheel speed by which a wheel may differ from its command."""
 
-_SIGMAS = 3.0 * math.sqrt(2.0)
+_SIGMAS: Final = 3.0 * math.sqrt(2.0)
+
+WHEELS: Final = ('robot.wheel_radius', 'robot.half_track', 'robot.max_wheel_speed')
 
 
-def finite(record: AuditRecord) -> Verdict:
-    """Whether every command is a number."""
-    wrong = ~np.all(np.isfinite(record.commands.twists), axis=1)
-    count = int(wrong.sum())
-    at = record.seconds(int(record.commands.stamps[wrong.argmax()])) if count else None
-    sentence = (
-        f'{count} of {len(wrong)} commands are not finite.'
-        if count
-        else f'All {len(wrong)} commands are finite.'
-    )
-    return passed_if(not count, sentence, worst=float(count), limit=0.0, at=at)
-
-
-def wheel_limits(record: AuditRecord) -> Verdict:
-    """Whether the wheels can turn as fast as commanded."""
-    robot = record.history.epochs[0].settings.robot
+@check(
+    'jumps',
+    'Odometry: no jumps',
+    needs=WHEELS,
+    good='Odometry shows no more than the robot can drive.',
+    bad='Between two samples odometry jumps by {worst:.3g} {unit}, more than can be driven.',
+)
+def jumps(record: AuditRecord) -> Iterator[Sample]:
+    """Motion from each odometry sample to the next."""
+    robot, max_jump = record.settings.robot, record.settings.safety.max_odom_jump
     if not math.isfinite(robot.max_wheel_speed):
-        return skipped('The wheels have no limit (robot.max_wheel_speed is 0).')
-    worst, limit, at = -1.0, robot.max_wheel_speed, record.start
+        raise SkippedError('The wheels have no limit (robot.max_wheel_speed is 0).')
+    if not max_jump:
+        raise SkippedError('Any jump is allowed (safety.max_odom_jump is 0).')
+    for odometry in (leg.odometry for leg in record.legs):
+        durations = np.diff(odometry.stamps) / NANOSECONDS
+        steps = np.diff(odometry.poses, axis=0)
+        moved = np.hypot(*steps[:, :2].T), np.abs(wrapped(steps[:, 2]))
+        limits = motion_limits(robot, durations, max_jump)
+        for unit, values, allowed in zip(('m', 'rad'), moved, limits, strict=True):
+            # Of two at one instant the later counts, as when the robot is put somewhere else.
+            excess = np.where(durations > 0.0, values / allowed - 1.0, -np.inf)
+            found = Sample.largest(values, allowed, odometry.stamps, excess)
+            yield replace(found, unit=unit, words={'unit': unit})
+
+
+@check(
+    'finite',
+    'Commands: finite',
+    good='All {total} commands are finite.',
+    bad='{worst:.0f} of {total} commands are not finite.',
+)
+def finite(record: AuditRecord) -> Iterator[Sample]:
+    """Number of commands that are not finite."""
+    wrong = ~np.all(np.isfinite(record.commands.twists), axis=1)
+    first = int(record.commands.stamps[wrong.argmax()])
+    yield Sample.count(int(wrong.sum()), first, total=len(wrong))
+
+
+@check(
+    'wheel_limits',
+    'Commands: wheel limits',
+    needs=WHEELS,
+    unit='rad/s',
+    good='Every command is within what the wheels can do.',
+    bad='A command asks {worst:.4g} rad/s of a wheel.',
+)
+def wheel_limits(record: AuditRecord) -> Iterator[Sample]:
+    """Wheel speed of each finite command."""
+    limit = record.settings.robot.max_wheel_speed
+    if not math.isfinite(limit):
+        raise SkippedError('The wheels have no limit (robot.max_wheel_speed is 0).')
+    yield Sample(-1.0, limit, record.start, -math.inf)
     for stamp, twist in zip(record.commands.stamps, record.commands.twists, strict=True):
         robot = record.history.at(int(stamp)).robot
-        speed = float(np.abs(robot.wheel_speeds(twist)).max())
-        if speed / robot.max_wheel_speed > worst / limit:
-            worst, limit, at = speed, robot.max_wheel_speed, int(stamp)
-    passed = worst <= limit * (1.0 + _ROUNDING)
-    sentence = (
-        'Every command is within what the wheels can do.'
-        if passed
-        else f'A command asks {worst:.4g} rad/s of a wheel.'
-    )
-    return passed_if(
-        passed, sentence, worst=worst, limit=limit, unit='rad/s', at=record.seconds(at)
-    )
+        speed, limit = float(np.abs(robot.wheel_speeds(twist)).max()), robot.max_wheel_speed
+        if not math.isnan(speed):
+            yield Sample(speed, limit, int(stamp), speed / limit - (1.0 + _ROUNDING))
 
 
-def as_decided(record: AuditRecord) -> Verdict:
-    """Whether the commands sent are those decided."""
-    robot = record.history.epochs[0].settings.robot
-    decided = robot.twist_of_wheels(wheel_speeds(record.decisions))
+@check(
+    'acceleration',
+    'Commands: acceleration',
+    needs=(*WHEELS[:2], 'control_period'),
+    unit='rad/s',
+    good='The wheels can follow from each command to the next.',
+    bad='A wheel is to change by {worst:.4g} rad/s from one command to the next.',
+)
+def acceleration(record: AuditRecord) -> Iterator[Sample]:
+    """Change of the wheel speeds from each command to the next, and to the first from rest.
+
+    A halt is exempt: it answers faults that no plan can foresee.
+    """
+    limit = record.settings.max_wheel_change
+    if not math.isfinite(limit):
+        raise SkippedError('The wheels have no such limit (robot.max_wheel_acceleration is 0).')
+    wheels = _changing(record)
+    changes = np.abs(np.diff(wheels, axis=0, prepend=0.0 * wheels[:1])).max(axis=1)
+    changes[_unplanned(record)] = 0.0
+    limits = np.full(len(changes), limit)
+    yield Sample.largest(changes, limits, record.commands.stamps, changes - limit - CHANGE_ROUNDING)
+
+
+@check(
+    'steering',
+    'Commands: steering',
+    needs=('control_period',),
+    unit='rad',
+    good='The steering can follow each command.',
+    bad='The steering angle is to be {angle:.4g} rad, {changed:.4g} rad from the one before.',
+)
+def steering(record: AuditRecord) -> Iterator[Sample]:
+    """Steering angle of a car and its change, from straight ahead at first.
+
+    A command at rest says nothing of the steering: it is as decided, or else as before.
+    """
+    limits = record.settings.robot.steering_limits
+    if limits is None:
+        raise SkippedError('The robot is not steered (robot.model).')
+    angles = _steering_angles(record)
+    changes = np.abs(np.diff(angles, prepend=0.0))
+    changes[_unplanned(record)] = 0.0
+    most = limits[1] * record.settings.control_period
+    index = int(np.maximum(np.abs(angles) / limits[0], changes / most).argmax())
+    angle, changed = float(np.abs(angles[index])), float(changes[index])
+    excess = max(angle - limits[0] * (1.0 + _ROUNDING), changed - most - CHANGE_ROUNDING)
+    words = {'angle': angle, 'changed': changed}
+    at, largest = int(record.commands.stamps[index]), float(np.abs(angles).max())
+    yield Sample(largest, limits[0], at, excess, words=words)
+
+
+def _undecided(record: AuditRecord, worst: Sample) -> str:
+    """Commands whose decisions are not in the bag, where the others are as decided."""
+    alone = record.commands.moving.copy()
+    alone[record.pairs.commands :][: record.pairs.count] = False
+    is_gap = worst.passes and alone.any()
+    return f'{alone.sum()} others have no decision in the bag.' if is_gap else ''
+
+
+@check(
+    'as_decided',
+    'Commands: as decided',
+    needs=WHEELS[:2],
+    of_decisions=True,
+    good='All {total} commands are what was decided.',
+    bad='{worst:.0f} of {total} commands are not what was decided; the first is {sent} instead of'
+    ' {wanted}.',
+    gaps=(_undecided,),
+)
+def as_decided(record: AuditRecord) -> Iterator[Sample]:
+    """Number of commands that differ from those decided."""
+    decided = record.settings.robot.twist_of_wheels(wheel_speeds(record.decisions))
     pairs = record.pairs
     wrong = ~agreeing(record.commands, decided, pairs)
-    count = int(wrong.sum())
-    if not count:
-        alone = record.commands.moving.copy()
-        alone[pairs.commands :][: pairs.count] = False
-        missing = f'{alone.sum()} others have no decision in the bag.' if alone.any() else ''
-        sentence = f'All {pairs.count} commands are what was decided.'
-        return unless(passed_if(True, sentence, worst=0.0, limit=0.0), missing)
-    where = int(wrong.argmax())
-    sent, wanted = record.commands.twists[pairs.commands + where], decided[pairs.decisions + where]
-    return passed_if(
-        False,
-        f'{count} of {pairs.count} commands are not what was decided; the first is'
-        f' {_in_words(sent)} instead of {_in_words(wanted)}.',
-        worst=float(count),
-        limit=0.0,
-        at=record.seconds(int(record.commands.stamps[pairs.commands + where])),
-    )
+    if not wrong.any():
+        yield Sample.count(0, None, total=pairs.count)
+        return
+    first = int(wrong.argmax())
+    sent, wanted = record.commands.twists[pairs.commands + first], decided[pairs.decisions + first]
+    at = int(record.commands.stamps[pairs.commands + first])
+    words = {'total': pairs.count, 'sent': _in_words(sent), 'wanted': _in_words(wanted)}
+    yield Sample.count(int(wrong.sum()), at, **words)
 
 
-def obeyed(record: AuditRecord) -> Verdict:
-    """Whether the robot obeys its commands, after the time that it needs to."""
-    robot = record.history.epochs[0].settings.robot
+@check(
+    'obeyed',
+    'Commands: obeyed',
+    needs=(*WHEELS, 'control_period'),
+    unit='rad/s',
+    good='The robot drives what is commanded.',
+    bad='A wheel turns {worst:.3g} rad/s slower or faster than commanded.',
+    nothing='No command was held for long enough.',
+    gaps=(path_gap,),
+)
+def obeyed(record: AuditRecord) -> Iterator[Sample]:
+    """Difference of wheel speeds from each command, after the time that the robot needs."""
+    settings = record.settings
+    robot = settings.robot
     if not math.isfinite(robot.max_wheel_speed):
-        return skipped('The wheels have no limit (robot.max_wheel_speed is 0) to measure by.')
-    settings = record.history.epochs[0].settings
-    worst, limit, at, ratio = 0.0, _OBEYED * robot.max_wheel_speed, record.start, -1.0
+        reason = 'The wheels have no limit (robot.max_wheel_speed is 0) to measure by.'
+        raise SkippedError(reason)
     for leg in record.legs:
         begins, ends, twists = _held(leg, settings)
         known = [
@@ -121,152 +215,7 @@ def obeyed(record: AuditRecord) -> Verdict:
         spread = leg.odometry.spreads.max(axis=0)
         noise = _SIGMAS * (spread[0] + robot.half_track * spread[1]) / duration
         allowed = _OBEYED * robot.max_wheel_speed + noise / robot.wheel_radius
-        index = int((off / allowed).argmax())
-        if off[index] / allowed[index] > ratio:
-            ratio = float(off[index] / allowed[index])
-            worst, limit, at = float(off[index]), float(allowed[index]), int(begins[index])
-    missing = record.hole_sentence
-    if ratio < 0.0:
-        reason = 'No command was held for long enough.'
-        return not_judged(missing) if missing else skipped(reason)
-    sentence = (
-        'The robot drives what is commanded.'
-        if ratio <= 1.0
-        else f'A wheel turns {worst:.3g} rad/s slower or faster than commanded.'
-    )
-    verdict = passed_if(
-        ratio <= 1.0, sentence, worst=worst, limit=limit, unit='rad/s', at=record.seconds(at)
-    )
-    return unless(verdict, missing)
-
-
-def rate(record: AuditRecord) -> Verdict:
-    """Whether a command comes in each control period of a run.
-
-    During losses of odometry, and after a stop, none is expected.
-    """
-    limit = LATE * record.history.epochs[0].settings.control_period
-    worst, at = 0.0, record.start
-    for leg in record.legs:
-        for run in leg.runs:
-            final = to_nanoseconds(record.history.at(run.start).final_time)
-            end = min(run.end, run.start + final)
-            inside = (leg.commands.stamps >= run.start) & (leg.commands.stamps < end)
-            stamps, moving = leg.commands.stamps[inside], leg.commands.moving[inside]
-            times = np.concatenate([[run.start], stamps, [end]])
-            for index, gap in enumerate(np.diff(times) / NANOSECONDS):
-                stopped = 0 < index <= len(moving) and not moving[index - 1]
-                begin = int(times[index])
-                if gap > worst and not stopped and not _drops_out(leg, begin, gap, limit):
-                    worst, at = float(gap), begin
-    sentence = (
-        'A command comes each control period.'
-        if worst <= limit
-        else f'No command comes for {worst:.3g} s while the robot is on its way.'
-    )
-    verdict = passed_if(
-        worst <= limit, sentence, worst=worst, limit=limit, unit='s', at=record.seconds(at)
-    )
-    return unless(verdict, _lost_sentence(record))
-
-
-def age(record: AuditRecord) -> Verdict:
-    """How old the newest odometry is when the robot is commanded to move."""
-    limit = record.history.epochs[0].settings.odom_timeout + _SLACK
-    worst, at = -math.inf, record.start
-    for leg in record.legs:
-        odometry, chosen = leg.odometry, leg.commands.moving
-        for each in _lost(record, leg):
-            chosen &= (leg.commands.received <= each.begin) | (leg.commands.received > each.end)
-        commands = leg.commands.chosen(chosen)
-        latest = np.searchsorted(odometry.received, commands.received, side='right') - 1
-        known = latest >= 0
-        if not known.any():
-            continue
-        offset = float(np.median(odometry.received - odometry.stamps)) / NANOSECONDS
-        ages = (commands.received - odometry.stamps[latest])[known] / NANOSECONDS
-        ages -= offset if abs(offset) > _SAME_CLOCK else 0.0
-        if ages.max() > worst:
-            worst = float(ages.max())
-            at = int(commands.stamps[known][ages.argmax()])
-    if worst == -math.inf:
-        return skipped('No command to move comes after any odometry.')
-    sentence = (
-        'Every command to move rests on fresh odometry.'
-        if worst <= limit
-        else f'A command to move rests on odometry that is {worst:.3g} s old.'
-    )
-    verdict = passed_if(
-        worst <= limit, sentence, worst=worst, limit=limit, unit='s', at=record.seconds(at)
-    )
-    return unless(verdict, _lost_sentence(record))
-
-
-def silence(record: AuditRecord) -> Verdict:
-    """How long the robot is left moving while there is no odometry."""
-    limit = record.history.epochs[0].settings.odom_timeout + _SLACK
-    worst, at, longest = 0.0, record.start, 0.0
-    for leg in record.legs:
-        received, commands = leg.odometry.received, leg.commands
-        gaps = np.diff(received) / NANOSECONDS
-        gaps[np.isin(received[:-1], [each.begin for each in _lost(record, leg)])] = 0.0
-        longest = max(longest, float(gaps.max()))
-        for index in np.flatnonzero(gaps > limit):
-            times = (commands.received - received[index]) / NANOSECONDS
-            before = int(np.searchsorted(times, 0.0, side='right')) - 1
-            moving = before >= 0 and bool(commands.moving[before])
-            during = (times > 0.0) & (times <= gaps[index])
-            stops = times[during & ~commands.moving]
-            # A stop holds only until the next command to move.
-            left = float(gaps[index]) if not len(stops) else float(stops[0])
-            restarts = times[during & commands.moving]
-            if len(stops) and len(restarts) and restarts[-1] > stops[-1]:
-                left = float(gaps[index])
-            if (moving or len(restarts)) and left > worst:
-                worst, at = left, int(leg.odometry.stamps[index])
-    if worst > limit:
-        sentence = f'Odometry is silent, and the robot left moving, for {worst:.3g} s.'
-    elif longest > limit:
-        sentence = f'Odometry is silent for {longest:.3g} s, and the robot is stopped in time.'
-    else:
-        sentence = 'Odometry is never silent for long.'
-    verdict = passed_if(
-        worst <= limit, sentence, worst=worst, limit=limit, unit='s', at=record.seconds(at)
-    )
-    return unless(verdict, _lost_sentence(record))
-
-
-def _lost(record: AuditRecord, leg: Leg) -> list[Hole]:
-    """When odometry is missing in the recording and there was some: between receptions [ns].
-
-    A decision rests on odometry that is not there, decisions themselves are missing, or nothing
-    at all was recorded.
-    """
-    limit = record.settings.odom_timeout + _SLACK
-    received, stamps = leg.odometry.received, leg.odometry.stamps
-    answers = [each for each in record.decisions if not each.halted]
-    at = np.array([each.received for each in answers], dtype=np.int64)
-    true = np.empty(0, np.int64) if leg.truth is None else leg.truth.received
-    alive = np.concatenate([leg.commands.received, at, true])
-    lost = []
-    for k in np.flatnonzero(np.diff(received) > limit * NANOSECONDS).tolist():
-        hole = Hole(int(received[k]), int(received[k + 1]))
-        first, last = np.searchsorted(at, hole).tolist()
-        heard = any(stamps[k] < each.stamp < stamps[k + 1] for each in answers[first:last])
-        around = answers[max(first - 1, 0) : last + 1]
-        heard |= any(a.run == b.run and b.step > a.step + 1 for a, b in pairwise(around))
-        if heard or not ((alive > hole.begin) & (alive < hole.end)).any():
-            lost.append(hole)
-    return lost
-
-
-def _lost_sentence(record: AuditRecord) -> str:
-    stamps = []
-    for leg in record.legs:
-        for each in _lost(record, leg):
-            k = np.searchsorted(leg.odometry.received, each).tolist()
-            stamps.append(Hole(*(int(leg.odometry.stamps[index]) for index in k)))
-    return f'Odometry is not recorded {in_words(stamps, record.start)}.' if stamps else ''
+        yield Sample.largest(off, allowed, begins, off / allowed - 1.0)
 
 
 def _held(leg: Leg, settings: GuidanceSettings) -> tuple[IntArray, IntArray, Array]:
@@ -283,15 +232,52 @@ def _held(leg: Leg, settings: GuidanceSettings) -> tuple[IntArray, IntArray, Arr
     return settled[chosen], ends[chosen], twists[:-1][chosen]
 
 
+def _changing(record: AuditRecord) -> Array:
+    """Wheel speeds, or what else is limited of each command, shape ``(C, q)`` [rad/s].
+
+    At rest, when a twist says nothing of angles, it is as decided.
+    """
+    robot, pairs = record.settings.robot, record.pairs
+    wheels = robot.wheel_speeds(record.commands.twists)
+    decided = wheel_speeds(record.decisions[pairs.decisions :][: pairs.count])
+    at_rest = ~record.commands.moving[pairs.commands :][: len(decided)]
+    wheels[pairs.commands :][: len(decided)][at_rest] = decided[at_rest, : wheels.shape[1]]
+    return robot.rates(wheels)
+
+
+def _steering_angles(record: AuditRecord) -> Array:
+    """Steering angle of each command, shape ``(C,)`` [rad]."""
+    robot = record.settings.robot
+    said = [robot.steering_of(each) or 0.0 for each in robot.controls(record.commands.twists)]
+    known = record.commands.twists[:, 0] != 0.0
+    pairs = record.pairs
+    if record.decisions:
+        decided = [each.steering_angle for each in record.decisions[pairs.decisions :]]
+        for index, angle in enumerate(decided[: pairs.count], pairs.commands):
+            if angle is not None and not known[index]:
+                said[index], known[index] = angle, True
+    for index, each in enumerate(known):
+        if not each:
+            said[index] = said[index - 1] if index else 0.0
+    return np.array(said)
+
+
+def _unplanned(record: AuditRecord) -> BoolArray:
+    """Commands without a known predecessor: halts, and the first after a gap."""
+    if not record.decisions:
+        unplanned = ~record.commands.moving
+        unplanned[0] = True
+        return unplanned
+    unplanned = np.zeros(len(record.commands.stamps), dtype=bool)
+    pairs, decisions = record.pairs, record.decisions
+    unplanned[: pairs.commands + 1] = decisions[pairs.decisions].step > 0
+    answered = decisions[pairs.decisions :][: pairs.count]
+    for index, (before, after) in enumerate(pairwise(answered), pairs.commands + 1):
+        is_next = after.run == before.run and after.step <= before.step + 1
+        unplanned[index] = after.halted or not is_next
+    return unplanned
+
+
 def _in_words(twist: Array) -> str:
     *speeds, turn_rate = twist
     return ', '.join([*(f'{each:.4g} m/s' for each in speeds), f'{turn_rate:.4g} rad/s'])
-
-
-def _drops_out(leg: Leg, begin: int, gap: float, limit: float) -> bool:
-    """Whether odometry is missing in a gap for as long as makes a command late."""
-    end = begin + round(gap * NANOSECONDS)
-    stamps = leg.odometry.stamps
-    inside = stamps[(stamps > begin) & (stamps < end)]
-    times = np.concatenate([[begin], inside, [end]])
-    return bool(np.diff(times).max() > (1.0 - 1.0 / LATE) * limit * NANOSECONDS)

@@ -1,11 +1,25 @@
-"""Results of the checks of an audit."""
+"""Skeleton of a check: its declaration, its samples, and the finding that follows from them."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
 from enum import Enum
-from typing import Any
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from cmpsp_ros.arrays import Array, IntArray
+from cmpsp_ros.parameters import road_keys
+
+if TYPE_CHECKING:
+    from cmpsp_ros.bags.audit.record import AuditRecord
+
+OUT_OF_REACH: Final = 1e3
+"""Clearance from which on nothing is within reach [m]."""
+
+NOTHING_NEAR: Final = 'No road edge and no obstacle is within reach.'
 
 
 class CheckOutcome(Enum):
@@ -22,18 +36,22 @@ class CheckOutcome(Enum):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Verdict:
+class Finding:
     """Result of a check.
 
     Attributes:
+        check: Short name, for machines.
+        title: Name for people.
         outcome: How it ended.
-        sentence: What was found, or why the check was impossible.
+        sentence: Result in words, or why the check was impossible.
         worst: The worst value; None where there is none.
         limit: Its limit, in the same unit.
         unit: Their unit.
         at: Time of the worst value, from time 0 of the first run [s].
     """
 
+    check: str
+    title: str
     outcome: CheckOutcome
     sentence: str
     worst: float | None = None
@@ -55,47 +73,149 @@ class Verdict:
         return '' if value is None else f'{value:.4g} {self.unit}'.rstrip()
 
 
-@dataclass(frozen=True, kw_only=True)
-class Finding(Verdict):
-    """A verdict with the name of its check.
-
-    Attributes:
-        check: Short name, for machines.
-        title: What was checked, for people.
-    """
-
-    check: str
-    title: str
-
-
-def passed_if(passed: bool, sentence: str, **figures: Any) -> Verdict:
-    """A verdict; `figures` as in `Verdict`."""
-    outcome = CheckOutcome.PASSED if passed else CheckOutcome.FAILED
-    return Verdict(outcome=outcome, sentence=sentence, **figures)
-
-
-def skipped(reason: str) -> Verdict:
-    """The verdict of a check that does not apply, and why."""
-    return Verdict(outcome=CheckOutcome.SKIPPED, sentence=reason)
-
-
-def not_judged(reason: str) -> Verdict:
-    """The verdict of a check whose data are missing: which."""
-    return Verdict(outcome=CheckOutcome.NOT_JUDGED, sentence=reason)
-
-
-def unless(verdict: Verdict, missing: str) -> Verdict:
-    """A verdict that is not passed if data are missing: a sentence on them, or empty."""
-    if not missing:
-        return verdict
-    outcome = verdict.outcome
-    if outcome is CheckOutcome.PASSED:
-        outcome = CheckOutcome.NOT_JUDGED
-    return replace(verdict, outcome=outcome, sentence=f'{verdict.sentence} {missing}')
-
-
 def overall(findings: Iterable[Finding]) -> CheckOutcome:
     """Outcome of an audit: failed if any check failed, else not judged if any was not."""
     outcomes = {each.outcome for each in findings}
     worst_first = CheckOutcome.FAILED, CheckOutcome.NOT_JUDGED, CheckOutcome.PASSED
     return next(each for each in worst_first if each in outcomes)
+
+
+class SkippedError(Exception):
+    """The check does not apply: why."""
+
+
+class NotJudgedError(Exception):
+    """The check applies, and data that it needs are missing: which."""
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One value that a check looks at.
+
+    Attributes:
+        value: The value.
+        limit: Its limit.
+        at: Its time [ns], if it has one.
+        excess: The check fails if it is above 0, or NaN.
+        rank: The largest is the worst, of those that fail if there are any; by default `excess`.
+        unit: In place of the check's.
+        words: For the sentence.
+    """
+
+    value: float
+    limit: float
+    at: int | None
+    excess: float
+    rank: float | None = None
+    unit: str = ''
+    words: Mapping[str, Any] = field(default_factory=dict)
+
+    @classmethod
+    def upper(cls, value: float, limit: float, at: int, rounding: float = 0.0) -> Sample:
+        """A value that is to be at most its limit."""
+        return cls(value, limit, at, value - limit - rounding)
+
+    @classmethod
+    def count(cls, count: int, at: int | None, **words: Any) -> Sample:
+        """How many are wrong, and when the first was."""
+        return cls(float(count), 0.0, at if count else None, float(count), words=words)
+
+    @classmethod
+    def largest(cls, values: Array, limits: Array, stamps: IntArray, excess: Array) -> Sample:
+        """The one of the largest excess, NaN first."""
+        k = int(np.argmax(excess))
+        return cls(float(values[k]), float(limits[k]), int(stamps[k]), float(excess[k]))
+
+    @property
+    def passes(self) -> bool:
+        """False if it fails the check."""
+        return self.excess <= 0.0
+
+    @property
+    def order(self) -> tuple[bool, float]:
+        """Key of the worst."""
+        rank = self.excess if self.rank is None else self.rank
+        return not self.passes, math.inf if math.isnan(rank) else rank
+
+
+Gap = Callable[['AuditRecord', Sample], str]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Check:
+    """Declaration of a check.
+
+    Attributes:
+        name: Short name, for machines.
+        title: Name for people.
+        samples: Yields samples; raises `SkippedError` or `NotJudgedError`.
+        needs: Parameters without which it cannot be judged; `road` stands for those of a road.
+        of_decisions: Needs decisions.
+        unit: Of its values.
+        good: Sentence where it passes, with ``{worst}`` and the words of the worst sample.
+        bad: The same where it fails.
+        nothing: Reason to skip it where there is no sample and no gap.
+        gaps: Each a sentence on missing data, or empty; with any of them it does not pass.
+        of_reach: Its values are clearances, infinite where nothing is near.
+    """
+
+    name: str
+    title: str
+    samples: Callable[[AuditRecord], Iterator[Sample]]
+    needs: tuple[str, ...] = ()
+    of_decisions: bool = False
+    unit: str = ''
+    good: str | Callable[[Sample], str] = ''
+    bad: str | Callable[[Sample], str] = ''
+    nothing: str = ''
+    gaps: tuple[Gap, ...] = ()
+    of_reach: bool = False
+
+    def judge(self, record: AuditRecord) -> Finding:
+        """The finding on the worst sample."""
+        try:
+            self._check_data(record)
+            worst = max(self.samples(record), key=lambda each: each.order, default=None)
+        except SkippedError as reason:
+            return self._finding(CheckOutcome.SKIPPED, str(reason))
+        except NotJudgedError as reason:
+            return self._finding(CheckOutcome.NOT_JUDGED, str(reason))
+        looked_at = worst or Sample(math.nan, math.nan, None, math.nan)
+        missing = [said for each in self.gaps if (said := each(record, looked_at))]
+        if worst is None:
+            outcome = CheckOutcome.NOT_JUDGED if missing else CheckOutcome.SKIPPED
+            return self._finding(outcome, ' '.join(missing) or self.nothing)
+        outcome = CheckOutcome.PASSED if worst.passes else CheckOutcome.FAILED
+        if missing and worst.passes:
+            outcome = CheckOutcome.NOT_JUDGED
+        if self.of_reach and worst.value >= OUT_OF_REACH:
+            return self._finding(outcome, ' '.join([NOTHING_NEAR, *missing]))
+        form = self.good if worst.passes else self.bad
+        said = form(worst) if callable(form) else form.format(worst=worst.value, **worst.words)
+        return self._finding(
+            outcome,
+            ' '.join([said, *missing]),
+            worst=worst.value,
+            limit=worst.limit,
+            unit=worst.unit or self.unit,
+            at=None if worst.at is None else record.seconds(worst.at),
+        )
+
+    def _check_data(self, record: AuditRecord) -> None:
+        values = record.history.epochs[0].values
+        needs = (road_keys(values) if key == 'road' else [key] for key in self.needs)
+        if missing := [key for keys in needs for key in keys if key not in record.history.given]:
+            raise NotJudgedError(f'The parameters do not say {", ".join(missing)}.')
+        if self.of_decisions and not record.decisions:
+            reason = f'The bag has no decision in {record.places.decision}.'
+            # Another robot makes none.
+            raise NotJudgedError(reason) if record.is_ours else SkippedError(reason)
+
+    def _finding(self, outcome: CheckOutcome, sentence: str, **figures: Any) -> Finding:
+        named: dict[str, Any] = {'check': self.name, 'title': self.title, **figures}
+        return Finding(outcome=outcome, sentence=sentence, **named)
+
+
+def check(name: str, title: str, **declared: Any) -> Callable[[Any], Check]:
+    """Declare a check whose samples a function yields; arguments as of `Check`."""
+    return lambda samples: Check(name=name, title=title, samples=samples, **declared)

@@ -6,9 +6,9 @@ from bisect import bisect_right
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
-from cmpsp_ros.bags.audit.sources import Sources
 from cmpsp_ros.bags.names import Names
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.replay.node_parameters import EVENTS, NodeParameters, changes_in
@@ -76,15 +76,15 @@ class History:
         return self.epochs[max(index, 0)]
 
 
-def read_history(bag: Bag, places: Names, sources: Sources) -> History:
+def read_history(bag: Bag, places: Names, params_file: str | Path | None) -> History:
     """Parameters of guidance node and simulator with their recorded changes, or those of a file.
 
     Raises:
         BagError: The recorded changes cannot be read.
         ParameterError: The parameters cannot be used; names each key.
     """
-    if sources.params_file is not None:
-        given = load_parameter_file(sources.params_file)
+    if params_file is not None:
+        given = load_parameter_file(params_file)
         values = TABLE.resolve(given)
         history = History(frozenset(given), (Epoch(0, values, guidance_settings(values)),))
         return _with_course(history, bag, places.sim)

@@ -10,17 +10,13 @@ from pathlib import Path
 
 import numpy as np
 
-from cmpsp_ros.arrays import Array
-from cmpsp_ros.bags.audit.clearance import Sweep, sweep
-from cmpsp_ros.bags.audit.commands import Commands, Pairs, pair, read_commands, timed
-from cmpsp_ros.bags.audit.history import History, read_history
-from cmpsp_ros.bags.audit.legs import KnownPath, Leg, split
-from cmpsp_ros.bags.audit.sources import Sources, find
-from cmpsp_ros.bags.decision_record import DecisionRecord, read_decisions, wheel_speeds
-from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.arrays import Array, IntArray
+from cmpsp_ros.bags.audit.history import History
+from cmpsp_ros.bags.audit.legs import Commands, KnownPath, Leg, Pairs
+from cmpsp_ros.bags.decision_record import DecisionRecord
 from cmpsp_ros.bags.names import Names
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.runs.encounters import Encounter, encounters, read_others, robot_encounters
+from cmpsp_ros.bags.runs.encounters import Encounter, encounters, robot_encounters
 from cmpsp_ros.bags.runs.odometry import (
     Hole,
     OdometrySeries,
@@ -28,12 +24,70 @@ from cmpsp_ros.bags.runs.odometry import (
     in_words,
     longest_interval,
     pieces,
-    read_odometry,
 )
-from cmpsp_ros.bags.runs.run import Driven, read_tracks, seen_at, truth_topic
+from cmpsp_ros.bags.runs.run import Driven, seen_at
 from cmpsp_ros.bags.runs.seen import Knowledge, Seen, look, sightings
 from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings, to_nanoseconds
 from cmpsp_ros.guidance.messages import Track
+from cmpsp_ros.world.roads import FAR
+
+EDGES = 2
+"""The first columns of a clearance are the road's edges."""
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """Arcs with the clearance of the robot itself.
+
+    Attributes:
+        settings: Settings in force.
+        stamps: Beginning of each arc [ns], shape ``(K,)``.
+        clearance: From both road edges and each obstacle, shape ``(K, 2 + M)`` [m].
+        names: Of its columns, in messages.
+        by: Source of the path, if it is not odometry.
+        tolerance: What the clearance may be off by; less than that is no proof of a contact [m].
+    """
+
+    settings: GuidanceSettings
+    stamps: IntArray
+    clearance: Array
+    names: tuple[str, ...]
+    by: str = ''
+    tolerance: float = 0.0
+
+    @classmethod
+    def of_seen(cls, settings: GuidanceSettings, seen: Seen) -> Sweep:
+        """The distance from what sensors saw, which know no road."""
+        clearance = np.full((len(seen.stamps), EDGES + 1), FAR)
+        np.minimum(seen.clearance, FAR, out=clearance[:, EDGES])
+        names = (*settings.road.edge_names, 'what the sensors saw')
+        return cls(settings, seen.stamps, clearance, names, tolerance=seen.tolerance)
+
+
+def sweep(
+    path: Driven, history: History, by: str = '', tolerance: float = 0.0, off: float = 0.0
+) -> Iterator[Sweep]:
+    """The arcs of a path, by the parameters in force at the beginning of each.
+
+    Args:
+        path: The path.
+        history: The parameters.
+        by: As of `Sweep`.
+        tolerance: As of `Sweep`.
+        off: What the path is off the true one [m]: those obstacles that only the simulator knows
+            count as so much farther away.
+    """
+    begins = path.stamps[:-1]
+    edges = np.searchsorted(begins, history.starts[1:])
+    for epoch, index in zip(history.epochs, np.split(np.arange(len(begins)), edges), strict=True):
+        if len(index):
+            arcs = path.poses[index], path.twists[index], path.durations[index]
+            settings = epoch.course
+            obstacles = (f'obstacle {each.name}' for each in settings.obstacles)
+            names = (*settings.road.edge_names, *obstacles)
+            clearance = settings.world.clearance(settings, *arcs)
+            clearance[:, EDGES:][:, epoch.of_hidden] += off
+            yield Sweep(settings, begins[index], clearance, names, by, tolerance)
 
 
 @dataclass(frozen=True)
@@ -114,12 +168,6 @@ class AuditRecord:
             looks = np.unique(np.concatenate([one.looks for one in each]))
             blind += each[0].blind(looks, self.settings)
         return f'No sensor saw anything {in_words(blind, self.start)}.' if blind else ''
-
-    @cached_property
-    def hole_sentence(self) -> str:
-        """When no source knows the path, in a sentence; empty if one always does."""
-        found = [hole for leg in self.legs for hole in leg.holes]
-        return f'The path is not recorded {in_words(found, self.start)}.' if found else ''
 
     def knowledge(self) -> Iterator[Callable[[GuidanceSettings, int], GuidanceSettings]]:
         """For each leg: settings with what sensors had shown by a time [ns], for rising times."""
@@ -211,57 +259,10 @@ class AuditRecord:
         return (stamp - self.start) / NANOSECONDS
 
 
-def read_record(path: Path, sources: Sources | None = None) -> AuditRecord:
-    """Read what is audited.
-
-    Raises:
-        BagError: Not a bag, a topic is missing, or what is in it cannot be used.
-        ParameterError: The parameters cannot be used.
-    """
-    sources = sources or Sources()
-    with Bag(path) as bag:
-        try:
-            return _record(bag, sources)
-        except OverflowError as error:
-            raise BagError(f'{path}: found times that no clock can have: {error}') from error
-
-
-def _record(bag: Bag, sources: Sources) -> AuditRecord:
-    places = find(bag, sources)
-    history = read_history(bag, places, sources)
-    settings = history.epochs[0].settings
-    frame_id = settings.frame_id if 'frame_id' in history.given else None
-    odometry = read_odometry(bag, places.odom, frame_id)
-    commands = read_commands(bag, places.cmd_vel)
-    # Of those that came too late no command was sent.
-    decisions = tuple(each for each in read_decisions(bag, places.decision) if not each.late)
-    decided = settings.robot.twist_of_wheels(wheel_speeds(decisions))
-    pairs = pair(commands, decided)
-    commands = timed(commands, odometry, pairs, decisions)
-    truth_on = truth_topic(bag, places.namespace, places.odom)
-    truth = read_odometry(bag, truth_on, frame_id) if truth_on else None
-    legs = tuple(split(odometry, truth, commands, decisions, settings))
-    if not legs:
-        raise BagError(
-            f'{bag.path}: found no two messages of {places.odom} around any of {places.cmd_vel},'
-            ' wanted a drive'
-        )
-    moving = bag.as_decided_on(places.node, 'moving_obstacles')
-    tracks = read_tracks(bag, moving, frame_id)
-    others = read_others(bag, settings.moving_obstacles.others, places.namespace)
-    return AuditRecord(
-        path=bag.path,
-        places=places,
-        history=history,
-        odometry=odometry,
-        commands=commands,
-        decisions=decisions,
-        tracks=tracks,
-        others=others,
-        pairs=pairs,
-        is_ours=places.node in bag.parameters,
-        legs=legs,
-    )
+def path_gap(record: AuditRecord, _worst: object = None) -> str:
+    """When no source knows the path, in a sentence; empty if one always does."""
+    found = [hole for leg in record.legs for hole in leg.holes]
+    return f'The path is not recorded {in_words(found, record.start)}.' if found else ''
 
 
 def _stamp(track: Track) -> int:

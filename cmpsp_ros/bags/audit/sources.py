@@ -1,13 +1,20 @@
-"""Where an audit reads from in a bag: parameters of which node, and which topics."""
+"""Reading of a bag for its audit: parameters of which node, which topics, and what they hold."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
 
+from cmpsp_ros.bags.audit.history import read_history
+from cmpsp_ros.bags.audit.legs import pair, read_commands, split, timed
+from cmpsp_ros.bags.audit.record import AuditRecord
+from cmpsp_ros.bags.decision_record import read_decisions, wheel_speeds
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.names import Names
 from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.bags.runs.encounters import read_others
+from cmpsp_ros.bags.runs.odometry import read_odometry
+from cmpsp_ros.bags.runs.run import read_tracks, truth_topic
 
 _NODE = 'guidance'
 
@@ -42,6 +49,59 @@ def find(bag: Bag, sources: Sources) -> Names:
         _topic(bag, sources.odom or bag.as_decided_on(node, 'odom'), '--odom'),
         _topic(bag, sources.cmd_vel or f'{namespace}/cmd_vel', '--cmd-vel'),
         node,
+    )
+
+
+def read_record(path: Path, sources: Sources | None = None) -> AuditRecord:
+    """Read what is audited.
+
+    Raises:
+        BagError: Not a bag, a topic is missing, or what is in it cannot be used.
+        ParameterError: The parameters cannot be used.
+    """
+    sources = sources or Sources()
+    with Bag(path) as bag:
+        try:
+            return _record(bag, sources)
+        except OverflowError as error:
+            raise BagError(f'{path}: found times that no clock can have: {error}') from error
+
+
+def _record(bag: Bag, sources: Sources) -> AuditRecord:
+    places = find(bag, sources)
+    history = read_history(bag, places, sources.params_file)
+    settings = history.epochs[0].settings
+    frame_id = settings.frame_id if 'frame_id' in history.given else None
+    odometry = read_odometry(bag, places.odom, frame_id)
+    commands = read_commands(bag, places.cmd_vel)
+    # Of those that came too late no command was sent.
+    decisions = tuple(each for each in read_decisions(bag, places.decision) if not each.late)
+    decided = settings.robot.twist_of_wheels(wheel_speeds(decisions))
+    pairs = pair(commands, decided)
+    commands = timed(commands, odometry, pairs, decisions)
+    truth_on = truth_topic(bag, places.namespace, places.odom)
+    truth = read_odometry(bag, truth_on, frame_id) if truth_on else None
+    legs = tuple(split(odometry, truth, commands, decisions, settings))
+    if not legs:
+        raise BagError(
+            f'{bag.path}: found no two messages of {places.odom} around any of {places.cmd_vel},'
+            ' wanted a drive'
+        )
+    moving = bag.as_decided_on(places.node, 'moving_obstacles')
+    tracks = read_tracks(bag, moving, frame_id)
+    others = read_others(bag, settings.moving_obstacles.others, places.namespace)
+    return AuditRecord(
+        path=bag.path,
+        places=places,
+        history=history,
+        odometry=odometry,
+        commands=commands,
+        decisions=decisions,
+        tracks=tracks,
+        others=others,
+        pairs=pairs,
+        is_ours=places.node in bag.parameters,
+        legs=legs,
     )
 
 

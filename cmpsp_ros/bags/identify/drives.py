@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 from cmpsp_ros.arrays import Array, BoolArray, IntArray
-from cmpsp_ros.bags.audit.commands import Commands, read_commands
+from cmpsp_ros.bags.audit.legs import Commands, read_commands
 from cmpsp_ros.bags.audit.sources import Sources
 from cmpsp_ros.bags.decision_record import read_decisions
 from cmpsp_ros.bags.errors import BagError

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.bags.audit import AuditRecord, Finding, audit_record
-from cmpsp_ros.bags.audit.clearance import EDGES
+from cmpsp_ros.bags.audit.record import EDGES
 from cmpsp_ros.bags.decision_record import DecisionRecord, read_decisions
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.replay.node_parameters import hidden_obstacles

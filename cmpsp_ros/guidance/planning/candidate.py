@@ -13,7 +13,7 @@ from cmpsp_ros.guidance.formulation.ocp_formulation import BY_PRIORITY
 from cmpsp_ros.guidance.goals import Target
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.planning.homotopy.road_frame import wrapped
-from cmpsp_ros.guidance.prediction.plan_start import PlanStart
+from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.safety.audit import TOUCHING, Audit, Verdict
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.mpsp.jit import allocation_free
@@ -69,41 +69,32 @@ class Candidate(NamedTuple):
     """A plan that may be followed.
 
     Attributes:
+        plan: The plan.
         result: Result of its iterations.
         verdict: Verdict on it and on the path to its beginning.
+        admissible: Whether it may be followed at all.
+        feasible: Whether it meets every constraint, too.
+        is_relaxed: Whether some constraint is not met, now or in the linearised plan.
         terminal_error: Distance of its end from the goal [m].
         heading_error: Error of its last heading [rad]; None where any will do.
     """
 
+    plan: Plan
     result: SolveResult
     verdict: Verdict
+    admissible: bool
+    feasible: bool
+    is_relaxed: bool
     terminal_error: float
     heading_error: float | None
 
     @classmethod
     def of(cls, result: SolveResult, verdict: Verdict, target: Target) -> Candidate:
         """The candidate that a checked result is."""
-        return cls(result, verdict, *target.errors(result.plan.poses[-1]))
-
-    @property
-    def plan(self) -> Plan:
-        """The plan itself."""
-        return self.result.plan
-
-    @property
-    def admissible(self) -> bool:
-        """Whether it may be followed at all."""
-        return self.result.solved and self.verdict.passed
-
-    @property
-    def feasible(self) -> bool:
-        """Whether it meets every constraint, too."""
-        return self.result.solved and self.verdict.passed and not self.result.elastic
-
-    @property
-    def is_relaxed(self) -> bool:
-        """Whether some constraint is not met, now or in the linearised plan."""
-        return self.result.elastic or self.verdict.margin < -TOUCHING
+        plan, elastic = result.plan, result.elastic
+        admissible = result.solved and verdict.passed
+        flags = admissible, admissible and not elastic, elastic or verdict.margin < -TOUCHING
+        return cls(plan, result, verdict, *flags, *target.errors(plan.poses[-1]))
 
     def describe(self, audit: Audit, settings: LawSettings, start: PlanStart) -> str:
         """Sentence on it for when it is followed."""

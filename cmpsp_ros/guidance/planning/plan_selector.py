@@ -14,7 +14,7 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.formulation.ocp_formulation import OcpFormulation
-from cmpsp_ros.guidance.horizon_functions import shift
+from cmpsp_ros.guidance.horizon import shift
 from cmpsp_ros.guidance.planning.alternative_pool import Alternative, AlternativePool
 from cmpsp_ros.guidance.planning.candidate import Candidate, Ranking
 from cmpsp_ros.guidance.planning.homotopy.path_search import class_of, in_words
@@ -66,9 +66,10 @@ class PlanSelector:
         self._places = np.empty(0), np.empty(0)
         self._work_left = 1
         self._formulate(world)
-        if (search := world.map_search(settings)) is not None:
-            for goal in settings.goals:
-                search.prepare(goal.position)
+
+    def reconfigure(self, settings: LawSettings, world: World, audit: Audit) -> None:
+        """Take other settings."""
+        self.__init__(settings, world, audit, self._timer)  # type: ignore[misc]
 
     def _formulate(self, world: World) -> None:
         self._formulation = OcpFormulation(self._settings, world)
@@ -292,7 +293,7 @@ class PlanSelector:
         generosity: int = 1,
     ) -> Candidate:
         """Improve a plan by as many iterations as given, or as every plan gets, and check it."""
-        if iterations is None and context.at_rest:
+        if iterations is None and context.plan is None:
             initial = self._settings.solver.initial_iterations
             iterations = initial if self._limit == 1 else min(initial, SCREENING)
         work_limit = max(self._work_left, 0) * generosity

@@ -18,8 +18,7 @@ from cmpsp_ros.guidance.formulation.ocp_formulation import (
 )
 from cmpsp_ros.guidance.formulation.ocp_functions import WHEEL_ROUNDING, GuidanceData
 from cmpsp_ros.guidance.goals import Target
-from cmpsp_ros.guidance.horizon import Horizon, to_nanoseconds
-from cmpsp_ros.guidance.horizon_functions import remaining, steps_over
+from cmpsp_ros.guidance.horizon import Horizon, remaining, steps_over, to_nanoseconds
 from cmpsp_ros.guidance.planning.candidate import SolveResult
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 from cmpsp_ros.guidance.solver_settings import UNLIMITED
@@ -75,6 +74,8 @@ class Planner:
         settings = formulation.settings
         solver = settings.solver
         self._compiled = solver.qp == RICCATI_ACTIVE_SET and solver.hessian != 'exact'
+        self._is_limited = settings.robot.limit_rows > 0
+        self._is_steered = settings.robot.steering_limits is not None
         self._rate, self._max_change = settings.weights.control_rate, settings.max_wheel_change
         # The problem, for the space, target and robot that it was made for.
         self._posed: tuple[FreeSpace, Target, Robot] | None = None
@@ -121,19 +122,21 @@ class Planner:
         """
         limit = iterations or self._formulation.settings.solver.iterations_per_step
         horizon, steps = context.horizon, len(context.horizon.durations)
-        if context.target != self._target or steps >= len(self._ws.lower):
-            self._target = context.target
+        target = context.goal if steps > 1 else context.target
+        if target != self._target or steps >= len(self._ws.lower):
+            self._target = target
             self._use_driver(steps)
         begun, self._horizon = self._horizon, horizon
         over = 0 if begun is None else steps_over(begun, horizon)
         durations, previous = horizon.durations, context.start.previous_control
         robot = context.start.robot
-        if robot.limit_rows:
+        if self._is_limited:
             guess = robot.all_limited(guess, WHEEL_ROUNDING)
-        guess = within_ramp(guess, durations, previous, self._max_change, robot.time_scaling)
+        if self._max_change < math.inf:
+            guess = within_ramp(guess, durations, previous, self._max_change, robot.time_scaling)
         self._ws.trial.U[: steps + 1] = guess
         self._limit[0], self._work_limit[0] = limit, work_limit
-        if robot.steering_limits is not None:
+        if self._is_steered:
             self._bound_speeds(self._driver, context)
         data = self._data(context, guess)
         self._driver.improve(self._functions, data, steps, over)
@@ -159,7 +162,7 @@ class Planner:
             other = self._make_driver(len(self._ws.lower) - 1, outputs, by_name=True)
             self._others[outputs] = other
         self._set_tolerances(other)
-        if context.start.robot.steering_limits is not None:
+        if self._is_steered:
             self._bound_speeds(other, context)
         other.ws.trial.U[: steps + 1] = guess
         other.ws.run['max_iterations'] = limit
@@ -168,7 +171,7 @@ class Planner:
 
     def _data(self, context: PlanningContext, guess: Array) -> GuidanceData | ControlRateData:
         pose, robot, world, moving, progress, previous = context.start
-        formulation, target = self._formulation, context.target
+        formulation, target = self._formulation, self._target
         durations = context.horizon.durations
         pose = np.ascontiguousarray(pose, dtype=np.float64)
         space = formulation.space(world, guess, durations, target, pose, moving)

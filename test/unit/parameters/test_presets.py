@@ -7,7 +7,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from cmpsp_ros.bags.audit.checks import CHECKS
+from cmpsp_ros.bags.audit import CHECKS
 from cmpsp_ros.parameters import (
     TABLE,
     ParameterError,

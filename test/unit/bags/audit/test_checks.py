@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from drives import SECOND, START, drive_case, failed
 
-from cmpsp_ros.bags.audit import CheckOutcome, Sources, overall
-from cmpsp_ros.bags.audit.checks import CHECKS
+from cmpsp_ros.bags.audit import CHECKS, CheckOutcome, Sources, overall
 from cmpsp_ros.parameters import TABLE, guidance_settings
 from cmpsp_ros.robots import placed
 

@@ -1,0 +1,337 @@
+"""Checks of times: commands and stops in time, the goal at its time, and fallback levels."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import pairwise, zip_longest
+from typing import Final
+
+import numpy as np
+
+from cmpsp_ros.bags.audit.command_checks import LATE
+from cmpsp_ros.bags.audit.finding import NotJudgedError, Sample, SkippedError, check
+from cmpsp_ros.bags.audit.legs import Leg, RunSpan
+from cmpsp_ros.bags.audit.record import AuditRecord
+from cmpsp_ros.bags.decision_record import DecisionRecord
+from cmpsp_ros.bags.runs import in_words
+from cmpsp_ros.bags.runs.goals import Passing
+from cmpsp_ros.bags.runs.odometry import Hole
+from cmpsp_ros.guidance import (
+    GOAL,
+    NANOSECONDS,
+    FallbackLevel,
+    Goal,
+    GuidanceSettings,
+    to_nanoseconds,
+)
+from cmpsp_ros.robots import speeds_and_turns
+
+_SLACK: Final = 0.15
+"""Time that may lie between a node's clock and its timers, and a recorder's [s]."""
+
+_SAME_CLOCK: Final = 10.0
+"""Difference from which times of reception are taken for those of another clock [s]."""
+
+
+def _odometry_gap(record: AuditRecord, _worst: Sample) -> str:
+    """When odometry is not recorded and there was some."""
+    stamps = []
+    for leg in record.legs:
+        for each in _lost(record, leg):
+            k = np.searchsorted(leg.odometry.received, each).tolist()
+            stamps.append(Hole(*(int(leg.odometry.stamps[index]) for index in k)))
+    return f'Odometry is not recorded {in_words(stamps, record.start)}.' if stamps else ''
+
+
+@check(
+    'rate',
+    'Commands: in time',
+    needs=('control_period', 'final_time'),
+    unit='s',
+    good='A command comes each control period.',
+    bad='No command comes for {worst:.3g} s while the robot is on its way.',
+    gaps=(_odometry_gap,),
+)
+def rate(record: AuditRecord) -> Iterator[Sample]:
+    """Time from each command of a run to the next.
+
+    During losses of odometry, and after a stop, none is expected.
+    """
+    limit = LATE * record.settings.control_period
+    worst = 0.0
+    yield Sample.upper(worst, limit, record.start)
+    for leg in record.legs:
+        for run in leg.runs:
+            final = to_nanoseconds(record.history.at(run.start).final_time)
+            end = min(run.end, run.start + final)
+            inside = (leg.commands.stamps >= run.start) & (leg.commands.stamps < end)
+            stamps, moving = leg.commands.stamps[inside], leg.commands.moving[inside]
+            times = np.concatenate([[run.start], stamps, [end]])
+            is_expected = np.concatenate([[True], moving])
+            gaps = np.diff(times) / NANOSECONDS
+            for begin, gap in zip(times[:-1][is_expected], gaps[is_expected], strict=True):
+                if gap > worst and not _drops_out(leg, int(begin), gap, limit):
+                    worst = float(gap)
+                    yield Sample.upper(worst, limit, int(begin))
+
+
+@check(
+    'age',
+    'Commands: fresh odometry',
+    needs=('odom_timeout',),
+    unit='s',
+    good='Every command to move rests on fresh odometry.',
+    bad='A command to move rests on odometry that is {worst:.3g} s old.',
+    gaps=(_odometry_gap,),
+)
+def age(record: AuditRecord) -> Iterator[Sample]:
+    """Age of the newest odometry when the robot is commanded to move."""
+    limit = record.settings.odom_timeout + _SLACK
+    is_any = False
+    for leg in record.legs:
+        odometry, chosen = leg.odometry, leg.commands.moving
+        for each in _lost(record, leg):
+            chosen &= (leg.commands.received <= each.begin) | (leg.commands.received > each.end)
+        commands = leg.commands.chosen(chosen)
+        latest = np.searchsorted(odometry.received, commands.received, side='right') - 1
+        known = latest >= 0
+        if not known.any():
+            continue
+        offset = float(np.median(odometry.received - odometry.stamps)) / NANOSECONDS
+        ages = (commands.received - odometry.stamps[latest])[known] / NANOSECONDS
+        ages -= offset if abs(offset) > _SAME_CLOCK else 0.0
+        is_any = True
+        yield Sample.largest(ages, np.full(len(ages), limit), commands.stamps[known], ages - limit)
+    if not is_any:
+        raise SkippedError('No command to move comes after any odometry.')
+
+
+def _silence_in_words(worst: Sample) -> str:
+    if worst.words['longest'] > worst.limit:
+        return (
+            f'Odometry is silent for {worst.words["longest"]:.3g} s, and the robot is stopped'
+            ' in time.'
+        )
+    return 'Odometry is never silent for long.'
+
+
+@check(
+    'silence',
+    'Stop: without odometry',
+    needs=('odom_timeout',),
+    unit='s',
+    good=_silence_in_words,
+    bad='Odometry is silent, and the robot left moving, for {worst:.3g} s.',
+    gaps=(_odometry_gap,),
+)
+def silence(record: AuditRecord) -> Iterator[Sample]:
+    """Time for which the robot is left moving without odometry."""
+    limit = record.settings.odom_timeout + _SLACK
+    worst, at, longest = 0.0, record.start, 0.0
+    for leg in record.legs:
+        received, commands = leg.odometry.received, leg.commands
+        gaps = np.diff(received) / NANOSECONDS
+        gaps[np.isin(received[:-1], [each.begin for each in _lost(record, leg)])] = 0.0
+        longest = max(longest, float(gaps.max()))
+        for index in np.flatnonzero(gaps > limit):
+            times = (commands.received - received[index]) / NANOSECONDS
+            before = int(np.searchsorted(times, 0.0, side='right')) - 1
+            moving = before >= 0 and bool(commands.moving[before])
+            during = (times > 0.0) & (times <= gaps[index])
+            stops, restarts = times[during & ~commands.moving], times[during & commands.moving]
+            # A stop holds only until the next command to move.
+            is_stopped = len(stops) and not (len(restarts) and restarts[-1] > stops[-1])
+            left = float(stops[0] if is_stopped else gaps[index])
+            if (moving or len(restarts)) and left > worst:
+                worst, at = left, int(leg.odometry.stamps[index])
+    yield Sample(worst, limit, at, worst - limit, words={'longest': longest})
+
+
+@check(
+    'stop_at_end',
+    'Stop: at the end',
+    needs=('control_period',),
+    good='The last command is a stop.',
+    bad='The last command is no stop but {speed:.3g} m/s, {turn:.3g} rad/s.',
+)
+def stop_at_end(record: AuditRecord) -> Iterator[Sample]:
+    """Speed of the last command."""
+    leg = record.legs[-1]
+    last, received = int(leg.commands.stamps[-1]), int(leg.odometry.stamps[-1])
+    run = leg.runs[-1]
+    settings = record.history.at(run.start)
+    speed, turn = speeds_and_turns(leg.commands.twists[-1])
+    final = run.start + to_nanoseconds(settings.final_time)
+    is_under_way = received - last <= LATE * settings.control_period * NANOSECONDS
+    if leg.commands.moving[-1] and received < final and is_under_way:
+        raise NotJudgedError('The recording ends while the robot is on its way.')
+    value = math.hypot(speed, turn)
+    excess = value if leg.commands.moving[-1] else 0.0
+    yield Sample(value, 0.0, last, excess, words={'speed': speed, 'turn': turn})
+
+
+@check(
+    'reasons',
+    'Fallback: reasons given',
+    of_decisions=True,
+    good='All {total} decisions say why.',
+    bad='Of {total} decisions {worst:.0f} should not be; the first {what}.',
+)
+def reasons(record: AuditRecord) -> Iterator[Sample]:
+    """Number of decisions with an unknown level, no reason, or a stop that is none."""
+    brakes = math.isfinite(record.settings.max_wheel_change)
+    wrong = [(each.stamp, _wrong_with(record, each, brakes)) for each in record.decisions]
+    wrong = [(stamp, what) for stamp, what in wrong if what]
+    at, what = wrong[0] if wrong else (None, '')
+    yield Sample.count(len(wrong), at, total=len(record.decisions), what=what)
+
+
+def _wrong_with(record: AuditRecord, decision: DecisionRecord, brakes: bool) -> str:
+    level = decision.level
+    if level not in {each.name.lower() for each in FallbackLevel}:
+        return f'has level {level!r}, which does not exist'
+    if not decision.reason.strip():
+        return f'has level {level} without a reason'
+    if level == 'stop' and not brakes:
+        robot = record.history.at(decision.stamp).robot
+        if robot.twist_of_wheels(decision.wheel_speeds).any():
+            return 'has level stop with wheels that turn'
+    if decision.finished and level != 'stop':
+        return f'has level {level} after the final time'
+    return ''
+
+
+@check(
+    'previous_plan',
+    'Fallback: old plans dropped',
+    needs=('failure_tolerance',),
+    of_decisions=True,
+    unit='steps',
+    good='No old plan is followed for too long.',
+    bad='An old plan is followed for {worst:.0f} control steps in a row (failure_tolerance).',
+)
+def previous_plan(record: AuditRecord) -> Iterator[Sample]:
+    """Control steps in a row in which an old plan is followed."""
+    limit = float(record.settings.failure_tolerance)
+    row = 0
+    yield Sample(0.0, limit, None, -limit)
+    for each in record.decisions:
+        # A plan that came too late was made anew: no step has failed.
+        row = row + 1 if each.level == 'previous_plan' and each.failures else 0
+        if row:
+            yield Sample.upper(float(row), limit, each.stamp)
+
+
+def _goal_in_words(worst: Sample) -> str:
+    passing: Passing = worst.words['passing']
+    name, goals = passing.goal.name, worst.words['goals']
+    when = f'At {passing.goal.time:g} s' if name not in ('', GOAL) else 'At the final time'
+    count = f' It is the worst of {goals} goals.' if goals > 1 else ''
+    beyond = '.' if worst.passes else ', which is beyond its tolerance.'
+    return f'{when} the robot is {passing}{beyond}{count}'
+
+
+def _goal_gap(record: AuditRecord, _worst: Sample) -> str:
+    return _passings(record)[1]
+
+
+@check(
+    'goal',
+    'Path: goal at the final time',
+    needs=('goal.position', 'goal.tolerance', 'final_time'),
+    unit='m',
+    good=_goal_in_words,
+    bad=_goal_in_words,
+    gaps=(_goal_gap,),
+)
+def goal(record: AuditRecord) -> Iterator[Sample]:
+    """Miss at each goal at its time, in each run that was not begun again before."""
+    if record.settings.follow is not None:
+        raise SkippedError('There is no goal: a road is followed (follow.speed).')
+    passings, missing = _passings(record)
+    if not passings:
+        raise NotJudgedError(missing or 'No run lasts until the time of its goal.')
+    goals = len({each.stamp for each, _ in passings})
+    for each, settings in passings:
+        words, limit = {'passing': each, 'goals': goals}, settings.goal_tolerance
+        yield Sample(each.miss, limit, each.stamp, each.ratio - 1.0, words=words)
+
+
+def _passings(record: AuditRecord) -> tuple[list[tuple[Passing, GuidanceSettings]], str]:
+    """Where the robot was at the times of its goals, and a sentence on what is not known."""
+    passings, missing = [], ''
+    for leg in record.legs:
+        for run in leg.runs:
+            for place in _goals_of(record, run):
+                stamp = run.start + to_nanoseconds(place.time)
+                settings = record.history.at(stamp)
+                poses = [pose for each in leg.known if (pose := each.at(stamp)) is not None]
+                found = (Passing.of(settings, place, stamp, pose) for pose in poses)
+                passings += [(each, settings) for each in found]
+                if stamp > run.end and run is record.legs[-1].runs[-1]:
+                    early = (stamp - run.end) / NANOSECONDS
+                    missing = f'The recording ends {early:.3g} s before the final time.'
+                elif stamp <= run.end and not poses:
+                    missing = f'No pose is recorded at {place.time:g} s, the time of a goal.'
+    return passings, missing
+
+
+def _goals_of(record: AuditRecord, run: RunSpan) -> list[Goal]:
+    """The goals of a run that were in force at their times, in order.
+
+    The first goal on `goal_pose` replaces those of the parameters; a later one replaces those
+    before whose time has not come. So does one that is put off.
+    """
+    is_put_off = record.history.at(run.start).may_be_late
+    received = [each for each in record.decisions if run.start <= each.stamp <= run.end]
+    received = [
+        each for each in received if each.goal is not None and (each.goals_received or is_put_off)
+    ]
+    until = float('inf') if not received else (received[0].stamp - run.start) / NANOSECONDS
+    goals = []
+    for index, goal in enumerate(record.history.at(run.start).goals):
+        then = record.history.at(run.start + round(goal.time * NANOSECONDS)).goals
+        if goal.time <= until:
+            goals.append(replace(then[index], time=goal.time))
+    for each, after in zip_longest(received, received[1:]):
+        assert each.goal is not None  # noqa: S101 (looked at above)
+        if after is None or after.goal != each.goal:
+            end = float('inf') if after is None else (after.stamp - run.start) / NANOSECONDS
+            if each.goal.time <= end:
+                goals.append(each.goal)
+    return goals
+
+
+def _lost(record: AuditRecord, leg: Leg) -> list[Hole]:
+    """When odometry is missing in the recording and there was some: between receptions [ns].
+
+    A decision rests on odometry that is not there, decisions themselves are missing, or nothing
+    at all was recorded.
+    """
+    limit = record.settings.odom_timeout + _SLACK
+    received, stamps = leg.odometry.received, leg.odometry.stamps
+    answers = [each for each in record.decisions if not each.halted]
+    at = np.array([each.received for each in answers], dtype=np.int64)
+    true = np.empty(0, np.int64) if leg.truth is None else leg.truth.received
+    alive = np.concatenate([leg.commands.received, at, true])
+    lost = []
+    for k in np.flatnonzero(np.diff(received) > limit * NANOSECONDS).tolist():
+        hole = Hole(int(received[k]), int(received[k + 1]))
+        first, last = np.searchsorted(at, hole).tolist()
+        heard = any(stamps[k] < each.stamp < stamps[k + 1] for each in answers[first:last])
+        around = answers[max(first - 1, 0) : last + 1]
+        heard |= any(a.run == b.run and b.step > a.step + 1 for a, b in pairwise(around))
+        if heard or not ((alive > hole.begin) & (alive < hole.end)).any():
+            lost.append(hole)
+    return lost
+
+
+def _drops_out(leg: Leg, begin: int, gap: float, limit: float) -> bool:
+    """Whether odometry is missing in a gap for as long as makes a command late."""
+    end = begin + round(gap * NANOSECONDS)
+    stamps = leg.odometry.stamps
+    inside = stamps[(stamps > begin) & (stamps < end)]
+    times = np.concatenate([[begin], inside, [end]])
+    return bool(np.diff(times).max() > (1.0 - 1.0 / LATE) * limit * NANOSECONDS)

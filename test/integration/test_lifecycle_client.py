@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import pytest
 
-from cmpsp_ros.nodes import Observer
+from cmpsp_ros.nodes import LifecycleClient
 
 pytestmark = pytest.mark.integration
 
 
 def test_a_node_that_does_not_answer_may_be_compiling(ros_domain):
     with (
-        Observer(ros_domain) as observer,
+        LifecycleClient(ros_domain) as observer,
         pytest.raises(TimeoutError, match='within 1 s; if it was compiling, run `cmpsp warmup`'),
     ):
         observer.configure(1.0)

@@ -24,9 +24,10 @@ BODY = ((-0.3, -0.2), (0.9, -0.2), (0.9, 0.25), (-0.3, 0.2))
 LINE = ((-3.0, -0.4), (-1.0, 0.1), (1.0, 0.0), (3.0, 0.6), (5.0, 0.5))
 RING = ((0.0, 0.0), (2.5, 0.8), (3.0, 3.2), (0.0, 5.0), (-3.0, 3.2), (-2.5, 0.8))
 WIDTHS = (1.2, 1.2, 0.9, 1.4, 1.4)
-CELLS = np.zeros((8, 10), np.uint8)
-CELLS[2:4, 3:5] = CELLS[6, 8] = Cell.OCCUPIED
-GRID = OccupancyGrid((-1.0, -0.4, 0.3), 0.25, CELLS)
+CELLS = np.zeros((24, 28), np.uint8)
+CELLS[12:14, 14:16] = CELLS[16, 19] = Cell.OCCUPIED
+# All drives are inside: beyond a grid its distances are bounds that are much too low.
+GRID = OccupancyGrid((-2.4, -3.6, 0.3), 0.25, CELLS)
 CART, GROWTH = (1.5, 0.8, -0.4, -0.3, 0.2), 0.05
 
 

@@ -46,7 +46,7 @@ _OF_OTHERS = frozenset(('/rosout', '/parameter_events'))
 
 @dataclass(frozen=True)
 class Playback:
-    """How a bag is played: times in seconds of the recording; without topics, all of them.
+    """Options of a playback: times in seconds of the recording; without topics, all of them.
 
     When paused, it waits for `~/resume` or the space key.
     """

@@ -30,7 +30,7 @@ Storage = McapStorage | SqliteStorage
 _VERSION = 9
 
 _TOPIC_METADATA_SIZE = 1536
-"""What a topic takes in the metadata, with a few publishers [bytes]."""
+"""Size of a topic in the metadata, with a few publishers [bytes]."""
 
 
 @dataclass(frozen=True)

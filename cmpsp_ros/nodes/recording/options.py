@@ -53,7 +53,7 @@ _CHOICES: Final = {'storage': ('mcap', 'sqlite3'), 'compression': ('none', 'zstd
 
 @dataclass(frozen=True)
 class Options:
-    """How to record.
+    """Choice of topics and format of a recording.
 
     Topics are listed by name; chosen are these and a robot's own, or all when empty. With the
     topics of a robot come the plans of all robots, which a replay needs.

@@ -100,9 +100,9 @@ class Bag:
         return own if own in self.topics and self.topics[own].count else heard
 
     def raw(self, topic: str) -> Iterator[tuple[int, bytes]]:
-        """Iterate over a topic's messages as recorded: stamp [ns] and serialised message (CDR).
+        """Iterate over a topic's stamps [ns] and serialised messages (CDR), in order of time.
 
-        Messages come in order of time, those of one stamp in the order of writing.
+        Messages of one stamp come in the order of writing.
 
         Raises:
             BagError: No such topic, or the bag is damaged.
@@ -111,17 +111,17 @@ class Bag:
             yield stamp, raw
 
     def raw_together(self, topics: Sequence[str]) -> Iterator[tuple[str, int, bytes]]:
-        """As `raw`, of several topics in one order of time, with the topic's name first."""
+        """Iterate as `raw` over several topics in order of time, the topic's name first."""
         for connection, stamp, raw in self._records(*topics):
             yield connection.topic, stamp, raw
 
     def messages(self, topic: str) -> Iterator[tuple[int, Any]]:
-        """As `raw`, with objects that have the fields of the message's type."""
+        """Iterate as `raw`, with objects that have the fields of the message's type."""
         for _, stamp, message in self.together([topic]):
             yield stamp, message
 
     def together(self, topics: Sequence[str]) -> Iterator[tuple[str, int, Any]]:
-        """As `messages`, of several topics in one order of time, with the topic's name first."""
+        """Iterate as `messages` over several topics in order of time, the topic's name first."""
         for connection, stamp, raw in self._records(*topics):
             name, topic = connection.msgtype, connection.topic
             if name not in self._types:

@@ -10,8 +10,7 @@ from typing import get_args
 import numpy as np
 
 from cmpsp_ros.guidance.formulation.ocp_formulation import OcpFormulation
-from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
-from cmpsp_ros.guidance.horizon_functions import remaining
+from cmpsp_ros.guidance.horizon import NANOSECONDS, remaining, to_nanoseconds
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.planning.homotopy.gaps import fill_blocked
 from cmpsp_ros.guidance.planning.homotopy.path_search import searched_line
@@ -19,8 +18,8 @@ from cmpsp_ros.guidance.planning.homotopy.road_frame import frame_along
 from cmpsp_ros.guidance.planning.initial_trajectories import along_road
 from cmpsp_ros.guidance.planning.planner import Planner
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
+from cmpsp_ros.guidance.prediction.estimator import Observation, PlanStart
 from cmpsp_ros.guidance.prediction.pending_commands import PendingCommands
-from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.prediction.response_estimate import ResponseEstimate
 from cmpsp_ros.guidance.safety.audit import Audit
 from cmpsp_ros.guidance.settings import LawSettings
@@ -84,8 +83,8 @@ def _see_something(settings: GuidanceSettings) -> None:
     surroundings.update(0, nowhere)
     if (sighting := surroundings.at(0, nowhere)) is not None:
         law = GuidanceLaw(settings, settings.world)
-        law.update(0, settings.road.middle(), (), sighting)
-        law.search(settings.road.middle())
+        law.step(Observation(0, settings.road.middle(), (), sighting))
+        law.after_step()
 
 
 def warm_up(settings: GuidanceSettings) -> None:
@@ -94,7 +93,7 @@ def warm_up(settings: GuidanceSettings) -> None:
     Raises:
         ValueError: The settings cannot be worked with.
     """
-    GuidanceLaw(settings, settings.world).update(0, settings.road.middle())
+    GuidanceLaw(settings, settings.world).step(Observation(0, settings.road.middle()))
 
 
 def run_kernels(settings: LawSettings) -> None:
@@ -168,10 +167,10 @@ def _meet_trouble(settings: GuidanceSettings) -> None:
     period, final = to_nanoseconds(settings.control_period), to_nanoseconds(settings.final_time)
     on, off = road.middle(), road.beside()
     for step, pose in enumerate((on, on, off, off, on)):
-        law.update(step * period, pose)
+        law.step(Observation(step * period, pose))
     law.halt(5 * period, 'A rehearsal.')
-    law.update(final - period // 2, on)
-    law.update(final, on)
+    law.step(Observation(final - period // 2, on))
+    law.step(Observation(final, on))
 
 
 def _meet_difficulties(settings: GuidanceSettings) -> None:

@@ -15,7 +15,7 @@ import yaml
 from rosbags.rosbag2.metadata import dump_qos_v9
 
 from cmpsp_ros.bags.storage.checks import INFORMATION
-from cmpsp_ros.bags.storage.common import METADATA, NO_MESSAGE_YET, Form, write_atomically
+from cmpsp_ros.bags.storage.common import METADATA, NO_MESSAGE_YET, REFUSALS, Form, write_atomically
 from cmpsp_ros.bags.storage.mcap_writer import McapStorage
 from cmpsp_ros.bags.storage.sqlite import SqliteStorage
 
@@ -25,12 +25,12 @@ if TYPE_CHECKING:
     from rosbags.interfaces import Connection, ConnectionExtRosbag2
 
 Storage = McapStorage | SqliteStorage
-"""A file being written. Both raise `OSError` when the disk refuses, and can be called again."""
+"""A file being written. When the disk refuses a call (`REFUSALS`), it can be repeated."""
 
 _VERSION = 9
 
 _TOPIC_METADATA_SIZE = 1536
-"""What a topic takes in the metadata, with a few publishers [bytes]."""
+"""Size of a topic in the metadata, with a few publishers [bytes]."""
 
 
 @dataclass(frozen=True)
@@ -58,12 +58,8 @@ class FileSummary:
 class RollingFiles:
     """Storage files, each with all topics, and the metadata of all.
 
-    Every method raises `OSError` when the disk refuses; what has been written stays valid.
-
-    Args:
-        folder: Folder of the bag.
-        form: Format, compression, and when to begin a new file.
-        custom: Data kept with the bag, by key, written when a file is closed.
+    Every method raises one of `REFUSALS` when the disk refuses; what has been written stays valid.
+    Custom data are written when a file is closed.
     """
 
     def __init__(self, folder: Path, form: Form, custom: Mapping[str, str]) -> None:
@@ -104,11 +100,7 @@ class RollingFiles:
         write_atomically(self._folder / METADATA, text)
 
     def make_room(self) -> int:
-        """Drop what the disk refused, and as much more as index and metadata need.
-
-        Returns:
-            Number of messages dropped.
-        """
+        """Drop what the disk refused, and as much more as index and metadata need; count it."""
         if self._storage is None:
             return 0
         before = self.message_count
@@ -119,7 +111,7 @@ class RollingFiles:
     def abort(self) -> None:
         """Leave the last file unchanged."""
         if self._storage is not None:
-            with suppress(OSError):
+            with suppress(*REFUSALS):
                 self._storage.abort()
 
     def _begin(self) -> Storage:

@@ -12,7 +12,7 @@ import numpy as np
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.formulation.ocp_functions import N_EDGE_CONSTRAINTS
-from cmpsp_ros.guidance.prediction.plan_start import PlanStart
+from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.prediction.response import Response, driven
 from cmpsp_ros.guidance.safety.plan_sweep import SWEEP, PlanSweep, sweep_plan
 from cmpsp_ros.guidance.safety.road_braking import brakings_on_road

@@ -22,7 +22,7 @@ from cmpsp_ros.guidance.planning import Planner, SolveResult
 from cmpsp_ros.parameters import (
     TABLE,
     ParameterError,
-    check_start,
+    check_simulation,
     guidance_settings,
     load_parameter_file,
 )
@@ -48,7 +48,7 @@ class Preset:
     def load(cls, name: str) -> Preset:
         """Read and check a preset or parameter file."""
         values = TABLE.resolve(load_parameter_file(name))
-        check_start(values)
+        check_simulation(values)
         return cls(name, guidance_settings(values), np.array(values['initial_pose']))
 
 

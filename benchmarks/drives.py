@@ -21,7 +21,7 @@ from cmpsp_ros.guidance.planning import Planner, SolveResult
 from cmpsp_ros.parameters import (
     TABLE,
     ParameterError,
-    check_start,
+    check_simulation,
     guidance_settings,
     load_parameter_file,
 )
@@ -51,7 +51,7 @@ class Preset:
             ParameterError: No such preset, or one that cannot be used.
         """
         values = TABLE.resolve(load_parameter_file(name))
-        check_start(values)
+        check_simulation(values)
         return cls(name, guidance_settings(values), np.array(values['initial_pose']))
 
 

@@ -18,13 +18,12 @@ from cmpsp_ros.guidance import (
 from cmpsp_ros.parameters import (
     TABLE,
     ParameterError,
-    ParameterType,
-    check_pace,
-    check_start,
+    check_simulation,
     guidance_settings,
     laser_settings,
     plant_settings,
 )
+from cmpsp_ros.parameters.parameter import ParameterType
 from cmpsp_ros.robots import DifferentialDrive
 from cmpsp_ros.sensing import SightSettings
 from cmpsp_ros.setting import settings_of
@@ -174,11 +173,11 @@ def test_goal_exactly_on_the_edge_is_allowed():
     ],
 )
 def test_a_start_from_which_there_is_no_way_is_refused(values, line):
-    assert refusal(check_start, values) == [line]
+    assert refusal(check_simulation, values) == [line]
 
 
 def test_the_start_of_the_paper_is_allowed():
-    check_start(TABLE.resolve({}))
+    check_simulation(TABLE.resolve({}))
 
 
 NUMBERS = st.floats(0.0, allow_infinity=False) | st.sampled_from([0.1, 0.5, 1.0, 9.0, 10.0])
@@ -190,7 +189,7 @@ NUMBERS = st.floats(0.0, allow_infinity=False) | st.sampled_from([0.1, 0.5, 1.0,
     'final_time': NUMBERS, 'control_period': NUMBERS, 'safety.margin': NUMBERS,
 }))  # fmt: skip
 def test_any_set_builds_or_gives_a_parameter_error(values):
-    for build in (guidance_settings, plant_settings, check_start):
+    for build in (guidance_settings, plant_settings, check_simulation):
         with contextlib.suppress(ParameterError):
             build(TABLE.resolve(values))
 
@@ -206,9 +205,9 @@ def test_windows_without_odometry_are_pairs_in_order(times):
 
 def test_in_lockstep_no_window_lasts_until_the_guidance_stops_by_its_clock():
     values = {'noise.dropout_windows': [1.0, 1.2, 3.0, 3.4]}
-    check_pace(TABLE.resolve(values))
-    check_pace(TABLE.resolve({**values, 'lockstep': True, 'odom_timeout': 0.7}))
-    [line] = refusal(check_pace, {**values, 'lockstep': True})
+    check_simulation(TABLE.resolve(values))
+    check_simulation(TABLE.resolve({**values, 'lockstep': True, 'odom_timeout': 0.7}))
+    [line] = refusal(check_simulation, {**values, 'lockstep': True})
     assert line == (
         'noise.dropout_windows: found a window of 0.4 s, wanted at most odom_timeout -'
         ' control_period = 0.3 s, for lockstep'
@@ -222,11 +221,11 @@ def test_in_lockstep_no_window_lasts_until_the_guidance_stops_by_its_clock():
 )  # fmt: skip
 def test_in_lockstep_odometry_comes_within_half_a_control_period(rate, jitter, works):
     values = {'odom_rate': rate, 'odom_jitter': jitter}
-    check_pace(TABLE.resolve(values))
+    check_simulation(TABLE.resolve(values))
     if works:
-        check_pace(TABLE.resolve({**values, 'lockstep': True}))
+        check_simulation(TABLE.resolve({**values, 'lockstep': True}))
     else:
-        [line] = refusal(check_pace, {**values, 'lockstep': True})
+        [line] = refusal(check_simulation, {**values, 'lockstep': True})
         assert line.startswith(f'control_period, odom_rate: found 0.2 s and {rate} Hz, wanted ')
 
 
@@ -245,7 +244,7 @@ def test_in_lockstep_odometry_comes_within_half_a_control_period(rate, jitter, w
     ],
 )
 def test_a_pace_that_cannot_be_kept_is_refused(values, line):
-    assert refusal(check_pace, values) == [line]
+    assert refusal(check_simulation, values) == [line]
 
 
 def test_other_robots_are_named_by_namespaces():

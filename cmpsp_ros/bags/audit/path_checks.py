@@ -266,13 +266,7 @@ def _effect_delay(settings: GuidanceSettings, decision: DecisionRecord | None) -
 
 
 def _measured(leg: Leg, stamps: IntArray, delays: Array) -> Array:
-    """The latest poses measured when commands take effect, shape ``(M, 3)``.
-
-    Args:
-        leg: With the odometry.
-        stamps: Of the commands ``(M,)`` [ns].
-        delays: Time from each to its effect ``(M,)`` [s].
-    """
+    """Latest poses when commands take effect, `delays` [s] after their stamps, ``(M, 3)``."""
     effects = stamps + np.round(np.multiply(delays, NANOSECONDS)).astype(np.int64)
     index = np.searchsorted(leg.odometry.stamps, effects, side='right') - 1
     poses = leg.odometry.poses[np.maximum(index, 0)]

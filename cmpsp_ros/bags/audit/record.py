@@ -67,15 +67,9 @@ class Sweep:
 def sweep(
     path: Driven, history: History, by: str = '', tolerance: float = 0.0, off: float = 0.0
 ) -> Iterator[Sweep]:
-    """The arcs of a path, by the parameters in force at the beginning of each.
+    """Arcs of a path, by the parameters in force at the beginning of each.
 
-    Args:
-        path: The path.
-        history: The parameters.
-        by: As of `Sweep`.
-        tolerance: As of `Sweep`.
-        off: What the path is off the true one [m]: those obstacles that only the simulator knows
-            count as so much farther away.
+    Obstacles that only the simulator knows count as `off` farther away [m].
     """
     begins = path.stamps[:-1]
     edges = np.searchsorted(begins, history.starts[1:])

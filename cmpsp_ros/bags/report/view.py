@@ -43,15 +43,7 @@ _MOST_GRIDS = 200
 
 @dataclass(frozen=True)
 class Band:
-    """Consecutive control steps at the same fallback level.
-
-    Attributes:
-        level: Fallback level, or `arrived`.
-        begin: First time [s].
-        end: Last time [s].
-        steps: Number of steps.
-        reason: Reason of the first of them.
-    """
+    """Consecutive control steps at a fallback level or `arrived`: times [s], first reason."""
 
     level: str
     begin: float

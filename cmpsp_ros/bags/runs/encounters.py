@@ -41,11 +41,8 @@ def encounters(
 ) -> Iterator[Encounter]:
     """Every part of a path with the moving obstacles of that time, at constant velocity.
 
-    Args:
-        path: The driven path.
-        tracks: As from `cmpsp_ros.bags.runs.tracks.read_tracks`.
-        bodies: What the robot is certainly in; see `GuidanceSettings.bodies`.
-        timeout: Age at which an obstacle that is not seen again is dropped [s].
+    An obstacle that is not seen again is dropped after `timeout` [s]; `bodies` as in
+    `GuidanceSettings.bodies`.
     """
     begin, end = int(path.stamps[0]), int(path.stamps[-1])
     for index, each in enumerate(tracks):
@@ -70,11 +67,6 @@ def encounters(
 def read_others(bag: Bag, namespaces: Iterable[str], own: str) -> dict[str, Driven]:
     """Paths of other robots by namespace: the simulator's own where there are some, else odometry.
 
-    Args:
-        bag: An open bag.
-        namespaces: Of the robots; those that are not in the bag are left out.
-        own: Namespace that is left out.
-
     Raises:
         BagError: The bag is damaged.
     """
@@ -92,14 +84,9 @@ def _is_recorded(bag: Bag, namespace: str) -> bool:
 def robot_encounters(
     path: Driven, others: Mapping[str, Driven], radius: float, bodies: Bodies, timeout: float
 ) -> Iterator[Encounter]:
-    """Every part of a path with the positions of each other robot at that time.
+    """Every part of a path with the positions of each other robot, of a radius [m], at that time.
 
-    Args:
-        path: The driven path.
-        others: As from `read_others`.
-        radius: Of their footprints [m].
-        bodies: Of the robot whose path it is; as of `encounters`.
-        timeout: Time for which the last motion of another robot is extrapolated [s].
+    The last motion of another robot is extrapolated for `timeout` [s].
     """
     grown = [(points, own + radius) for points, own in bodies]
     for namespace, other in others.items():

@@ -143,12 +143,7 @@ class OdometrySeries:
 
 
 def read_odometry(bag: Bag, topic: str, frame_id: str | None) -> OdometrySeries:
-    """Odometry of a topic.
-
-    Args:
-        bag: The bag.
-        topic: Full name.
-        frame_id: Frame that it has to be in; None for any.
+    """Odometry of a topic, in a frame or in any.
 
     Raises:
         BagError: It is of another type, in another frame, or not finite.
@@ -206,13 +201,7 @@ def interpolated(odometry: OdometrySeries, stamps: IntArray) -> Array:
 
 
 def mean_twists(odometry: OdometrySeries, begins: IntArray, ends: IntArray) -> Array:
-    """Twists, shape ``(M, 3)``, with which the robot goes from instant to instant on an arc.
-
-    Args:
-        odometry: Where it is.
-        begins: Of the arcs ``(M,)`` [ns].
-        ends: See `begins`.
-    """
+    """Twists ``(M, 3)`` of arcs from the poses at `begins` to those at `ends` ``(M,)`` [ns]."""
     first, last = (interpolated(odometry, each) for each in (begins, ends))
     chords, turns = last[:, :2] - first[:, :2], wrapped(last[:, 2] - first[:, 2])
     middles = first[:, 2] + turns / 2.0

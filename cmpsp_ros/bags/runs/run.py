@@ -19,13 +19,7 @@ from cmpsp_ros.sensing import stamp_of
 
 
 def read_tracks(bag: Bag, topic: str, frame_id: str | None) -> tuple[Track, ...]:
-    """All messages of a topic, by id and time; none if the bag lacks the topic.
-
-    Args:
-        bag: An open bag.
-        topic: Full name.
-        frame_id: Frame of the messages wanted; others are left out, as the node refuses them. None:
-            any frame.
+    """Messages of a topic in a frame, or in any, by id and time; none if it is not there.
 
     Raises:
         BagError: A message is not of its type.
@@ -45,15 +39,9 @@ def read_tracks(bag: Bag, topic: str, frame_id: str | None) -> tuple[Track, ...]
 
 
 def seen_at(tracks: Iterable[Track], stamp: int, timeout: float) -> list[Track]:
-    """Where moving obstacles were at an instant, as far as was known by then.
+    """Moving obstacles as known at an instant [ns], brought to it, by number.
 
-    Args:
-        tracks: As from `read_tracks`.
-        stamp: The instant [ns].
-        timeout: Age at which one that is not seen again is forgotten [s].
-
-    Returns:
-        One track for each obstacle, brought to that instant, in the order of their numbers.
+    One that is not seen again is forgotten after `timeout` [s].
     """
     oldest = stamp - round(timeout * NANOSECONDS)
     latest = {each.id: each for each in tracks if oldest <= each.stamp <= stamp}
@@ -143,11 +131,7 @@ class Run:
 
 
 def read_run(path: Path, namespace: str = '') -> Run:
-    """Read a run of our nodes from its bag.
-
-    Args:
-        path: The bag.
-        namespace: Namespace of the nodes, as in `/r1`.
+    """Read a run of our nodes, in a namespace as `/r1`, from its bag.
 
     Raises:
         BagError: Not a bag, or a topic of a run is missing.
@@ -171,10 +155,6 @@ def read_driven(path: Path, namespace: str = '') -> Driven:
     """Read the path driven alone, in the frame of the course.
 
     Where odometry is in that frame and there is a simulator it is the simulator's own.
-
-    Args:
-        path: The bag.
-        namespace: Namespace of the nodes, as in `/r1`.
 
     Raises:
         BagError: Not a bag, or there is no path in it.

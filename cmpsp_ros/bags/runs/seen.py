@@ -115,8 +115,8 @@ def look(
         bag: An open bag.
         topic: Full name of `~/sighting`; scans are in the namespace of its node.
         settings: With the sensors and the robot's outline.
-        paths: Parts without holes, in order: of the best path known, and of that by odometry, in
-            whose frame the grid is with all its errors.
+        paths: Parts without holes of the best path known, and of that by odometry, in whose frame
+            the grid is with all its errors.
         moving: Discs ``(x, y, radius)`` of all that is known to move at a time [ns], ``(D, 3)``.
         window: Reception of the first message that counts, and of the first that does not [ns].
     """

@@ -74,12 +74,9 @@ def _doubtful(record: AuditRecord, worst: Sample) -> str:
 
 
 @check(
-    'obstacles',
-    'Path: clear of obstacles',
-    needs=('obstacles.names',),
-    gaps=(_doubtful, _unseen, path_gap),
-    **_CLEAR,
-)
+    'obstacles', 'Path: clear of obstacles', needs=('obstacles.names',),
+    gaps=(_doubtful, _unseen, path_gap), **_CLEAR,
+)  # fmt: skip
 def obstacles(record: AuditRecord) -> Iterator[Sample]:
     """Clearance from all obstacles: of parameters and simulator, and from what sensors saw."""
     if not any(each.settings.obstacles for each in record.evidence) and not any(record.seen):
@@ -143,12 +140,9 @@ def others(record: AuditRecord) -> Iterator[Sample]:
 
 
 @check(
-    'margin',
-    'Path: margin kept',
-    needs=(*_ROAD, 'safety.margin'),
-    gaps=(_unseen, path_gap),
+    'margin', 'Path: margin kept', needs=(*_ROAD, 'safety.margin'), gaps=(_unseen, path_gap),
     **_CLEAR,
-)
+)  # fmt: skip
 def margin(record: AuditRecord) -> Iterator[Sample]:
     """Clearance above the margin asked for."""
     wanted = max(each.settings.safety.margin for each in record.sweeps)
@@ -166,16 +160,10 @@ def _unseen_or_gap(record: AuditRecord, worst: Sample) -> str:
 
 
 @check(
-    'nominal',
-    'Fallback: nominal is clear',
-    needs=_ROAD,
-    of_decisions=True,
-    unit='m',
-    of_reach=True,
-    good='Wherever the level is nominal, the path driven is clear.',
-    bad=_too_close,
-    gaps=(_unseen_or_gap,),
-)
+    'nominal', 'Fallback: nominal is clear', needs=_ROAD, of_decisions=True, unit='m',
+    of_reach=True, good='Wherever the level is nominal, the path driven is clear.',
+    bad=_too_close, gaps=(_unseen_or_gap,),
+)  # fmt: skip
 def nominal(record: AuditRecord) -> Iterator[Sample]:
     """Clearance of the path driven wherever the level is nominal."""
     answers = [each for each in record.decisions if not each.halted]
@@ -214,16 +202,10 @@ def _leads_in_words(worst: Sample) -> str:
 
 
 @check(
-    'commanded',
-    'Commands: safe to drive',
-    needs=(*_ROAD, 'control_period'),
-    unit='m',
-    of_reach=True,
-    good=_leads_in_words,
-    bad=_leads_in_words,
-    nothing='No command is finite.',
+    'commanded', 'Commands: safe to drive', needs=(*_ROAD, 'control_period'), unit='m',
+    of_reach=True, good=_leads_in_words, bad=_leads_in_words, nothing='No command is finite.',
     gaps=(_no_pose, _unseen),
-)
+)  # fmt: skip
 def commanded(record: AuditRecord) -> Iterator[Sample]:
     """Clearance of each command's arc, held for a period from the pose where it takes effect.
 

@@ -63,21 +63,21 @@ def bench(
         _many_robots(robots)
         return
     if obstacles:
-        from benchmarks.families import many_obstacles  # noqa: PLC0415 (compiles kernels)
+        from benchmarks import crowds  # noqa: PLC0415 (compiles kernels)
 
-        console().print(many_obstacles.table(many_obstacles.measure(runs)).rich())
+        console().print(crowds.obstacles_table(crowds.measure_obstacles(runs)).rich())
         return
     if sensors:
-        from benchmarks.families import sensors as seeing  # noqa: PLC0415 (compiles kernels)
+        from benchmarks import crowds  # noqa: PLC0415 (compiles kernels)
 
-        console().print(seeing.table(seeing.measure(runs)).rich())
+        console().print(crowds.sensors_table(crowds.measure_sensors(runs)).rich())
         return
     if verify is not None or verify_case is not None:
         from cmpsp_ros.guidance import SolverSettings  # noqa: PLC0415 (loads kernels)
 
         _verify(verify or verify_case or '', qp or SolverSettings().qp, workers, output)
         return
-    from benchmarks.errors import BenchError  # noqa: PLC0415 (compiles kernels)
+    from benchmarks.common import BenchError  # noqa: PLC0415 (compiles kernels)
     from benchmarks.results import Order  # noqa: PLC0415
     from benchmarks.run import run  # noqa: PLC0415
     from benchmarks.tables import tables  # noqa: PLC0415
@@ -98,7 +98,7 @@ def bench(
 
 def _many_robots(count: int) -> None:
     """Drive so many robots at once; exit code 1 if one was ever late."""
-    from benchmarks.errors import BenchError  # noqa: PLC0415
+    from benchmarks.common import BenchError  # noqa: PLC0415
     from benchmarks.over_dds import many_robots  # noqa: PLC0415 (needs ROS)
 
     with exit_on(BenchError, ParameterError, code=1), progress_bar() as bar:
@@ -111,7 +111,7 @@ def _many_robots(count: int) -> None:
 
 def _verify(what: int | str, qp: str, workers: int, output: Path | None) -> None:
     """Check a QP back end on a number of programs, or on the one of a name."""
-    from benchmarks.errors import BenchError  # noqa: PLC0415
+    from benchmarks.common import BenchError  # noqa: PLC0415
     from benchmarks.verify import report, run  # noqa: PLC0415 (compiles kernels)
 
     with exit_on(BenchError, ProblemError, code=1):

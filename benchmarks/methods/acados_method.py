@@ -11,10 +11,10 @@ import casadi
 import numpy as np
 from acados_template import AcadosModel, AcadosOcp, AcadosOcpSolver
 
-from benchmarks.errors import BenchError
-from benchmarks.families.task import Task
-from benchmarks.methods.method import ITERATIONS
-from benchmarks.methods.nlp import CONTROLS, STATES, clear, distance, moved
+from benchmarks.common import BenchError
+from benchmarks.methods.casadi_methods import CONTROLS, STATES, clear, distance, moved
+from benchmarks.methods.ours import ITERATIONS
+from benchmarks.task import Task
 from cmpsp_ros.arrays import Array
 
 _FREE = 1e6

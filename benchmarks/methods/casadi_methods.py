@@ -1,18 +1,152 @@
-"""Solvers that CasADi brings along, on the very same problem."""
+"""Solvers that CasADi brings along, on the very same problem with its states kept."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import casadi
 import numpy as np
 
-from benchmarks.errors import BenchError
-from benchmarks.families.task import Task
-from benchmarks.methods.method import ITERATIONS
-from benchmarks.methods.nlp import STAGE, STATES, Program, pack, program, unpack
+from benchmarks.common import BenchError
+from benchmarks.methods.ours import ITERATIONS
+from benchmarks.task import Task
 from cmpsp_ros.arrays import Array
+from cmpsp_ros.robots import Robot
+
+STATES, CONTROLS = 3, 2
+STAGE = STATES + CONTROLS
+"""Length of one stage in the vector of variables."""
+
+_STRAIGHT = 1e-2
+
+
+@dataclass(frozen=True)
+class Program:
+    """Minimise ``f(w; p)`` within bounds on ``w`` and ``g(w; p)``, stage by stage.
+
+    ``w`` holds the pose and the wheel speeds of each stage and then the last pose; ``g`` the gap
+    that closes to the next stage and then the stage's own constraints: at first that the pose is
+    the given one, later distances from the road's centre and from the obstacles, at last the
+    goal. ``p`` holds the first pose, the lengths of the steps and the wheel speeds ``U_prev``.
+
+    Attributes:
+        w: Variables, ``5 N + 3`` of them.
+        p: Parameters.
+        cost: First term of (95).
+        proximal: Second term of (95), on the change from ``U_prev``.
+        g: Constraints.
+        hessian: Gauss-Newton Hessian of both terms, which is that of `mpsp`.
+        limits: The four vectors of bounds, by the names that CasADi has for them.
+        equality: For each constraint, whether it is an equation.
+    """
+
+    w: Any
+    p: Any
+    cost: Any
+    proximal: Any
+    g: Any
+    hessian: Any
+    limits: dict[str, Array]
+    equality: list[bool]
+
+
+@cache
+def program(task: Task, steps: int) -> Program:
+    """The task from any pose, over so many steps of any length."""
+    road, goal = task.settings.world.annulus, np.array(task.settings.goal)
+    X = [casadi.SX.sym(f'X_{k}', STATES) for k in range(steps + 1)]
+    U = [casadi.SX.sym(f'U_{k}', CONTROLS) for k in range(steps)]
+    pose, durations = casadi.SX.sym('pose', STATES), casadi.SX.sym('durations', steps)
+    previous = casadi.SX.sym('U_prev', CONTROLS * steps)
+    w = casadi.vertcat(*(each for pair in zip(X, U, strict=False) for each in pair), X[-1])
+
+    rows: list[tuple[Any, Array, Array]] = []
+    for k, x in enumerate(X):
+        if k < steps:
+            gap = X[k + 1] - moved(task.settings.robot, x, U[k], durations[k])
+            rows.append((gap, np.zeros(STATES), np.zeros(STATES)))
+        rows.append((x - pose, np.zeros(STATES), np.zeros(STATES)) if k == 0 else clear(task, x))
+    rows.append((X[-1][:2], goal, goal))
+    lower, upper = (np.concatenate([row[place] for row in rows]) for place in (1, 2))
+
+    off_center = casadi.vertcat(*(distance(x, road.center) - road.center_radius for x in X))
+    slope = casadi.jacobian(off_center, w)
+    weight, change = task.settings.weights.road_center, task.settings.weights.control_change
+    proximal = change / 2.0 * casadi.sumsqr(casadi.vertcat(*U) - previous)
+    return Program(
+        w=w,
+        p=casadi.vertcat(pose, durations, previous),
+        cost=weight / 2.0 * casadi.sumsqr(off_center),
+        proximal=proximal,
+        g=casadi.vertcat(*(row[0] for row in rows)),
+        hessian=weight * casadi.mtimes(slope.T, slope) + casadi.hessian(proximal, w)[0],
+        limits={**_bounds(task, steps), 'lbg': lower, 'ubg': upper},
+        equality=(lower == upper).tolist(),
+    )
+
+
+def pack(task: Task, pose: Array, U: Array, durations: Array) -> tuple[Array, Array]:
+    """Variables and parameters at a warm start, its path rolled out.
+
+    Args:
+        task: The task.
+        pose: First pose, shape ``(3,)`` [m, m, rad].
+        U: Shape ``(N + 1, 2)`` [rad/s].
+        durations: Shape ``(N,)`` [s].
+
+    Returns:
+        ``w`` and ``p``.
+    """
+    steps = len(durations)
+    X = task.settings.robot.roll_out(pose, U, durations)
+    w = np.concatenate([np.hstack([X[:-1], U[:-1]]).ravel(), X[-1]])
+    return w, np.concatenate([pose, durations, U[:steps].ravel()])
+
+
+def unpack(w: Array, last: Array) -> Array:
+    """Controls ``(N + 1, 2)`` of the variables and the last pair, which is not among them."""
+    return np.vstack([w[:-STATES].reshape(-1, STAGE)[:, STATES:], last])
+
+
+def moved(robot: Robot, x: Any, u: Any, duration: Any) -> Any:
+    """Where constant wheel speeds lead, (91) solved exactly, as an expression."""
+    length = (u[0] + u[1]) * robot.wheel_radius / 2.0 * duration
+    turn = (u[0] - u[1]) * robot.wheel_radius / (2.0 * robot.half_track) * duration
+    half = turn / 2.0
+    straight = casadi.fabs(half) < _STRAIGHT
+    # Both branches are evaluated, so neither may divide by zero.
+    divisor = casadi.if_else(straight, 1.0, half)
+    square = half * half
+    series = 1.0 - square / 6.0 * (1.0 - square / 20.0 * (1.0 - square / 42.0))
+    chord = length * casadi.if_else(straight, series, casadi.sin(divisor) / divisor)
+    course = x[2] + half
+    return x + casadi.vertcat(chord * casadi.cos(course), chord * casadi.sin(course), turn)
+
+
+def clear(task: Task, x: Any) -> tuple[Any, Array, Array]:
+    """Distances of a pose from road centre and obstacles, with their bounds."""
+    space = task.space
+    road = space.annulus
+    centers = np.vstack([road.center, space.centers]).tolist()
+    distances = casadi.vertcat(*(distance(x, center) for center in centers))
+    lower = np.concatenate([road.inner, space.radii])
+    upper = np.concatenate([road.outer, np.full(len(space.radii), np.inf)])
+    return distances, lower, upper
+
+
+def distance(x: Any, center: Any) -> Any:
+    """Distance of a pose from a point, as an expression [m]."""
+    return casadi.sqrt((x[0] - center[0]) ** 2 + (x[1] - center[1]) ** 2)
+
+
+def _bounds(task: Task, steps: int) -> dict[str, Array]:
+    limit = task.settings.robot.max_wheel_speed
+    stage = np.array([np.inf] * STATES + [limit] * CONTROLS)
+    upper = np.append(np.tile(stage, steps), np.full(STATES, np.inf))
+    return {'lbx': -upper, 'ubx': upper}
 
 
 class _CasadiSolver:

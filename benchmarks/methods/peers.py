@@ -6,8 +6,8 @@ from collections.abc import Callable
 from importlib.util import find_spec
 from typing import Any, Final
 
-from benchmarks.families.task import Task
-from benchmarks.methods.method import Method
+from benchmarks.methods.ours import Method
+from benchmarks.task import Task
 
 _QUIET_QRQP: Final = {'print_iter': False, 'print_header': False, 'print_info': False}
 

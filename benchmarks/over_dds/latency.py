@@ -11,12 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.errors import BenchError
-from benchmarks.families.spread import Spread
-from benchmarks.machine import resident
+from benchmarks.common import BenchError, Spread, resident
 from cmpsp_ros.arrays import Array, BoolArray
 from cmpsp_ros.demo import Child, DemoError, use_free_domain
-from cmpsp_ros.nodes import Observer
+from cmpsp_ros.nodes import LifecycleClient
 from cmpsp_ros.parameters import TABLE, Values, load_parameter_file
 from cmpsp_ros.parameters.files import write_parameter_file
 
@@ -103,7 +101,7 @@ def _run(values: Values, folder: Path) -> Latency:
     parameters, output = folder / 'parameters.yaml', folder / 'latency.json'
     write_parameter_file(parameters, values)
     children: list[Child] = []
-    with Observer(use_free_domain()) as observer:
+    with LifecycleClient(use_free_domain()) as observer:
         try:
             arguments = ['-p', f'parameters:={parameters}', '-p', f'output:={output}']
             children.append(Child.start('benchmarks.over_dds.latency_probe', arguments, folder))
@@ -149,7 +147,7 @@ def _start_up(values: Values, folder: Path) -> float:
         child.stop()
 
 
-def _activate(observer: Observer, children: list[Child]) -> None:
+def _activate(observer: LifecycleClient, children: list[Child]) -> None:
     """Activate the guidance node once the probe hears its commands."""
 
     def is_heard() -> bool:

@@ -18,7 +18,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from rclpy.time import Time
 
 from cmpsp_ros.nodes.common import SIM_ODOM, SIM_STAMPED_COMMAND, StartupError, run
-from cmpsp_ros.parameters import TABLE, check_start, load_parameter_file, plant_settings
+from cmpsp_ros.parameters import TABLE, check_simulation, load_parameter_file, plant_settings
 from cmpsp_ros.simulator import Plant
 
 _NS = 1_000_000_000
@@ -50,7 +50,7 @@ class LatencyProbe(Node):
             raise StartupError('parameter output: expected a file to write to, got nothing')
         source = self.declare_parameter('parameters', 'case3').value
         values = TABLE.resolve(load_parameter_file(source))
-        check_start(values)
+        check_simulation(values)
         settings = plant_settings(values)
         self._frame_id: str = values['frame_id']
         self._goal: list[float] = values['goal.position']

@@ -12,14 +12,11 @@ from typing import Final
 
 import numpy as np
 
-from benchmarks.errors import BenchError
-from benchmarks.machine import processor_time, resident
-from benchmarks.quiet import collector_off
-from benchmarks.table import Table
+from benchmarks.common import BenchError, Table, collector_off, processor_time, resident
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.bags import DecisionRecord
 from cmpsp_ros.demo import Child, DemoError, Scenario, guide, load_scenario, started
-from cmpsp_ros.nodes import Seen
+from cmpsp_ros.nodes import GuidanceStatus
 from cmpsp_ros.parameters.files import write_fleet_file
 
 _PRESET: Final = 'case3'
@@ -128,7 +125,7 @@ def _run(robots: Sequence[Scenario], folder: Path, progress: Callable[[float], N
     stops: list[str] = []
     ends: dict[str, tuple[int, float]] = {}
 
-    def notice(robot: Scenario, seen: Seen) -> None:
+    def notice(robot: Scenario, seen: GuidanceStatus) -> None:
         decision = seen.decision
         if decision['finished'] == 'true':
             ends.setdefault(

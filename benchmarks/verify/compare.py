@@ -8,11 +8,21 @@ from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.verify.case import Case, Origin, Program
-from benchmarks.verify.contestant import Contestant
-from benchmarks.verify.feasibility import ROUNDING, contradict, nearly_feasible, nearly_infeasible
-from benchmarks.verify.measure import Accuracy, accuracy, cost, last_bit
-from benchmarks.verify.references import Reference, Verdict, references, verdict
+from benchmarks.verify.case import Case, Contestant, Origin, Program
+from benchmarks.verify.references import (
+    ROUNDING,
+    Accuracy,
+    Reference,
+    Verdict,
+    accuracy,
+    contradict,
+    cost,
+    last_bit,
+    nearly_feasible,
+    nearly_infeasible,
+    references,
+    verdict,
+)
 from cmpsp_ros.mpsp.qp import QPSolution, QPStatus
 
 RESIDUAL = 1e-8

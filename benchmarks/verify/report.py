@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from benchmarks.errors import BenchError
+from benchmarks.common import BenchError
 from benchmarks.verify.compare import Comparison
 from cmpsp_ros.mpsp.qp import QPStatus
 

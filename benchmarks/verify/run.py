@@ -3,17 +3,67 @@
 from __future__ import annotations
 
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from itertools import islice
 from multiprocessing import get_context
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
-from benchmarks.verify.case import Origin
+import numpy as np
+
+from benchmarks.common import BenchError
+from benchmarks.verify.case import Case, Contestant, Draft, Origin, Rng, contestant
 from benchmarks.verify.compare import Comparison, compare
-from benchmarks.verify.contestant import Contestant, contestant
-from benchmarks.verify.programs.families import PROGRAMS_PER_SEED, SHARES, case, cases
+from benchmarks.verify.programs.degenerate import degenerate, infeasible
+from benchmarks.verify.programs.general import general
+from benchmarks.verify.programs.loop import loops
+from benchmarks.verify.programs.scenario import crowded, flat, ordinary
+
+PROGRAMS_PER_SEED: Final = 10
+
+FAMILIES: Final[Mapping[str, Callable[[Rng], Iterator[Draft]]]] = {
+    'loop': partial(loops, ordinary),
+    'degenerate': degenerate,
+    'infeasible': infeasible,
+    'crowded': partial(loops, crowded),
+    'flat': partial(loops, flat),
+    'general': general,
+}
+
+SHARES: Final[Mapping[str, float]] = {
+    'loop': 0.4,
+    'degenerate': 0.15,
+    'infeasible': 0.1,
+    'crowded': 0.1,
+    'flat': 0.1,
+    'general': 0.15,
+}
+"""Part of all programs that is of each family."""
+
+
+def cases(family: str, seed: int) -> Iterator[Case]:
+    """The programs of one seed, always the same.
+
+    Raises:
+        BenchError: There is no such family.
+    """
+    if family not in FAMILIES:
+        raise BenchError(f'family: found {family!r}, wanted one of {", ".join(FAMILIES)}')
+    rng = np.random.default_rng([*family.encode(), seed])
+    for number, draft in enumerate(islice(FAMILIES[family](rng), PROGRAMS_PER_SEED)):
+        yield Case(Origin(family, seed, number), *draft)
+
+
+def case(origin: Origin) -> Case:
+    """The program of that name.
+
+    Raises:
+        BenchError: There is no such family, or not that many programs of one seed.
+    """
+    if origin.number >= PROGRAMS_PER_SEED:
+        raise BenchError(f'case: found number {origin.number}, wanted below {PROGRAMS_PER_SEED}')
+    return next(islice(cases(origin.family, origin.seed), origin.number, None))
 
 
 class Batch(NamedTuple):

@@ -40,7 +40,7 @@ class Table:
 
     name: str
     columns: tuple[Column, ...]
-    rows: Callable[[], Iterator[Row]]
+    rows: Iterator[Row]
 
 
 Rows = Callable[[Any, tuple[Column, ...]], Iterator[Row]]
@@ -56,10 +56,10 @@ def _floats(names: str) -> tuple[Column, ...]:
 
 
 _WHERE = (Column('received', 'int', 'ns'), Column('topic', 'text'), Column('stamp', 'int', 'ns'))
-_FRAME, _POINT = Column('frame', 'text'), Column('point', 'int')
+_FRAME, _POINT, _AT = Column('frame', 'text'), Column('point', 'int'), Column('at', 'int', 'ns')
 _POSE = _floats('x m, y m, heading rad')
 _TWIST = _floats('speed m/s, turn_rate rad/s, side_speed m/s')
-_MOTION = _floats('x m, y m, vx m/s, vy m/s, radius m')
+_MOVING = (*(*_WHERE, _FRAME, Column('id', 'int')), *_floats('x m, y m, vx m/s, vy m/s, radius m'))
 
 _BEFORE_ENTRIES = (*_WHERE[:2], Column('reason', 'text'))
 
@@ -120,30 +120,24 @@ def tables(bag: Bag) -> list[Table]:
         topics = [
             topic
             for topic, about in sorted(bag.topics.items())
-            if about.msgtype in types and topic.endswith(ending)
+            if about.msgtype in types.split() and topic.endswith(ending)
         ]
         if topics:
             wide = columns(bag, topics) if callable(columns) else columns
-            found.append(Table(name, wide, _reading(bag, topics, wide, rows)))
+            found.append(Table(name, wide, _read(bag, topics, wide, rows)))
     if not found:
         there = ', '.join(sorted(bag.topics)) or 'no topic at all'
         raise BagError(f'{bag.path}: no topic that makes a table; there is {there}')
     return found
 
 
-def _reading(
-    bag: Bag, topics: list[str], columns: tuple[Column, ...], rows: Rows
-) -> Callable[[], Iterator[Row]]:
-    def read() -> Iterator[Row]:
-        for topic, received, message in bag.together(topics):
-            try:
-                for row in rows(message, columns):
-                    yield received, topic, *row
-            except (ValueError, LookupError) as error:
-                msg = f'{bag.path}: message of {topic} at {received} ns: {error}'
-                raise BagError(msg) from error
-
-    return read
+def _read(bag: Bag, topics: list[str], columns: tuple[Column, ...], rows: Rows) -> Iterator[Row]:
+    for topic, received, message in bag.together(topics):
+        try:
+            for row in rows(message, columns):
+                yield received, topic, *row
+        except (ValueError, LookupError) as error:
+            raise BagError(f'{bag.path}: message of {topic} at {received} ns: {error}') from error
 
 
 def _odometry(message: Any, _columns: tuple[Column, ...]) -> Iterator[Row]:
@@ -250,9 +244,8 @@ def _write_csv(table: Table, path: Path) -> int:
         writer = csv.writer(file)
         writer.writerow([_title(each) for each in table.columns])
         count = 0
-        for batch in _batches(table.rows()):
-            writer.writerows(batch)
-            count += len(batch)
+        for count, row in enumerate(table.rows, 1):  # noqa: B007 (the last counts)
+            writer.writerow(row)
     return count
 
 
@@ -272,7 +265,7 @@ def _parquet_writer() -> Callable[[Table, Path], int]:
         )
         count = 0
         with parquet.ParquetWriter(path, schema) as writer:
-            for batch in _batches(table.rows()):
+            while batch := list(islice(table.rows, _BATCH)):
                 columns = [
                     pa.array(cells, each.type)
                     for cells, each in zip(zip(*batch, strict=True), schema, strict=True)
@@ -284,48 +277,31 @@ def _parquet_writer() -> Callable[[Table, Path], int]:
     return write
 
 
-def _batches(rows: Iterator[Row]) -> Iterator[list[Row]]:
-    while batch := list(islice(rows, _BATCH)):
-        yield batch
-
-
 def _title(column: Column) -> str:
     return f'{column.name} [{column.unit}]' if column.unit else column.name
 
 
-_TABLES: tuple[tuple[str, tuple[str, ...], str, Columns, Rows], ...] = (
-    ('odometry', ('nav_msgs/msg/Odometry',), '', (*_WHERE, _FRAME, *_POSE, *_TWIST), _odometry),
+_TABLES: tuple[tuple[str, str, str, Columns, Rows], ...] = (
+    ('odometry', 'nav_msgs/msg/Odometry', '', (*_WHERE, _FRAME, *_POSE, *_TWIST), _odometry),
     (
         'commands',
-        ('geometry_msgs/msg/Twist', 'geometry_msgs/msg/TwistStamped'),
+        'geometry_msgs/msg/Twist geometry_msgs/msg/TwistStamped',
         '',
         (*_WHERE, *_TWIST),
         _commands,
     ),
-    ('wheel_speeds', ('sensor_msgs/msg/JointState',), '/wheel_speeds', _wheel_columns, _wheels),
+    ('wheel_speeds', 'sensor_msgs/msg/JointState', '/wheel_speeds', _wheel_columns, _wheels),
     (
         'decisions',
         # As they are published, and as they were before.
-        ('diagnostic_msgs/msg/DiagnosticArray', 'diagnostic_msgs/msg/DiagnosticStatus'),
+        'diagnostic_msgs/msg/DiagnosticArray diagnostic_msgs/msg/DiagnosticStatus',
         '/decision',
         _decision_columns,
         _decisions,
     ),
-    (
-        'plan',
-        ('nav_msgs/msg/Path',),
-        '/predicted_path',
-        (*_WHERE, _POINT, Column('at', 'int', 'ns'), *_POSE),
-        _plan,
-    ),
-    ('goals', ('geometry_msgs/msg/PoseStamped',), '/goal_pose', (*_WHERE, _FRAME, *_POSE), _goals),
-    (
-        'moving',
-        ('sensor_msgs/msg/PointCloud2',),
-        '/moving_obstacles',
-        (*_WHERE, _FRAME, Column('id', 'int'), *_MOTION),
-        _moving,
-    ),
-    ('road', ('nav_msgs/msg/Path',), '/road', (*_WHERE, _FRAME, _POINT, *_POSE[:2]), _road),
+    ('plan', 'nav_msgs/msg/Path', '/predicted_path', (*_WHERE, _POINT, _AT, *_POSE), _plan),
+    ('goals', 'geometry_msgs/msg/PoseStamped', '/goal_pose', (*_WHERE, _FRAME, *_POSE), _goals),
+    ('moving', 'sensor_msgs/msg/PointCloud2', '/moving_obstacles', _MOVING, _moving),
+    ('road', 'nav_msgs/msg/Path', '/road', (*_WHERE, _FRAME, _POINT, *_POSE[:2]), _road),
 )
 """Name of each table, types of its topics, how their names end, its columns and its rows."""

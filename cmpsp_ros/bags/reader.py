@@ -100,9 +100,9 @@ class Bag:
         return own if own in self.topics and self.topics[own].count else heard
 
     def raw(self, topic: str) -> Iterator[tuple[int, bytes]]:
-        """Iterate over a topic's messages as recorded: stamp [ns] and serialised message (CDR).
+        """Iterate over a topic's stamps [ns] and serialised messages (CDR), in order of time.
 
-        Messages come in order of time, those of one stamp in the order of writing.
+        Messages of one stamp come in the order of writing.
 
         Raises:
             BagError: No such topic, or the bag is damaged.

@@ -20,7 +20,14 @@ from cmpsp_ros.bags.custom_data import (
 )
 from cmpsp_ros.bags.definitions import jazzy, known_definition
 from cmpsp_ros.bags.errors import BagError, UnknownTypeError
-from cmpsp_ros.bags.storage.common import METADATA, UNFINISHED, FolderLock, Form, write_atomically
+from cmpsp_ros.bags.storage.common import (
+    METADATA,
+    REFUSALS,
+    UNFINISHED,
+    FolderLock,
+    Form,
+    write_atomically,
+)
 from cmpsp_ros.bags.storage.rolling import RollingFiles
 
 if TYPE_CHECKING:
@@ -197,11 +204,11 @@ class BagWriter:
     def _close(self) -> None:
         try:
             self._files.close()
-        except OSError as error:
+        except REFUSALS as error:
             try:
                 lost = self._files.make_room()
                 self._files.close()
-            except OSError:
+            except REFUSALS:
                 self._files.abort()
                 msg = f'{self.path}: cut off, without index and metadata: {error}'
                 raise BagError(msg) from error
@@ -216,5 +223,5 @@ class BagWriter:
     def _refusing(self, what: str) -> Iterator[None]:
         try:
             yield
-        except OSError as error:
+        except REFUSALS as error:
             raise BagError(f'{self.path}: {what}: {error}') from error

@@ -12,7 +12,7 @@ from typing import Final
 
 import typer
 
-from cmpsp_ros.cli import demo, identifying, inspecting, recording, replaying, studies, viewing
+from cmpsp_ros.cli import bags, demo, live, studies
 from cmpsp_ros.cli.terminal import console, errors, exit_on, progress_bar
 from cmpsp_ros.quick_exit import quick_exit
 
@@ -29,19 +29,19 @@ app = typer.Typer(
 # In the order of `cmpsp --help`.
 for _command in (
     demo.demo,
-    inspecting.audit,
+    bags.audit,
     studies.bench,
     studies.paper,
     studies.study,
-    inspecting.export,
-    inspecting.film,
-    identifying.identify,
-    recording.record,
-    recording.recover,
-    replaying.replay,
-    inspecting.report,
-    recording.play,
-    viewing.view,
+    bags.export,
+    bags.film,
+    live.identify,
+    live.record,
+    live.recover,
+    bags.replay,
+    bags.report,
+    live.play,
+    live.view,
     studies.warmup,
 ):
     # The benchmarks have options of their own.

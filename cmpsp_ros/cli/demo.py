@@ -12,8 +12,16 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 import typer
 
 from cmpsp_ros.bags import BagError
-from cmpsp_ros.cli.options import Assignments
-from cmpsp_ros.cli.terminal import complain, console, errors, exit_on, say, writing_to
+from cmpsp_ros.cli.terminal import (
+    Assignments,
+    complain,
+    console,
+    errors,
+    exit_on,
+    remark,
+    say,
+    writing_to,
+)
 from cmpsp_ros.demo import DemoError, make_folder
 from cmpsp_ros.parameters import ParameterError
 
@@ -56,11 +64,10 @@ def demo(
         with exit_on(ParameterError, DemoError, code=2):
             fleet = _loaded(preset, assignments or [], robot, lockstep=lockstep)
             folder = make_folder(output, force=force)
-        drive = _drive if len(fleet) == 1 else _drive_fleet
         with writing_to(folder), exit_on(DemoError, code=1), exit_on(BagError, code=3):
-            results = drive(fleet, folder, port if view else None)
+            results = _drive(fleet, folder, port if view else None)
     except KeyboardInterrupt:
-        errors().print('interrupted; all nodes were stopped', style='red')
+        complain('interrupted; all nodes were stopped')
         raise typer.Exit(130) from None
     for scenario, each in zip(fleet, results, strict=True):
         if each.failure:
@@ -74,49 +81,40 @@ def _loaded(
     preset: str, assignments: list[str], robot: str | None, *, lockstep: bool
 ) -> tuple[Scenario, ...]:
     """The robots of a preset; what there is to say of them is said."""
+    from cmpsp_ros.demo import load_fleet, load_scenario  # noqa: PLC0415 (loads kernels)
     from cmpsp_ros.parameters.files import robots_in  # noqa: PLC0415 (starts faster without)
 
-    if len(namespaces := robots_in(preset)) > 1:
-        from cmpsp_ros.demo import load_fleet  # noqa: PLC0415 (loads kernels)
-
+    namespaces = robots_in(preset)
+    if len(namespaces) > 1:
         fleet = load_fleet(preset, namespaces, assignments, lockstep=lockstep, robot=robot)
     else:
-        from cmpsp_ros.demo import load_scenario  # noqa: PLC0415 (loads kernels)
-
         fleet = (load_scenario(preset, assignments, lockstep=lockstep, robot=robot),)
     for each in fleet:
         whose = f'{each.namespace}: ' if each.namespace else ''
-        for remark in each.remarks:
-            errors().print(f'{whose}{remark}', markup=False, highlight=False, soft_wrap=True)
+        for text in each.remarks:
+            remark(f'{whose}{text}')
     return fleet
 
 
 def _drive(
-    alone: Sequence[Scenario], folder: Path, view_port: int | None
-) -> Sequence[Summary | Robot]:
-    """Run one robot, and show and return the result."""
-    from cmpsp_ros.demo import run  # noqa: PLC0415 (a wrong argument needs no ROS)
-
-    (scenario,) = alone
-    with _progress(scenario.name, scenario.settings.final_time, view_port) as progress:
-        summary = run(scenario, folder, progress, view_port)
-    console().print(_table(summary, scenario))
-    say(f'{folder}: bag, summary.json, trajectory.png, wheel_speeds.png')
-    return [summary]
-
-
-def _drive_fleet(
     fleet: Sequence[Scenario], folder: Path, view_port: int | None
 ) -> Sequence[Summary | Robot]:
-    """As `_drive`, for several robots."""
-    from cmpsp_ros.demo import run_fleet  # noqa: PLC0415 (a wrong argument needs no ROS)
+    """Run one robot or several, and show and return the results."""
+    from cmpsp_ros.demo import run, run_fleet  # noqa: PLC0415 (a wrong argument needs no ROS)
 
-    total = max(each.settings.final_time for each in fleet)
-    with _progress(fleet[0].name, total, view_port) as progress:
-        robots = run_fleet(fleet, folder, progress, view_port)
-    console().print(_fleet_table(robots))
-    say(f'{folder}: bag, summary.json, trajectory.png')
-    return robots
+    total, alone = max(each.settings.final_time for each in fleet), fleet[0]
+    results: Sequence[Summary | Robot]
+    with _progress(alone.name, total, view_port) as progress:
+        if len(fleet) > 1:
+            results = robots = run_fleet(fleet, folder, progress, view_port)
+            table, files = _fleet_table(robots), 'bag, summary.json, trajectory.png'
+        else:
+            summary = run(alone, folder, progress, view_port)
+            results, table = [summary], _table(summary, alone)
+            files = 'bag, summary.json, trajectory.png, wheel_speeds.png'
+    console().print(table)
+    say(f'{folder}: {files}')
+    return results
 
 
 @contextmanager
@@ -126,7 +124,7 @@ def _progress(name: str, total: float, view_port: int | None) -> Iterator[Callab
 
     signal.signal(signal.SIGTERM, _interrupt)
     if view_port is not None:
-        errors().print(f'http://127.0.0.1:{view_port}/ shows the run', soft_wrap=True)
+        remark(f'http://127.0.0.1:{view_port}/ shows the run')
     columns = TextColumn('{task.description}'), BarColumn(), TextColumn('{task.fields[time]}')
     with Progress(*columns, TimeElapsedColumn(), console=errors()) as bar:
         task = bar.add_task(name, total=total, time='starting nodes')

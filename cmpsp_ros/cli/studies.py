@@ -11,8 +11,15 @@ from typing import Annotated
 
 import typer
 
-from cmpsp_ros.cli.options import Assignments
-from cmpsp_ros.cli.terminal import complain, console, errors, exit_on, progress_bar, say, writing_to
+from cmpsp_ros.cli.terminal import (
+    Assignments,
+    complain,
+    console,
+    exit_on,
+    progress_bar,
+    say,
+    writing_to,
+)
 from cmpsp_ros.parameters import ParameterError
 
 
@@ -67,7 +74,7 @@ def paper(
             bar.update(task, advance=what in ARTEFACTS, description=what)
 
         report = run(output, only or (), progress, judge=judge)
-    console().print(f'{report}: every claim, and ours beside it')
+    say(f'{report}: every claim, and ours beside it')
 
 
 def study(
@@ -157,17 +164,16 @@ def warmup(
         outcome = warm_up_all(line.show, presets or ())
     for part in outcome.parts:
         done = f'{part.kernels} kernels compiled' if part.kernels else 'all there'
-        console().print(f'{part.name}: {done}, {part.seconds:.1f} s', highlight=False)
+        say(f'{part.name}: {done}, {part.seconds:.1f} s')
     if not presets and outcome.folder is not None:
         default = SolverSettings().work_rate
-        said = f'solver.work_rate: {work_rate():.2g} (default {default:.2g})'
-        console().print(said, highlight=False)
+        say(f'solver.work_rate: {work_rate():.2g} (default {default:.2g})')
     if outcome.removed:
-        console().print(f'removed: {len(outcome.removed)} files not used for 30 days')
+        say(f'removed: {len(outcome.removed)} files not used for 30 days')
     if outcome.folder is not None:
-        console().print(f'kept in: {outcome.folder}', soft_wrap=True, highlight=False)
+        say(f'kept in: {outcome.folder}')
     if outcome.hindrance:
-        errors().print(outcome.hindrance, style='red', markup=False, soft_wrap=True)
+        complain(outcome.hindrance)
     if outcome.folder is None:
         raise typer.Exit(1)
 

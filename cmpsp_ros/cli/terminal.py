@@ -1,11 +1,11 @@
-"""Output of commands: results to standard output, errors in red to standard error."""
+"""Options of several commands; results to standard output, errors in red to standard error."""
 
 from __future__ import annotations
 
 import errno
 from contextlib import contextmanager
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -16,17 +16,34 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.progress import Progress
 
+Assignments = Annotated[
+    list[str] | None,
+    typer.Option('--set', metavar='KEY=VALUE', help='Change a parameter; may be repeated.'),
+]
+Odom = Annotated[
+    str | None, typer.Option(metavar='TOPIC', help='Odometry; <namespace>/odom when absent.')
+]
+CmdVel = Annotated[
+    str | None, typer.Option(metavar='TOPIC', help='Commands; <namespace>/cmd_vel when absent.')
+]
+Namespace = Annotated[str | None, typer.Option(help='Namespace of the node, as in /r1.')]
+ParamsFile = Annotated[
+    str | None,
+    typer.Option(metavar='FILE', help='Parameters, or a preset, in place of those in the bag.'),
+]
+
 
 @cache
-def console() -> Console:
-    """Standard output."""
-    return _console(stderr=False)
+def console(*, stderr: bool = False) -> Console:
+    """Standard output, or standard error."""
+    from rich.console import Console  # noqa: PLC0415 (`--help` is quicker without)
+
+    return Console(stderr=stderr)
 
 
-@cache
 def errors() -> Console:
     """Standard error."""
-    return _console(stderr=True)
+    return console(stderr=True)
 
 
 def progress_bar() -> Progress:
@@ -39,6 +56,11 @@ def progress_bar() -> Progress:
 def complain(problem: object) -> None:
     """Say what is wrong, as it is: paths and messages are neither markup nor wrapped."""
     errors().print(str(problem), style='red', markup=False, highlight=False, soft_wrap=True)
+
+
+def remark(text: object) -> None:
+    """Say on standard error what a user may want to know, as it is."""
+    errors().print(str(text), markup=False, highlight=False, soft_wrap=True)
 
 
 def say(text: object) -> None:
@@ -74,9 +96,3 @@ def writing_to(folder: Path) -> Iterator[None]:
             raise
         complain(f'{error.filename or folder}: cannot be written: {error.strerror}')
         raise typer.Exit(1) from None
-
-
-def _console(*, stderr: bool) -> Console:
-    from rich.console import Console  # noqa: PLC0415 (`--help` is quicker without)
-
-    return Console(stderr=stderr)

@@ -5,12 +5,10 @@ from typing import TYPE_CHECKING
 from cmpsp_ros.front_door import lazy_exports
 
 if TYPE_CHECKING:
-    from cmpsp_ros.demo.errors import DemoError
     from cmpsp_ros.demo.fleet import Robot, load_fleet, run_fleet
-    from cmpsp_ros.demo.folder import make_folder
-    from cmpsp_ros.demo.guiding import guide
+    from cmpsp_ros.demo.folder import DemoError, make_folder
     from cmpsp_ros.demo.processes import Child, use_free_domain
-    from cmpsp_ros.demo.runner import run, started
+    from cmpsp_ros.demo.runner import guide, run, started
     from cmpsp_ros.demo.scenario import Scenario, load_scenario
     from cmpsp_ros.demo.summary import Summary
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from cmpsp_ros.bags.runs import Run, longest_interval, pieces, read_run, robot_encounters
-from cmpsp_ros.demo.fleet_picture import draw_fleet
+from cmpsp_ros.demo.results import draw_fleet
 from cmpsp_ros.demo.runner import driven
 from cmpsp_ros.demo.scenario import Scenario, load_scenario
 from cmpsp_ros.demo.summary import Summary, summarise, window

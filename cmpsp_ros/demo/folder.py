@@ -1,4 +1,4 @@
-"""The folder of a run."""
+"""The folder of a run, and the error of this package."""
 
 from __future__ import annotations
 
@@ -6,7 +6,10 @@ import shutil
 from datetime import datetime
 from pathlib import Path
 
-from cmpsp_ros.demo.errors import DemoError
+
+class DemoError(RuntimeError):
+    """A run could not be started or did not end; the message says why."""
+
 
 _RUNS = Path('runs')
 _CONTENT = (

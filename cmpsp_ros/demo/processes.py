@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
 
-from cmpsp_ros.demo.errors import DemoError
+from cmpsp_ros.demo.folder import DemoError
 from cmpsp_ros.nodes import MODULES
 
 _STOP_TIMEOUT = 10.0

@@ -1,14 +1,202 @@
-"""Figures and pictures from the bag of a run."""
+"""Pictures of a run, of one robot or several, and all its results in a folder."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import replace
+from itertools import combinations, cycle
 from pathlib import Path
 
-from cmpsp_ros.bags.runs import read_run
-from cmpsp_ros.demo.pictures import draw_controls, draw_trajectory
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle
+
+from cmpsp_ros.bags.runs import Driven, Run, encounters, read_run, seen_at
 from cmpsp_ros.demo.scenario import Scenario
-from cmpsp_ros.demo.summary import Summary, final_time, summarise
+from cmpsp_ros.demo.summary import Summary, final_time, summarise, window
+from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings
+from cmpsp_ros.robots import REFERENCE_POINT
+from cmpsp_ros.view import (
+    BAGS,
+    LIMIT,
+    MOVING,
+    along,
+    bodies,
+    body,
+    course,
+    disc,
+    draw,
+    ends,
+    frame,
+    goals_trace,
+    kept_clear,
+    map_corners,
+    traces,
+    trail,
+)
+from cmpsp_ros.world.obstacles import Shape
+
+_PLANS = 4
+
+_ROOM = 0.8
+
+# Width of the picture, and what is below the course: the axis, and rows of the legend [in].
+_WIDTH, _BELOW, _ROW, _COLUMNS = 8.0, 0.7, 0.25, 3
+
+_DRIVEN = 'black'
+
+
+def draw_trajectory(
+    run: Run, settings: GuidanceSettings, path: Path, hidden: Sequence[Shape] = ()
+) -> Figure:
+    """Draw road, obstacles with the margin kept, the driven path and the plan at a few instants.
+
+    Moving obstacles are drawn at the robot's closest approach.
+
+    Args:
+        run: The run.
+        settings: Settings of guidance.
+        path: New picture.
+        hidden: Obstacles that only the simulator knows.
+    """
+    first, last = window(run, settings)
+    part = run.driven.between(first, last)
+    driven = along(part.poses, part.twists[:-1], part.durations)
+    figure = Figure(layout='constrained')
+    axes = figure.add_subplot()
+    there = course([settings.road], settings.obstacles, hidden)
+    draw(axes, traces([*there, kept_clear(settings)], ''))
+    plans = [plan for plan in run.plans if first <= plan.stamp < last]
+    colors = mpl.colormaps['viridis'](np.linspace(0.15, 0.85, _PLANS))
+    for number, color in enumerate(colors) if plans else ():
+        plan = plans[number * len(plans) // _PLANS]
+        name = f'plan at {(plan.stamp - first) / 1e9:.1f} s'
+        axes.plot(*plan.points.T, '.-', ms=3, lw=0.8, color=color, zorder=4, label=name)
+    _draw_moving(axes, run, settings, first, last)
+    axes.plot(*driven.T, color=_DRIVEN, lw=2.0, zorder=5, label='driven')
+    stood = bodies(body(settings), part.poses[[0, -1]])
+    robot = traces([trail(settings, part.poses), stood], _DRIVEN)
+    draw(axes, [*robot, goals_trace(settings.goals), ends(part.poses, _DRIVEN)], above=6.0)
+    goals = np.array([goal.position for goal in settings.goals]).reshape(-1, 2)
+    points = [driven, goals, *(plan.points for plan in plans), map_corners(settings)]
+    points += stood.lines
+    low, high = frame(points, (*settings.obstacles, *hidden), _ROOM * settings.road.width)
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), xlabel='x [m]', ylabel='y [m]')
+    axes.set_aspect('equal')
+    handles, labels = axes.get_legend_handles_labels()
+    rows = math.ceil(len(labels) / _COLUMNS)
+    width, height = high - low
+    figure.set_size_inches(_WIDTH, _WIDTH * height / width + _BELOW + _ROW * rows)
+    figure.legend(handles, labels, loc='outside lower center', ncols=_COLUMNS)
+    figure.savefig(path, dpi=120)
+    return figure
+
+
+def _draw_moving(axes: Axes, run: Run, settings: GuidanceSettings, first: int, last: int) -> None:
+    """The path of a moving obstacle, and its position at the closest approach."""
+    timeout = settings.moving_obstacles.timeout
+    nearest: dict[str, tuple[float, int]] = {}
+    bodies = [(REFERENCE_POINT, 0.0)]
+    for each in encounters(run.driven.between(first, last), run.tracks, bodies, timeout):
+        index = int(each.clearance.argmin())
+        found = float(each.clearance[index]), int(each.stamps[index])
+        nearest[each.name] = min(found, nearest.get(each.name, found))
+    for index, (name, (_, stamp)) in enumerate(nearest.items()):
+        way = np.array([(each.x, each.y) for each in run.tracks if each.name == name])
+        axes.plot(*way.T, color=MOVING, ls='-.', lw=0.8, zorder=2)
+        (there,) = (each for each in seen_at(run.tracks, stamp, timeout) if each.name == name)
+        center, robot = (there.x, there.y), run.driven.at(stamp)[:2]
+        label = 'moving obstacle where nearest' if index == 0 else None
+        axes.add_patch(Circle(center, there.radius, color=MOVING, lw=0, zorder=4, label=label))
+        axes.plot(*zip(center, robot, strict=True), color=MOVING, lw=1.0, zorder=4)
+        axes.plot(*robot, '.', color=_DRIVEN, ms=8, zorder=6)
+        when = f'{(stamp - first) / NANOSECONDS:.1f} s'
+        axes.annotate(when, center, (9, -14), textcoords='offset points', zorder=6)
+
+
+def draw_controls(run: Run, settings: GuidanceSettings, path: Path) -> Figure:
+    """Draw wheel speeds, or other controls of the robot, with their limits."""
+    first, last = window(run, settings)
+    robot, stamps, twists = settings.robot, run.driven.stamps, run.driven.twists
+    if robot.steering_limits is None:
+        # Wheels that slip turn faster than the robot moves.
+        stamps, twists = run.wheel_stamps, robot.twist_of_wheels(run.wheel_speeds)
+    # Of two twists at one instant the second is the one that a command has set.
+    latest = np.append(np.diff(stamps) > 0, True)
+    inside = np.flatnonzero(latest & (stamps >= first) & (stamps < last))
+    seconds = np.append((stamps[inside] - first) / NANOSECONDS, settings.final_time)
+    signals = robot.signals(twists[[*inside, inside[-1]]])
+    figure = Figure(layout='constrained')
+    quantities = list(dict.fromkeys(each.axis for each in signals))
+    figure.set_size_inches(9.0, 2.0 + 2.5 * len(quantities))
+    rows = figure.subplots(len(quantities), sharex=True, squeeze=False)[:, 0]
+    for axes, quantity in zip(rows, quantities, strict=True):
+        chosen = [each for each in signals if each.axis == quantity]
+        for each, color in zip(chosen, cycle(BAGS)):
+            axes.step(seconds, each.values, where='post', color=color, label=each.name)
+        limit = chosen[0].limit
+        if math.isfinite(limit):
+            axes.axhline(limit, color=LIMIT, ls='--', lw=1.0, label=f'limit {limit:.4g}')
+            if min(each.values.min() for each in chosen) < 0.0:
+                axes.axhline(-limit, color=LIMIT, ls='--', lw=1.0)
+        axes.set(ylabel=quantity, xlim=(0.0, settings.final_time))
+        axes.grid(alpha=0.3)
+        axes.legend()
+    rows[-1].set_xlabel('time [s]')
+    figure.savefig(path, dpi=120)
+    return figure
+
+
+_GRID = 20_000_000
+_SMALLEST = 0.06
+
+
+def draw_fleet(fleet: Sequence[Scenario], runs: Sequence[Run], path: Path) -> Figure:
+    """Road and obstacles of the first robot, all paths, and all robots at the nearest instant."""
+    figure = Figure(figsize=(8.0, 8.0), layout='constrained')
+    axes = figure.add_subplot()
+    settings = fleet[0].settings
+    draw(axes, traces(course([settings.road], settings.obstacles, fleet[0].hidden), ''))
+    windows = [window(run, each.settings) for each, run in zip(fleet, runs, strict=True)]
+    paths = [run.driven.between(*when) for run, when in zip(runs, windows, strict=True)]
+    colors = mpl.colormaps['turbo'](np.linspace(0.05, 0.95, len(fleet)))
+    nearest = _nearest(paths)
+    for each, driven, color in zip(fleet, paths, colors, strict=True):
+        points = along(driven.poses, driven.twists[:-1], driven.durations)
+        axes.plot(*points.T, color=color, lw=1.8, zorder=4, label=each.namespace)
+        stood = bodies(body(each.settings), driven.poses[[0, -1]])
+        start = ends(driven.poses[:1], color) | {'name': 'start'}
+        draw(axes, [*traces([stood], color), start], above=6.0)
+        # Hollow: one robot's goal is another one's start.
+        axes.plot(*each.settings.goal, '*', mec=color, mfc='none', ms=16, zorder=5)
+        if nearest is not None:
+            outline = (body(each.settings) or disc(_SMALLEST))[:1]
+            (there,) = bodies(outline, [driven.at(nearest)]).lines
+            axes.fill(*there.T, color=color, alpha=0.6, lw=0, zorder=6)
+    axes.set(xlabel='x [m]', ylabel='y [m]')
+    if nearest is not None:
+        seconds = (nearest - min(first for first, _ in windows)) / 1e9
+        axes.set_title(f'where they were nearest to each other, at {seconds:.1f} s')
+    axes.set_aspect('equal')
+    axes.autoscale_view()
+    axes.legend(loc='best')
+    figure.savefig(path, dpi=120)
+    return figure
+
+
+def _nearest(paths: Sequence[Driven]) -> int | None:
+    """Time of the closest approach of any two robots [ns]; None if there is none."""
+    begin = max(int(each.stamps[0]) for each in paths)
+    end = min(int(each.stamps[-1]) for each in paths)
+    stamps = range(begin, end, _GRID)
+    if not stamps or len(paths) < 2:
+        return None
+    places = np.array([[each.at(stamp)[:2] for stamp in stamps] for each in paths])
+    away = [np.linalg.norm(one - other, axis=1) for one, other in combinations(places, 2)]
+    return stamps[int(np.argmin(np.min(away, axis=0)))]
 
 
 def sum_up(scenario: Scenario, folder: Path) -> Summary:

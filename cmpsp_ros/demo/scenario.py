@@ -15,8 +15,7 @@ from cmpsp_ros.parameters import (
     ParameterError,
     Problem,
     Values,
-    check_pace,
-    check_start,
+    check_simulation,
     guidance_settings,
     load_parameter_file,
     plausibility_warnings,
@@ -109,8 +108,7 @@ def load_scenario(
     settings = guidance_settings(values)
     if not math.isfinite(settings.final_time):
         raise ParameterError(Problem('final_time', '0.0 s', 'when to stop: a demo comes to an end'))
-    check_start(values)
-    check_pace(values)
+    check_simulation(values)
     remarks += [
         *plausibility_warnings(values),
         *infeasibility_warnings(settings, settings.world, _start(values)),

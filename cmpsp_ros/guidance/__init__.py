@@ -19,9 +19,16 @@ if TYPE_CHECKING:
     )
     from cmpsp_ros.guidance.decision_entries import Key, exact_repr, truth
     from cmpsp_ros.guidance.goals import Follow, Goal, GoalError
-    from cmpsp_ros.guidance.horizon import NANOSECONDS, NEVER, Horizon, to_nanoseconds
-    from cmpsp_ros.guidance.horizon_functions import remaining, shift
+    from cmpsp_ros.guidance.horizon import (
+        NANOSECONDS,
+        NEVER,
+        Horizon,
+        remaining,
+        shift,
+        to_nanoseconds,
+    )
     from cmpsp_ros.guidance.law import GuidanceLaw
+    from cmpsp_ros.guidance.prediction.estimator import Observation
     from cmpsp_ros.guidance.settings import GOAL, LawSettings
     from cmpsp_ros.guidance.solver_settings import (
         InitialGuess,

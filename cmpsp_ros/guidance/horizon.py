@@ -1,6 +1,7 @@
-"""Times, and the horizon of a plan.
+"""Times, the horizon of a plan, and plans on a later horizon.
 
-Times are integer nanoseconds since time 0, so that a run repeats exactly.
+Times are integer nanoseconds since time 0, so that a run repeats exactly. The final time is fixed,
+and control instants are on a fixed grid before it.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from cmpsp_ros.arrays import Array, IntArray
+from cmpsp_ros.mpsp.jit import allocation_free
 
 NANOSECONDS = 1_000_000_000
 
@@ -45,3 +47,78 @@ class Horizon(NamedTuple):
     def next_instant(self) -> int:
         """When the next control step falls due [ns]."""
         return int(self.edges[1])
+
+
+def remaining(now: int, period: int, final: int) -> Horizon:
+    """The horizon from now to the final time.
+
+    Control instants are whole multiples of the period. One that is nearer than half a period to
+    the present or to the final time is left out, so that late odometry never makes a step so
+    short that it asks for a violent command; for the same reason a horizon is never shorter than
+    half a period, even if it then ends after the final time.
+
+    Args:
+        now: Present time [ns], before the final time.
+        period: Control period [ns].
+        final: Final time [ns].
+    """
+    half = period // 2
+    first = -(-(now + half) // period)
+    last = max((final - half) // period, first - 1)
+    edges, durations = np.empty(last - first + 3, dtype=np.int64), np.empty(last - first + 2)
+    _fill(edges, durations, now, max(final, now + half), first, period)
+    return Horizon(edges, durations)
+
+
+def shift(controls: Array, old: Horizon, new: Horizon) -> Array:
+    """A plan's controls on a later horizon: what it holds at the middle of each new step.
+
+    Args:
+        controls: Plan on the old horizon, shape ``(N + 1, r)``.
+        old: Its horizon.
+        new: The horizon wanted, of ``M`` steps.
+
+    Returns:
+        Shape ``(M + 1, r)``; beyond the old horizon's end its last step is continued, and the last
+        row, which moves nothing, is the same.
+    """
+    shifted = np.empty((len(new.edges), controls.shape[1]))
+    _shift(shifted, controls, old.edges, new.edges)
+    return shifted
+
+
+def steps_over(old: Horizon, new: Horizon) -> int:
+    """How many steps of a horizon are over when a later one begins."""
+    return _steps_over(old.edges, new.edges)
+
+
+@allocation_free
+def _shift(shifted: Array, controls: Array, old: IntArray, new: IntArray) -> None:
+    held, last = 0, old.shape[0] - 2
+    for k in range(new.shape[0] - 1):
+        middle = (new[k] + new[k + 1]) // 2
+        while held < last and old[held + 1] <= middle:
+            held += 1
+        for a in range(controls.shape[1]):
+            shifted[k, a] = controls[held, a]
+    for a in range(controls.shape[1]):
+        shifted[-1, a] = controls[-1, a]
+
+
+@allocation_free
+def _steps_over(old: IntArray, new: IntArray) -> int:
+    over = 0
+    while over < old.shape[0] and old[over] <= new[0]:
+        over += 1
+    return over - 1
+
+
+@allocation_free
+def _fill(edges: IntArray, durations: Array, now: int, end: int, first: int, period: int) -> None:
+    """Fill in the present, the multiples of the period from the ``first`` on, and the end."""
+    steps = durations.shape[0]
+    edges[0], edges[steps] = now, end
+    for k in range(1, steps):
+        edges[k] = (first + k - 1) * period
+    for k in range(steps):
+        durations[k] = (edges[k + 1] - edges[k]) / NANOSECONDS

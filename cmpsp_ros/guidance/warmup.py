@@ -10,8 +10,7 @@ from typing import get_args
 import numpy as np
 
 from cmpsp_ros.guidance.formulation.ocp_formulation import OcpFormulation
-from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
-from cmpsp_ros.guidance.horizon_functions import remaining
+from cmpsp_ros.guidance.horizon import NANOSECONDS, remaining, to_nanoseconds
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.planning.homotopy.gaps import fill_blocked
 from cmpsp_ros.guidance.planning.homotopy.path_search import searched_line
@@ -19,8 +18,8 @@ from cmpsp_ros.guidance.planning.homotopy.road_frame import frame_along
 from cmpsp_ros.guidance.planning.initial_trajectories import along_road
 from cmpsp_ros.guidance.planning.planner import Planner
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
+from cmpsp_ros.guidance.prediction.estimator import Observation, PlanStart
 from cmpsp_ros.guidance.prediction.pending_commands import PendingCommands
-from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.prediction.response_estimate import ResponseEstimate
 from cmpsp_ros.guidance.safety.audit import Audit
 from cmpsp_ros.guidance.settings import LawSettings
@@ -34,6 +33,8 @@ from cmpsp_ros.world.grids import NO_FIELD, GridObstacle, OccupancyGrid
 from cmpsp_ros.world.obstacles import Capsule, MovingDiscs
 from cmpsp_ros.world.roads import (
     Annulus,
+    Corridor,
+    OpenFloor,
     arc_length_to,
     find_near,
     lookahead_point,
@@ -82,8 +83,8 @@ def _see_something(settings: GuidanceSettings) -> None:
     surroundings.update(0, nowhere)
     if (sighting := surroundings.at(0, nowhere)) is not None:
         law = GuidanceLaw(settings, settings.world)
-        law.update(0, settings.road.middle(), (), sighting)
-        law.search(settings.road.middle())
+        law.step(Observation(0, settings.road.middle(), (), sighting))
+        law.after_step()
 
 
 def warm_up(settings: GuidanceSettings) -> None:
@@ -92,14 +93,16 @@ def warm_up(settings: GuidanceSettings) -> None:
     Raises:
         ValueError: The settings cannot be worked with.
     """
-    GuidanceLaw(settings, settings.world).update(0, settings.road.middle())
+    GuidanceLaw(settings, settings.world).step(Observation(0, settings.road.middle()))
 
 
 def run_kernels(settings: LawSettings) -> None:
     """Run every kernel of robot and road except those of the planner.
 
-    Each of them is compiled once, for all kinds of road.
+    Each of them is compiled once, for all kinds of road, and each kind has functions of its own.
     """
+    for kind in (Annulus, Corridor, OpenFloor):
+        kind.load()
     pose, durations = _A_ROAD.middle(), np.ones(1)
     controls = np.zeros((2, settings.robot.n_controls))
     on_road = replace(settings, goal=(0.0, 10.0))
@@ -164,10 +167,10 @@ def _meet_trouble(settings: GuidanceSettings) -> None:
     period, final = to_nanoseconds(settings.control_period), to_nanoseconds(settings.final_time)
     on, off = road.middle(), road.beside()
     for step, pose in enumerate((on, on, off, off, on)):
-        law.update(step * period, pose)
+        law.step(Observation(step * period, pose))
     law.halt(5 * period, 'A rehearsal.')
-    law.update(final - period // 2, on)
-    law.update(final, on)
+    law.step(Observation(final - period // 2, on))
+    law.step(Observation(final, on))
 
 
 def _meet_difficulties(settings: GuidanceSettings) -> None:

@@ -1,4 +1,4 @@
-"""Watching a run from outside its nodes, for whoever started them."""
+"""A client outside of the nodes: it watches a run, and changes lifecycle states."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ _WAKE_PERIOD = 0.02
 
 
 @dataclass
-class Seen:
-    """What has been heard of the guidance node so far.
+class GuidanceStatus:
+    """Latest messages of a guidance node.
 
     Attributes:
         health: Latest figures of its diagnostics, as text; empty before the first.
@@ -37,8 +37,8 @@ class Seen:
         message: Their sentence.
         decision: Latest decision, as text; empty before the first.
         reason: Its sentence.
-        decisions: How many decisions have been heard.
-        commands: How many of them were sent as a command, and not withdrawn since they were late.
+        decisions: Number of decisions heard.
+        commands: Number of those that were sent, and not withdrawn since they were late.
     """
 
     health: dict[str, str] = field(default_factory=dict)
@@ -50,20 +50,20 @@ class Seen:
     commands: int = 0
 
 
-class Observer:
+class LifecycleClient:
     """Listens to the guidance node of each robot and activates it; a context manager.
 
     It has a ROS context of its own, in this process, and is spun only while it waits.
 
     Attributes:
-        robots: What has been heard of each robot, by its namespace.
+        robots: Status of each robot, by its namespace.
         on_decision: Called with each decision when it is heard, and the namespace of the robot.
     """
 
     def __init__(self, domain_id: int, namespaces: Iterable[str] = ('',)) -> None:
         """Join a domain, to listen to the robots of these namespaces."""
-        self.robots = {each: Seen() for each in namespaces}
-        self.on_decision: Callable[[str, Seen], None] = lambda _namespace, _seen: None
+        self.robots = {each: GuidanceStatus() for each in namespaces}
+        self.on_decision: Callable[[str, GuidanceStatus], None] = lambda _namespace, _seen: None
         self._context = Context()
         self._context.init(domain_id=domain_id)
         self._node = Node('observer', context=self._context, start_parameter_services=False)
@@ -82,12 +82,12 @@ class Observer:
             self._transitions[each] = client
 
     @property
-    def seen(self) -> Seen:
-        """What has been heard of the first robot."""
+    def seen(self) -> GuidanceStatus:
+        """Status of the first robot."""
         return next(iter(self.robots.values()))
 
     def __enter__(self) -> Self:
-        """Nothing more: it listens from construction on."""
+        """Return it; it listens from construction on."""
         return self
 
     def __exit__(

@@ -1,4 +1,4 @@
-"""What each node may do on the graph, as a policy of SROS2: no more than it needs.
+"""Rights of each node on the graph as a policy of SROS2: no more than it needs.
 
 `python -m cmpsp_ros.nodes.security_policy config/cmpsp.policy.xml` writes it for nodes without a
 namespace; with `--namespace /r1` before the file, for those of a robot in one.
@@ -35,33 +35,25 @@ _HEADER: Final = """<?xml version="1.0" encoding="UTF-8"?>
      Written by: python -m cmpsp_ros.nodes.security_policy config/cmpsp.policy.xml -->
 """
 
-_OF_NODES: Final = (
-    'describe_parameters',
-    'get_parameter_types',
-    'get_parameters',
-    'get_type_description',
-    'list_parameters',
-    'set_parameters',
-    'set_parameters_atomically',
+# fmt: off
+_NODE_SERVICES: Final = (
+    'describe_parameters', 'get_parameter_types', 'get_parameters', 'get_type_description',
+    'list_parameters', 'set_parameters', 'set_parameters_atomically',
 )
-"""Services of every node."""
-
-_OF_LIFECYCLE_NODES: Final = (
-    'change_state',
-    'get_available_states',
-    'get_available_transitions',
-    'get_state',
+_LIFECYCLE_SERVICES: Final = (
+    'change_state', 'get_available_states', 'get_available_transitions', 'get_state',
     'get_transition_graph',
 )
+_ACTION_SERVICES: Final = 'cancel_goal', 'get_result', 'send_goal'
+_ACTION_TOPICS: Final = 'feedback', 'status'
+# fmt: on
 
-
-_OF_ACTIONS: Final = ('cancel_goal', 'get_result', 'send_goal')
-"""Services of every action."""
+_TF: Final = {'/tf', '/tf_static'}
 
 
 @dataclass
 class Rights:
-    """Of one node; names below its namespace, or absolute, with `*` for anything.
+    """Rights of one node; names below its namespace, or absolute, with `*` for anything.
 
     Attributes:
         node: Its name, and that of its enclave.
@@ -79,12 +71,44 @@ class Rights:
 
     def __post_init__(self) -> None:
         self.publish |= {'/rosout', '/parameter_events'}
-        self.reply |= {f'{self.node}/{name}' for name in _OF_NODES}
+        self.reply |= {f'{self.node}/{name}' for name in _NODE_SERVICES}
+        places = {'in': self.subscribe, 'out': self.publish, 'srv': self.reply}
+        for each in TOPICS:
+            if each.node == self.node:
+                places[each.direction].add(_name(each))
 
 
 def rights() -> tuple[Rights, ...]:
-    """Of all nodes."""
-    return _guidance(), _simulator(), _recorder(), _viewer(), _player()
+    """Rights of all nodes: those in the table of topics, and these."""
+    absolute = {each.name for each in TOPICS if each.name.startswith('/')}
+    recorded = {each if each in absolute else each[1:] for each in own_topics('/')}
+    shown = GUIDANCE_ODOM, DECISION, PLAN, MARKERS, PLAN_MARKERS, SIGHTING, SIM_WHEELS, CLOCK
+    played = GUIDANCE_ODOM, GUIDANCE_MOVING, GOAL_POSE, CLOCK
+    actions = [f'{action}/_action' for action in (NAVIGATE, FOLLOW)]
+    return (
+        Rights(
+            'guidance',
+            publish={
+                'guidance/transition_event',
+                'bond',
+                *(f'{action}/{name}' for action in actions for name in _ACTION_TOPICS),
+            },
+            # The clock is for use_sim_time, as with the viewer; the recorder hears it anyway.
+            subscribe={CLOCK.name, *_TF},
+            reply={
+                *(f'guidance/{name}' for name in _LIFECYCLE_SERVICES),
+                *(f'{action}/{name}' for action in actions for name in _ACTION_SERVICES),
+            },
+        ),
+        Rights('sim', publish=set(_TF)),
+        Rights('recorder', subscribe={*recorded, _name(OTHER_PLANS), *ALWAYS, *_TF}),
+        Rights('viewer', subscribe=set(map(_name, shown)), request={'guidance/get_parameters'}),
+        Rights(
+            'player',
+            publish=set(map(_name, played)),
+            reply={f'player/{name}' for name in ('pause', 'resume', 'toggle_paused')},
+        ),
+    )
 
 
 def policy(namespace: str = '/') -> str:
@@ -111,63 +135,8 @@ def policy(namespace: str = '/') -> str:
 
 
 def _name(topic: Topic) -> str:
-    """In a policy; other robots may be in any namespace."""
+    """Name in a policy; other robots may be in any namespace."""
     return topic.name.replace('~', topic.node).replace('<namespace>', '/*')
-
-
-def _of_table(node: str) -> Rights:
-    """What the table of topics says of a node."""
-    found = Rights(node)
-    places = {'in': found.subscribe, 'out': found.publish, 'srv': found.reply}
-    for each in TOPICS:
-        if each.node == node:
-            places[each.direction].add(_name(each))
-    return found
-
-
-def _guidance() -> Rights:
-    found = _of_table('guidance')
-    found.reply |= {f'guidance/{name}' for name in _OF_LIFECYCLE_NODES}
-    found.publish.add('guidance/transition_event')
-    for action in (NAVIGATE, FOLLOW):
-        found.reply |= {f'{action}/_action/{name}' for name in _OF_ACTIONS}
-        found.publish |= {f'{action}/_action/{name}' for name in ('feedback', 'status')}
-    found.publish.add('bond')
-    # For use_sim_time, as with the viewer; the recorder hears it anyway.
-    found.subscribe |= {CLOCK.name, '/tf', '/tf_static'}
-    return found
-
-
-def _simulator() -> Rights:
-    found = _of_table('sim')
-    found.publish |= {'/tf', '/tf_static'}
-    return found
-
-
-def _recorder() -> Rights:
-    """With `own_topics`."""
-    found = _of_table('recorder')
-    absolute = {each.name for each in TOPICS if each.name.startswith('/')}
-    found.subscribe |= {each if each in absolute else each[1:] for each in own_topics('/')}
-    found.subscribe.add(_name(OTHER_PLANS))
-    found.subscribe |= {*ALWAYS, '/tf', '/tf_static'}
-    return found
-
-
-def _viewer() -> Rights:
-    found = Rights('viewer')
-    own = GUIDANCE_ODOM, DECISION, PLAN, MARKERS, PLAN_MARKERS, SIGHTING, SIM_WHEELS, CLOCK
-    found.subscribe |= {_name(each) for each in own}
-    found.request.add('guidance/get_parameters')
-    return found
-
-
-def _player() -> Rights:
-    """To play what the guidance node hears, and the clock."""
-    found = Rights('player')
-    found.publish |= {_name(each) for each in (GUIDANCE_ODOM, GUIDANCE_MOVING, GOAL_POSE, CLOCK)}
-    found.reply |= {f'player/{name}' for name in ('pause', 'resume', 'toggle_paused')}
-    return found
 
 
 def main() -> None:

@@ -10,13 +10,11 @@ if TYPE_CHECKING:
     from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
     from cmpsp_ros.parameters.files.presets import config_directory, load_parameter_file
     from cmpsp_ros.parameters.obstacles import shapes_of, text_of
-    from cmpsp_ros.parameters.parameter import Node, Parameter, ParameterType
+    from cmpsp_ros.parameters.parameter import Parameter
     from cmpsp_ros.parameters.plausibility import plausibility_warnings
     from cmpsp_ros.parameters.roads import lacks_road, road_keys
-    from cmpsp_ros.parameters.robots import robot_of
     from cmpsp_ros.parameters.settings import (
-        check_pace,
-        check_start,
+        check_simulation,
         guidance_settings,
         laser_settings,
         plant_settings,

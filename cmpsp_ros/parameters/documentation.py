@@ -1,7 +1,6 @@
 """The parameter table as documentation, as a file of all defaults, and as JSON schema for editors.
 
-``python -m cmpsp_ros.parameters.documentation`` prints the table, the file or the schema, or writes
-the table into a page.
+``python -m cmpsp_ros.parameters.documentation`` prints them, or writes the table into a page.
 """
 
 from __future__ import annotations
@@ -34,8 +33,6 @@ _JSON_TYPE: Final = {
     ParameterType.INTEGER: 'integer',
     ParameterType.DOUBLE: 'number',
     ParameterType.STRING: 'string',
-    ParameterType.DOUBLE_ARRAY: 'number',
-    ParameterType.STRING_ARRAY: 'string',
 }
 
 
@@ -88,25 +85,21 @@ def defaults_file() -> str:
 
 
 def main() -> int:
-    """Prints the table or the schema, or writes the table into a page."""
+    """Print the table, the file or the schema, or write the table into a page."""
     parser = argparse.ArgumentParser(description=__doc__, prog='documentation')
     choice = parser.add_mutually_exclusive_group()
     choice.add_argument('--write', metavar='PAGE.md', type=Path, help='replace the table in it')
     choice.add_argument('--defaults', action='store_true', help='print the file of defaults')
     choice.add_argument('--schema', action='store_true', help='print the JSON schema')
-    arguments = parser.parse_args()
-    if arguments.defaults:
-        sys.stdout.write(defaults_file())
-    elif arguments.schema:
-        sys.stdout.write(f'{json.dumps(json_schema(), indent=2)}\n')
-    elif arguments.write is None:
-        sys.stdout.write(f'{markdown_table()}\n')
-    if arguments.write is None:
+    given = parser.parse_args()
+    if given.write is None:
+        schema = f'{json.dumps(json_schema(), indent=2)}\n' if given.schema else ''
+        sys.stdout.write(schema or (defaults_file() if given.defaults else f'{markdown_table()}\n'))
         return 0
     try:
-        text = arguments.write.read_text(encoding='utf-8')
-        table = with_section(text, 'parameters', markdown_table(), str(arguments.write))
-        arguments.write.write_text(table, encoding='utf-8')
+        text = given.write.read_text(encoding='utf-8')
+        table = with_section(text, 'parameters', markdown_table(), str(given.write))
+        given.write.write_text(table, encoding='utf-8')
     except (OSError, ParameterError) as error:
         sys.stderr.write(f'{error}\n')
         return 1
@@ -114,16 +107,10 @@ def main() -> int:
 
 
 def with_section(text: str, name: str, content: str, source: str) -> str:
-    """Replace a marked section of a text.
-
-    Args:
-        text: The text, with `<!-- name:begin -->` and `<!-- name:end -->` in it.
-        name: Name of the section.
-        content: New content of the section.
-        source: Name of the text, for the error.
+    """Replace the part between `<!-- name:begin -->` and `<!-- name:end -->` of a text.
 
     Raises:
-        ParameterError: If the text has no such section.
+        ParameterError: If the text, with this name of its source, has no such part.
     """
     mark_begin, mark_end = f'<!-- {name}:begin -->', f'<!-- {name}:end -->'
     before, begin, rest = text.partition(mark_begin)
@@ -160,8 +147,7 @@ def _allowed(parameter: Parameter) -> str:
     if parameter.choices:
         return ', '.join(f'`{choice}`' for choice in parameter.choices)
     length = '' if parameter.length is None else f'{parameter.length} '
-    is_array = parameter.type in {ParameterType.DOUBLE_ARRAY, ParameterType.STRING_ARRAY}
-    return f'{length if is_array else ""}{parameter.type.value} {parameter.range}'.strip()
+    return f'{length if parameter.is_array else ""}{parameter.type.value} {parameter.range}'.strip()
 
 
 def _mapping() -> dict[str, Any]:
@@ -185,7 +171,7 @@ def _insert(root: dict[str, Any], parameter: Parameter) -> None:
 
 def _value_schema(parameter: Parameter) -> dict[str, Any]:
     limits = parameter.range
-    item: dict[str, Any] = {'type': _JSON_TYPE[parameter.type]}
+    item: dict[str, Any] = {'type': _JSON_TYPE[parameter.type.item]}
     if limits.low > -math.inf:
         item['exclusiveMinimum' if limits.low_open else 'minimum'] = limits.low
     if limits.high < math.inf:
@@ -193,7 +179,7 @@ def _value_schema(parameter: Parameter) -> dict[str, Any]:
     if parameter.choices:
         item['enum'] = list(parameter.choices)
     schema = item
-    if parameter.type in {ParameterType.DOUBLE_ARRAY, ParameterType.STRING_ARRAY}:
+    if parameter.is_array:
         schema = {'type': 'array', 'items': item}
         if parameter.type is ParameterType.STRING_ARRAY:
             schema['uniqueItems'] = True

@@ -147,12 +147,13 @@ def scenery(values: Values) -> tuple[tuple[Shape, ...], list[Array]]:
     return obstacles_of(values) + shapes_of(values), lines
 
 
-def check_start(values: Values) -> None:
-    """Refuse a start from which there is no lawful first step.
+def check_simulation(values: Values) -> None:
+    """Refuse a simulation that cannot start or keep pace.
 
     Raises:
         ParameterError: If the footprint or an obstacle cannot be made, or the initial pose is off
-            the road or in an obstacle.
+            the road or in an obstacle; otherwise, if odometry or simulated time are too slow or too
+            fast to be kept, or lockstep cannot work.
     """
     problems, of_road = Problems(), Problems()
     course = problems.attempt(lambda: Course.of(values, of_road))
@@ -161,48 +162,46 @@ def check_start(values: Values) -> None:
         x, y, heading = values['initial_pose']
         problems += course.place_problems('initial_pose', (x, y), heading)
     problems.check()
+    Problems(_pace_problems(values)).check()
 
 
-def check_pace(values: Values) -> None:
-    """Refuse a simulation whose times do not fit together.
-
-    Raises:
-        ParameterError: If odometry or simulated time are too slow or too fast to be kept, or
-            lockstep cannot work.
-    """
-    problems = Problems()
+def _pace_problems(values: Values) -> Iterator[Problem]:
     rate, factor = values['odom_rate'], values['real_time_factor']
     if rate < 1e-3:
-        problems.append(Problem('odom_rate', f'{rate} Hz', 'at least 0.001 Hz'))
+        yield Problem('odom_rate', f'{rate} Hz', 'at least 0.001 Hz')
     elif values['odom_jitter'] >= 1.0 / rate:
         wanted = f'less than the odometry period of {1.0 / rate:.9g} s'
-        problems.append(Problem('odom_jitter', f'{values["odom_jitter"]} s', wanted))
+        yield Problem('odom_jitter', f'{values["odom_jitter"]} s', wanted)
     elif values['lockstep'] and not _meets_control_instants(values):
         found = f'{values["control_period"]} s and {rate} Hz'
         wanted = (
             'a whole number of odometry periods in a control period, or an odometry period with '
             'odom_jitter in half of one, for lockstep'
         )
-        problems.append(Problem('control_period, odom_rate', found, wanted))
-    if values['lockstep'] and values['odom_timeout'] <= values['control_period']:
-        # Its odometry comes in bursts of one control period.
-        wanted = f'more than control_period = {values["control_period"]} s, for lockstep'
-        problems.append(Problem('odom_timeout', f'{values["odom_timeout"]} s', wanted))
-    for name in values['waypoints.names'] if values['lockstep'] else []:
-        time = values[f'waypoints.{name}.time']
-        if _whole(time) % _whole(values['control_period']):
-            wanted = f'a multiple of control_period = {values["control_period"]} s, for lockstep'
-            problems.append(Problem(f'waypoints.{name}.time', f'{time} s', wanted))
-    longest = max((end - begin for begin, end in _dropout_windows(values)), default=0.0)
-    bridged = values['odom_timeout'] - values['control_period']
-    if values['lockstep'] and longest > bridged:
-        # The guidance would stop by its clock then, which does not wait for the simulator.
-        wanted = f'at most odom_timeout - control_period = {bridged:.9g} s, for lockstep'
-        found = f'a window of {longest:.9g} s'
-        problems.append(Problem('noise.dropout_windows', found, wanted))
+        yield Problem('control_period, odom_rate', found, wanted)
+    if values['lockstep']:
+        yield from _lockstep_problems(values)
     if not 1e-3 <= factor <= 1e3:
-        problems.append(Problem('real_time_factor', f'{factor}', 'from 0.001 to 1000'))
-    problems.check()
+        yield Problem('real_time_factor', f'{factor}', 'from 0.001 to 1000')
+
+
+def _lockstep_problems(values: Values) -> Iterator[Problem]:
+    period, timeout = values['control_period'], values['odom_timeout']
+    if timeout <= period:
+        # Its odometry comes in bursts of one control period.
+        wanted = f'more than control_period = {period} s, for lockstep'
+        yield Problem('odom_timeout', f'{timeout} s', wanted)
+    for name in values['waypoints.names']:
+        time = values[f'waypoints.{name}.time']
+        if _whole(time) % _whole(period):
+            wanted = f'a multiple of control_period = {period} s, for lockstep'
+            yield Problem(f'waypoints.{name}.time', f'{time} s', wanted)
+    longest = max((end - begin for begin, end in _dropout_windows(values)), default=0.0)
+    if longest > timeout - period:
+        # The guidance would stop by its clock then, which does not wait for the simulator.
+        wanted = f'at most odom_timeout - control_period = {timeout - period:.9g} s, for lockstep'
+        found = f'a window of {longest:.9g} s'
+        yield Problem('noise.dropout_windows', found, wanted)
 
 
 def _meets_control_instants(values: Values) -> bool:

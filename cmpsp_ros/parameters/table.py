@@ -5,9 +5,10 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from typing import Any, Final
 
-from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
+from cmpsp_ros.parameters.errors import ParameterError, Problem, Problems, describe
 from cmpsp_ros.parameters.parameter import Parameter
 
 Values = dict[str, Any]
@@ -53,12 +54,7 @@ class ParameterTable:
         return None
 
     def keys(self, names: Mapping[str, Sequence[str]]) -> list[tuple[str, Parameter]]:
-        """Every key with its parameter, in the table's order.
-
-        Args:
-            names: The names listed, by the key of the list, as in a resolved set:
-                ``{'obstacles.names': ['a', 'b']}``.
-        """
+        """Every key with its parameter, in order, for the names listed in a resolved set."""
         keys = []
         for parameter in self._parameters:
             if not parameter.is_block:
@@ -70,50 +66,36 @@ class ParameterTable:
         return keys
 
     def resolve(self, values: Mapping[str, object]) -> Values:
-        """The complete set: the given values, read and checked, and defaults for the rest.
+        """The complete set in the table's order: the given values, read, and defaults.
 
-        Args:
-            values: Values by key, from YAML, from Python or as rclpy returns them. Parameters of
-                ROS itself are ignored.
-
-        Returns:
-            Plain Python values by key, in the table's order.
+        Values may come from YAML, from Python or from rclpy. Parameters of ROS itself are ignored.
 
         Raises:
             ParameterError: If any key is unknown, or any value missing or invalid; with all
                 problems of the set.
         """
         given = {key: value for key, value in values.items() if not is_of_ros(key)}
-        problems: list[Problem] = []
+        problems = Problems()
         resolved: Values = {}
 
         def take(key: str, parameter: Parameter) -> None:
-            try:
-                if key in given:
-                    resolved[key] = parameter.read(key, given.pop(key))
-                else:
-                    resolved[key] = parameter.read_default(key)
-            except ParameterError as error:
-                problems.extend(error.problems)
+            default = partial(parameter.read_default, key)
+            read = partial(parameter.read, key, given.pop(key)) if key in given else default
+            if (value := problems.attempt(read)) is not None:
+                resolved[key] = value
 
         for key, parameter in self._single.items():
             take(key, parameter)
         for prefix in self._blocks:
             problems += self._take_block(prefix, resolved, given, take)
         problems += [self._unknown(key) for key in given]
-        if problems:
-            raise ParameterError(*problems)
+        problems.check()
         return {key: resolved[key] for key, _ in self.keys(resolved)}
 
     def reconfigure(self, current: Values, changes: Mapping[str, object]) -> Values:
-        """The complete set after changes while a node runs.
+        """The complete set after changes while a node runs; the current one stays.
 
-        Args:
-            current: A resolved set.
-            changes: New values by key. If a name is removed from its list, so is its block.
-
-        Returns:
-            The new resolved set; ``current`` is not changed.
+        If a name is removed from its list, so is its block.
 
         Raises:
             ParameterError: If the new set is invalid, or changes a parameter that is fixed while a
@@ -121,13 +103,11 @@ class ParameterTable:
         """
         kept = {key: value for key, value in current.items() if not self._orphan(key, changes)}
         resolved = self.resolve({**kept, **changes})
-        problems = [
+        Problems(
             Problem(key, describe(resolved[key]), f'{describe(current[key])} until a restart')
             for key, parameter in self.keys(resolved)
             if not parameter.reconfigurable and resolved[key] != current.get(key, resolved[key])
-        ]
-        if problems:
-            raise ParameterError(*problems)
+        ).check()
         return resolved
 
     def _take_block(

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.guidance import Decision, GuidanceLaw, GuidanceSettings, to_nanoseconds
+from cmpsp_ros.guidance import Decision, GuidanceLaw, GuidanceSettings, Observation, to_nanoseconds
 
 
 def drive(settings: GuidanceSettings, pose: Array) -> Iterator[Decision]:
@@ -25,10 +25,10 @@ def drive(settings: GuidanceSettings, pose: Array) -> Iterator[Decision]:
     period = to_nanoseconds(settings.control_period)
     stamp, finished = 0, False
     while not finished:
-        decision = law.update(stamp, pose)
+        decision = law.step(Observation(stamp, pose))
         if decision is not None:
             yield decision
-            law.search(pose)
+            law.after_step()
             finished = decision.finished
             held = decision.wheel_speeds[None]
             pose = settings.robot.roll_out(pose, held, np.array([settings.control_period]))[-1]

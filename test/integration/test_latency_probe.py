@@ -13,7 +13,7 @@ from geometry_msgs.msg import TwistStamped
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.time import Time
 
-from benchmarks.errors import BenchError
+from benchmarks.common import BenchError
 from benchmarks.over_dds import latency
 from benchmarks.over_dds.latency import measure_latency
 from cmpsp_ros.nodes.common import SIM_ODOM

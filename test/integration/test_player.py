@@ -240,9 +240,3 @@ def test_what_cannot_be_played_is_exit_code_2(spawn, bag, options, reason):
     assert player.wait(LIMIT) == 2
     assert reason in player.stderr
     assert 'Traceback' not in player.stderr
-
-
-def test_no_bag_is_exit_code_2(spawn, tmp_path):
-    player = spawn([*PLAY, tmp_path / 'nothing'])
-    assert player.wait(LIMIT) == 2
-    assert 'no such bag' in player.stderr

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.verify.case import Draft, Program, Rng
-from benchmarks.verify.clarabel_reference import solve
 from benchmarks.verify.programs.scenario import Maker, Scenario
+from benchmarks.verify.references import clarabel_solve
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance import GuidanceSettings, Horizon, remaining, shift, to_nanoseconds
 from cmpsp_ros.guidance.formulation import N_EDGE_CONSTRAINTS, GuidanceProblem, sample_space
@@ -154,7 +154,7 @@ def _elsewhere(
 
 def _answer(subproblem: Subproblem) -> Array:
     """The step that the guidance law would take, by a solver that is not under test."""
-    answer = solve(Program(subproblem))
+    answer = clarabel_solve(Program(subproblem))
     if answer.status is not QPStatus.SOLVED:
-        answer = solve(Program(subproblem, penalties(subproblem, LARGE)))
+        answer = clarabel_solve(Program(subproblem, penalties(subproblem, LARGE)))
     return answer.dU if answer.status is QPStatus.SOLVED else np.zeros_like(subproblem.lower)

@@ -83,7 +83,6 @@ class WhatIf:
     left_out: list[str] = field(default_factory=list)
 
     def __str__(self) -> str:
-        """Summary in a few lines."""
         return '\n'.join(
             f'{who}: {sum(counts.values())} decisions, '
             + ', '.join(f'{count} {level}' for level, count in sorted(counts.items()))
@@ -101,12 +100,6 @@ class WhatIf:
 
 def what_if(path: Path, names: Names, change: Change, output: Path) -> WhatIf:
     """Run the changed law, and write a new bag with the recording and its decisions.
-
-    Args:
-        path: The recorded bag.
-        names: Names of the recorded node and its topics.
-        change: The change to the recorded law.
-        output: Folder of the new bag; must not exist.
 
     Raises:
         BagError: The bag lacks what is needed, or the new one cannot be written.
@@ -134,7 +127,14 @@ def what_if(path: Path, names: Names, change: Change, output: Path) -> WhatIf:
 
 
 def _take(event: Input, follower: Follower, result: WhatIf) -> None:
-    decision = _decision(event, follower)
+    try:
+        decision = follower.follow(event)
+    except Exception as error:
+        if not isinstance(event, OdometryReceived):
+            raise
+        # A law that fails stops the robot, as it does in the node.
+        reason = f'The guidance law failed: {type(error).__name__}: {error}'
+        decision = follower.law.halt(event.odometry.stamp, reason)
     match event:
         case OdometryReceived(odometry, recorded):
             received = odometry.received
@@ -148,17 +148,6 @@ def _take(event: Input, follower: Follower, result: WhatIf) -> None:
             return
     if decision is not None:
         result.decisions.append((received, decision))
-
-
-def _decision(event: Input, follower: Follower) -> Decision | None:
-    """The decision on an input; a law that fails stops the robot, as it does in the node."""
-    try:
-        return follower.follow(event)
-    except Exception as error:
-        if not isinstance(event, OdometryReceived):
-            raise
-        reason = f'The guidance law failed: {type(error).__name__}: {error}'
-        return follower.law.halt(event.odometry.stamp, reason)
 
 
 def _copy(bag: Bag, new: BagWriter, result: WhatIf) -> None:

@@ -14,7 +14,7 @@ from cmpsp_ros.bags.replay.inputs import (
     RunReset,
     RunStarted,
 )
-from cmpsp_ros.guidance import Decision, GoalError, GuidanceLaw, GuidanceSettings
+from cmpsp_ros.guidance import Decision, GoalError, GuidanceLaw, GuidanceSettings, Observation
 from cmpsp_ros.parameters import Values
 
 
@@ -49,18 +49,16 @@ class Follower:
             case GoalReceived(stamp, goal):
                 # A refusal is counted, as it was then.
                 with suppress(GoalError):
-                    self.law.tell(stamp, goal)
+                    self.law.set_goal(stamp, goal)
             case Halted(decision):
                 names = 'finished', 'cancelled', 'braking'
                 flags = {name: getattr(decision, name) for name in names}
                 return self.law.halt(decision.stamp, decision.reason, **flags)
             case OdometryReceived(odometry, recorded, tracks=tracks, sighting=sighting):
-                decided = self.law.update(odometry.stamp, odometry.pose, tracks, sighting)
+                observation = Observation(odometry.stamp, odometry.pose, tracks, sighting)
+                decided = self.law.step(observation)
                 if decided is None:
                     return None
-                if recorded is not None and recorded.late and decided.plan:
-                    decided = self.law.withdraw(decided, recorded.late)
-                decided = self.law.foretell(decided, odometry.pose)
-                self.law.search(odometry.pose)
-                return decided
+                late = 0.0 if recorded is None or decided.plan is None else recorded.late
+                return self.law.after_step(late)
         return None

@@ -21,17 +21,15 @@ class NodeParameters:
     Attributes:
         values: Values after all changes applied so far.
         given: Keys that were recorded; the others are defaults.
+
+    Raises:
+        BagError: There are none, or they cannot be used; of `restart` and `change`, too.
     """
 
     values: Values
     given: frozenset[str]
 
     def __init__(self, bag: Bag, node: str) -> None:
-        """Set the parameters with which the node began.
-
-        Raises:
-            BagError: There are none, or they cannot be used.
-        """
         self._path, self._node = bag.path, node
         self._restarts = list(bag.restarts.get(node, ()))
         if node not in bag.parameters:
@@ -40,16 +38,9 @@ class NodeParameters:
         self._take(bag.parameters[node])
 
     def restart(self, until: int) -> int | None:
-        """Take the parameters with which the node was next started anew.
+        """Take the parameters of the next restart until a time [ns]; returns when it was [ns].
 
-        Args:
-            until: The latest that it may have been [ns].
-
-        Returns:
-            When it was [ns]; None when it was not, or with no other parameters than before.
-
-        Raises:
-            BagError: They cannot be used.
+        None if there was no restart by then, or none with other parameters than before.
         """
         if not self._restarts or self._restarts[0][0] > until:
             return None
@@ -58,16 +49,7 @@ class NodeParameters:
         return since
 
     def change(self, received: int, changes: Mapping[str, Any], *, used: bool) -> None:
-        """Apply a change.
-
-        Args:
-            received: When it was received [ns].
-            changes: New values by key.
-            used: Whether the previous values have been used.
-
-        Raises:
-            BagError: It cannot be used, or its previous values are unknown.
-        """
+        """Apply a change received at a time [ns]; previous values that were used must be known."""
         unknown = sorted(changes.keys() - self.given)
         if used and unknown:
             raise BagError(
@@ -106,11 +88,7 @@ def hidden_obstacles(bag: Bag, node: str) -> tuple[Shape, ...]:
 
 
 def changes_in(event: Any, node: str) -> dict[str, Any] | None:
-    """What a message of `/parameter_events` says that was changed; without ROS' own parameters.
-
-    Returns:
-        New values by key; None for no change of this node.
-    """
+    """New values by key in a message of `/parameter_events`; None for no change of this node."""
     if event.node != node or not event.changed_parameters:
         return None
     changed = plain_values(event.changed_parameters)

@@ -124,11 +124,7 @@ class Recording:
             yield self._complete(pending.popleft())
 
     def tracks(self, decision: DecisionRecord) -> tuple[MovingObject, ...]:
-        """Obstacles that move, and plans of other robots, as they were known to a decision.
-
-        Raises:
-            BagError: One of them is not in the bag.
-        """
+        """Moving obstacles and plans of other robots as known to a decision, or a `BagError`."""
         for number, stamp in decision.tracks:
             if (number, stamp) not in self._tracks:
                 what, topic = f'obstacle {number} as it was seen', self._names.moving
@@ -141,11 +137,7 @@ class Recording:
         return tuple(self._tracks[key] for key in decision.tracks)
 
     def sighting(self, decision: DecisionRecord) -> Sighting | None:
-        """What was known of the surroundings to a decision.
-
-        Raises:
-            BagError: It is not in the bag.
-        """
+        """Surroundings as known to a decision; raises `BagError` if they are not in the bag."""
         stamp = decision.sighting
         if stamp is None:
             return None

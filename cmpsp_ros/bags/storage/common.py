@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import fcntl
 import os
+import sqlite3
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
@@ -23,6 +24,9 @@ if TYPE_CHECKING:
     Remark = Callable[[str], None]
 
 StorageName = Literal['mcap', 'sqlite3']
+
+REFUSALS = OSError, sqlite3.Error
+"""Errors of a storage when the disk refuses."""
 
 SUFFIXES: dict[str, StorageName] = {'.mcap': 'mcap', '.db3': 'sqlite3'}
 """Storage by the suffix of its files."""

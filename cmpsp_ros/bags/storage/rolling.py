@@ -15,7 +15,7 @@ import yaml
 from rosbags.rosbag2.metadata import dump_qos_v9
 
 from cmpsp_ros.bags.storage.checks import INFORMATION
-from cmpsp_ros.bags.storage.common import METADATA, NO_MESSAGE_YET, Form, write_atomically
+from cmpsp_ros.bags.storage.common import METADATA, NO_MESSAGE_YET, REFUSALS, Form, write_atomically
 from cmpsp_ros.bags.storage.mcap_writer import McapStorage
 from cmpsp_ros.bags.storage.sqlite import SqliteStorage
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from rosbags.interfaces import Connection, ConnectionExtRosbag2
 
 Storage = McapStorage | SqliteStorage
-"""A file being written. Both raise `OSError` when the disk refuses, and can be called again."""
+"""A file being written. When the disk refuses a call (`REFUSALS`), it can be repeated."""
 
 _VERSION = 9
 
@@ -58,7 +58,7 @@ class FileSummary:
 class RollingFiles:
     """Storage files, each with all topics, and the metadata of all.
 
-    Every method raises `OSError` when the disk refuses; what has been written stays valid.
+    Every method raises one of `REFUSALS` when the disk refuses; what has been written stays valid.
 
     Args:
         folder: Folder of the bag.
@@ -119,7 +119,7 @@ class RollingFiles:
     def abort(self) -> None:
         """Leave the last file unchanged."""
         if self._storage is not None:
-            with suppress(OSError):
+            with suppress(*REFUSALS):
                 self._storage.abort()
 
     def _begin(self) -> Storage:

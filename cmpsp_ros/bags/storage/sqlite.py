@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import shutil
 import sqlite3
-from contextlib import closing, contextmanager, suppress
+from contextlib import closing, suppress
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
@@ -155,10 +155,7 @@ def _from_tables(database: sqlite3.Connection, path: Path) -> Iterator[Found]:
 
 
 class SqliteStorage(Sqlite3Writer):
-    """A new database with a write-ahead log, as in rosbag2, merged when it is closed.
-
-    Every method raises `OSError` when the disk refuses.
-    """
+    """A new database with a write-ahead log, as in rosbag2, merged when it is closed."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -168,30 +165,24 @@ class SqliteStorage(Sqlite3Writer):
         self.size = 0
         """Approximate size of the file so far [bytes]."""
         self._refused = False
-        with _refusals():
-            self.conn = sqlite3.connect(path)
-            self.conn.execute('PRAGMA journal_mode=WAL')
-            # In this mode every commit is on the disk when it returns.
-            self.conn.execute('PRAGMA synchronous=FULL')
-            self.conn.executescript(self.SQLITE_SCHEMA)
-            self.cursor = self.conn.cursor()
+        self.conn = sqlite3.connect(path)
+        self.conn.execute('PRAGMA journal_mode=WAL')
+        # In this mode every commit is on the disk when it returns.
+        self.conn.execute('PRAGMA synchronous=FULL')
+        self.conn.executescript(self.SQLITE_SCHEMA)
+        self.cursor = self.conn.cursor()
         self._keep()
-
-    def add_msgtype(self, connection: Connection) -> None:
-        """Keep the definition of a topic's type."""
-        with _refusals():
-            super().add_msgtype(connection)
 
     def add_connection(self, connection: Connection, offered_qos_profiles: str) -> None:
         """Add a topic, with its publishers' QoS profiles as YAML."""
-        with _refusals():
-            super().add_connection(connection, offered_qos_profiles)
+        super().add_connection(connection, offered_qos_profiles)
         self.channel_stats[connection.id] = 0
 
     def write(self, connection: Connection, timestamp: int, data: bytes | memoryview) -> None:
         """Write one message."""
-        with self._remembered_refusals():
-            super().write(connection, timestamp, data)
+        refused, self._refused = self._refused, True
+        super().write(connection, timestamp, data)
+        self._refused = refused
         self.channel_stats[connection.id] += 1
         self.message_start_time = min(timestamp, self.message_start_time)
         self.message_end_time = max(timestamp, self.message_end_time)
@@ -199,14 +190,14 @@ class SqliteStorage(Sqlite3Writer):
 
     def flush(self) -> None:
         """Have everything written so far survive a loss of power."""
-        with self._remembered_refusals():
-            self.conn.commit()
+        refused, self._refused = self._refused, True
+        self.conn.commit()
+        self._refused = refused
         self._keep()
 
     def make_room(self, metadata_size: int) -> None:  # noqa: ARG002 (what SQLite frees is enough)
         """Drop everything not flushed."""
-        with _refusals():
-            self.conn.rollback()
+        self.conn.rollback()
         self._refused = False
         self.channel_stats = dict(self._kept[0])
         self.message_start_time, self.message_end_time = self._kept[1:]
@@ -217,36 +208,11 @@ class SqliteStorage(Sqlite3Writer):
             # SQLite may have taken back by itself all that came since the last flush.
             raise OSError('messages were refused')
         self.flush()
-        with _refusals():
-            # A second attempt writes over what the first one did.
-            self.conn.execute(
-                'INSERT OR REPLACE INTO metadata VALUES (1, ?, ?)', (version, metadata)
-            )
-            self.conn.commit()
-            self.conn.execute('PRAGMA journal_mode=DELETE')
-            self.conn.close()
-
-    def abort(self) -> None:
-        """Close the file without writing."""
-        with _refusals():
-            super().abort()
-
-    @contextmanager
-    def _remembered_refusals(self) -> Iterator[None]:
-        try:
-            with _refusals():
-                yield
-        except OSError:
-            self._refused = True
-            raise
+        # A second attempt writes over what the first one did.
+        self.conn.execute('INSERT OR REPLACE INTO metadata VALUES (1, ?, ?)', (version, metadata))
+        self.conn.commit()
+        self.conn.execute('PRAGMA journal_mode=DELETE')
+        self.conn.close()
 
     def _keep(self) -> None:
         self._kept = dict(self.channel_stats), self.message_start_time, self.message_end_time
-
-
-@contextmanager
-def _refusals() -> Iterator[None]:
-    try:
-        yield
-    except sqlite3.Error as error:
-        raise OSError(str(error)) from error

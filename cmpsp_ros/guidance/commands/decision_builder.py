@@ -20,15 +20,10 @@ from cmpsp_ros.world.obstacles import NOTHING_MOVES, MovingDiscs
 
 
 class DecisionBuilder:
-    """Follows plans and stops, and says so."""
+    """Gives the command of a plan or of a stop, and says so."""
 
     def __init__(self, settings: LawSettings, audit: Audit) -> None:
-        """Take the robot from the settings.
-
-        Args:
-            settings: All settings of the guidance law.
-            audit: Knows the clearance where the robot stops.
-        """
+        """Take the robot from the settings; the check knows the clearance where it stops."""
         self._robot, self._period = settings.robot, to_nanoseconds(settings.control_period)
         self._audit = audit
 
@@ -52,38 +47,22 @@ class DecisionBuilder:
             level: The fallback level.
             reason: Why that level.
             plan: The plan.
-            verdict: Of the audit.
+            verdict: Of its check.
             errors: Distance of the plan's end from the goal [m], and of its last heading [rad].
             result: Of the iterations of this step, if there were any.
             phases: Computing time by phase [ms].
         """
-        state.follow(plan, verdict)
-        controls = plan.controls[0]
-        return Decision(
-            stamp=stamp,
-            step=state.step,
-            level=level,
-            reason=reason,
-            wheel_speeds=self._robot.speeds_of(controls),
-            steering_angle=self._robot.steering_of(controls),
-            twist=self._robot.twist(controls),
-            time_left=_time_left(state, state.now),
-            plan=plan,
-            terminal_error=errors[0],
-            clearance=verdict.margin,
-            worst_clearance=verdict.worst_margin,
-            failures=state.failures,
-            prediction_error=state.response.error,
-            run=state.run,
-            revision=state.revision,
-            goal=state.goals.goal,
-            heading_error=errors[1],
-            goals_received=state.goals.goals_received,
-            slack=result.slack if result is not None and result.elastic else 0.0,
-            iterations=0 if result is None else result.iterations,
-            qp_iterations=0 if result is None else result.qp_iterations,
-            active_rows=0 if result is None else result.active_rows,
-            phases=phases,
+        state.following.follow(plan, verdict)
+        solved = {
+            'slack': result.slack if result is not None and result.elastic else 0.0,
+            'iterations': 0 if result is None else result.iterations,
+            'qp_iterations': 0 if result is None else result.qp_iterations,
+            'active_rows': 0 if result is None else result.active_rows,
+        }
+        clearances = verdict.margin, verdict.worst_margin
+        elapsed = state.clock.now
+        return self._decision(
+            state, stamp, elapsed, level, reason, plan, errors, clearances, phases=phases, **solved
         )
 
     def stop(
@@ -107,38 +86,53 @@ class DecisionBuilder:
             moving: Moving obstacles.
             flags: Other fields of `Decision`.
         """
-        state.brake(stamp, self._period)
-        twist = self._robot.twist(state.previous_control)
+        following, progress = state.following, state.estimator.progress
+        following.brake(stamp, self._period, state.estimator.robot)
+        twist = self._robot.twist(following.previous_control)
         if np.any(twist) and 'halted' not in flags:
             reason += f' It brakes to {abs(speeds_and_turns(twist)[0]):.3g} m/s.'
-        clearance = float(self._audit.clearance_at(state.world, pose, moving, state.progress).min())
-        error, heading_error = state.goals.target.errors(pose)
-        return Decision(
-            stamp=stamp,
-            step=state.step,
-            level=FallbackLevel.STOP,
-            reason=reason,
-            wheel_speeds=self._robot.speeds_of(state.previous_control),
-            steering_angle=self._robot.steering_of(state.previous_control),
-            twist=twist,
-            time_left=_time_left(state, 0 if state.start is None else stamp - state.start),
-            plan=None,
-            terminal_error=error,
-            clearance=clearance,
-            worst_clearance=clearance,
-            failures=state.failures,
-            prediction_error=state.response.error,
-            run=state.run,
-            revision=state.revision,
-            goal=state.goals.goal,
-            heading_error=heading_error,
-            goals_received=state.goals.goals_received,
-            iterations=0 if result is None else result.iterations,
-            **flags,
+        clearance = float(self._audit.clearance_at(state.world, pose, moving, progress).min())
+        errors = state.mission.goals.target.errors(pose)
+        flags.setdefault('iterations', 0 if result is None else result.iterations)
+        elapsed, clearances = state.clock.elapsed(stamp), (clearance, clearance)
+        level = FallbackLevel.STOP
+        return self._decision(
+            state, stamp, elapsed, level, reason, None, errors, clearances, **flags
         )
 
-
-def _time_left(state: LawState, elapsed: int) -> float:
-    """Time to the last goal [s], so long [ns] after the run began."""
-    end = state.goals.end
-    return max(0, end - elapsed) / NANOSECONDS if end < NEVER else math.inf
+    def _decision(
+        self,
+        state: LawState,
+        stamp: int,
+        elapsed: int,
+        level: FallbackLevel,
+        reason: str,
+        plan: Plan | None,
+        errors: tuple[float, float | None],
+        clearances: tuple[float, float],
+        **fields: Any,
+    ) -> Decision:
+        control, goals = state.following.previous_control, state.mission.goals
+        left = max(0, goals.end - elapsed) / NANOSECONDS if goals.end < NEVER else math.inf
+        return Decision(
+            stamp=stamp,
+            step=state.clock.step,
+            level=level,
+            reason=reason,
+            wheel_speeds=self._robot.speeds_of(control),
+            steering_angle=self._robot.steering_of(control),
+            twist=self._robot.twist(control),
+            time_left=left,
+            plan=plan,
+            terminal_error=errors[0],
+            heading_error=errors[1],
+            clearance=clearances[0],
+            worst_clearance=clearances[1],
+            failures=state.following.failures,
+            prediction_error=state.estimator.response.error,
+            run=state.run,
+            revision=state.revision,
+            goal=goals.goal,
+            goals_received=goals.goals_received,
+            **fields,
+        )

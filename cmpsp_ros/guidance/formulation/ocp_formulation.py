@@ -52,6 +52,7 @@ class OcpFormulation:
         heading_trust_region: Largest change of heading in one iteration, infinite for none [rad].
         remembers_control: Whether the previous control is part of the state: it has a cost, or a
             limit.
+        layout: All that the memory of a planner depends on.
     """
 
     def __init__(self, settings: LawSettings, world: World) -> None:
@@ -68,6 +69,15 @@ class OcpFormulation:
         )
         self.heading_trust_region = settings.solver.heading_trust_region or math.inf
         self.remembers_control = settings.weights.control_rate > 0.0 or changes > 0
+        self.layout = (
+            settings.robot,
+            settings.solver.qp,
+            settings.solver.hessian,
+            settings.weights.control_rate,
+            settings.max_wheel_change,
+            self.heading_trust_region,
+            self.penalty_path.tobytes(),
+        )
         is_unlimited = math.isinf(settings.robot.max_wheel_speed)
         self._by_guess = settings.safety.between_samples and is_unlimited
         self._use(world)
@@ -77,6 +87,13 @@ class OcpFormulation:
         self._spaces: dict[float, FreeSpace] = {}
         self._ends: dict[tuple[Target, float], FreeSpace | None] = {}
         self._padded: tuple[FreeSpace, FreeSpace] | None = None
+
+    def prepare(self, world: World) -> None:
+        """Make the free spaces of a usual step beforehand."""
+        if world is not self.world:
+            self._use(world)
+        self._samples(self.settings.control_period)
+        self.world.free_space(self.settings)
 
     def space(
         self,

@@ -1,17 +1,36 @@
-"""A road that obstacles close: the robot stops before them, and stays until something changes."""
+"""A road that obstacles close, alone or together: the robot stops before them.
+
+Each gap is a line from a corner of one obstacle to the next, or to the edge beside it, and the true
+gap is no wider than that. No robot crosses a chain of obstacles and gaps from edge to edge where
+every gap is too narrow; and it must, where all of the chain lies between start and goal.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
+from itertools import pairwise
+from typing import Final
 
+import numpy as np
+
+from cmpsp_ros.arrays import Array, BoolArray
 from cmpsp_ros.guidance.goals import Target
 from cmpsp_ros.guidance.horizon import NANOSECONDS
-from cmpsp_ros.guidance.mission.closures import closures
-from cmpsp_ros.guidance.prediction.plan_start import PlanStart
+from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.safety.approach import STANDSTILL, Approach, Contact
 from cmpsp_ros.guidance.settings import LawSettings
-from cmpsp_ros.world.roads import Point, arc_length_to
+from cmpsp_ros.world import FreeSpace
+from cmpsp_ros.world.obstacles import Shape
+from cmpsp_ros.world.roads import Point, Road, arc_length_to
+
+_EDGES: Final = 2
+
+_LONGEST: Final = 4.0
+"""Widths of the road along which a chain may lie: where a road crosses itself, a longer one may lie
+beside two parts of it."""
 
 _SHORTEST = 0.5
 """Part of the arc length along the centre line that a way through bends has at least."""
@@ -27,14 +46,14 @@ class ClosedRoad:
     Attributes:
         obstacles: Names of the obstacles between which nothing gets through.
         goal: The goal to which it has been looked at (x, y) [m]; None for not at all.
-        waits: Why the robot waits before them, in a sentence; empty where it does not.
+        wait_reason: Why the robot waits before them, in a sentence; empty where it does not.
         nearest: How near it has come to them [m].
         nearest_at: When that was [ns].
     """
 
     obstacles: frozenset[str] = frozenset()
     goal: Point | None = None
-    waits: str = ''
+    wait_reason: str = ''
     nearest: float = math.inf
     nearest_at: int = 0
 
@@ -53,16 +72,19 @@ class ClosedRoad:
         found = closures(start.world.road, start.world.shapes, here, self.goal, wanted)
         self.obstacles = frozenset(name for names, _ in found for name in names)
 
-    def ahead(
+    def update(
         self, settings: LawSettings, approach: Approach, start: PlanStart, now: int
     ) -> Contact | None:
-        """The nearest of what closes the road, where that is known.
+        """Record how near the robot has come to what closes the road, where that is known.
 
         Args:
             settings: All settings of the guidance law.
             approach: Knows how fast the robot may be before it.
             start: Where plans begin.
             now: Present time [ns].
+
+        Returns:
+            The nearest of it.
         """
         if self.goal is None or not self.obstacles:
             return None
@@ -81,20 +103,90 @@ class ClosedRoad:
             self.nearest, self.nearest_at = contact.distance, now
         return contact
 
-    def reason_to_wait(self, contact: Contact, now: int) -> str:
-        """Why the robot waits from now on, in a sentence; empty where it does not.
+    def comes_no_nearer(self, contact: Contact, now: int) -> bool:
+        """Whether the robot stands before it, or has not come nearer for a while by now [ns].
 
         A plan that does not get it any nearer to what closes the road only spends its time.
-
-        Args:
-            contact: The nearest of what closes the road.
-            now: Present time [ns].
         """
-        if contact.speed < STANDSTILL or now - self.nearest_at > _SOON:
-            return self.wait_before(contact)
-        return ''
+        return contact.speed < STANDSTILL or now - self.nearest_at > _SOON
 
     def wait_before(self, contact: Contact) -> str:
         """Wait from now on; why, in a sentence."""
-        self.waits = f'The road is closed at {contact.name}: the robot waits before it.'
-        return self.waits
+        self.wait_reason = f'The road is closed at {contact.name}: the robot waits before it.'
+        return self.wait_reason
+
+
+def closures(
+    road: Road, obstacles: Sequence[Shape], start: Point, goal: Point, wanted: float
+) -> Iterator[tuple[list[str], float]]:
+    """Obstacles between which no disc gets through from start to goal.
+
+    Args:
+        road: The road.
+        obstacles: What stands on it.
+        start: Where the disc begins (x, y) [m].
+        goal: Where it is to end (x, y) [m]; the shorter way round counts.
+        wanted: Diameter of the disc; 0 for a point [m].
+
+    Yields:
+        Names of the obstacles of each chain, none in two of them, and its widest gap [m].
+    """
+    if not road.has_center_line:
+        return
+    # A map has no corners, and is not one obstacle but many.
+    obstacles = [each for each in obstacles if each.corners]
+    gaps = _gaps(road, tuple(obstacles))
+    if not ((gaps < wanted) | (gaps <= 0.0)).any():
+        return
+    pose = np.array([*start, math.nan])
+    whole = arc_length_to(road, pose, goal)
+    places = [[arc_length_to(road, pose, each) for each in shape.corners] for shape in obstacles]
+    between = [
+        index
+        for index, each in enumerate(places)
+        if all(0.0 < place / (whole or math.inf) < 1.0 for place in each)
+    ]
+    kept = [*range(_EDGES), *(_EDGES + index for index in between)]
+    gaps = gaps[np.ix_(kept, kept)]
+    is_closed = (gaps < wanted) | (gaps <= 0.0)
+    while chain := _chain(is_closed):
+        links = [float(gaps[a, b]) for a, b in pairwise(chain)]
+        along = [place for each in chain[1:-1] for place in places[between[each - _EDGES]]]
+        if max(along) - min(along) <= _LONGEST * road.width:
+            names = [obstacles[between[each - _EDGES]].name for each in chain[1:-1]]
+            yield names, max(0.0, *links)
+        is_closed[chain[1:-1]] = is_closed[:, chain[1:-1]] = False
+
+
+@lru_cache(maxsize=8)
+def _gaps(road: Road, shapes: tuple[Shape, ...]) -> Array:
+    """Widths of gaps: both edges first, then the shapes, ``(2 + M, 2 + M)`` [m].
+
+    Kept from one run on a map to the next: they take longer than a control step.
+    """
+    space, count = FreeSpace.of(road, shapes, 0.0), _EDGES + len(shapes)
+    gaps = np.full((count, count), math.inf)
+    whole = 1.0 / road.clearance_scale
+    for index, shape in enumerate(shapes, _EDGES):
+        corners = [space.at(np.array([[*each, 0.0]]))[0] for each in shape.corners]
+        away = np.min(corners, axis=0)
+        away[:_EDGES] *= whole
+        away -= shape.radius
+        away[index] = math.inf
+        gaps[index] = np.minimum(gaps[index], away)
+        gaps[:, index] = np.minimum(gaps[:, index], away)
+    gaps.flags.writeable = False
+    return gaps
+
+
+def _chain(is_closed: BoolArray) -> list[int]:
+    """A shortest chain from one edge to the other; empty where there is none."""
+    chains, known = [[0]], {0}
+    for chain in chains:
+        for following in np.flatnonzero(is_closed[chain[-1]]).tolist():
+            if following == 1:
+                return [*chain, following]
+            if following not in known:
+                known.add(following)
+                chains.append([*chain, following])
+    return []

@@ -48,6 +48,13 @@ class AlternativePool:
         self.alternatives: list[Alternative] = []
         self.free = [Planner(formulation) for _ in range(count)]
 
+    def reformulate(self, formulation: OcpFormulation) -> None:
+        """Take another formulation with the same layout; alternatives were of the one before."""
+        self.forget()
+        self._formulation = formulation
+        for planner in (self.followed, *self.free):
+            planner.reformulate(formulation)
+
     def forget(self) -> None:
         """Keep no alternative."""
         self.free += [each.planner for each in self.alternatives]

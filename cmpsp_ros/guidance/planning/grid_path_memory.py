@@ -26,7 +26,9 @@ def search_ahead(
 ) -> Searched:
     """Search for the paths to the next goals; arguments and result as of `searched_with`."""
     searched = searched_with(settings, world, place, goals[0])
-    search = replace(world, searched=searched).map_search(settings)
+    if searched is not world.searched:
+        world = replace(world, searched=searched)
+    search = world.map_search(settings)
     if search is not None:
         for each in goals:
             search.prepare(each)

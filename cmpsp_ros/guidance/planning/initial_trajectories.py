@@ -17,7 +17,7 @@ from cmpsp_ros.guidance.planning.homotopy.road_frame import (
     stretch_at,
     wrapped,
 )
-from cmpsp_ros.guidance.prediction.plan_start import PlanStart
+from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.mpsp.jit import allocation_free
 from cmpsp_ros.robots import DifferentialDrive, Kinematics, drive, fastest_wheel, within_limits

@@ -14,7 +14,7 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.formulation.ocp_formulation import OcpFormulation
-from cmpsp_ros.guidance.horizon_functions import shift
+from cmpsp_ros.guidance.horizon import shift
 from cmpsp_ros.guidance.planning.alternative_pool import Alternative, AlternativePool
 from cmpsp_ros.guidance.planning.candidate import Candidate, Ranking
 from cmpsp_ros.guidance.planning.homotopy.path_search import class_of, in_words
@@ -56,26 +56,48 @@ class PlanSelector:
             audit: Check that every plan must pass.
             timer: Monotonic time [ns].
         """
-        self._settings, self._audit, self._timer = settings, audit, timer
-        # A road without end has no goal that guide paths could lead to.
-        self._limit = settings.solver.candidates if settings.follow is None else 1
-        self._work_limit = settings.solver.work_limit(settings.control_period)
-        self._ranking = Ranking(settings, compares=self._limit > 1)
+        self._timer = timer
+        self._take(settings, audit)
         self.phases: dict[str, float] = {}
         # Road coordinates of all obstacles in the control step.
         self._places = np.empty(0), np.empty(0)
         self._work_left = 1
-        self._formulate(world)
-        if (search := world.map_search(settings)) is not None:
-            for goal in settings.goals:
-                search.prepare(goal.position)
-
-    def _formulate(self, world: World) -> None:
-        self._formulation = OcpFormulation(self._settings, world)
-        self._guesses = Guesses(self._formulation, self._limit)
-        self._pool = AlternativePool(self._formulation, max(1, self._limit - 1))
-        self._use(world)
+        self._formulate(OcpFormulation(settings, world), max(1, self._limit - 1))
         self.forget()
+
+    def reconfigure(self, settings: LawSettings, world: World, audit: Audit) -> None:
+        """Take other settings and another world, so that the next step need not.
+
+        The plan that is followed keeps its memory and its warm start where it can.
+        """
+        if settings != self._settings:
+            self._take(settings, audit)
+            self._formulate_again(OcpFormulation(settings, self._world))
+        if world is not self._world:
+            self._update_world(world)
+        self._formulation.prepare(world)
+
+    def _take(self, settings: LawSettings, audit: Audit) -> None:
+        self._settings, self._audit = settings, audit
+        # A road without end has no goal that guide paths could lead to.
+        self._limit = settings.solver.candidates if settings.follow is None else 1
+        self._work_limit = settings.solver.work_limit(settings.control_period)
+        self._ranking = Ranking(settings, compares=self._limit > 1)
+
+    def _formulate(self, formulation: OcpFormulation, free: int = 0) -> None:
+        self._formulation = formulation
+        self._guesses = Guesses(formulation, self._limit)
+        self._pool = AlternativePool(formulation, free)
+        self._use(formulation.world)
+
+    def _formulate_again(self, formulation: OcpFormulation) -> None:
+        self._task_changed = True
+        if formulation.layout != self._formulation.layout:
+            self._formulate(formulation)
+            return
+        self._formulation = formulation
+        self._guesses = Guesses(formulation, self._limit)
+        self._pool.reformulate(formulation)
 
     def _use(self, world: World) -> None:
         self._world = world
@@ -83,16 +105,19 @@ class PlanSelector:
 
     def _update_world(self, world: World) -> None:
         """Keep the plan in another world; alternatives were of the one before."""
-        if len(world.shapes) != len(self._world.shapes):
-            self._formulate(world)
-        else:
-            self._use(world)
-            self._pool.forget()
+        before = self._world
+        if len(world.shapes) != len(before.shapes):
+            self._formulate_again(OcpFormulation(self._settings, world))
+            return
+        known = world.road is before.road and world.obstacles is before.obstacles
+        self._task_changed = self._task_changed or not known
+        self._use(world)
+        self._pool.forget()
 
     def forget(self) -> None:
         """Forget all alternatives, and search all homotopy classes at the next control step."""
         self._pool.forget()
-        self._review = True
+        self._review, self._task_changed = True, False
         # Steps to wait between reviews, steps since the last one, and steps with a flaw in a row.
         self._pause = self._waited = self._flawed_steps = 0
         self._remark = ''
@@ -132,6 +157,9 @@ class PlanSelector:
             return self._or_fallback(warm, context)
         if guesses is None:
             self._count_flawed_steps(warm, context)
+            # A live change asks for other plans only where the one that is followed has a flaw.
+            self._review = self._review or (self._task_changed and self._flawed_steps > 0)
+            self._task_changed = False
         is_lasting = self._flawed_steps > _TRANSIENT
         may_change = self._review or not warm.admissible or is_lasting
         # New plans are made ever less often where that has not helped for a while.

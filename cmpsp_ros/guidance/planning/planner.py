@@ -18,8 +18,7 @@ from cmpsp_ros.guidance.formulation.ocp_formulation import (
 )
 from cmpsp_ros.guidance.formulation.ocp_functions import WHEEL_ROUNDING, GuidanceData
 from cmpsp_ros.guidance.goals import Target
-from cmpsp_ros.guidance.horizon import Horizon, to_nanoseconds
-from cmpsp_ros.guidance.horizon_functions import remaining, steps_over
+from cmpsp_ros.guidance.horizon import Horizon, remaining, steps_over, to_nanoseconds
 from cmpsp_ros.guidance.planning.candidate import SolveResult
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 from cmpsp_ros.guidance.solver_settings import UNLIMITED
@@ -100,6 +99,10 @@ class Planner:
             data = data._replace(functions=self._inner)
         functions = CONTROL_RATE if formulation.remembers_control else FUNCTIONS
         self._functions = functions.entries(data, self._ws)
+
+    def reformulate(self, formulation: OcpFormulation) -> None:
+        """Take another formulation with the same layout, and keep memory and warm start."""
+        self._formulation, self._posed = formulation, None
 
     def forget(self) -> None:
         """Begin the next plan without the active rows of the last one."""

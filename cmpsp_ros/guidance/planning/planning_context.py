@@ -14,8 +14,7 @@ from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.formulation.ocp_formulation import OcpFormulation
 from cmpsp_ros.guidance.goals import Target
-from cmpsp_ros.guidance.horizon import NANOSECONDS, Horizon
-from cmpsp_ros.guidance.horizon_functions import shift
+from cmpsp_ros.guidance.horizon import NANOSECONDS, Horizon, shift
 from cmpsp_ros.guidance.planning.homotopy.gaps import HomotopyClass
 from cmpsp_ros.guidance.planning.homotopy.path_search import (
     GuidePath,
@@ -26,7 +25,7 @@ from cmpsp_ros.guidance.planning.homotopy.path_search import (
 from cmpsp_ros.guidance.planning.homotopy.road_frame import RoadFrame, road_frame
 from cmpsp_ros.guidance.planning.initial_trajectories import along_road, initial_guess
 from cmpsp_ros.guidance.planning.reeds_shepp import has_to_turn, manoeuvres
-from cmpsp_ros.guidance.prediction.plan_start import PlanStart
+from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.safety.audit import Verdict
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.world import World

@@ -5,6 +5,6 @@ from typing import TYPE_CHECKING
 from cmpsp_ros.front_door import lazy_exports
 
 if TYPE_CHECKING:
-    from cmpsp_ros.guidance.prediction.plan_start import PlanStart
+    from cmpsp_ros.guidance.prediction.estimator import PlanStart
 
 __getattr__, __all__ = lazy_exports(__name__, __file__)

@@ -1,12 +1,20 @@
-"""A response of the robot to its commands, and where the robot is driven by it."""
+"""A response of the robot to its commands, with a delay and a first-order lag.
+
+A command ``u_k`` given at ``t_k`` takes effect at ``e_k = t_k + d``; from then on the control ``w``
+in effect obeys ``T dw/dt = u_k - w``. Without a lag it is ``u_k`` at once.
+"""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import math
+from typing import Final, NamedTuple
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.guidance.prediction.response_functions import SLICES
-from cmpsp_ros.robots import with_lag
+from cmpsp_ros.mpsp.jit import allocation_free
+from cmpsp_ros.robots import Kinematics, drive, with_lag
+
+SLICES: Final = 4
+"""Arcs in which the robot is moved while a lagging control approaches one command."""
 
 
 class Response(NamedTuple):
@@ -64,3 +72,94 @@ def driven(effective: Array, commands: Array, held: Array, lag: float) -> tuple[
         lag: Time constant behind them; 0 for none [s].
     """
     return with_lag(effective, commands, held, lag, SLICES) if lag > 0.0 else (commands, held)
+
+
+@allocation_free
+def settle(
+    effective: Array, instant: float, times: Array, commands: Array, delay: float, lag: float
+) -> None:
+    """The control in effect at an instant.
+
+    Args:
+        effective: Filled with it, shape ``(r,)``.
+        instant: The instant [s].
+        times: When commands were given, shape ``(K,)`` [s].
+        commands: Shape ``(K + 1, r)``; the first had its full effect before.
+        delay: ``d`` [s].
+        lag: ``T`` [s].
+    """
+    for a in range(commands.shape[1]):
+        effective[a] = commands[0, a]
+    for k in range(times.shape[0]):
+        since = instant - (times[k] + delay)
+        if since >= 0.0:
+            part = 1.0 - math.exp(-since / lag) if lag > 0.0 else 1.0
+            for a in range(commands.shape[1]):
+                effective[a] += part * (commands[k + 1, a] - commands[k, a])
+
+
+@allocation_free
+def put_misfits(
+    misfits: Array,
+    delays: Array,
+    lags: Array,
+    times: Array,
+    commands: Array,
+    duration: float,
+    before: Array,
+    after: Array,
+    half_track: float,
+    robot: Kinematics,
+    poses: Array,
+    control: Array,
+    effective: Array,
+) -> None:
+    """Squared distance between odometry and where each response leads in a control period.
+
+    Args:
+        misfits: Filled, shape ``(C,)`` [m^2].
+        delays: Of the responses, shape ``(C,)`` [s].
+        lags: See `delays`.
+        times: When commands were given, relative to the end of the period ``(K,)`` [s].
+        commands: Shape ``(K + 1, r)``; the first had its full effect before.
+        duration: Of the period [s].
+        before: Odometry at its beginning, shape ``(3,)`` [m, m, rad].
+        after: Odometry at its end, shape ``(3,)`` [m, m, rad].
+        half_track: Length by which an error of the heading counts [m/rad].
+        robot: Kinematics.
+        poses: Scratch, shape ``(2, 3)``.
+        control: Scratch, shape ``(1, r)``.
+        effective: Scratch, shape ``(r,)``.
+    """
+    count = times.shape[0]
+    for c in range(misfits.shape[0]):
+        delay, lag, now = delays[c], lags[c], -duration
+        settle(effective, now, times, commands, delay, lag)
+        for i in range(3):
+            poses[0, i] = before[i]
+        latest = 0
+        while latest < count and times[latest] + delay <= now:
+            latest += 1
+        while now < 0.0:
+            end = 0.0
+            if latest < count:
+                end = min(times[latest] + delay, 0.0)
+            slices = SLICES if lag > 0.0 else 1
+            held = (end - now) / slices
+            left = math.exp(-held / lag) if lag > 0.0 else 0.0
+            mean = (1.0 - left) * lag / held if lag > 0.0 and held > 0.0 else 0.0
+            for _ in range(slices):
+                for a in range(control.shape[1]):
+                    behind = effective[a] - commands[latest, a]
+                    control[0, a] = commands[latest, a] + mean * behind
+                    effective[a] = commands[latest, a] + left * behind
+                drive(poses, control, 0, held, robot)
+                for i in range(3):
+                    poses[0, i] = poses[1, i]
+            now = end
+            latest += 1
+        x, y = poses[0, 0] - after[0], poses[0, 1] - after[1]
+        # Wrapped into half a turn either way.
+        turned = poses[0, 2] - after[2]
+        turned -= math.tau * math.floor(turned / math.tau + 0.5)
+        misfits[c] = x * x + y * y + (half_track * turned) ** 2

@@ -12,9 +12,9 @@ import numpy as np
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.formulation.ocp_functions import N_EDGE_CONSTRAINTS
-from cmpsp_ros.guidance.prediction.plan_start import PlanStart
+from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.prediction.response import Response, driven
-from cmpsp_ros.guidance.safety.plan_sweep import FOUND, sweep_plan
+from cmpsp_ros.guidance.safety.plan_sweep import SWEEP, PlanSweep, sweep_plan
 from cmpsp_ros.guidance.safety.road_braking import brakings_on_road
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.world import SEEN, World
@@ -102,7 +102,7 @@ class Audit:
         self._between = settings.safety.between_samples
         self._slots = settings.moving_obstacles.slots
         self._period, self._max_change = settings.control_period, settings.max_wheel_change
-        self._found, self._scratch = np.empty(FOUND), np.empty((2, N_EDGE_CONSTRAINTS))
+        self._found, self._scratch = np.zeros(1, SWEEP), np.empty((2, N_EDGE_CONSTRAINTS))
         start = PlanStart(np.zeros(3), settings.robot, World(OpenFloor()))
         rest = np.zeros((2, settings.robot.n_controls))
         self._sweep = entry_for(sweep_plan, *self._arguments(start, rest, np.ones(1)))
@@ -130,27 +130,26 @@ class Audit:
     def _check(self, start: PlanStart, controls: Array, durations: Array) -> Verdict:
         limit = start.robot.max_wheel_speed
         found = self._swept(start, controls, durations)
-        fastest, margin, worst_margin, nearest, shortfall, short, tightest, edges, others = found
-        if not math.isfinite(fastest):
+        if not math.isfinite(found.fastest):
             return _refused('The plan has a wheel speed that is not a finite number.')
-        if fastest > limit:
+        if found.fastest > limit:
             return _refused(
-                f'The plan has a wheel speed of {fastest!r} rad/s, the limit is {limit!r} rad/s.'
+                f'The plan has a wheel speed of {found.fastest!r} rad/s, the limit is {limit!r}'
+                ' rad/s.'
             )
         if over := start.robot.over_limit(controls):
             return _refused(over)
-        if not (math.isfinite(margin) and math.isfinite(worst_margin)):
+        if not (math.isfinite(found.committed) and math.isfinite(found.worst)):
             return _refused('The path of the plan is not finite.')
         reason, ramp = '', NO_RAMP
-        if shortfall > 0.0:
-            reason = (
-                f'The next {durations[0]:.3g} s would come {-tightest:.3g} m too close'
-                f' to {_name(int(short), start.world, start.moving)}.'
-            )
+        if found.shortfall > 0.0:
+            close = f'{-found.tightest:.3g} m too close to {_name_of(found.short_of, start)}'
+            reason = f'The next {durations[0]:.3g} s would come {close}.'
         elif self._max_change < math.inf:
             reason, ramp = self._ramp(start, controls, durations)
-        name = _name(int(nearest), start.world, start.moving)
-        return Verdict(not reason, reason, margin, worst_margin, name, edges, others, ramp)
+        name, edges = _name_of(found.nearest, start), found.edges
+        margins = found.committed, found.worst
+        return Verdict(not reason, reason, *margins, name, edges, found.others, ramp)
 
     def _ramp(self, start: PlanStart, controls: Array, durations: Array) -> tuple[str, Array]:
         """How the robot can stop after the first command; or why not, or why not even follow."""
@@ -168,11 +167,10 @@ class Audit:
             held = np.append(durations[:1], np.full(len(ramp), self._period))
             path = np.vstack([controls[:1], ramp])
             found = self._swept(start, path, held, len(held))
-            shortfall, short, tightest = found[4:7]
-            if not shortfall > _ROUNDING:
+            if not found.shortfall > _ROUNDING:
                 return '', ramp
-            name = _name(int(short), start.world, start.moving)
-            reason = f'To stop after the next {held[0]:.3g} s leads {-tightest:.3g} m into {name}.'
+            into = f'{-found.tightest:.3g} m into {_name_of(found.short_of, start)}'
+            reason = f'To stop after the next {held[0]:.3g} s leads {into}.'
         return reason, NO_RAMP
 
     def _ramps(self, start: PlanStart, controls: Array, durations: Array) -> Iterator[Array]:
@@ -217,11 +215,13 @@ class Audit:
         effective = response.effective.copy()
         path = driven(effective, commands[lasting], durations[lasting], response.lag)
         found = self._swept(here, *path, len(path[1]))
-        if found[4] > _ROUNDING:
+        if found.shortfall > _ROUNDING:
             return False
-        if found[1] < error:
-            error = self._swept(here, commands[-1:], durations.sum(keepdims=True))[1] - _ROUNDING
-        return found[1] >= error
+        if found.committed < error:
+            error = (
+                self._swept(here, commands[-1:], durations.sum(keepdims=True)).committed - _ROUNDING
+            )
+        return found.committed >= error
 
     def check_pending(self, start: PlanStart, controls: Array, durations: Array) -> Verdict:
         """Say whether the path is clear along which commands given before will lead.
@@ -243,23 +243,21 @@ class Audit:
 
     def _check_arc(self, start: PlanStart, controls: Array, duration: Array) -> Verdict:
         found = self._swept(start, controls, duration)
-        _, margin, _, nearest, shortfall, short, tightest, edges, others = found
-        if not math.isfinite(margin):
+        if not math.isfinite(found.committed):
             return _refused('The way under the commands given before is not finite.')
         reason = ''
-        if shortfall > _ROUNDING:
-            reason = (
-                f'The commands given before come {-tightest:.3g} m too close'
-                f' to {_name(int(short), start.world, start.moving)}.'
-            )
-        name = _name(int(nearest), start.world, start.moving)
-        return Verdict(not reason, reason, margin, margin, name, edges, others)
+        if found.shortfall > _ROUNDING:
+            close = f'{-found.tightest:.3g} m too close to {_name_of(found.short_of, start)}'
+            reason = f'The commands given before come {close}.'
+        name = _name_of(found.nearest, start)
+        margin = found.committed
+        return Verdict(not reason, reason, margin, margin, name, found.edges, found.others)
 
     def _swept(
         self, start: PlanStart, controls: Array, durations: Array, committed: int = 1
-    ) -> list[float]:
+    ) -> PlanSweep:
         self._sweep(*self._arguments(start, controls, durations, committed))
-        return list(self._found.tolist())
+        return PlanSweep(*self._found[0].item())
 
     def _arguments(
         self, start: PlanStart, controls: Array, durations: Array, committed: int = 1
@@ -337,13 +335,14 @@ class Audit:
         # Every disc of the robot has the same ones.
         things = dict.fromkeys(i % (known + self._slots) for i in constraints)
         places = [i if i < known else known + slots.index(i - known) for i in things]
-        return ', '.join(_name(index, world, moving) for index in places)
+        names = (*world.names, *moving.names)
+        return ', '.join(names[index] for index in places)
 
 
-def _name(index: int, world: World, moving: MovingDiscs) -> str:
-    """Name of the edge, obstacle or moving disc that a column of the clearance is about."""
-    known = len(world.names)
-    return world.names[index] if index < known else moving.names[index - known]
+def _name_of(number: float, start: PlanStart) -> str:
+    """Name of the edge, obstacle or moving disc of that number; see `PlanSweep`."""
+    names = (*start.world.names, *start.moving.names)
+    return names[int(number)]
 
 
 def _refused(reason: str) -> Verdict:

@@ -3,30 +3,53 @@
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.guidance.formulation.ocp_functions import N_EDGE_CONSTRAINTS
 from cmpsp_ros.mpsp.jit import allocation_free
 from cmpsp_ros.robots import Kinematics, arc_from, arc_of, arc_of_point, fastest_wheel, point_of
 from cmpsp_ros.world.grids import Fields
-from cmpsp_ros.world.obstacles import (
-    RADIUS,
-    ROUGHNESS,
-    VELOCITY_X,
-    VELOCITY_Y,
-    X,
-    Y,
-    distance_from,
-    sweep,
-    sweep_moving,
-)
+from cmpsp_ros.world.obstacles import ROUGHNESS, disc_after, distance_from, sweep, sweep_moving
 from cmpsp_ros.world.roads import RoadSpace, road_functions
 
 Indices = IntArray
 
-FOUND: Final = 9
-"""How many numbers `sweep_plan` finds."""
+
+class PlanSweep(NamedTuple):
+    """Result of `sweep_plan`: clearances [m] of a plan, and what it is too close to.
+
+    What is near has a number: both edges of the road come first, then the obstacles, then the
+    moving discs. Committed steps are those that must be clear.
+
+    Attributes:
+        fastest: Largest wheel speed [rad/s].
+        committed: Least clearance of the committed steps.
+        worst: Least clearance of the whole plan.
+        nearest: Number of what `worst` is from.
+        shortfall: Clearance that the committed steps lack most.
+        short_of: Number of what it lacks from.
+        tightest: Clearance from that.
+        edges: Least clearance of the whole plan from the road's edges.
+        others: The same from all else.
+    """
+
+    fastest: float
+    committed: float
+    worst: float
+    nearest: float
+    shortfall: float
+    short_of: float
+    tightest: float
+    edges: float
+    others: float
+
+
+SWEEP: Final = np.dtype([(name, np.float64) for name in PlanSweep._fields])
+"""A `PlanSweep` for compiled code."""
 
 # With `safety.between_samples` off only the samples are held clear, and an active constraint is
 # met there to the accuracy of a linearisation.
@@ -35,7 +58,7 @@ _SAMPLE_TOLERANCE = 1e-3
 
 @allocation_free
 def sweep_plan(
-    found: Array,
+    found: NDArray[np.void],
     scratch: Array,
     pose: Array,
     controls: Array,
@@ -56,10 +79,7 @@ def sweep_plan(
     """Drive a plan arc by arc, with every disc of the robot: each drives an arc of its own.
 
     Args:
-        found: Filled with the largest wheel speed; the least clearance of the committed steps and
-            of the whole plan, and what it is from; by how much those steps fall short of what they
-            must keep, what they come too close to, and their clearance from that; the least
-            clearance of the whole plan from the road's edges, and from all else. Shape ``(9,)``.
+        found: Filled with the result, one record of `SWEEP`, shape ``(1,)``.
         scratch: Shape ``(2, 2 + M + D)``.
         pose: Where it begins.
         controls: Of the robot.
@@ -77,12 +97,12 @@ def sweep_plan(
         progress: Arc length along the road of a place near the pose [m].
         discs: Centres of the robot's discs, in its frame, shape ``(E, 2)``.
     """
-    fastest = 0.0
+    result, fastest = found[0], 0.0
     for k in range(controls.shape[0]):
         # `max` drops NaN, a sum propagates it.
         speed = fastest_wheel(controls, k, robot)
         fastest = max(fastest, speed) + 0.0 * speed
-    found[0] = fastest
+    result.fastest = fastest
     x, y, heading = pose[0], pose[1], pose[2]
     progress = road_functions.project(road, x, y, heading, progress)
     worst, at_rest = scratch[0], scratch[1]
@@ -119,32 +139,30 @@ def sweep_plan(
             bound, bound_other = (math.inf, math.inf) if begins else (worst[0], worst[1])
             after, clearance, other = road_functions.sweep(road, arc, before, bound, bound_other)
             progress = after if i == 0 else progress
-            _record(found, worst, at_rest, begins, 0, clearance, must, between)
-            _record(found, worst, at_rest, begins, 1, other, must, between)
+            _record(result, worst, at_rest, begins, 0, clearance, must, between)
+            _record(result, worst, at_rest, begins, 1, other, must, between)
             for j in range(radii.shape[0]):
                 what = N_EDGE_CONSTRAINTS + j
                 bound = math.inf if begins else worst[what] + radii[j]
                 least = sweep(arc, fields, corners, first, j, bound)
-                _record(found, worst, at_rest, begins, what, least - radii[j], must, between)
+                _record(result, worst, at_rest, begins, what, least - radii[j], must, between)
             # Where only the samples count, so does only the end of the time.
             begin, lasting = (0.0, durations[k]) if between else (durations[k], 0.0)
             for j in range(moving.shape[1]):
-                radius = moving[k, j, RADIUS] + growth * begin
-                u, v = moving[k, j, VELOCITY_X], moving[k, j, VELOCITY_Y]
-                there_x, there_y = moving[k, j, X] + begin * u, moving[k, j, Y] + begin * v
+                there_x, there_y, u, v, radius = disc_after(moving[k], j, begin, growth)
                 bound = math.inf if begins else worst[moved + j] + radius
                 least = sweep_moving(arc, lasting, there_x, there_y, u, v, growth, bound)
-                _record(found, worst, at_rest, begins, moved + j, least - radius, must, between)
+                _record(result, worst, at_rest, begins, moved + j, least - radius, must, between)
     nearest, total = 0, 0.0
     for what in range(worst.shape[0]):
         if worst[what] < worst[nearest]:
             nearest = what
         total += worst[what]
     # NaN if any of them is.
-    found[2], found[3] = worst[nearest] + 0.0 * total, nearest
-    found[7], found[8] = min(worst[0], worst[1]), math.inf
+    result.worst, result.nearest = worst[nearest] + 0.0 * total, nearest
+    result.edges, result.others = min(worst[0], worst[1]), math.inf
     for what in range(N_EDGE_CONSTRAINTS, worst.shape[0]):
-        found[8] = min(found[8], worst[what])
+        result.others = min(result.others, worst[what])
 
 
 @allocation_free
@@ -158,21 +176,20 @@ def _clearance_at_rest(
     moving: Array, j: int, growth: float, x: float, y: float, duration: float, between: bool
 ) -> float:
     """Least clearance from a moving disc of a robot at rest for some time [m]."""
-    away_x, away_y = x - moving[0, j, X], y - moving[0, j, Y]
-    u, v = moving[0, j, VELOCITY_X], moving[0, j, VELOCITY_Y]
+    there_x, there_y, u, v, radius = disc_after(moving[0], j, 0.0, growth)
+    away_x, away_y = x - there_x, y - there_y
     if between:
         arc = arc_from(x, y, 0.0, 0.0, 0.0)
-        there_x, there_y = moving[0, j, X], moving[0, j, Y]
         later = sweep_moving(arc, duration, there_x, there_y, u, v, growth, math.inf)
     else:
         later = math.hypot(away_x - duration * u, away_y - duration * v) - growth * duration
-    clearance: float = min(math.hypot(away_x, away_y), later) - moving[0, j, RADIUS]
+    clearance: float = min(math.hypot(away_x, away_y), later) - radius
     return clearance
 
 
 @allocation_free
 def _record(
-    found: Array,
+    result: Any,
     worst: Array,
     at_rest: Array,
     begins: bool,
@@ -185,10 +202,11 @@ def _record(
     if must:
         is_first = begins and what == 0
         allowed = min(at_rest[what], 0.0) - (0.0 if between else _SAMPLE_TOLERANCE)
-        if is_first or not clearance >= found[1]:
-            found[1] = clearance
-        if is_first or not allowed - clearance <= found[4]:
-            found[4], found[5], found[6] = allowed - clearance, what, clearance
+        if is_first or not clearance >= result.committed:
+            result.committed = clearance
+        if is_first or not allowed - clearance <= result.shortfall:
+            result.shortfall = allowed - clearance
+            result.short_of, result.tightest = what, clearance
     # NaN comes in, and nothing replaces it.
     if begins or clearance < worst[what] or math.isnan(clearance):
         worst[what] = clearance

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.guidance.prediction.plan_start import PlanStart
+from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.robots import braking
 from cmpsp_ros.world.roads import lookahead_points
 

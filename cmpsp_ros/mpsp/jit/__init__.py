@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from cmpsp_ros.front_door import lazy_exports
 
 if TYPE_CHECKING:
+    from cmpsp_ros.mpsp.jit.cache import kernel_folder, prune, wanted_place
     from cmpsp_ros.mpsp.jit.compiled import (
         address_of,
         allocation_free,
@@ -13,7 +14,6 @@ if TYPE_CHECKING:
         inlined,
         inner,
     )
-    from cmpsp_ros.mpsp.jit.folder import kernel_folder, prune, wanted_place
     from cmpsp_ros.mpsp.jit.watch import ProgressLine, compilations, progress
 
 __getattr__, __all__ = lazy_exports(__name__, __file__)

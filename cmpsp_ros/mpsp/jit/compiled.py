@@ -18,8 +18,7 @@ from numba.core.errors import TypingError
 from numba.extending import intrinsic
 
 from cmpsp_ros.mpsp.jit import internals
-from cmpsp_ros.mpsp.jit.cache import KernelCache
-from cmpsp_ros.mpsp.jit.folder import kernel_folder
+from cmpsp_ros.mpsp.jit.cache import KernelCache, kernel_folder
 
 ALLOCATION_FREE: Final = {'_nrt': False, 'error_model': 'numpy', 'no_cfunc_wrapper': True}
 """Options of numba for functions that allocate nothing.

@@ -8,7 +8,7 @@ from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescri
 from rclpy.parameter import Parameter
 
 from cmpsp_ros.nodes.common.runtime import overrides
-from cmpsp_ros.parameters import TABLE, ParameterType, config_directory
+from cmpsp_ros.parameters import TABLE, config_directory
 from cmpsp_ros.parameters.files import with_files
 
 if TYPE_CHECKING:
@@ -16,32 +16,19 @@ if TYPE_CHECKING:
 
     from rclpy.node import Node
 
-    from cmpsp_ros.parameters import Node as NodeName
     from cmpsp_ros.parameters import Parameter as Row
     from cmpsp_ros.parameters import Values
 
 _UNBOUNDED = 1e9
 """Beyond what any parameter may hold."""
 
-_TYPES = {
-    ParameterType.BOOL: Parameter.Type.BOOL,
-    ParameterType.INTEGER: Parameter.Type.INTEGER,
-    ParameterType.DOUBLE: Parameter.Type.DOUBLE,
-    ParameterType.STRING: Parameter.Type.STRING,
-    ParameterType.DOUBLE_ARRAY: Parameter.Type.DOUBLE_ARRAY,
-    ParameterType.STRING_ARRAY: Parameter.Type.STRING_ARRAY,
-}
 
-
-def declare(node: Node, which: NodeName) -> Values:
+def declare(node: Node, which: str) -> Values:
     """Read everything the node was started with, and declare what it uses.
 
     Both nodes read one file: parameters of the other one are checked as well, but not declared.
-
-    Args:
-        node: A node made with or without `automatically_declare_parameters_from_overrides`; prefer
-            without, because with it rclpy cannot construct a node that is given an empty list.
-        which: The node's name in the table.
+    Prefer a node without `automatically_declare_parameters_from_overrides`: rclpy cannot construct
+    one with it that is given an empty list.
 
     Returns:
         The complete set of both nodes, as plain Python of the table's types.
@@ -92,22 +79,23 @@ def _declare(node: Node, key: str, row: Row, value: Any) -> None:
     if node.has_parameter(key):
         # Declared by rclpy from the command line or a file, without words, with a fixed type.
         node.undeclare_parameter(key)
+    free = ParameterDescriptor(dynamic_typing=True)
+    node.declare_parameter(key, value, free, ignore_override=True)
+    kind = Parameter.Type[row.type.name]
+    if value == []:
+        # An empty list shows no type, and rclpy takes it for one of bytes.
+        node.set_parameters([Parameter(key, kind, value)])
     descriptor = ParameterDescriptor(
         description=row.description,
         additional_constraints=row.wanted,
         # A fixed type would be enforced by rclpy, in words that help no one, and refuse 2 for 2.0.
         dynamic_typing=True,
+        read_only=not row.reconfigurable,
     )
-    free = ParameterDescriptor(dynamic_typing=True)
-    node.declare_parameter(key, value, free, ignore_override=True)
-    if value == []:
-        # An empty list shows no type, and rclpy takes it for one of bytes.
-        node.set_parameters([Parameter(key, _TYPES[row.type], value)])
     low, high = max(row.range.low, -_UNBOUNDED), min(row.range.high, _UNBOUNDED)
-    if row.type is ParameterType.INTEGER:
+    if kind is Parameter.Type.INTEGER:
         bounds = IntegerRange(from_value=int(low), to_value=int(high))
         descriptor.integer_range = [bounds]
-    elif row.type is ParameterType.DOUBLE:
+    elif kind is Parameter.Type.DOUBLE:
         descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
-    descriptor.read_only = not row.reconfigurable
     node.set_descriptor(key, descriptor)

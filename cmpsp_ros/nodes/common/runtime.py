@@ -55,18 +55,17 @@ def run(
     when it returns, so that a second one cannot cut the exit short.
 
     Args:
-        make_node: The node's class, or any callable that returns a node. A `stop` method of the
-            node, when there is one, is called once before the node is destroyed. An exception in
-            its attribute `failure`, when there is one, ends it as if it had been raised.
+        make_node: The node's class, or any callable that returns a node. Its `stop` method, if it
+            has one, is called once before it is destroyed. An exception in its attribute `failure`
+            ends it as if it had been raised.
         name: Name of the logger for as long as there is no node.
         args: Command line; `sys.argv` when absent.
         outlasts: Time for which the node goes on after the process that it is to stop with [s]: the
             last command is still to be driven, shown and recorded.
 
     Returns:
-        Exit code of the process: 0 after a signal, 1 after an exception. A `ValueError` out of
-        `make_node` is taken for bad start-up parameters and logged by its message alone.
-
+        Exit code of the process: 0 after a signal, 1 after an exception. A `ValueError` of
+        `make_node` is logged by its message alone.
     """
     stopping = _stop_on_signal()
     logger = get_logger(name)

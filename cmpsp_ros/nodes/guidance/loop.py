@@ -6,7 +6,7 @@ import math
 import time
 from typing import TYPE_CHECKING
 
-from cmpsp_ros.guidance import NANOSECONDS, NEVER, FallbackLevel, GuidanceLaw
+from cmpsp_ros.guidance import NANOSECONDS, NEVER, FallbackLevel, GuidanceLaw, Observation
 from cmpsp_ros.guidance.messages import Arrival, OdometryError, OdometryGate
 from cmpsp_ros.guidance.mission import reason_not_to_begin
 from cmpsp_ros.nodes.guidance.diagnostics import StepTimes
@@ -217,26 +217,28 @@ class GuidanceLoop:
             is_due = self._law.is_due(stamp)
             tracks = self._obstacles.at(stamp) if is_due else ()
             sighting = self._sensors.at(stamp, pose) if is_due else None
-            decision = self._law.update(stamp, pose, tracks, sighting)
+            decision = self._law.step(Observation(stamp, pose, tracks, sighting))
         except Exception as error:  # the robot must stop for any
             self._halt_for(f'The guidance law failed: {type(error).__name__}: {error}')
             return
         if decision is None:
             return
         sent = self._now()
-        heard = tuple(self._pose) if is_transformed or self._odometry.publishers > 1 else None
-        decision = decision._replace(skipped=newest is not data, pose=heard)
         took = (sent - now) / NANOSECONDS
-        if took > period and decision.plan is not None:
-            decision = self._law.withdraw(decision, took)
-            self._node.get_logger().warning(decision.reason)
-        else:
+        is_late = took > period and decision.plan is not None
+        if not is_late:
             self._command(decision)
         self._expect_end(decision, now)
         step_ms = (time.perf_counter_ns() - began) / 1e6
         answer_ms, delay = (sent - stamp) / 1e6, self._settings.command_delay
-        self.times.add(step_ms, answer_ms, period, delay, is_late=decision.late > 0.0)
-        decision = self._law.foretell(decision, pose)
+        self.times.add(step_ms, answer_ms, period, delay, is_late=is_late)
+        failure = ''
+        try:
+            decision = self._law.after_step(took if is_late else 0.0)
+        except Exception as error:
+            failure = f'The search of the grid failed: {type(error).__name__}: {error}'
+        if is_late:
+            self._node.get_logger().warning(decision.reason)
         if not self._begun:
             for each in self._law.warnings:
                 self._node.get_logger().warning(each)
@@ -244,11 +246,16 @@ class GuidanceLoop:
         if self.decision is None or decision.goal != self.decision.goal:
             self._scenery_changed = True
         taken = {'step': step_ms, 'odometry_to_command': answer_ms}
-        self._note(decision._replace(phases={**decision.phases, **taken}))
-        try:
-            self._law.search(pose)
-        except Exception as error:
-            self._halt_for(f'The search of the grid failed: {type(error).__name__}: {error}')
+        several = is_transformed or self._odometry.publishers > 1
+        self._note(
+            decision._replace(
+                skipped=newest is not data,
+                pose=tuple(self._pose) if several else None,
+                phases={**decision.phases, **taken},
+            )
+        )
+        if failure:
+            self._halt_for(failure)
         self._use_slack(period - (time.perf_counter_ns() - began) / 1e9)
 
     def _expect_end(self, decision: Decision, now: int) -> None:

@@ -34,7 +34,7 @@ from cmpsp_ros.nodes.common.topics import (
 )
 from cmpsp_ros.nodes.sim.pace import Lockstep, RealTime
 from cmpsp_ros.nodes.sim.surroundings import Scanner, Traffic
-from cmpsp_ros.parameters import TABLE, ParameterError, check_pace, check_start, plant_settings
+from cmpsp_ros.parameters import TABLE, ParameterError, check_simulation, plant_settings
 from cmpsp_ros.quick_exit import quick_exit
 from cmpsp_ros.robots import with_side
 from cmpsp_ros.simulator import OdometrySchedule, Plant, TwistError
@@ -58,8 +58,7 @@ class SimNode(Node):
         super().__init__('sim')
         self.values: Values = declare(self, 'sim')
         settings = plant_settings(self.values)
-        check_start(self.values)
-        check_pace(self.values)
+        check_simulation(self.values)
         has_clock = self.values['publish_clock']
         self.odometry = SIM_ODOM.publish_on(self)
         self._traffic = Traffic(self.values)

@@ -31,10 +31,7 @@ _WHITE: Final = 255.0
 def with_map_file(values: Mapping[str, Any], folder: Path | None = None) -> dict[str, Any]:
     """The values with the map of the file that they name, if they name one.
 
-    Args:
-        values: Values by key.
-        folder: Where a relative path is taken from if the file is there; else it is taken from
-            the working directory.
+    A relative path is taken from the folder if the file is there, else from the working directory.
 
     Raises:
         ParameterError: The file or its picture cannot be read, or is no map; names file and key.

@@ -52,14 +52,7 @@ def robot_names() -> list[str]:
 
 
 def robots_in(path_or_preset_name: str | os.PathLike[str]) -> tuple[str, ...]:
-    """Namespaces for which a parameter file has sections of their own, in its order.
-
-    Args:
-        path_or_preset_name: A file; or, as text without folder and suffix, a preset.
-
-    Raises:
-        ParameterError: If there is no such file or preset, or it is not YAML of ROS parameters.
-    """
+    """Namespaces for which a parameter file or preset has sections of their own, in its order."""
     found = map(_SECTION_OF_ROBOT.fullmatch, _sections(_path(path_or_preset_name)))
     return tuple(dict.fromkeys(each[1] for each in found if each is not None))
 
@@ -75,8 +68,8 @@ def load_parameter_file(
     Args:
         path_or_preset_name: A file; or, as text without folder and suffix, a preset.
         node: Full name of a node, such as ``/r1/guidance``: the values that ROS passes to it.
-        namespace: Of a robot, such as ``/r1``: the values that ROS passes to its guidance and
-            simulator. Without either, the values for guidance and simulator in any namespace.
+        namespace: Namespace of a robot, such as ``/r1``, whose guidance and simulator are meant.
+            Without either, the values for guidance and simulator in any namespace.
 
     Returns:
         Values by key, with the road of a `road.file` and the map of a `map.file`. If several
@@ -101,13 +94,7 @@ def load_parameter_file(
 
 
 def load_robot(path_or_name: str) -> dict[str, Any]:
-    """The values of a robot's file, before they are checked.
-
-    Args:
-        path_or_name: A file; or, without folder and suffix, one of `robot_names`.
-
-    Returns:
-        Values by key.
+    """The values of a robot's file, or of one of `robot_names`, before they are checked.
 
     Raises:
         ParameterError: If there is no such robot or file, it is not YAML of ROS parameters, or has
@@ -147,16 +134,12 @@ def parse_assignment(text: str) -> tuple[str, Any]:
 
 
 def write_parameter_file(path: str | os.PathLike[str], values: Mapping[str, Any]) -> None:
-    """As `write_fleet_file`, for all nodes in any namespace."""
+    """Write a parameter file as `write_fleet_file`, for all nodes in any namespace."""
     write_fleet_file(path, {'': values})
 
 
 def write_fleet_file(path: str | os.PathLike[str], robots: Mapping[str, Mapping[str, Any]]) -> None:
-    """Write a parameter file, from which ROS reads the same values bit for bit.
-
-    Args:
-        path: The file; an existing one is overwritten.
-        robots: Plain Python values by key, by the namespace of a robot: a section for each.
+    """Write plain values by key with a section for each namespace; ROS reads them bit for bit.
 
     Raises:
         ParameterError: If the file cannot be written.

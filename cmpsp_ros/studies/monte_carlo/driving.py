@@ -9,7 +9,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.guidance import NANOSECONDS, Decision, FallbackLevel, GuidanceLaw, to_nanoseconds
+from cmpsp_ros.guidance import (
+    NANOSECONDS,
+    Decision,
+    FallbackLevel,
+    GuidanceLaw,
+    Observation,
+    to_nanoseconds,
+)
 from cmpsp_ros.guidance.safety import CHANGE_ROUNDING
 from cmpsp_ros.simulator import Motion, OdometrySchedule, Plant, PlantSettings
 from cmpsp_ros.studies.monte_carlo.foreign_robot import ForeignDrive, ForeignRobot
@@ -89,7 +96,8 @@ class Computer:
             took = self._period * self._random.uniform(0.0, self._lateness)
         self.busy_until = decision.stamp + to_nanoseconds(took)
         is_late = took > self._period and decision.plan is not None
-        self.decision = law.withdraw(decision, took) if is_late else decision
+        recorded = law.after_step(took if is_late else 0.0)
+        self.decision = recorded if is_late else decision
 
 
 def drive(task: Task) -> Driven:
@@ -120,10 +128,8 @@ def drive(task: Task) -> Driven:
                     eyes.note(*driven.motions[noted:])
                     eyes.look(stamp)
                     noted, sighting = len(driven.motions), eyes.see(stamp, pose)
-                decision = law.update(stamp, pose, (), sighting)
+                decision = law.step(Observation(stamp, pose, (), sighting))
                 computer.take(law, decision)
-                if decision is not None:
-                    law.search(pose)
                 if task.settings.may_be_late and law.ends_at is not None:
                     driven.end = min(law.ends_at, to_nanoseconds(task.patience))
                 _hand_over(plant, driven, computer, stamp)
@@ -163,7 +169,7 @@ def _brake(plant: Plant, driven: Driven, law: GuidanceLaw, period: int) -> None:
     moves = True
     while moves:
         pose = plant.measure()
-        decision = None if pose is None else law.update(plant.stamp_ns, pose)
+        decision = None if pose is None else law.step(Observation(plant.stamp_ns, pose))
         if decision is not None:
             plant.command(plant.stamp_ns, *decision.twist.tolist())
             moves = bool(np.any(decision.twist))

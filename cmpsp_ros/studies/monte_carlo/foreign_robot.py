@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.guidance import NANOSECONDS, Decision, GuidanceLaw
+from cmpsp_ros.guidance import NANOSECONDS, Decision, GuidanceLaw, Observation
 from cmpsp_ros.robots import Robot
 from cmpsp_ros.simulator import Motion
 
@@ -185,13 +185,12 @@ class ForeignDrive:
             if begin - arrival > period and law.is_due(stamp) and self._odometry:
                 _, stamp, pose = self._odometry[-1]
                 self._odometry.clear()
-            decision = law.update(stamp, pose)
+            decision = law.step(Observation(stamp, pose))
             if decision is None:
                 continue
             took = self._random.uniform(*_STEP) + self._random.exponential(self._foreign.busy)
-            if took > period and decision.plan is not None:
-                decision = law.withdraw(decision, took)
-            law.search(pose)
+            is_late = took > period and decision.plan is not None
+            decision = law.after_step(took if is_late else 0.0)
             self._free_at = begin + took
             self.end = self.end or law.ends_at or 0
             if not decision.late:

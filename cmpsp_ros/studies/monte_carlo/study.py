@@ -18,7 +18,6 @@ from cmpsp_ros.parameters import (
     laser_settings,
     load_parameter_file,
     plant_settings,
-    robot_of,
 )
 from cmpsp_ros.parameters.files import load_robot, parse_assignment
 from cmpsp_ros.simulator import LaserSettings, PlantSettings
@@ -239,7 +238,7 @@ class Study:
             raise StudyError(f'--robot: found study {self.name}, wanted nominal: it has its own')
         changes = load_robot(self.robot) | _ALWAYS
         values = TABLE.resolve({**given, **changes, **assigned})
-        robot = robot_of(values)
+        robot = plant_settings(values).robot
         if not math.isfinite(robot.max_speed):
             raise StudyError('robot.max_wheel_speed: found 0.0, wanted a limit for --robot')
         return changes | in_proportion(robot, given, values['robot.radius'])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -15,10 +16,8 @@ from cmpsp_ros.world.obstacles.moving_point_functions import sweep_moving
 
 Indices = IntArray
 
-X, Y, VELOCITY_X, VELOCITY_Y, RADIUS = range(5)
-"""Columns of `MovingDiscs.states`."""
-
-_PLACE, _VELOCITY = slice(X, Y + 1), slice(VELOCITY_X, VELOCITY_Y + 1)
+# Columns of `MovingDiscs.states`.
+_PLACE, _VELOCITY, _RADIUS = slice(0, 2), slice(2, 4), 4
 
 
 @dataclass(frozen=True)
@@ -53,7 +52,7 @@ class MovingDiscs:
             return self
         states = self.states.copy()
         centers, radii = self.at_times(np.array([seconds]))
-        states[:, _PLACE], states[:, RADIUS] = centers[0], radii[0]
+        states[:, _PLACE], states[:, _RADIUS] = centers[0], radii[0]
         ways = {index: way - np.array([seconds, 0.0, 0.0]) for index, way in self.ways.items()}
         return replace(self, states=states, ways=ways)
 
@@ -62,13 +61,13 @@ class MovingDiscs:
         if not len(self) or distance == 0.0:
             return self
         states = self.states.copy()
-        states[:, RADIUS] += distance
+        states[:, _RADIUS] += distance
         return replace(self, states=states)
 
     def clearance(self, point: Array) -> Array:
         """Distance of a point (x, y) from each at this instant, negative within; ``(M,)`` [m]."""
         away = point[:2] - self.states[:, :2]
-        clear: Array = np.hypot(away[:, 0], away[:, 1]) - self.states[:, RADIUS]
+        clear: Array = np.hypot(away[:, 0], away[:, 1]) - self.states[:, _RADIUS]
         return clear
 
     def at_times(self, times: Array) -> tuple[Array, Array]:
@@ -84,7 +83,7 @@ class MovingDiscs:
         centers = states[:, _PLACE] + times[:, None, None] * states[:, _VELOCITY]
         for index, way in self.ways.items():
             centers[:, index] = _on(way, times)
-        return centers, states[:, RADIUS] + self.growth * times[:, None]
+        return centers, states[:, _RADIUS] + self.growth * times[:, None]
 
     def legs(self, durations: Array) -> Array:
         """States at the beginnings of steps; in each the discs keep their velocity.
@@ -103,12 +102,12 @@ class MovingDiscs:
         times = np.concatenate([[0.0], np.cumsum(durations)])
         centers, radii = self.at_times(times)
         legs = np.empty((len(durations), len(self), 5))
-        legs[..., _PLACE], legs[..., RADIUS] = centers[:-1], radii[:-1]
+        legs[..., _PLACE], legs[..., _RADIUS] = centers[:-1], radii[:-1]
         legs[..., _VELOCITY] = self.states[:, _VELOCITY]
         for index, way in self.ways.items():
             places = centers[:, index]
             legs[:, index, _VELOCITY] = np.diff(places, axis=0) / durations[:, None]
-            legs[:, index, RADIUS] += _astray(way, times, places)
+            legs[:, index, _RADIUS] += _astray(way, times, places)
         return legs
 
     def tightened(
@@ -186,8 +185,8 @@ class MovingDiscs:
         """Greatest radius and speed of each disc between two times, both ``(N, M)``."""
         durations = np.diff(times)
         legs = self.legs(durations)
-        radii = legs[..., RADIUS] + self.growth * durations[:, None]
-        return radii, np.hypot(legs[..., VELOCITY_X], legs[..., VELOCITY_Y])
+        radii = legs[..., _RADIUS] + self.growth * durations[:, None]
+        return radii, np.hypot(legs[..., 2], legs[..., 3])
 
 
 NOTHING_MOVES = MovingDiscs((), np.empty((0, 5)), 0.0, np.empty(0, np.int64))
@@ -237,10 +236,15 @@ def _along(
         for i in range(points.shape[0]):
             arc = arc_of_point(whole, poses[k, 2], points, i)
             for j in range(states.shape[0]):
-                u, v = states[j, VELOCITY_X], states[j, VELOCITY_Y]
-                x, y = states[j, X] + times[k] * u, states[j, Y] + times[k] * v
-                radius = states[j, RADIUS] + growth * times[k]
+                x, y, u, v, radius = disc_after(states, j, times[k], growth)
                 bound = np.inf if i == 0 else clearance[k, j] + radius
                 least = sweep_moving(arc, durations[k], x, y, u, v, growth, bound) - radius
                 if i == 0 or least < clearance[k, j] or np.isnan(least):
                     clearance[k, j] = least
+
+
+@allocation_free
+def disc_after(states: Array, j: int, time: float, growth: float) -> Any:
+    """Centre, velocity and radius of a disc (x, y, u, v, radius) some time later."""
+    u, v = states[j, 2], states[j, 3]
+    return states[j, 0] + time * u, states[j, 1] + time * v, u, v, states[j, 4] + growth * time

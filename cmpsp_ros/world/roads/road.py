@@ -79,6 +79,11 @@ class Road(ABC):
         """Where the robot's centre is at least so far from both edges [m]."""
         return self._space._replace(kept=self.kept(distance))
 
+    @classmethod
+    def load(cls) -> None:
+        """Compile its functions, or load what has been compiled."""
+        addresses(*cls.functions)
+
     @cached_property
     def _space(self) -> RoadSpace:
         functions = addresses(*self.functions)

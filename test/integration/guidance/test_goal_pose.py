@@ -8,7 +8,7 @@ from geometry_msgs.msg import PoseStamped
 from live import LATCHED, PERIOD_NS, pose_stamped
 from visualization_msgs.msg import MarkerArray
 
-from cmpsp_ros.guidance import GuidanceLaw
+from cmpsp_ros.guidance import GuidanceLaw, Observation
 from cmpsp_ros.guidance.messages import OdometryReading, goal_of
 from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 
@@ -45,7 +45,7 @@ def test_a_goal_is_driven_to_and_one_in_another_frame_refused(
         nonlocal pose, stamp
         message = make_odometry(stamp, pose)
         heard, _ = client.decide(message)
-        decision = law.update(stamp, OdometryReading.of(message).pose_in('odom'))
+        decision = law.step(Observation(stamp, OdometryReading.of(message).pose_in('odom')))
         pose, stamp = decision.plan.poses[1], stamp + PERIOD_NS
         return heard, decision
 

@@ -12,7 +12,7 @@ from live import LATCHED, MS, PERIOD_NS
 from rclpy.time import Time
 from visualization_msgs.msg import Marker, MarkerArray
 
-from cmpsp_ros.guidance import GuidanceLaw
+from cmpsp_ros.guidance import GuidanceLaw, Observation
 from cmpsp_ros.guidance.messages import OdometryReading
 from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 
@@ -112,7 +112,7 @@ def test_one_command_at_each_control_instant_as_the_law_says(
     for step, stamp in enumerate(stamps):
         message = make_odometry(stamp, pose)
         decision, command = client.decide(message)
-        wanted = law.update(stamp, OdometryReading.of(message).pose_in('odom'))
+        wanted = law.step(Observation(stamp, OdometryReading.of(message).pose_in('odom')))
         assert command == tuple(wanted.twist.tolist())
         assert len(client.commands) == len(client.decisions) == step + 1
         assert decision['reason'] == wanted.reason
@@ -153,7 +153,7 @@ def test_one_command_at_each_control_instant_as_the_law_says(
         next_due = begun + (1 + (stamp - begun) // PERIOD_NS) * PERIOD_NS
         for between in (stamp, stamp + 20 * MS, next_due - 1):
             client.send(between, on_the_way((between - stamp) / 1e9))
-            assert law.update(between, np.array(pose)) is None
+            assert law.step(Observation(between, np.array(pose))) is None
         pose = on_the_way((following - stamp) / 1e9)
 
     late = []

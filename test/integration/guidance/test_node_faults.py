@@ -62,7 +62,7 @@ def test_an_exception_in_the_law_stops_the_robot(
     assert decision['fallback_level'] == 'nominal'
     assert command[0] > 0.5
     with monkeypatch.context() as patch:
-        patch.setattr(GuidanceLaw, 'search', lambda *_: 1 / 0)
+        patch.setattr(GuidanceLaw, '_search', lambda *_: 1 / 0)
         decide(begin + 600_000_000)
         wait_until(lambda: client.decisions[-1]['fallback_level'] == 'stop', 30.0, both)
     wanted = 'The search of the grid failed: ZeroDivisionError: division by zero'

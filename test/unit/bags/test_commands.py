@@ -38,9 +38,7 @@ def test_export(bag, tmp_path, form):
 @pytest.mark.parametrize(
     ('args', 'reason'),
     [
-        (('recover', 'nothing'), 'nothing: no such bag'),
         (('recover', 'bag', '--output', 'bag'), 'bag: exists already'),
-        (('export', 'nothing', '--output', 'tables'), 'nothing: no such bag'),
         (('export', 'bag', '--output', 'bag'), 'bag: exists already'),
         (('record', '--output', 'bag'), 'bag: exists already'),
         (('record', '--all', '--topic', '/a'), '--all and --topic: wanted one or the other'),

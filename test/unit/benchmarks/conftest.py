@@ -2,9 +2,9 @@
 
 import pytest
 
-from benchmarks.families.task import Task
 from benchmarks.results import Order
 from benchmarks.run import run
+from benchmarks.task import Task
 
 
 @pytest.fixture(scope='session')

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.families.general import SIZES, flops, measure, program
+from benchmarks.general import SIZES, flops, program, time_programs
 from cmpsp_ros.mpsp.qp import solve_qp
 
 
@@ -25,7 +25,7 @@ def test_programs_repeat():
 
 def test_every_size_is_timed():
     told = []
-    found = measure(2, lambda: told.append(1))
+    found = time_programs(2, lambda: told.append(1))
     assert [(each.states, each.controls) for each in found] == list(SIZES)
     assert len(told) == 2
     for each in found:

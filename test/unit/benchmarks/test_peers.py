@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.families.timing import close_loop
+from benchmarks.loops import close_loop
 from benchmarks.methods import peers as module
 from benchmarks.methods.peers import peers
 from cmpsp_ros.mpsp import Options
@@ -11,9 +11,8 @@ from cmpsp_ros.mpsp.sqp import CMPSP
 
 pytest.importorskip('casadi')
 
-from benchmarks.errors import BenchError
-from benchmarks.methods.casadi_methods import Converged, Sqp
-from benchmarks.methods.nlp import pack, program, unpack
+from benchmarks.common import BenchError
+from benchmarks.methods.casadi_methods import Converged, Sqp, pack, program, unpack
 
 STEPS = 8
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from benchmarks.errors import BenchError
+from benchmarks.common import BenchError
 from benchmarks.results import Order
 from benchmarks.run import run
 from cmpsp_ros.cli import app

@@ -22,8 +22,7 @@ from bag_messages import (
 from cmpsp_ros.bags import BagWriter
 from cmpsp_ros.bags.runs import read_run
 from cmpsp_ros.demo import load_scenario
-from cmpsp_ros.demo.fleet_picture import draw_fleet
-from cmpsp_ros.demo.pictures import draw_controls, draw_trajectory
+from cmpsp_ros.demo.results import draw_controls, draw_fleet, draw_trajectory
 from cmpsp_ros.robots import arc_ends
 
 LENGTH = 2.0

@@ -9,13 +9,13 @@ import pytest
 
 from cmpsp_ros.demo import Child, DemoError, load_scenario
 from cmpsp_ros.demo.runner import _get_ready
-from cmpsp_ros.nodes import Observer
+from cmpsp_ros.nodes import LifecycleClient
 
 CASE3 = load_scenario('case3', [], lockstep=True)
 WORDS = 'compiling, once; `cmpsp warmup` does it beforehand'
 
 
-class Stubborn(Observer):
+class Stubborn(LifecycleClient):
     """Ask for the guidance node's states and hear what a test says, without ROS."""
 
     def __init__(self, answer):

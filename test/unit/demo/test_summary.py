@@ -12,7 +12,7 @@ import pytest
 from cmpsp_ros.bags import BagError
 from cmpsp_ros.bags.runs import read_run
 from cmpsp_ros.demo import Summary
-from cmpsp_ros.demo.pictures import draw_controls, draw_trajectory
+from cmpsp_ros.demo.results import draw_controls, draw_trajectory
 from cmpsp_ros.demo.summary import summarise, window
 from cmpsp_ros.parameters import TABLE, guidance_settings
 

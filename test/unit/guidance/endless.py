@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cmpsp_ros.bags.runs import mean_speed
-from cmpsp_ros.guidance import GuidanceLaw, to_nanoseconds
+from cmpsp_ros.guidance import GuidanceLaw, Observation, to_nanoseconds
 from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file, plant_settings
 from cmpsp_ros.simulator import Plant
 from cmpsp_ros.world import FreeSpace
@@ -59,7 +59,7 @@ def drive(minutes, changes=None):
     for _ in range(PARTS):
         poses, twists, levels = [plant.pose], [], Counter()
         for _ in range(steps):
-            decision = law.update(stamp, plant.measure())
+            decision = law.step(Observation(stamp, plant.measure()))
             levels[decision.level.name.lower()] += 1
             plant.command(stamp, *decision.twist.tolist())
             stamp += period

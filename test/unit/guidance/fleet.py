@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from scenarios import PERIOD
 
-from cmpsp_ros.guidance import GuidanceLaw, MovingObstacles
+from cmpsp_ros.guidance import GuidanceLaw, MovingObstacles, Observation
 from cmpsp_ros.guidance.messages import PeerTrajectory, Tracks
 
 GRID = 20_000_000
@@ -26,7 +26,7 @@ class Robot:
         """Decide on odometry; the plan that the others hear of."""
         timeout = self.given.moving_obstacles.timeout
         seen = self.known.at(stamp, timeout)
-        decision = self.law.update(stamp, self.pose, seen)
+        decision = self.law.step(Observation(stamp, self.pose, seen))
         self.decisions.append(decision)
         if decision.plan is None:
             return PeerTrajectory(self.name, stamp, (stamp,), (tuple(self.pose[:2].tolist()),))

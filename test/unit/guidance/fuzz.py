@@ -21,7 +21,7 @@ from nav_msgs.msg import Odometry
 from rclpy.time import Time
 from scenarios import FIRST, PAPER, ROAD, SECOND, START, reconfigure, settings
 
-from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw, Safety, Weights
+from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw, Observation, Safety, Weights
 from cmpsp_ros.guidance.messages import Arrival, OdometryError, OdometryGate, OdometryReading
 from cmpsp_ros.sensing import stamp_of
 
@@ -146,7 +146,7 @@ class Drive:
         if self.gate.fault:
             self.halt()
             return
-        decision = self.law.update(stamp, pose)
+        decision = self.law.step(Observation(stamp, pose))
         if decision is None:
             self.outcomes['not due'] += 1
         else:

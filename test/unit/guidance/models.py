@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from cmpsp_ros.demo import load_scenario
-from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw
+from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw, Observation
 from cmpsp_ros.parameters import plant_settings
 from cmpsp_ros.simulator import Plant
 
@@ -20,7 +20,7 @@ def drive(preset, *given, robot=None):
     for stamp in range(0, final + 4 * 10**9, 20_000_000):
         motions += [*plant.advance(stamp), plant.motion]
         pose = plant.pose if stamp <= final else pose
-        decision = law.update(stamp, plant.measure())
+        decision = law.step(Observation(stamp, plant.measure()))
         if decision is not None:
             decisions.append(decision)
             plant.command(stamp, *decision.twist.tolist())

@@ -13,6 +13,7 @@ from cmpsp_ros.guidance import (
     GuidanceLaw,
     GuidanceSettings,
     InitialGuess,
+    Observation,
     SolverSettings,
     severity,
 )
@@ -131,7 +132,7 @@ def drive(law, given, stamps, start=START, pieces=40, before=None):
     for stamp, after in zip(stamps, [*stamps[1:], None], strict=True):
         if before is not None:
             before(run, stamp)
-        decision = law.update(stamp, run.pose.copy())
+        decision = law.step(Observation(stamp, run.pose.copy()))
         if decision is not None:
             run.decisions.append(decision)
             held = decision.wheel_speeds

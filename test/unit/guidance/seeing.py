@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from cmpsp_ros.guidance import GuidanceLaw
+from cmpsp_ros.guidance import GuidanceLaw, Observation
 from cmpsp_ros.parameters import (
     TABLE,
     guidance_settings,
@@ -128,9 +128,9 @@ class Drive:
             if self.law.is_due(stamp):
                 sighting = surroundings.at(stamp, pose)
                 known = _lengths.cache_info().misses
-                decision = self.law.update(stamp, pose, (), sighting)
+                decision = self.law.step(Observation(stamp, pose, (), sighting))
                 self.searches.append(_lengths.cache_info().misses - known)
                 plant.command(stamp, *decision.twist)
-                self.law.search(pose)
+                self.law.after_step()
                 self.decisions.append(decision)
         self.pose = plant.pose

@@ -18,7 +18,15 @@ from scenarios import (
     start_of,
 )
 
-from cmpsp_ros.guidance import FallbackLevel, Goal, GuidanceLaw, Safety, remaining, to_nanoseconds
+from cmpsp_ros.guidance import (
+    FallbackLevel,
+    Goal,
+    GuidanceLaw,
+    Observation,
+    Safety,
+    remaining,
+    to_nanoseconds,
+)
 from cmpsp_ros.guidance.formulation import OcpFormulation
 from cmpsp_ros.guidance.planning import Planner
 from cmpsp_ros.guidance.safety import CHANGE_ROUNDING, Audit
@@ -120,7 +128,7 @@ def test_a_halt_is_at_once_but_for_the_final_time():
     by_clock = law.halt(9 * PERIOD + PERIOD, 'The final time has passed.', finished=True)
     assert 0.0 < np.abs(held - by_clock.wheel_speeds).max() <= 6.0 + CHANGE_ROUNDING
     # The next odometry comes at once, and the ramp goes on when a period is over.
-    again = law.update(10 * PERIOD + PERIOD // 10, run.pose)
+    again = law.step(Observation(10 * PERIOD + PERIOD // 10, run.pose))
     assert again is not None
     halted = law.halt(11 * PERIOD, 'Odometry is lost.')
     np.testing.assert_array_equal(halted.wheel_speeds, [0.0, 0.0])
@@ -139,8 +147,8 @@ def test_a_goal_that_is_cancelled_ends_in_a_gentle_stop_and_the_next_one_is_driv
         pose = given.robot.roll_out(pose, stop.wheel_speeds[None], np.array([0.2]))[-1]
     assert len(wheels) > 3
     assert np.abs(np.diff(wheels, axis=0)).max() <= given.max_wheel_change + CHANGE_ROUNDING
-    law.tell(0, Goal((10.0, 0.0), 0.0))
-    assert np.any(law.update(stamp + PERIOD, pose).wheel_speeds)
+    law.set_goal(0, Goal((10.0, 0.0), 0.0))
+    assert np.any(law.step(Observation(stamp + PERIOD, pose)).wheel_speeds)
 
 
 def test_a_new_goal_behind_the_robot_is_turned_to_gently():
@@ -149,7 +157,7 @@ def test_a_new_goal_behind_the_robot_is_turned_to_gently():
 
     def turn(run, stamp):
         if len(run.decisions) == 15:
-            law.tell(stamp, Goal((-10.0, 0.0), 20.0))
+            law.set_goal(stamp, Goal((-10.0, 0.0), 20.0))
 
     run = drive(law, given, [k * PERIOD for k in range(60)], before=turn)
     assert_gentle(run, given)
@@ -184,12 +192,12 @@ def test_after_a_late_command_it_brakes_only_where_that_is_clear(away, stops_at_
     given = limited(CASES['case 1'])
     law = GuidanceLaw(given, given.world)
     run = drive(law, given, [k * PERIOD for k in range(12)])
-    law.withdraw(run.decisions[-1], 0.3)
+    law.after_step(0.3)
     held = run.decisions[-2].wheel_speeds
     x, y, heading = run.pose
     place = x + away * np.cos(heading), y + away * np.sin(heading)
     reconfigure(law, replace(given, obstacles=(Obstacle('new', place, 0.3),)))
-    decision = law.update(11 * PERIOD + PERIOD // 2, run.pose)
+    decision = law.step(Observation(11 * PERIOD + PERIOD // 2, run.pose))
     assert np.any(decision.wheel_speeds) != stops_at_once
     if not stops_at_once:
         assert np.abs(decision.wheel_speeds - held).max() <= given.max_wheel_change
@@ -199,9 +207,9 @@ def test_slower_commands_for_late_ones_have_a_ramp_that_is_clear():
     given = limited(CASES['case 3'], max_command_delay=0.6)
     law, pose, slower = GuidanceLaw(given, given.world), np.array(START), 0
     for step in range(STEPS):
-        decision = law.update(step * PERIOD, pose)
+        decision = law.step(Observation(step * PERIOD, pose))
         slower += 'commands may be late' in decision.reason or 'if it is late' in decision.reason
-        commands = np.vstack([decision.wheel_speeds, law._state.ramp])
+        commands = np.vstack([decision.wheel_speeds, law._state.following.ramp])
         pieces = np.repeat(commands, 20, axis=0)
         path = given.robot.roll_out(pose, pieces, np.full(len(pieces), 0.01))
         assert clearance(path, given) >= -1e-3

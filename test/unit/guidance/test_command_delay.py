@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scenarios import CASES, FIRST, MS, PERIOD, ROAD, START, assert_is, reconfigure, settings
 
-from cmpsp_ros.guidance import FallbackLevel, Goal, GuidanceLaw, Safety
+from cmpsp_ros.guidance import FallbackLevel, Goal, GuidanceLaw, Observation, Safety
 from cmpsp_ros.simulator import Plant, PlantSettings
 from cmpsp_ros.world import FreeSpace
 from cmpsp_ros.world.obstacles import Obstacle
@@ -31,7 +31,7 @@ class Drive:
             self.poses[stamp] = self.plant.pose
             if stamp == final:
                 self.miss = math.dist(self.plant.pose[:2], self.goal)
-            decision = self.law.update(stamp, self.plant.measure())
+            decision = self.law.step(Observation(stamp, self.plant.measure()))
             if decision is not None:
                 self.decisions.append(decision)
                 self.plant.command(stamp, *decision.twist)
@@ -106,9 +106,9 @@ def test_where_a_command_would_come_too_late_the_plan_goes_on(fault):
 def test_without_a_plan_nothing_goes_on(fault):
     given = replace(CASE_3, command_delay=0.25)
     law = GuidanceLaw(given, given.world)
-    law.update(0, np.array(START))
+    law.step(Observation(0, np.array(START)))
     law.halt(9700 * MS, 'Odometry was lost.')
-    decision = law.update(9800 * MS, np.array(START))
+    decision = law.step(Observation(9800 * MS, np.array(START)))
     assert decision.level == FallbackLevel.STOP
     assert not decision.finished
     assert_is(fault, decision)
@@ -167,7 +167,7 @@ def test_the_way_under_commands_given_is_swept_too(fault):
     for k in range(11):
         stamp = k * PERIOD
         plant.advance(stamp)
-        decision = law.update(stamp, plant.pose)
+        decision = law.step(Observation(stamp, plant.pose))
         plant.command(stamp, *decision.twist)
     assert decision.level == FallbackLevel.NOMINAL
     stamp += PERIOD
@@ -176,7 +176,7 @@ def test_the_way_under_commands_given_is_swept_too(fault):
     x, y, heading = plant.pose
     ahead = (float(x + 0.35 * math.cos(heading)), float(y + 0.35 * math.sin(heading)))
     reconfigure(law, replace(given, obstacles=(*given.obstacles, Obstacle('box', ahead, 0.1))))
-    decision = law.update(stamp, plant.pose)
+    decision = law.step(Observation(stamp, plant.pose))
     assert decision.level == FallbackLevel.STOP
     assert_is(fault, decision)
     assert decision.reason.startswith('The commands given before come 0.')
@@ -186,7 +186,7 @@ def test_the_way_under_commands_given_is_swept_too(fault):
 def test_margins_are_those_of_the_way_as_well():
     # Beside the robot as it stands, and left behind before its first command takes effect.
     given = settings((FIRST, Obstacle('post', (0.0, -9.6), 0.3)), 51.0, command_delay=0.3)
-    decision = GuidanceLaw(given, given.world).update(0, np.array(START))
+    decision = GuidanceLaw(given, given.world).step(Observation(0, np.array(START)))
     assert decision.clearance == pytest.approx(0.05)
     assert decision.worst_clearance <= 0.05 + 1e-12
 
@@ -195,10 +195,10 @@ def test_a_reset_forgets_the_commands():
     given = replace(CASE_3, command_delay=0.3)
     law, fresh = GuidanceLaw(given, given.world), GuidanceLaw(given, given.world)
     pose = np.array(START)
-    first = law.update(0, pose)
-    law.update(PERIOD, pose)
+    first = law.step(Observation(0, pose))
+    law.step(Observation(PERIOD, pose))
     law.reset()
-    again, same = law.update(2 * PERIOD, pose), fresh.update(0, pose)
+    again, same = law.step(Observation(2 * PERIOD, pose)), fresh.step(Observation(0, pose))
     for each in (again, same):
         assert (each.wheel_speeds == first.wheel_speeds).all()
         assert (each.plan.poses == first.plan.poses).all()
@@ -207,9 +207,9 @@ def test_a_reset_forgets_the_commands():
 def test_a_stop_by_the_clock_is_foreseen_as_well():
     given = replace(CASE_3, command_delay=0.3)
     law, pose = GuidanceLaw(given, given.world), np.array(START)
-    law.update(0, pose)
+    law.step(Observation(0, pose))
     law.halt(100 * MS, 'Odometry was lost.')
-    decision = law.update(500 * MS, pose)
+    decision = law.step(Observation(500 * MS, pose))
     assert (decision.plan.poses[0] == pose).all()
 
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from cmpsp_ros.guidance import GuidanceLaw
+from cmpsp_ros.guidance import GuidanceLaw, Observation
 from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 from cmpsp_ros.world.roads import Annulus, project_on_path
@@ -38,7 +38,7 @@ def test_a_robot_that_gives_way_at_the_crossing_keeps_to_its_branch():
         [],
     )
     for step in range(STEPS):
-        decisions.append(law.update(step * PERIOD, pose, tracks(step * PERIOD)))
+        decisions.append(law.step(Observation(step * PERIOD, pose, tracks(step * PERIOD))))
         poses.append(pose)
         held = decisions[-1].wheel_speeds[None]
         pose = SETTINGS.robot.roll_out(pose, held, np.array([0.2]))[-1]

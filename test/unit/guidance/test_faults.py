@@ -27,7 +27,7 @@ from scenarios import (
     settings,
 )
 
-from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw, Safety
+from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw, Observation, Safety
 from cmpsp_ros.mpsp.qp import QPStatus
 from cmpsp_ros.world.obstacles import Obstacle
 
@@ -76,12 +76,15 @@ def test_started_inside_an_obstacle(fault, depth):
     given = settings((FIRST, Obstacle('rock', (0.0, -10.5 + depth), 0.5)), 51.0, ROAD)
     law = GuidanceLaw(given, given.world)
     for stamp in ON_TIME[:5]:
-        decision = law.update(stamp, np.array(MIDDLE))
+        decision = law.step(Observation(stamp, np.array(MIDDLE)))
         assert_is(fault, decision)
         assert decision.reason.startswith(f'The robot is {depth:.3g} m inside obstacle rock')
         assert not decision.wheel_speeds.any()
     # It was the odometry that erred, or the obstacle has been taken away.
-    assert law.update(ON_TIME[5], np.array([0.0, -9.25, 0.0])).level is FallbackLevel.NOMINAL
+    assert (
+        law.step(Observation(ON_TIME[5], np.array([0.0, -9.25, 0.0]))).level
+        is FallbackLevel.NOMINAL
+    )
 
 
 @pytest.mark.parametrize('gap', [0.0, 0.001, 0.01, 0.025])
@@ -177,12 +180,12 @@ def shortest_way(start, goal, inner):
 
 def test_what_no_plan_can_do_is_foretold_behind_the_first_command():
     law, pose = law_of(replace(EMPTY, final_time=5.0)), np.array(START)
-    first = law.update(0, pose)
+    first = law.step(Observation(0, pose))
     assert law.warnings == []
-    assert law.foretell(first, pose).reason == f'{first.reason} {law.warnings[0]}'
+    assert law.after_step().reason == f'{first.reason} {law.warnings[0]}'
     assert law.warnings[0].startswith('The goal is out of reach by ')
-    second = law.update(PERIOD, pose)
-    assert law.foretell(second, pose) is second
+    second = law.step(Observation(PERIOD, pose))
+    assert law.after_step() is second
 
 
 def test_goal_out_of_reach(fault):
@@ -202,7 +205,8 @@ def test_goal_out_of_reach(fault):
 def test_wheels_too_slow(fault):
     given = settings((FIRST, SECOND), 5.0, ROAD)
     law, pose = GuidanceLaw(given, given.world), np.array(START)
-    assert_is(fault, law.foretell(law.update(0, pose), pose))
+    law.step(Observation(0, pose))
+    assert_is(fault, law.after_step())
     run = closed_loop(given)
     assert_safe(run, given)
     driven = math.dist(run.pose[:2], START[:2])
@@ -229,8 +233,8 @@ def test_goal_behind(fault, behind):
 
 def test_first_heard_of_again_after_the_final_time(fault):
     law = GuidanceLaw(COURSE, COURSE.world)
-    law.update(0, np.array(START))
-    decision = law.update(99 * PERIOD, np.array(START))
+    law.step(Observation(0, np.array(START)))
+    decision = law.step(Observation(99 * PERIOD, np.array(START)))
     assert_is(fault, decision)
     assert decision.missed
     assert not decision.wheel_speeds.any()
@@ -238,8 +242,8 @@ def test_first_heard_of_again_after_the_final_time(fault):
 
 def test_at_the_goal_with_another_heading_than_asked_for(fault):
     law = law_of(replace(COURSE, goal_heading=0.5))
-    law.update(0, np.array(START))
-    decision = law.update(50 * PERIOD, np.array([10.0, 0.0, 1.5]))
+    law.step(Observation(0, np.array(START)))
+    decision = law.step(Observation(50 * PERIOD, np.array([10.0, 0.0, 1.5])))
     assert_is(fault, decision)
     assert decision.missed
     assert decision.heading_error == pytest.approx(1.0)
@@ -248,7 +252,7 @@ def test_at_the_goal_with_another_heading_than_asked_for(fault):
 def test_after_the_final_time(fault):
     law = GuidanceLaw(COURSE, COURSE.world)
     run = drive(law, COURSE, ON_TIME)
-    for decision in (run.decisions[-1], law.update(60 * PERIOD, run.pose)):
+    for decision in (run.decisions[-1], law.step(Observation(60 * PERIOD, run.pose))):
         assert_is(fault, decision)
         assert decision.finished
         assert not decision.missed
@@ -262,7 +266,7 @@ def test_last_steps_under_noise(fault, seed):
     law, pose, commands = GuidanceLaw(COURSE, COURSE.world), np.array(START), []
     for stamp in ON_TIME[:-1]:
         measured = pose + rng.normal(scale=[5e-3, 5e-3, math.radians(0.5)])
-        decision = law.update(stamp, measured)
+        decision = law.step(Observation(stamp, measured))
         commands.append(decision.wheel_speeds)
         pose = COURSE.robot.roll_out(pose, commands[-1][None], np.array([PERIOD / 1e9]))[-1]
     assert_is(fault, decision)
@@ -271,7 +275,7 @@ def test_last_steps_under_noise(fault, seed):
     # On the way it swerves around two obstacles.
     assert changes[-3:].max() < changes[:-3].max()
     assert math.dist(pose[:2], COURSE.goal) < 0.02
-    assert law.update(ON_TIME[-1], pose).level is FallbackLevel.STOP
+    assert law.step(Observation(ON_TIME[-1], pose)).level is FallbackLevel.STOP
 
 
 def test_odometry_late(fault):
@@ -288,16 +292,19 @@ def test_odometry_late(fault):
 def test_odometry_repeated_and_out_of_order(fault):
     law, _, pose = under_way(COURSE)
     for stamp in (ON_TIME[20], ON_TIME[19], 0, -5):
-        assert law.update(stamp, np.array([5.0, 5.0, 5.0])) is None
+        assert law.step(Observation(stamp, np.array([5.0, 5.0, 5.0]))) is None
     undisturbed, _, _ = under_way(COURSE)
-    decision, wanted = law.update(ON_TIME[21], pose), undisturbed.update(ON_TIME[21], pose)
+    decision, wanted = (
+        law.step(Observation(ON_TIME[21], pose)),
+        undisturbed.step(Observation(ON_TIME[21], pose)),
+    )
     assert_is(fault, decision)
     np.testing.assert_array_equal(decision.wheel_speeds, wanted.wheel_speeds)
 
 
 def test_odometry_that_jumps_to_another_place():
     law, _, _ = under_way(COURSE)
-    decision = law.update(ON_TIME[21], np.array([-4.0, -9.5, 0.0]))
+    decision = law.step(Observation(ON_TIME[21], np.array([-4.0, -9.5, 0.0])))
     assert decision.level is FallbackLevel.ELASTIC
     np.testing.assert_allclose(decision.plan.poses[0], [-4.0, -9.5, 0.0])
     assert np.abs(decision.wheel_speeds).max() <= 51.0
@@ -307,7 +314,7 @@ def test_odometry_that_jumps_to_another_place():
 def test_solver_that_fails(fault, monkeypatch):
     law, run, pose = under_way(COURSE)
     broken(monkeypatch, QPStatus.FAILED.value)
-    decision = law.update(ON_TIME[21], pose)
+    decision = law.step(Observation(ON_TIME[21], pose))
     assert_is(fault, decision)
     np.testing.assert_array_equal(decision.wheel_speeds, run.decisions[-1].plan.controls[1])
 
@@ -324,4 +331,4 @@ def test_solver_that_goes_on_failing(fault, monkeypatch):
     assert_safe(rest, given)
     # Once it works again the robot drives on.
     monkeypatch.undo()
-    assert law.update(ON_TIME[27], rest.pose).level in SETTLED
+    assert law.step(Observation(ON_TIME[27], rest.pose)).level in SETTLED

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cmpsp_ros.guidance import GuidanceLaw
+from cmpsp_ros.guidance import GuidanceLaw, Observation
 from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 
 END = 10_000_000_000
@@ -33,7 +33,7 @@ def drive(settings, stamps, halts=()):
         if stamp in halts:
             made = law.halt(stamp, 'The final time has passed.', finished=True)
         else:
-            made = law.update(stamp, pose)
+            made = law.step(Observation(stamp, pose))
         if made is not None:
             decisions.append(made)
             speeds = made.wheel_speeds
@@ -88,7 +88,7 @@ def test_a_goal_that_may_be_late_is_put_off_until_it_is_reached(may_be_late):
     )
     while not decisions or not decisions[-1].finished:
         assert stamp < 60 * 10**9
-        decisions.append(law.update(stamp, pose))
+        decisions.append(law.step(Observation(stamp, pose)))
         period = np.array([settings.control_period])
         pose = settings.robot.roll_out(pose, decisions[-1].wheel_speeds[None], period)[-1]
         stamp += round(settings.control_period * 1e9)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scenarios import CASES, PERIOD, START
 
-from cmpsp_ros.guidance import GuidanceLaw
+from cmpsp_ros.guidance import GuidanceLaw, Observation
 
 
 def test_it_foretells_whether_there_is_a_decision():
@@ -19,14 +19,14 @@ def test_it_foretells_whether_there_is_a_decision():
     foretold, decided = [], []
     for stamp in stamps:
         foretold.append(law.is_due(stamp))
-        decided.append(law.update(stamp, pose) is not None)
+        decided.append(law.step(Observation(stamp, pose)) is not None)
     assert foretold == decided
     assert decided == [True, *[False] * 3, True, *[False] * 2, *[True] * 3, False, True]
 
 
 def test_after_a_halt_the_next_newer_odometry_is_due():
     law, pose = GuidanceLaw(CASES['case 3'], CASES['case 3'].world), np.array(START)
-    law.update(0, pose)
+    law.step(Observation(0, pose))
     assert not law.is_due(1)
     law.halt(1, 'Why not.')
     assert law.is_due(1)

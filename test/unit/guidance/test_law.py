@@ -23,7 +23,7 @@ from scenarios import (
     with_plans,
 )
 
-from cmpsp_ros.guidance import GuidanceLaw, Safety, SolverSettings, Weights
+from cmpsp_ros.guidance import GuidanceLaw, Observation, Safety, SolverSettings, Weights
 from cmpsp_ros.world.obstacles import Obstacle
 
 
@@ -101,7 +101,7 @@ def test_a_timer_measures_and_decides_nothing():
         GuidanceLaw(given, given.world),
     )
     pose = np.array(START)
-    one, other = timed.update(5, pose), plain.update(5, pose)
+    one, other = timed.step(Observation(5, pose)), plain.step(Observation(5, pose))
     np.testing.assert_array_equal(one.wheel_speeds, other.wheel_speeds)
     # The first guess, and its improvement.
     assert one.phases['solve'] == pytest.approx(3.0)
@@ -159,8 +159,9 @@ def test_heading_wrapped_or_not(name):
     class Wrapping(GuidanceLaw):
         turns = 0
 
-        def update(self, stamp, pose):
-            return super().update(stamp, np.array([*pose[:2], pose[2] + self.turns * math.tau]))
+        def step(self, seen):
+            turned = np.array([0.0, 0.0, self.turns * math.tau])
+            return super().step(seen._replace(pose=seen.pose + turned))
 
     plain, law = closed_loop(given), Wrapping(given, given.world)
     for turns in (-1, 2):
@@ -231,7 +232,7 @@ def test_reset_begins_again():
     np.testing.assert_array_equal(one.controls, other.controls)
     assert [decision.step for decision in other.moves] == list(range(50))
     law.reset()
-    assert law.update(3, np.array(START)).step == 0, 'time may go back across a reset'
+    assert law.step(Observation(3, np.array(START))).step == 0, 'time may go back across a reset'
 
 
 def test_reconfigure_with_the_same_settings_changes_nothing():

@@ -14,6 +14,7 @@ from cmpsp_ros.guidance import (
     GuidanceLaw,
     GuidanceSettings,
     InitialGuess,
+    Observation,
     Safety,
 )
 from cmpsp_ros.guidance.formulation import N_EDGE_CONSTRAINTS
@@ -122,7 +123,7 @@ def test_the_audit_refuses_to_drive_into_the_map_and_names_it():
 def test_homotopy_classes_are_told_by_what_stands_alone_on_the_map():
     given = course((36, 46, 56, 64))
 
-    decision = GuidanceLaw(given, given.world).update(0, np.array([1.0, 2.0, 0.0]))
+    decision = GuidanceLaw(given, given.world).step(Observation(0, np.array([1.0, 2.0, 0.0])))
 
     assert 'the best of 2 plans' in decision.reason
     assert 'of the map at (3.0, 2.' in decision.reason
@@ -150,10 +151,10 @@ def test_a_goal_that_is_received_is_given_the_time_of_the_way_around():
     given = course(WALL)
     law = GuidanceLaw(given, given.world)
     pose = np.array([1.0, 2.0, 0.0])
-    law.update(0, pose)
+    law.step(Observation(0, pose))
 
-    law.tell(0, Goal((5.0, 1.0), 0.0))
-    decision = law.update(200 * MS, pose)
+    law.set_goal(0, Goal((5.0, 1.0), 0.0))
+    decision = law.step(Observation(200 * MS, pose))
 
     straight = 4.2 / given.pace
     assert straight * 1.3 < decision.time_left < straight * 3.0

@@ -7,7 +7,7 @@ import pytest
 from models import assert_arrives, assert_the_same, drive
 
 from cmpsp_ros.demo import load_scenario
-from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw
+from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw, Observation
 from cmpsp_ros.guidance.prediction import PlanStart
 from cmpsp_ros.guidance.safety import CHANGE_ROUNDING, Audit
 
@@ -71,7 +71,7 @@ def test_a_goal_beside_the_robot_needs_no_turn():
 def test_mecanum_wheels_at_their_limit_for_a_hundred_steps():
     scenario = load_scenario('case3_wide', (), lockstep=True, robot='mecanum')
     law, robot = GuidanceLaw(scenario.settings, scenario.settings.world), scenario.settings.robot
-    decision = law.update(0, np.array(scenario.values['initial_pose']))
+    decision = law.step(Observation(0, np.array(scenario.values['initial_pose'])))
     assert decision.level == FallbackLevel.NOMINAL
     plan = decision.plan
     fastest = np.abs(robot.speeds_of(plan.controls[:-1])).max(axis=1)

@@ -10,6 +10,7 @@ from dataclasses import replace
 import pytest
 from scenarios import law_of
 
+from cmpsp_ros.guidance import Observation
 from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 
 PERIOD = 200_000_000
@@ -25,6 +26,7 @@ import numpy as np
 from numba.core.dispatcher import Dispatcher
 
 from cmpsp_ros.guidance.law import GuidanceLaw
+from cmpsp_ros.guidance.prediction.estimator import Observation
 from cmpsp_ros.guidance.warmup import prepare
 from cmpsp_ros.mpsp.qp import back_ends
 from cmpsp_ros.mpsp.qp.riccati import Outcome
@@ -74,22 +76,22 @@ for hessian, limit, between, delay in changes:
         'solver.candidates': 4,
     }
     law = law_of(guidance_settings(values))
-    law.update(0, START)
+    law.step(Observation(0, START))
     other = guidance_settings(TABLE.reconfigure(values, changed))
     law.reconfigure(other, other.world)
     for step, jump in enumerate(JUMPS.values(), 1):
         for stamp in (3 * step * PERIOD, (3 * step + 1) * PERIOD + PERIOD // 3):
-            levels.add(law.update(stamp, START + jump).level.name)
+            levels.add(law.step(Observation(stamp, START + jump)).level.name)
     law.halt(20 * PERIOD, 'Enough.')
-    law.update(50 * PERIOD - PERIOD // 2, START)
-    assert law.update(50 * PERIOD, START).finished
+    law.step(Observation(50 * PERIOD - PERIOD // 2, START))
+    assert law.step(Observation(50 * PERIOD, START)).finished
 assert levels >= {'NOMINAL', 'ELASTIC'}, levels
 
 # Where the active set gives up, the general iteration has Clarabel's answers.
 def general(radius):
     changed = {'solver.hessian': 'exact', 'obstacles.a.radius': radius}
     law = law_of(guidance_settings(TABLE.reconfigure(values, changed)))
-    found = [law.update(step * PERIOD, START) for step in range(2)]
+    found = [law.step(Observation(step * PERIOD, START)) for step in range(2)]
     return [each.level.name for each in found], [each.wheel_speeds for each in found]
 
 
@@ -131,5 +133,5 @@ def test_a_solver_that_rounding_leads_round_comes_to_an_end():
     robot = replace(given.robot, max_wheel_speed=math.inf)
     law = law_of(replace(given, solver=solver, robot=robot))
     poses = (given.road.middle(), given.road.middle(), given.road.beside(), given.road.beside())
-    decisions = [law.update(step * PERIOD, pose) for step, pose in enumerate(poses)]
+    decisions = [law.step(Observation(step * PERIOD, pose)) for step, pose in enumerate(poses)]
     assert all(each.reason for each in decisions)

@@ -88,8 +88,11 @@ def residual_of(qp, solution, penalties=None):
     return kkt_residual(staged(qp), in_stages(qp, solution), staged_penalties(qp, penalties))
 
 
-def program(seed=0, q=8, m=2, p=6, t=3, bound=2.0, slack=1.0):
-    """A random program with 0 feasible in its inequalities where ``slack`` is positive."""
+def program(seed=0, q=4, m=1, p=6, t=3, bound=2.0, slack=1.0):
+    """A random program with 0 feasible in its inequalities where ``slack`` is positive.
+
+    Stages have up to 8 states and 4 controls, for which the warm-up compiles the solver.
+    """
     rng = np.random.default_rng(seed)
     root = rng.normal(size=(q, q))
     return CondensedQP(

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from problems import LinearQuadratic, VanDerPol
+from problems import VanDerPol
 
 from cmpsp_ros.mpsp import Options
 from cmpsp_ros.mpsp.convergence import Convergence
@@ -94,13 +94,6 @@ def test_cannot_tell(errors, target, reason):
     assert reason in found.sentence
 
 
-def test_a_problem_solved_in_one_iteration_has_no_rate():
-    problem = LinearQuadratic(np.random.default_rng(0), path=0)
-    options = Options(np.full(2, 1e3), np.empty(0), control_tolerance=0.0)
-    found = Convergence.of(solve(problem, np.zeros((6, 2)), options, 8).history)
-    assert found.rate is None
-
-
 def test_rate_of_a_run_against_its_own_optimum():
     problem = VanDerPol(goal=(0.4, -0.2), floor=-0.5)
     options = Options(np.full(2, 1e3), np.full(2, 1e3), control_tolerance=1e-10)
@@ -111,11 +104,3 @@ def test_rate_of_a_run_against_its_own_optimum():
     assert alone.interval[0] < known.rate < alone.interval[1] or (
         known.rate == pytest.approx(alone.rate, rel=0.05)
     )
-
-
-def test_records_of_a_guess_that_is_not_finite():
-    problem = VanDerPol(start=(1e150, 1e150))
-    (record,) = solve(problem, np.zeros((21, 1)), Options(np.ones(2), np.ones(2)), 5).history
-    assert np.isnan(record.kkt_residual)
-    assert record.step_norm == record.step_length == record.shift == 0.0
-    assert record.active_path == record.active_bounds == frozenset()

@@ -1,7 +1,6 @@
 """Names of what is violated, and sentences a user can read."""
 
 import numpy as np
-import pytest
 from problems import VanDerPol
 
 from cmpsp_ros.mpsp import Evaluation, Options
@@ -9,11 +8,6 @@ from cmpsp_ros.mpsp.results import Status, Violation, violations
 from cmpsp_ros.mpsp.sqp.cmpsp import solve
 
 NOTHING = Evaluation(0.0, np.empty(0), np.empty((3, 0)))
-
-
-def test_names():
-    assert str(Violation(7, 1, False, 0.25)) == 'path constraint 1 at stage 7 is exceeded by 0.25'
-    assert str(Violation(20, 0, True, -3.2)) == 'terminal output 0 is off by -3.2'
 
 
 def test_the_worst_comes_first():
@@ -30,16 +24,6 @@ def test_what_is_not_a_number_is_violated():
     g = np.array([[0.0], [np.nan]])
     (found,) = violations(Evaluation(0.0, np.zeros(1), g), 1e-6, 1e-6)
     assert (found.stage, found.index) == (1, 0)
-
-
-def test_no_constraints():
-    assert violations(NOTHING, 0.0, 0.0) == ()
-
-
-@pytest.mark.parametrize('status', Status)
-def test_every_status_is_a_sentence(status):
-    assert status.value[0].isupper()
-    assert status.value.endswith('.')
 
 
 def test_a_long_list_is_cut():

@@ -111,24 +111,6 @@ def test_an_active_constraint_that_holds_nothing_back():
     assert found.strict_complementarity.figure == pytest.approx(0.0, abs=1e-9)
 
 
-def test_a_multiplier_between_zero_and_not():
-    problem = one_step(lambda u: 0.5 * (u @ u) - u[0], upper=1.0)
-    solution = solved(problem)
-    beta = solution.bound_multipliers.copy()
-    beta[0, 0] = 1e-8
-    both = replace(solution, bound_multipliers=beta, terminal_multipliers=np.ones(1))
-    weak = check(problem, replace(both, terminal_multipliers=np.empty(0)))
-    assert weak.strict_complementarity.verdict is YES
-    problem = one_step(
-        lambda u: 0.5 * (u @ u) - u[0], h=lambda x, u: x[1:], target=[1.0], upper=[1.0, 5.0]
-    )
-    solution = solved(problem)
-    beta = solution.bound_multipliers.copy()
-    beta[0, 0] = 1e-8
-    found = check(problem, replace(solution, bound_multipliers=beta))
-    assert found.strict_complementarity.verdict is CANNOT_TELL
-
-
 def test_a_bound_counts_with_its_sign():
     problem = one_step(lambda u: 0.5 * (u @ u) + 3.0 * u[0] - 2.0 * u[1], lower=-1.0, upper=1.0)
     found = check(problem, solved(problem))
@@ -161,14 +143,6 @@ def test_more_gradients_than_controls():
     assert found.regular.figure == 0.0
     assert found.second_order.verdict is YES
     assert found.second_order.remark == 'the active constraints leave no direction'
-
-
-def test_nothing_active():
-    problem = VanDerPol(passes=False)
-    found = check(problem, solved(problem))
-    assert found.regular.remark == 'no constraint is active'
-    assert found.regular.verdict is YES
-    assert found.strict_complementarity.remark == 'no inequality is active'
 
 
 def test_a_saddle_along_the_constraint():
@@ -208,17 +182,3 @@ def test_all_told():
     certain = found._replace(convex_cost=found.convex_cost._replace(verdict=YES))
     assert certain.verdict is YES
     assert check(problem, solved(problem), smooth=False).verdict is NO
-
-
-def test_table():
-    problem = VanDerPol(goal=(0.4, -0.2))
-    lines = str(check(problem, solved(problem))).splitlines()
-    assert [line.split()[0] for line in lines] == [
-        '(i)',
-        '(ii)',
-        '(iii)(a)',
-        '(iii)(b)',
-        '(iii)(c)',
-    ]
-    assert lines[0].startswith('(i)       cannot tell')
-    assert lines[3].startswith('(iii)(b)  yes')

@@ -19,7 +19,7 @@ import numpy as np
 from hypothesis import HealthCheck, Phase, given
 from hypothesis import strategies as st
 
-from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw
+from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw, Observation
 from cmpsp_ros.parameters import TABLE, ParameterError, guidance_settings, load_parameter_file
 
 PRESETS = [
@@ -121,7 +121,7 @@ def drive(given_):
     law, decided = GuidanceLaw(given_, given_.world), []
     period = round(given_.control_period * 1e9)
     for step in range(STEPS):
-        decision = law.update(step * period, pose)
+        decision = law.step(Observation(step * period, pose))
         decided.append(decision.level.name.lower())
         assert decision.reason[-1] in '.?', decision.reason
         assert np.isfinite([*decision.wheel_speeds, *decision.twist]).all(), decision

@@ -8,7 +8,7 @@ import pytest
 from cmpsp_ros.parameters import (
     TABLE,
     ParameterError,
-    check_start,
+    check_simulation,
     guidance_settings,
     load_parameter_file,
     plausibility_warnings,
@@ -79,7 +79,7 @@ def test_what_can_be_read(text):
     ],
 )
 def test_what_is_refused(text, found):
-    for check in (guidance_settings, check_start):
+    for check in (guidance_settings, check_simulation):
         with pytest.raises(ParameterError) as refused:
             check(values(robot__footprint=text))
         assert str(refused.value).startswith('robot.footprint: found')
@@ -109,13 +109,13 @@ def test_a_long_robot_may_begin_along_a_wall_and_not_across():
         'goal__heading': [0.0],
         'initial_pose': [0.0, 0.0, 0.0],
     }
-    check_start(values(**given))
+    check_simulation(values(**given))
     guidance_settings(values(**given))
     turned = values(**given | {'initial_pose': [0.0, 0.0, 0.5], 'goal__heading': [0.5]})
     with pytest.raises(
         ParameterError, match=r'initial_pose: found .* inside or beyond obstacle wall'
     ):
-        check_start(turned)
+        check_simulation(turned)
     with pytest.raises(ParameterError, match=r'goal\.position: found .* beyond obstacle wall'):
         guidance_settings(turned)
     # Where the heading is free some may do.

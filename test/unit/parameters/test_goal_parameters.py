@@ -5,7 +5,7 @@ import math
 import pytest
 
 from cmpsp_ros.guidance import Follow, Goal
-from cmpsp_ros.parameters import TABLE, ParameterError, check_pace, guidance_settings
+from cmpsp_ros.parameters import TABLE, ParameterError, check_simulation, guidance_settings
 
 WAYPOINTS = {
     'waypoints.names': ['a', 'b'],
@@ -71,7 +71,7 @@ def test_waypoints_are_between_control_periods_in_lockstep_nowhere():
     with pytest.raises(
         ParameterError, match=r'waypoints\.a\.time: found 4\.1 s, wanted a multiple'
     ):
-        check_pace(values)
+        check_simulation(values)
 
 
 def test_a_road_without_end():

@@ -2,7 +2,7 @@
 
 import pytest
 
-from cmpsp_ros.parameters import TABLE, ParameterError, check_start, guidance_settings
+from cmpsp_ros.parameters import TABLE, ParameterError, check_simulation, guidance_settings
 from cmpsp_ros.parameters.obstacles import obstacles_of
 from cmpsp_ros.world.obstacles import Capsule, Obstacle
 from cmpsp_ros.world.obstacles.shapes import Polygon
@@ -19,7 +19,7 @@ def refusal(values):
     with pytest.raises(ParameterError) as caught:
         guidance_settings(values)
     with pytest.raises(ParameterError):
-        check_start(values)
+        check_simulation(values)
     return [str(each) for each in caught.value.problems]
 
 
@@ -40,7 +40,7 @@ def refusal(values):
 def test_every_type(values, wanted):
     assert obstacles_of(values) == (wanted,)
     assert guidance_settings(values).obstacles == (wanted,)
-    check_start(values)
+    check_simulation(values)
 
 
 @pytest.mark.parametrize(

@@ -6,8 +6,8 @@ import math
 import numpy as np
 import pytest
 
-from cmpsp_ros.parameters import Parameter, ParameterError, ParameterType
-from cmpsp_ros.parameters.parameter import REQUIRED, Range
+from cmpsp_ros.parameters import Parameter, ParameterError
+from cmpsp_ros.parameters.parameter import REQUIRED, ParameterType, Range
 
 POSITIVE = Range(0.0, low_open=True)
 

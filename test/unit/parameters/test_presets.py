@@ -11,7 +11,7 @@ from cmpsp_ros.bags.audit import CHECKS
 from cmpsp_ros.parameters import (
     TABLE,
     ParameterError,
-    check_start,
+    check_simulation,
     config_directory,
     guidance_settings,
     load_parameter_file,
@@ -67,7 +67,7 @@ def test_every_preset_builds_and_says_what_an_audit_judges_by(name):
     judged -= {'robot.half_track'} if values['robot.model'] == 'ackermann' else set()
     assert judged.union(road_keys(values), ['frame_id']) <= given_.keys()
     assert plant_settings(values).robot == guidance_settings(values).robot
-    check_start(values)
+    check_simulation(values)
 
 
 @pytest.mark.parametrize(

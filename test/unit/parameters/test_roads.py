@@ -4,7 +4,13 @@ import math
 
 import pytest
 
-from cmpsp_ros.parameters import TABLE, ParameterError, check_start, guidance_settings, road_keys
+from cmpsp_ros.parameters import (
+    TABLE,
+    ParameterError,
+    check_simulation,
+    guidance_settings,
+    road_keys,
+)
 from cmpsp_ros.parameters.roads import road_of
 from cmpsp_ros.world.roads import Annulus, Corridor, OpenFloor
 
@@ -55,11 +61,11 @@ def test_what_cannot_be_driven_is_refused(changes, said):
 
 
 def test_a_start_off_the_road_is_refused():
-    check_start(values())
+    check_simulation(values())
     with pytest.raises(ParameterError, match=r'initial_pose: found .* beyond the right road edge'):
-        check_start(values(initial_pose=[1.0, -1.2, 0.0]))
+        check_simulation(values(initial_pose=[1.0, -1.2, 0.0]))
     with pytest.raises(ParameterError, match=r'initial_pose: found 0.499\d* m beyond the end'):
-        check_start(values(initial_pose=[-0.5, 0.0, 0.0]))
+        check_simulation(values(initial_pose=[-0.5, 0.0, 0.0]))
 
 
 def test_open_floor_refuses_no_place_but_an_obstacle():

@@ -5,7 +5,7 @@ import pytest
 from cmpsp_ros.parameters import (
     TABLE,
     ParameterError,
-    check_start,
+    check_simulation,
     config_directory,
     guidance_settings,
     load_parameter_file,
@@ -43,7 +43,7 @@ def test_a_robot_fits_a_course_and_is_what_its_maker_says(name):
         set(given)
     )
     values = TABLE.resolve(load_parameter_file('case3_wide') | given)
-    check_start(values)
+    check_simulation(values)
     settings = guidance_settings(values)
     speed, separation = MAKERS[name]
     assert speed - 1e-4 < settings.robot.max_speed <= speed
@@ -58,7 +58,7 @@ def test_a_car_fits_a_course_and_is_what_its_maker_says(name):
     given = load_robot(name)
     wide = {'road.left_width': [9.0], 'road.right_width': [5.0]}
     values = TABLE.resolve(load_parameter_file('lane_change') | wide | given)
-    check_start(values)
+    check_simulation(values)
     settings = guidance_settings(values)
     robot = settings.robot
     assert (robot.max_speed, robot.wheel_base, robot.max_steering_angle) == CARS[name]

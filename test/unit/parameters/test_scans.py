@@ -6,18 +6,7 @@ import pytest
 
 from cmpsp_ros.parameters import TABLE, ParameterError, laser_settings, shapes_of
 from cmpsp_ros.parameters.obstacles import obstacles_of
-from cmpsp_ros.simulator import LaserSettings
 from cmpsp_ros.world.obstacles import Capsule
-
-
-def test_every_parameter_reaches_its_place():
-    given = {
-        'rate': 5.0, 'pose': [0.1, 0.2, 0.3], 'angle_min': -1.0, 'angle_max': 2.0, 'count': 11,
-        'time_increment': 0.001, 'range_min': 0.2, 'range_max': 7.0, 'stddev': 0.01,
-        'dropout': 0.02, 'missed_return': 0.03,
-    }  # fmt: skip
-    values = TABLE.resolve({'noise.seed': 9, **{f'sim.scan.{k}': v for k, v in given.items()}})
-    assert laser_settings(values) == LaserSettings(**{**given, 'pose': (0.1, 0.2, 0.3)}, seed=9)
 
 
 def test_obstacles_of_the_simulator_are_no_others():

@@ -7,17 +7,27 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cmpsp_ros.guidance import GuidanceSettings
+from cmpsp_ros.guidance import (
+    GuidanceSettings,
+    InitialGuess,
+    MovingObstacles,
+    Safety,
+    SolverSettings,
+    Weights,
+)
 from cmpsp_ros.parameters import (
     TABLE,
     ParameterError,
-    check_pace,
-    check_start,
+    check_simulation,
     guidance_settings,
+    laser_settings,
     plant_settings,
 )
+from cmpsp_ros.parameters.parameter import ParameterType
 from cmpsp_ros.robots import DifferentialDrive
-from cmpsp_ros.simulator import OdometryErrors, PlantSettings
+from cmpsp_ros.sensing import SightSettings
+from cmpsp_ros.setting import settings_of
+from cmpsp_ros.simulator import LaserSettings, OdometryErrors, PlantSettings
 from cmpsp_ros.world.obstacles import Obstacle
 from cmpsp_ros.world.roads import Annulus
 
@@ -30,54 +40,65 @@ def refusal(build, values):
     return str(caught.value).splitlines()
 
 
+SECTIONS = (
+    (GuidanceSettings, '', lambda law, _: law), (Weights, 'weights.', lambda law, _: law.weights),
+    (SolverSettings, 'solver.', lambda law, _: law.solver),
+    (InitialGuess, 'initial_guess.', lambda law, _: law.initial_guess),
+    (Safety, 'safety.', lambda law, _: law.safety),
+    (MovingObstacles, 'moving_obstacles.', lambda law, _: law.moving_obstacles),
+    (SightSettings, 'sight.', lambda law, _: law.sight),
+    (PlantSettings, '', lambda _, values: plant_settings(values)),
+    (OdometryErrors, 'noise.', lambda _, values: plant_settings(values).odometry),
+    (LaserSettings, 'sim.scan.', lambda _, values: laser_settings(values)),
+)  # fmt: skip
+"""Dataclasses of settings, the prefixes of their parameters, and where they are."""
+
+
+def another(row):
+    """A value that is not the default."""
+    if row.choices:
+        return next(each for each in row.choices if each != row.default)
+    if isinstance(row.default, bool):
+        return not row.default
+    if row.name == 'solver.qp':
+        return 'clarabel'
+    if isinstance(row.default, str):
+        return 'other'
+    if row.type is ParameterType.STRING_ARRAY:
+        return ['/r1']
+    if isinstance(row.default, list):
+        return [each + 0.25 for each in row.default]
+    return row.default + 1 if isinstance(row.default, int) else row.default * 0.98 + 1e-4
+
+
+@pytest.mark.parametrize(('kind', 'prefix', 'find'), SECTIONS)
+def test_every_declared_setting_reaches_its_field(kind, prefix, find):
+    for field, declared in settings_of(kind).items():
+        key = declared.key or f'{prefix}{field}'
+        # The simulated scanner has no settings before it has a rate.
+        values = TABLE.resolve({'sim.scan.rate': 5.0} | {key: another(TABLE.find(key))})
+        found = getattr(find(guidance_settings(values), values), field)
+        assert found == (tuple(values[key]) if isinstance(values[key], list) else values[key])
+        assert found != getattr(kind, field), key
+
+
 def test_defaults_of_table_and_settings_agree():
     robot = DifferentialDrive(max_wheel_speed=51.0)
-    assert guidance_settings(TABLE.resolve({})) == GuidanceSettings(
-        robot, (10.0, 0.0), road=Annulus()
-    )
-    assert plant_settings(TABLE.resolve({})) == PlantSettings(robot, (0.0, -9.25, 0.0))
+    values = TABLE.resolve({})
+    assert guidance_settings(values) == GuidanceSettings(robot, (10.0, 0.0), road=Annulus())
+    assert plant_settings(values) == PlantSettings(robot)
 
 
-def test_every_parameter_reaches_its_place():
+def test_settings_that_are_made_of_others():
     values = TABLE.resolve({
-        **DISC, 'robot.max_wheel_speed': 0, 'robot.radius': 0.1, 'safety.margin': 0.2,
-        'safety.between_samples': False, 'solver.iterations_per_step': 3, 'solver.qp': 'clarabel',
-        'solver.hessian': 'exact', 'solver.heading_trust_region': 0.0, 'weights.road_center': 1,
-        'weights.control_change': 2, 'weights.control_effort': 3, 'weights.control_rate': 4,
-        'initial_guess.type': 'constant', 'initial_guess.wheel_speeds': [1, 2],
-        'odom_timeout': 0.7, 'failure_tolerance': 5, 'frame_id': 'map', 'goal.tolerance': 0.02,
-        'goal.position': [-10, 0], 'final_time': 12, 'control_period': 0.1,
-        'command_delay': 0.06,
-        'initial_pose': [0, 10, 1], 'odom_rate': 20, 'cmd_vel_timeout': 0, 'actuation_delay': 0.03,
-        'odom_jitter': 0.04, 'actuation_period': 0.02,
-        'noise.position_stddev': 0.01, 'noise.heading_stddev': 0.02, 'noise.seed': 7,
-        'noise.bias': [1, 2, 3], 'noise.drift': [4, 5, 6], 'noise.dropout': 0.5,
-        'noise.dropout_windows': [1, 2, 3.5, 4], 'actuation_jitter': 0.01, 'wheel_lag': 0.05,
-        'wheel_slip': [0.1, 0.2], 'wheel_slip_stddev': 0.3,
+        **DISC, 'robot.max_wheel_speed': 0, 'robot.radius': 0.1, 'goal.position': [-10, 0],
+        'final_time': 12, 'noise.dropout_windows': [1, 2, 3.5, 4],
     })  # fmt: skip
     settings, plant = guidance_settings(values), plant_settings(values)
     assert settings.robot.max_wheel_speed == plant.robot.max_wheel_speed == math.inf
     assert settings.obstacles == (Obstacle('a', (10.0, 0.5), 0.4),)
-    assert (settings.robot_radius, settings.safety.margin) == (0.1, 0.2)
-    assert not settings.safety.between_samples
-    weights, solver = settings.weights, settings.solver
-    assert (weights.road_center, weights.control_change) == (1.0, 2.0)
-    assert (weights.control_effort, weights.control_rate) == (3.0, 4.0)
-    assert (solver.iterations_per_step, solver.qp, solver.hessian) == (3, 'clarabel', 'exact')
-    assert solver.heading_trust_region == 0.0
-    assert settings.initial_guess.type == 'constant'
-    assert settings.initial_guess.wheel_speeds == (1.0, 2.0)
-    assert (settings.odom_timeout, settings.failure_tolerance) == (0.7, 5)
-    assert (settings.frame_id, settings.goal, settings.goal_tolerance) == ('map', (-10, 0), 0.02)
-    assert (settings.final_time, settings.control_period) == (12.0, 0.1)
-    assert settings.command_delay == 0.06
-    assert (plant.initial_pose, plant.odom_rate) == ((0.0, 10.0, 1.0), 20.0)
-    assert (plant.cmd_vel_timeout, plant.actuation_delay) == (0.0, 0.03)
-    assert (plant.odom_jitter, plant.actuation_period) == (0.04, 0.02)
-    assert (plant.actuation_jitter, plant.wheel_lag, plant.seed) == (0.01, 0.05, 7)
-    assert (plant.wheel_slip, plant.wheel_slip_stddev) == ((0.1, 0.2), 0.3)
-    errors = ((1.0, 2.0, 3.0), (4.0, 5.0, 6.0), 0.5, ((1.0, 2.0), (3.5, 4.0)))
-    assert plant.odometry == OdometryErrors(0.01, 0.02, *errors)
+    assert (settings.robot_radius, settings.goal, settings.final_time) == (0.1, (-10, 0), 12.0)
+    assert plant.odometry.dropout_windows == ((1.0, 2.0), (3.5, 4.0))
 
 
 @pytest.mark.parametrize(
@@ -152,11 +173,11 @@ def test_goal_exactly_on_the_edge_is_allowed():
     ],
 )
 def test_a_start_from_which_there_is_no_way_is_refused(values, line):
-    assert refusal(check_start, values) == [line]
+    assert refusal(check_simulation, values) == [line]
 
 
 def test_the_start_of_the_paper_is_allowed():
-    check_start(TABLE.resolve({}))
+    check_simulation(TABLE.resolve({}))
 
 
 NUMBERS = st.floats(0.0, allow_infinity=False) | st.sampled_from([0.1, 0.5, 1.0, 9.0, 10.0])
@@ -168,7 +189,7 @@ NUMBERS = st.floats(0.0, allow_infinity=False) | st.sampled_from([0.1, 0.5, 1.0,
     'final_time': NUMBERS, 'control_period': NUMBERS, 'safety.margin': NUMBERS,
 }))  # fmt: skip
 def test_any_set_builds_or_gives_a_parameter_error(values):
-    for build in (guidance_settings, plant_settings, check_start):
+    for build in (guidance_settings, plant_settings, check_simulation):
         with contextlib.suppress(ParameterError):
             build(TABLE.resolve(values))
 
@@ -184,9 +205,9 @@ def test_windows_without_odometry_are_pairs_in_order(times):
 
 def test_in_lockstep_no_window_lasts_until_the_guidance_stops_by_its_clock():
     values = {'noise.dropout_windows': [1.0, 1.2, 3.0, 3.4]}
-    check_pace(TABLE.resolve(values))
-    check_pace(TABLE.resolve({**values, 'lockstep': True, 'odom_timeout': 0.7}))
-    [line] = refusal(check_pace, {**values, 'lockstep': True})
+    check_simulation(TABLE.resolve(values))
+    check_simulation(TABLE.resolve({**values, 'lockstep': True, 'odom_timeout': 0.7}))
+    [line] = refusal(check_simulation, {**values, 'lockstep': True})
     assert line == (
         'noise.dropout_windows: found a window of 0.4 s, wanted at most odom_timeout -'
         ' control_period = 0.3 s, for lockstep'
@@ -200,17 +221,30 @@ def test_in_lockstep_no_window_lasts_until_the_guidance_stops_by_its_clock():
 )  # fmt: skip
 def test_in_lockstep_odometry_comes_within_half_a_control_period(rate, jitter, works):
     values = {'odom_rate': rate, 'odom_jitter': jitter}
-    check_pace(TABLE.resolve(values))
+    check_simulation(TABLE.resolve(values))
     if works:
-        check_pace(TABLE.resolve({**values, 'lockstep': True}))
+        check_simulation(TABLE.resolve({**values, 'lockstep': True}))
     else:
-        [line] = refusal(check_pace, {**values, 'lockstep': True})
+        [line] = refusal(check_simulation, {**values, 'lockstep': True})
         assert line.startswith(f'control_period, odom_rate: found 0.2 s and {rate} Hz, wanted ')
 
 
-def test_odometry_is_not_late_by_more_than_its_period():
-    [line] = refusal(check_pace, {'odom_rate': 25.0, 'odom_jitter': 0.05})
-    assert line == 'odom_jitter: found 0.05 s, wanted less than the odometry period of 0.04 s'
+@pytest.mark.parametrize(
+    ('values', 'line'),
+    [
+        (
+            {'odom_rate': 25.0, 'odom_jitter': 0.05},
+            'odom_jitter: found 0.05 s, wanted less than the odometry period of 0.04 s',
+        ),
+        ({'odom_rate': 1e-9}, 'odom_rate: found 1e-09 Hz, wanted at least 0.001 Hz'),
+        (
+            {'real_time_factor': 1e9},
+            'real_time_factor: found 1000000000.0, wanted from 0.001 to 1000',
+        ),
+    ],
+)
+def test_a_pace_that_cannot_be_kept_is_refused(values, line):
+    assert refusal(check_simulation, values) == [line]
 
 
 def test_other_robots_are_named_by_namespaces():

@@ -41,7 +41,7 @@ from cmpsp_ros.guidance.planning.initial_trajectories import (
     free_turn_rate,
     largest_turn,
 )
-from cmpsp_ros.guidance.prediction.plan_start import PlanStart
+from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.mpsp.jit import allocation_free
 from cmpsp_ros.robots import Robot

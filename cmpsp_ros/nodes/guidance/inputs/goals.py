@@ -105,7 +105,7 @@ class GoalInput(Listener):
 
     def _set_goal(self, message: PoseStamped) -> Goal:
         stamp, goal = self._transforms.goal_of(message)
-        self._law.tell(stamp, goal)
+        self._law.set_goal(stamp, goal)
         self.cancelled = ''
         return goal
 

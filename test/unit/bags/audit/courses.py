@@ -14,7 +14,7 @@ from bag_messages import GRID, ODOMETRY, SECOND, TWIST, grid, make, odometry, ra
 
 from cmpsp_ros.bags import BagWriter
 from cmpsp_ros.bags.messages import DECISION, decision_message
-from cmpsp_ros.guidance import GuidanceLaw
+from cmpsp_ros.guidance import GuidanceLaw, Observation
 from cmpsp_ros.parameters import (
     TABLE,
     ParameterError,
@@ -159,13 +159,13 @@ def drive(given, *, sees=True, **lied):
             noted, sighting = len(motions), eyes.look(stamp, pose, recorder)
         spread = values['noise.position_stddev']
         recorder.write('/odom', stamp, 1.0, odometry(START + stamp, pose, spread=spread))
-        decision = law.update(START + stamp, pose, (), sighting if sees else None)
+        decision = law.step(Observation(START + stamp, pose, (), sighting if sees else None))
         if decision is not None:
             if sighting is not None and sighting.stamp == START + stamp:
                 eyes.publish(sighting, recorder)
             recorder.write('/cmd_vel', stamp, 4.0, twist(*decision.twist))
             recorder.write(DECISIONS, stamp, 4.1, decision_message(decision, 'decision'))
-            law.search(pose)
+            law.after_step()
             plant.command(stamp, *decision.twist.tolist())
             motions += [*plant.advance(stamp), plant.motion]
     for each in motions:

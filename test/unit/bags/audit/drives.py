@@ -27,7 +27,7 @@ from bag_messages import (
 from cmpsp_ros.bags import BagWriter
 from cmpsp_ros.bags.audit import CheckOutcome
 from cmpsp_ros.bags.messages import DECISION, decision_message, path_message
-from cmpsp_ros.guidance import GuidanceLaw
+from cmpsp_ros.guidance import GuidanceLaw, Observation
 from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 
 START = 1_700_000_000 * SECOND
@@ -169,7 +169,7 @@ def drive_case(preset='case3', rest=0.4, **changes):
     stamp, end = START, START + round((settings.final_time + rest) * SECOND)
     while stamp <= end:
         drive.odometry.append(Sample(stamp + 1_000_000, stamp, pose))
-        decision = law.update(stamp, pose)
+        decision = law.step(Observation(stamp, pose))
         if decision is not None:
             drive.decisions.append(decision._replace(phases={'step': 2.5 + 0.1 * (stamp % 7)}))
             drive.commands.append(Command(stamp + LATENCY, stamp, decision.twist))

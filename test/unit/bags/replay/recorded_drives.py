@@ -22,7 +22,7 @@ from bag_messages import (
 from cmpsp_ros.bags import Bag, BagWriter
 from cmpsp_ros.bags.decision_record import status_of
 from cmpsp_ros.bags.messages import DECISION, command_message, decision_message, path_message
-from cmpsp_ros.guidance import GoalError, GuidanceLaw
+from cmpsp_ros.guidance import GoalError, GuidanceLaw, Observation
 from cmpsp_ros.guidance.messages import Arrival, OdometryError, OdometryGate, goal_of
 from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 
@@ -100,11 +100,11 @@ class Drive:
             self.go(TICK / SECOND)
         stamp = self.now
         self.say(odometry(stamp, self.pose))
-        decision = self.law.update(stamp, self.measured())
+        self.law.step(Observation(stamp, self.measured()))
         for _ in range(round(seconds * SECOND / TICK)):
             self.tick()
             self.say(odometry(self.now, self.pose))
-        self.publish(self.law.withdraw(decision, seconds))
+        self.publish(self.law.after_step(seconds))
         self.tick()
 
     def skip(self, seconds):
@@ -113,8 +113,8 @@ class Drive:
             self.say(odometry(self.now, self.pose))
             self.tick()
         self.say(odometry(self.now, self.pose))
-        decision = self.law.update(self.now, self.measured())
-        self.publish(decision._replace(skipped=True))
+        self.law.step(Observation(self.now, self.measured()))
+        self.publish(self.law.after_step()._replace(skipped=True))
         self.tick()
 
     def hear(self, stamp, pose=None):
@@ -137,9 +137,9 @@ class Drive:
                 self.gate.note_stop()
                 self.publish(self.law.halt(self.now, self.gate.reason(self.settings), braking=True))
             return
-        decision = self.law.update(stamp, pose)
+        decision = self.law.step(Observation(stamp, pose))
         if decision is not None:
-            self.publish(self.law.foretell(decision, pose))
+            self.publish(self.law.after_step())
 
     def measured(self, pose=None):
         """The pose as it reads back from a message."""
@@ -167,7 +167,7 @@ class Drive:
         self.bag.write(topic, self.now + 500, raw(message))
         if heard:
             with suppress(GoalError):
-                self.law.tell(*goal_of(message, self.settings.frame_id))
+                self.law.set_goal(*goal_of(message, self.settings.frame_id))
 
     def change(self, **changes):
         """A live change of parameters, `__` standing for a dot."""

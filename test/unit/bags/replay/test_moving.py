@@ -13,6 +13,7 @@ from recorded_drives import TICK, Drive, altered, dropping, editing, moving
 from cmpsp_ros.bags import Bag, BagError, Names
 from cmpsp_ros.bags.audit import Sources, audit
 from cmpsp_ros.bags.replay.replay import replay
+from cmpsp_ros.guidance import Observation
 from cmpsp_ros.guidance.messages import PeerTrajectory, Track, Tracks
 
 OTHERS_ODOM = '/r2/odom'
@@ -54,7 +55,7 @@ class Encounter(Drive):
         self.say(odometry(stamp, self.pose))
         if self.law.is_due(stamp):
             known = self.known.at(stamp, self.settings.moving_obstacles.timeout)
-            self.publish(self.law.update(stamp, self.measured(), known))
+            self.publish(self.law.step(Observation(stamp, self.measured(), known)))
 
 
 class Beside(Encounter):
@@ -143,7 +144,9 @@ def test_the_audit_sees_a_collision(tmp_path, kind):
 def test_what_drives_into_a_robot_that_stands_is_no_collision_of_the_robots(tmp_path):
     folder = tmp_path / 'bag'
     with Encounter(folder, mover=(0.6, -9.25, -0.1, 0.0)) as run:
-        run.law.update = lambda stamp, *_: run.law.halt(stamp, 'Hold.')
+        stops = []
+        run.law.step = lambda seen: stops.append(run.law.halt(seen.stamp, 'Hold.')) or stops[-1]
+        run.law.after_step = lambda: stops[-1]
         run.go(8.0)
     found = finding(folder, Encounter)
     assert found.outcome.name == 'SKIPPED'

@@ -139,7 +139,11 @@ def damaged_bag(chance, sound, path):
         (path / 'metadata.yaml').write_bytes(mutate(chance, (path / 'metadata.yaml').read_bytes()))
     else:
         victim = chance.choice([each for each in files if each.suffix != '.yaml'])
-        victim.write_bytes(mutate(chance, victim.read_bytes()))
+        data = victim.read_bytes()
+        if victim.suffix == '.mcap' and chance.random() < 0.2:
+            # Without an index; the whole file is scanned.
+            data = data[:-28] + bytes(20) + data[-8:]
+        victim.write_bytes(mutate(chance, data))
 
 
 def read_all(path):

@@ -17,7 +17,6 @@ from bag_messages import HELLO, STATUS, STRING
 from rosbags.interfaces import MessageDefinition, MessageDefinitionFormat
 
 from cmpsp_ros.bags import Bag, BagError, BagWriter, Form
-from cmpsp_ros.bags.definitions import jazzy
 from cmpsp_ros.bags.recover import recover
 from cmpsp_ros.bags.storage.limits import MAX_CHUNK, MAX_METADATA, MAX_TOPICS
 
@@ -305,10 +304,3 @@ def test_messages_compressed_one_by_one(path):
     make(path, raw=zstd.compress(bytes(MAX_CHUNK + 1)))
     compressed(path, 'MESSAGE')
     refused(path, f'more than {MAX_CHUNK} bytes uncompressed')
-
-
-def test_numbers_that_are_none(path):
-    odometry = jazzy().types['geometry_msgs/msg/Vector3'](float('nan'), float('inf'), 0.0)
-    name = 'geometry_msgs/msg/Vector3'
-    make(path, raw=bytes(jazzy().serialize_cdr(odometry, name)), msgtype=name)
-    assert [str(each.x) for _, each in read(path)] == ['nan'] * 3

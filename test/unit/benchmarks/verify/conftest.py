@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.verify import clarabel_reference
-from benchmarks.verify.case import Case, Origin, Program
-from benchmarks.verify.contestant import Contestant
+from benchmarks.verify.case import Case, Contestant, Origin, Program
+from benchmarks.verify.references import clarabel_solve
 from cmpsp_ros.mpsp import Linearisation
 from cmpsp_ros.mpsp.qp import Subproblem
 
@@ -59,10 +58,10 @@ def erring():
 
     def make(change=lambda answer: answer, warmed=None):
         def cold(program):
-            return change(clarabel_reference.solve(program))
+            return change(clarabel_solve(program))
 
         def warm(program, before):
-            return warmed(clarabel_reference.solve(program))
+            return warmed(clarabel_solve(program))
 
         return Contestant('erring', cold, None if warmed is None else warm)
 

@@ -5,12 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.verify.case import Program
+from benchmarks.verify.case import Program, contestant
 from benchmarks.verify.compare import compare
-from benchmarks.verify.contestant import contestant
-from benchmarks.verify.programs.families import FAMILIES, cases
 from benchmarks.verify.references import Verdict
-from benchmarks.verify.run import verify_case
+from benchmarks.verify.run import FAMILIES, cases, verify_case
 from cmpsp_ros.mpsp.qp import Penalties, QPStatus, Row
 
 

@@ -6,13 +6,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.verify import clarabel_reference
 from benchmarks.verify.case import Program
-from benchmarks.verify.feasibility import nearly_feasible, nearly_infeasible
-from benchmarks.verify.measure import accuracy, cost, duality_gap, last_bit
-from benchmarks.verify.programs.families import cases
 from benchmarks.verify.programs.general import random_program
-from benchmarks.verify.references import Verdict, references, verdict
+from benchmarks.verify.references import (
+    Verdict,
+    accuracy,
+    clarabel_solve,
+    cost,
+    duality_gap,
+    last_bit,
+    least_violation,
+    nearly_feasible,
+    nearly_infeasible,
+    references,
+    verdict,
+)
+from benchmarks.verify.run import cases
 from cmpsp_ros.mpsp.qp import Penalties, QPStatus, Subproblem
 from cmpsp_ros.mpsp.qp.dense import solve_by_daqp
 
@@ -25,7 +34,7 @@ def daqp(program):
     return solve_by_daqp(program.subproblem, program.penalties, 1e-9)
 
 
-@pytest.mark.parametrize('solve', [clarabel_reference.solve, daqp])
+@pytest.mark.parametrize('solve', [clarabel_solve, daqp])
 def test_hard_program_by_hand(scalar, solve):
     answer = solve(Program(scalar()))
     assert answer.status is QPStatus.SOLVED
@@ -36,7 +45,7 @@ def test_hard_program_by_hand(scalar, solve):
 
 def test_bound_and_trust_multipliers_by_hand(scalar):
     # Relaxed, the goal pulls with 7: up to the bound at 1, which takes 6 of it.
-    answer = clarabel_reference.solve(Program(scalar(upper=1.0), prices(7.0, 1.0)))
+    answer = clarabel_solve(Program(scalar(upper=1.0), prices(7.0, 1.0)))
     np.testing.assert_allclose(answer.dU[0], 1.0, atol=1e-8)
     np.testing.assert_allclose(answer.terminal, [-7.0], atol=1e-7)
     np.testing.assert_allclose(answer.bounds[0], 6.0, atol=1e-7)
@@ -52,7 +61,7 @@ def test_bound_and_trust_multipliers_by_hand(scalar):
 )
 def test_relaxed_program_by_hand(scalar, limit, terminal, path, wanted):
     program = Program(scalar(limit), prices(terminal, path))
-    answer = clarabel_reference.solve(program)
+    answer = clarabel_solve(program)
     np.testing.assert_allclose(answer.dU[0], wanted, atol=1e-8)
     measured = accuracy(program, answer)
     assert measured.residual < 1e-9
@@ -63,10 +72,10 @@ def test_relaxed_program_by_hand(scalar, limit, terminal, path, wanted):
 
 def test_contradiction_is_named_and_measured(scalar):
     program = Program(scalar(limit=0.5))
-    assert clarabel_reference.solve(program).status is QPStatus.INFEASIBLE
+    assert clarabel_solve(program).status is QPStatus.INFEASIBLE
     assert daqp(program).status is QPStatus.INFEASIBLE
     # x_1 = 2 and x_1 <= 0.5.
-    assert clarabel_reference.least_violation(program) == pytest.approx(1.5, abs=1e-8)
+    assert least_violation(program) == pytest.approx(1.5, abs=1e-8)
     assert verdict(references(program)) is Verdict.INFEASIBLE
     assert not nearly_feasible(program)
 
@@ -83,13 +92,13 @@ def test_border_of_feasibility(scalar, by):
 
 def test_relaxed_programs_are_infeasible_by_bounds_and_trust_region_alone(scalar):
     relaxed = Program(scalar(limit=0.5), prices(1.0, 1.0))
-    assert clarabel_reference.least_violation(relaxed) == pytest.approx(0.0, abs=1e-8)
+    assert least_violation(relaxed) == pytest.approx(0.0, abs=1e-8)
     assert not nearly_infeasible(relaxed)
 
 
 def test_gap_is_the_distance_from_the_optimum(scalar):
     program = Program(scalar())
-    answer = clarabel_reference.solve(program)
+    answer = clarabel_solve(program)
     # Off by 0.3 in the control that nothing but the cost holds: 0.3^2 / 2 too dear.
     answer.dU[1] += 0.3
     size = cost(program, answer.dU).size
@@ -103,7 +112,7 @@ def test_gap_is_the_distance_from_the_optimum(scalar):
 
 def test_gap_believes_no_multiplier_above_its_price(scalar):
     program = Program(scalar(), prices(0.5, 1.0))
-    answer = clarabel_reference.solve(program)
+    answer = clarabel_solve(program)
     assert abs(duality_gap(program, answer)) < 1e-9
     answer.terminal[0] = -1.0
     assert duality_gap(program, answer) == pytest.approx(0.0, abs=1e-9)
@@ -136,7 +145,7 @@ def test_references_agree_on_random_programs(seed):
 def test_clarabel_is_exact_on_relaxed_programs(family):
     for each in cases(family, 5):
         program = each.program
-        answer = clarabel_reference.solve(program)
+        answer = clarabel_solve(program)
         if answer.status is QPStatus.SOLVED:
             measured = accuracy(program, answer)
             assert measured.residual < 1e-8
@@ -145,7 +154,7 @@ def test_clarabel_is_exact_on_relaxed_programs(family):
 
 def test_rounding_shows_in_the_residual_of_unstable_programs_only(scalar):
     program = Program(scalar())
-    assert last_bit(program, clarabel_reference.solve(program)) < 1e-14
+    assert last_bit(program, clarabel_solve(program)) < 1e-14
     # What the cost pulls at every control for, twelve steps that multiply by 10 carry along.
     N = 12
     lin = scalar().linearisation
@@ -169,6 +178,6 @@ def test_answers_that_are_none_are_infinitely_bad(scalar):
     program = Program(scalar(limit=0.5))
     measured = accuracy(program, daqp(program))
     assert measured == (math.inf, math.inf)
-    answer = clarabel_reference.solve(Program(scalar()))
+    answer = clarabel_solve(Program(scalar()))
     answer.dU[0] = np.nan
     assert accuracy(program, answer) == (math.inf, math.inf)

@@ -1,14 +1,18 @@
-"""What every plan is asked to do."""
+"""Free space and penalties of plans: for samples, at the goal, and between samples."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from scenarios import CASES, FIRST, ROAD, SECOND, clearance, closed_loop, settings
+from scenarios import CASES, FIRST, ROAD, SECOND, clearance, closed_loop, settings, start_of
 
-from cmpsp_ros.guidance import FallbackLevel, Safety, SolverSettings
-from cmpsp_ros.guidance.formulation import OcpFormulation, sample_space
+from cmpsp_ros.guidance import FallbackLevel, Goal, Safety, SolverSettings
+from cmpsp_ros.guidance.formulation import OcpFormulation, goal_space, sample_space
 from cmpsp_ros.guidance.formulation.ocp_formulation import path_space, terminal_penalty
+from cmpsp_ros.guidance.goals import Target
+from cmpsp_ros.guidance.mission.goal_manager import GoalManager
+from cmpsp_ros.world import outside
+from cmpsp_ros.world.inter_sample_margin import inside
 from cmpsp_ros.world.obstacles import Obstacle
 from cmpsp_ros.world.roads import Annulus, Corridor, OpenFloor
 
@@ -19,6 +23,73 @@ WORLD = CASES['case 3'].world
 
 def space_of(given, *arguments):
     return OcpFormulation(given, given.world).space(given.world, *arguments)
+
+
+def test_path_keeps_radius_and_margin():
+    given = settings((FIRST, SECOND), robot_radius=0.1, safety=Safety(margin=0.05))
+    space = path_space(given, given.world)
+    np.testing.assert_allclose(space.radii, [0.85, 0.65])
+    np.testing.assert_allclose(np.ravel([space.annulus.inner, space.annulus.outer]), [9.15, 10.85])
+
+
+def test_samples_keep_what_the_fastest_arcs_need():
+    given = CASES['case 3']
+    limits, space = given.robot.twist_limits(), sample_space(given, given.world)
+    # At least: the steps beside a late odometry are longer than a period.
+    assert (space.radii >= [outside(r, limits, 0.2) for r in (0.7, 0.5)]).all()
+    assert space.annulus.inner >= outside(9.0, limits, 0.2)
+    assert space.annulus.outer <= inside(11.0, limits, 0.2)
+
+
+def test_samples_are_the_path_without_a_limit_or_by_choice():
+    by_choice = replace(CASES['case 3'], safety=Safety(between_samples=False))
+    for given in (CASES['case 2'], by_choice):
+        path, samples = path_space(given, given.world), sample_space(given, given.world)
+        np.testing.assert_array_equal(samples.radii, path.radii)
+        np.testing.assert_array_equal(samples.centers, path.centers)
+        for mine, its in zip(samples.annulus, path.annulus, strict=True):
+            np.testing.assert_array_equal(mine, its)
+
+
+def test_at_the_goal_what_it_is_near_to_may_be_as_near_as_to_the_path():
+    near = replace(FIRST, center=(10.75, 0.0))
+    given = settings((near, SECOND), 51.0)
+    end, samples = goal_space(given, given.world, TARGET), sample_space(given, given.world)
+    np.testing.assert_array_equal(end.radii, [near.radius, samples.radii[1]])
+    np.testing.assert_array_equal(end.annulus.outer, samples.annulus.outer)
+    at_edge = goal_space(given, given.world, Target((9.03, 0.0)))
+    np.testing.assert_array_equal(at_edge.radii, samples.radii)
+    assert float(at_edge.annulus.inner[0]) == given.road.inner_radius
+
+
+def test_on_a_line_through_points_a_goal_beside_the_edge_may_be_reached_as_well():
+    line = Corridor(((0.0, 0.0), (10.0, 0.0)), left=(0.5, 0.5), right=(0.5, 0.5))
+    given = settings((FIRST,), 51.0, road=line, goal=(9.0, 0.46))
+    end, samples = goal_space(given, given.world, given.target), sample_space(given, given.world)
+    pose = np.array([[9.0, 0.46, 0.0]])
+    assert samples.at(pose).min() < 0.0 < end.at(pose).min()
+    np.testing.assert_array_equal(end.radii, samples.radii)
+
+
+def test_a_goal_that_is_not_near_or_too_near_changes_nothing():
+    near = settings((replace(FIRST, center=(10.75, 0.0)),), 51.0)
+    for safety in (Safety(margin=0.06), Safety(between_samples=False)):
+        assert goal_space(replace(near, safety=safety), near.world, TARGET) is None
+    assert goal_space(CASES['case 3'], WORLD, TARGET) is None
+
+
+def test_only_at_the_last_of_several_goals_the_robot_may_be_as_near():
+    """It has somewhere to go from the others, and commands under way lead on."""
+    last = Goal((9.0, 1.0), 10.0, None, 'last')
+    near = settings((replace(FIRST, center=(10.75, 0.0)),), 51.0, goal=last.position)
+    goals = GoalManager(
+        replace(near, waypoints=(Goal((10.0, 0.0), 5.0, 1.6, 'first'),)), near.world
+    )
+    assert goals.target.drives_on
+    assert goal_space(near, near.world, goals.target) is None
+    assert goal_space(near, near.world, goals.target._replace(drives_on=False)) is not None
+    assert goals.update(5_000_000_000, 5_000_000_000, start_of(near, (10.0, 0.0, 1.6)))
+    assert not goals.target.drives_on
 
 
 def test_an_obstacle_outranks_the_edge_and_the_edge_the_goal():
@@ -54,10 +125,8 @@ def test_each_sample_keeps_what_the_longer_of_its_two_steps_asks_for(road):
 
 def test_steps_that_are_none_too_long_ask_for_one_space():
     given = CASES['case 3']
-    space, wanted = (
-        space_of(given, GUESS, np.array([0.05, 0.2, 0.1]), TARGET),
-        sample_space(given, given.world),
-    )
+    space = space_of(given, GUESS, np.array([0.05, 0.2, 0.1]), TARGET)
+    wanted = sample_space(given, given.world)
     np.testing.assert_array_equal(space.annulus.outer, wanted.annulus.outer)
     np.testing.assert_array_equal(space.radii, wanted.radii)
 
@@ -65,17 +134,14 @@ def test_steps_that_are_none_too_long_ask_for_one_space():
 def test_odometry_that_is_a_little_late_asks_for_no_other_space():
     formulation = OcpFormulation(CASES['case 3'], WORLD)
     first = formulation.space(WORLD, GUESS, np.full(10, 0.2), TARGET)
-    assert formulation.space(WORLD, GUESS, np.append(np.full(9, 0.2), 0.19999), TARGET) is first
-    assert formulation.space(WORLD, GUESS, np.append(np.full(9, 0.2), 0.191), TARGET) is first
-    assert formulation.space(WORLD, GUESS, np.append(np.full(9, 0.2), 0.201), TARGET) is not first
+    for last, same in ((0.19999, True), (0.191, True), (0.201, False)):
+        durations = np.append(np.full(9, 0.2), last)
+        assert (formulation.space(WORLD, GUESS, durations, TARGET) is first) == same
 
 
 def test_without_a_wheel_limit_the_guess_says_what_room_its_arcs_need():
-    formulation, durations = (OcpFormulation(CASES['case 2'], WORLD), np.full(10, 0.2))
-    slow, fast = (
-        formulation.space(WORLD, GUESS / 2.0, durations, TARGET),
-        formulation.space(WORLD, GUESS, durations, TARGET),
-    )
+    durations = np.full(10, 0.2)
+    slow, fast = (space_of(CASES['case 2'], each, durations, TARGET) for each in (GUESS / 2, GUESS))
     assert slow.radii.shape == fast.radii.shape == (11, 2)
     assert (fast.radii >= slow.radii).all()
     assert fast.radii.max() > slow.radii.max()
@@ -103,17 +169,14 @@ def test_after_a_longer_last_step_the_goal_counts_as_near_from_farther_away():
     durations = np.full(10, 0.2)
     assert space_of(given, GUESS, durations, TARGET).radii.shape == (1,)
     durations[-1] = 0.29
-    space, longer = (
-        space_of(given, GUESS, durations, TARGET),
-        sample_space(given, given.world, 0.29),
-    )
+    space = space_of(given, GUESS, durations, TARGET)
+    longer = sample_space(given, given.world, 0.29)
     np.testing.assert_array_equal(space.radii[-2:, 0], [longer.radii[0], 0.22])
 
 
 def test_another_goal_is_looked_at_afresh():
     given = settings((NEAR,), 51.0)
-    formulation = OcpFormulation(given, given.world)
-    world = given.world
+    world, formulation = given.world, OcpFormulation(given, given.world)
     assert formulation.space(world, GUESS, np.full(10, 0.2), TARGET).radii.shape == (11, 1)
     other = given.target._replace(position=(9.6, 0.5))
     assert formulation.space(world, GUESS, np.full(10, 0.2), other).radii.shape == (1,)
@@ -130,8 +193,5 @@ def test_a_goal_near_an_obstacle_is_passed_and_the_obstacle_missed(margin):
 
 def test_a_goal_nearer_than_the_margin_is_no_reason_to_give_it_up():
     given = settings((NEAR,), 51.0, safety=Safety(margin=0.08))
-    space, samples = (
-        space_of(given, GUESS, np.full(10, 0.2), TARGET),
-        sample_space(given, given.world),
-    )
-    np.testing.assert_array_equal(space.radii, samples.radii)
+    space = space_of(given, GUESS, np.full(10, 0.2), TARGET)
+    np.testing.assert_array_equal(space.radii, sample_space(given, given.world).radii)

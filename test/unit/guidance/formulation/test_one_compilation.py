@@ -1,6 +1,5 @@
 """Kernels are compiled once, whatever the road and what is kept from its edges."""
 
-import math
 import subprocess
 import sys
 
@@ -9,7 +8,6 @@ import pytest
 
 from cmpsp_ros.guidance import Weights
 from cmpsp_ros.guidance.formulation import GuidanceProblem, ocp_functions
-from cmpsp_ros.guidance.formulation.guidance_problem import with_parameters
 from cmpsp_ros.mpsp.qp.riccati import row_type, stage_type
 from cmpsp_ros.robots import DifferentialDrive, TwistLimits
 from cmpsp_ros.world import FreeSpace
@@ -29,25 +27,22 @@ from dataclasses import replace
 import numpy as np
 from numba.core.dispatcher import Dispatcher
 
-from cmpsp_ros.guidance.safety.audit import Audit
-from cmpsp_ros.world.roads.arc_length import (
+from cmpsp_ros.guidance.planning import along_road
+from cmpsp_ros.guidance.prediction import PlanStart
+from cmpsp_ros.guidance.safety import Audit
+from cmpsp_ros.guidance.warmup import run_kernels
+from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
+from cmpsp_ros.world import FreeSpace
+from cmpsp_ros.world.obstacles import MovingDiscs, convex
+from cmpsp_ros.world.roads import (
+    Annulus,
+    Corridor,
+    OpenFloor,
     arc_length_to,
     lookahead_point,
     project_on_path,
     remaining_arc_length,
 )
-from cmpsp_ros.guidance.planning.initial_trajectories import along_road
-from cmpsp_ros.guidance.prediction.plan_start import PlanStart
-from cmpsp_ros.guidance.warmup import run_kernels
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters import load_parameter_file
-from cmpsp_ros.parameters.settings import guidance_settings
-from cmpsp_ros.world.free_space import FreeSpace
-from cmpsp_ros.world.roads.corridor import Corridor
-from cmpsp_ros.world.obstacles.moving_discs import MovingDiscs
-from cmpsp_ros.world.obstacles.shapes import convex
-from cmpsp_ros.world.roads.annulus import Annulus
-from cmpsp_ros.world.roads.open_floor import OpenFloor
 
 
 def code():
@@ -166,17 +161,3 @@ def test_derivatives_are_written_where_they_belong_in_arrays_that_are_too_long()
         np.testing.assert_array_equal(found, getattr(lin, name), err_msg=name)
     np.testing.assert_array_equal(errors, lin.output_error)
     np.testing.assert_array_equal(g[: STEPS + 1], lin.g)
-
-
-def test_a_problem_begun_elsewhere_leaves_the_first_one_as_it_is():
-    posed = problem(FreeSpace.of(Annulus(), (), 0.1))
-    U = np.full((STEPS + 1, 2), 45.0)
-    X, data = posed.predict(U), posed.data
-    changes = {'pose': np.array([1.0, 2.0, 3.0]), 'durations': np.full(STEPS, 0.1)}
-    posed.data = data._replace(**changes, progress=0.0)
-    posed.data = with_parameters(posed.data, goal=np.zeros(2), heading=0.0)
-    assert posed.predict(U)[0].tolist() == [1.0, 2.0, 3.0]
-    assert posed.evaluate(X, U).output_error.tolist() == X[-1, :2].tolist()
-    posed.data = data
-    np.testing.assert_array_equal(posed.predict(U), X)
-    assert not math.isnan(posed.evaluate(X, U).cost)

@@ -18,7 +18,7 @@ from cmpsp_ros.guidance.messages import (
     tracks_of,
 )
 from cmpsp_ros.guidance.messages.tracks import track_keys
-from cmpsp_ros.guidance.prediction.obstacle_tracker import ObstacleTracker
+from cmpsp_ros.guidance.prediction.estimator import ObstacleTracker
 
 KINDS = {'i1': 1, 'u1': 2, 'i2': 3, 'u2': 4, 'i4': 5, 'u4': 6, 'f4': 7, 'f8': 8}
 FIELDS = {'x': 'f8', 'y': 'f8', 'vx': 'f8', 'vy': 'f8', 'radius': 'f8', 'id': 'i4'}

@@ -49,7 +49,7 @@ def test_it_drives_on_when_it_can(gone):
             if gone:
                 reconfigure(law, replace(given, obstacles=(SECOND,)))
             else:
-                law.tell(stamp, Goal(near, math.nan))
+                law.set_goal(stamp, Goal(near, math.nan))
 
     run = drive(law, given, [k * PERIOD for k in range(101)], before=before)
     assert run.decisions[-1].finished

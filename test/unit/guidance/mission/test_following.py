@@ -60,7 +60,7 @@ def test_it_ends_at_the_final_time_where_there_is_one():
 def test_no_goal_is_taken():
     law = law_of(settings(1.2))
     with pytest.raises(GoalError, match='follows the road'):
-        law.tell(0, Goal((10.0, 0.0), 0.0))
+        law.set_goal(0, Goal((10.0, 0.0), 0.0))
 
 
 def test_a_line_ahead_is_on_the_centre_line_in_the_direction_driven():

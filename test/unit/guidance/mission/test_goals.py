@@ -13,6 +13,7 @@ from cmpsp_ros.guidance import (
     Goal,
     GoalError,
     GuidanceLaw,
+    Observation,
     decision_to_key_values,
     severity,
 )
@@ -72,7 +73,7 @@ def test_the_change_from_goal_to_goal_is_no_dip(goals_driven):
 
 def test_one_goal_is_told_as_ever():
     given, start = preset('corridor')
-    decision = GuidanceLaw(given, given.world).update(0, np.array(start))
+    decision = GuidanceLaw(given, given.world).step(Observation(0, np.array(start)))
     keys = {'goal', 'goal_x', 'heading_error', 'goals_received'}
     assert not keys & set(decision_to_key_values(decision))
 
@@ -140,9 +141,9 @@ def test_places_that_are_refused(fault):
         ((-4.743, -3.62), 'beyond the end of the road'),
     ):
         law, goal = GuidanceLaw(given, given.world), Goal(position, 0.0)
-        before = law.update(0, np.array(start))
-        assert_refused(fault, lambda law=law, goal=goal: law.tell(0, goal), why)
-        after = law.update(PERIOD, before.plan.poses[1])
+        before = law.step(Observation(0, np.array(start)))
+        assert_refused(fault, lambda law=law, goal=goal: law.set_goal(0, goal), why)
+        after = law.step(Observation(PERIOD, before.plan.poses[1]))
         assert after.goal == before.goal
         assert after.goals_received == 1
 
@@ -151,10 +152,10 @@ def test_where_a_road_is_followed_no_goal_is_taken(fault):
     given, start = preset('endless')
     law, twin = GuidanceLaw(given, given.world), GuidanceLaw(given, given.world)
     pose = np.array(start)
-    place, goal = law.update(0, pose).plan.poses[1], Goal((start[0], start[1]), 0.0)
-    twin.update(0, pose)
-    assert_refused(fault, lambda: law.tell(0, goal), 'takes no goal')
-    for each in (law.update(PERIOD, place), twin.update(PERIOD, place)):
+    place, goal = law.step(Observation(0, pose)).plan.poses[1], Goal((start[0], start[1]), 0.0)
+    twin.step(Observation(0, pose))
+    assert_refused(fault, lambda: law.set_goal(0, goal), 'takes no goal')
+    for each in (law.step(Observation(PERIOD, place)), twin.step(Observation(PERIOD, place))):
         assert each.goal is None
         assert each.wheel_speeds.any()
 
@@ -162,12 +163,12 @@ def test_where_a_road_is_followed_no_goal_is_taken(fault):
 def test_a_goal_of_a_time_that_is_not_is_refused_and_one_of_later_waits(fault):
     given, start = preset('corridor')
     law, goal = GuidanceLaw(given, given.world), Goal((0.939, 1.082), 0.0, None, 'goal_pose')
-    decision = law.update(0, np.array(start))
-    assert_refused(fault, lambda: law.tell(10 * PERIOD, goal), 'ahead of the last odometry')
-    law.tell(2 * PERIOD, goal)
+    decision = law.step(Observation(0, np.array(start)))
+    assert_refused(fault, lambda: law.set_goal(10 * PERIOD, goal), 'ahead of the last odometry')
+    law.set_goal(2 * PERIOD, goal)
     names = []
     for k in range(1, 4):
-        decision = law.update(k * PERIOD, decision.plan.poses[1])
+        decision = law.step(Observation(k * PERIOD, decision.plan.poses[1]))
         names.append(decision.goal.name)
     assert names == ['', 'goal_pose', 'goal_pose']
 
@@ -178,12 +179,12 @@ def test_a_goal_is_driven_to_under_way_and_after_the_end():
 
     def tell(run, stamp):
         if stamp == 25 * PERIOD:
-            law.tell(0, Goal((0.939, 1.082), 0.0, 0.86, 'goal_pose'))
+            law.set_goal(0, Goal((0.939, 1.082), 0.0, 0.86, 'goal_pose'))
         if run.decisions and run.decisions[-1].finished and len(reached) < 2:
             reached.append(
                 (run.decisions[-1].terminal_error, run.decisions[-1].heading_error, stamp)
             )
-            law.tell(stamp, Goal((4.243, 3.5), 0.0, None, 'goal_pose'))
+            law.set_goal(stamp, Goal((4.243, 3.5), 0.0, None, 'goal_pose'))
 
     run = drive(law, given, [k * PERIOD for k in range(120)], start, before=tell)
     (first, first_heading, at), (second, _, _) = reached

@@ -1,4 +1,4 @@
-"""What plans are compared by."""
+"""Comparison of plans."""
 
 import math
 from dataclasses import replace
@@ -14,6 +14,15 @@ from cmpsp_ros.guidance.planning.candidate import Candidate, Ranking, Score
 from cmpsp_ros.guidance.safety import Audit
 
 BOTH = (FIRST, SECOND)
+
+
+def improved(given):
+    """Control step, plan along the centre line after six iterations, and verdict on it."""
+    context = context_of(given, np.array(START), remaining(0, PERIOD, 50 * PERIOD))
+    planner = Planner(OcpFormulation(given, given.world))
+    result = planner.improve(context, context.center_line_guess, 6)
+    durations = context.horizon.durations
+    return context, result, Audit(given).check(context.start, result.plan.controls, durations)
 
 
 def test_change_over_needs_a_clear_advantage():
@@ -59,12 +68,9 @@ def test_a_little_more_to_spare_is_no_reason_to_change_over():
 
 @pytest.mark.parametrize(('limit', 'replanned'), [(51.0, False), (45.0, True)])
 def test_a_plan_that_needs_nearly_all_of_the_wheels_needs_replanning(limit, replanned):
-    given, pose = settings(BOTH, limit, ROAD), np.array(START)
-    horizon, ranking = remaining(0, PERIOD, 50 * PERIOD), Ranking(given, compares=True)
-    context = context_of(given, pose, horizon)
-    guess = context.center_line_guess
-    result = Planner(OcpFormulation(given, given.world)).improve(context, guess, 6)
-    verdict = Audit(given).check(context.start, result.plan.controls, horizon.durations)
+    given = settings(BOTH, limit, ROAD)
+    context, result, verdict = improved(given)
+    ranking = Ranking(given, compares=True)
     candidate = Candidate.of(result, verdict, given.target)
     score, speeds = ranking.score(candidate, context.start), result.plan.controls[:-1]
     spared = 1.0 - np.abs(speeds).max(axis=1).mean() / limit
@@ -74,12 +80,8 @@ def test_a_plan_that_needs_nearly_all_of_the_wheels_needs_replanning(limit, repl
 
 
 def test_what_is_in_a_margin_is_a_flaw_before_it_touches_anything():
-    given, pose = settings(BOTH, 51.0, ROAD), np.array(START)
-    horizon = remaining(0, PERIOD, 50 * PERIOD)
-    context = context_of(given, pose, horizon)
-    guess = context.center_line_guess
-    result = Planner(OcpFormulation(given, given.world)).improve(context, guess, 6)
-    verdict = Audit(given).check(context.start, result.plan.controls, horizon.durations)
+    given = settings(BOTH, 51.0, ROAD)
+    context, result, verdict = improved(given)
     assert verdict.nearest.startswith('obstacle')
     for over, depth in ((-0.01, 0.0), (0.02, 0.02)):
         margin = verdict.worst_margin + over
@@ -98,19 +100,13 @@ def test_a_plan_beside_that_has_no_prospect_is_let_go():
 
 
 def test_a_path_that_winds_around_itself_is_replanned():
-    given, pose = settings((), 51.0, ROAD), np.array(START)
-    horizon, ranking = remaining(0, PERIOD, 50 * PERIOD), Ranking(given, compares=True)
-    context = context_of(given, pose, horizon)
-    straight = context.center_line_guess
-    result = Planner(OcpFormulation(given, given.world)).improve(context, straight, 6)
-    verdict = Audit(given).check(context.start, result.plan.controls, horizon.durations)
+    given = settings((), 51.0, ROAD)
+    context, result, verdict = improved(given)
+    ranking = Ranking(given, compares=True)
     wound = result.plan.poses.copy()
     wound[20:, 2] -= 2.0 * math.pi
     twice = result._replace(plan=result.plan._replace(poses=wound))
-    plain, turned = (
-        Candidate.of(result, verdict, given.target),
-        Candidate.of(twice, verdict, given.target),
-    )
+    plain, turned = (Candidate.of(each, verdict, given.target) for each in (result, twice))
     assert not ranking.needs_replanning(plain, context.start)
     assert ranking.needs_replanning(turned, context.start)
     assert ranking.score(turned, context.start).turns == 1

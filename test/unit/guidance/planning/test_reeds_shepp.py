@@ -1,14 +1,19 @@
-"""Shortest paths of a car lead where they should, and are as short as in the literature."""
+"""Shortest paths of a car as in the literature, and guesses that turn it back and forth."""
 
 from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cmpsp_ros.guidance.planning.reeds_shepp import length_of, shortest_paths
+from cmpsp_ros.guidance.planning import manoeuvres
+from cmpsp_ros.guidance.planning.reeds_shepp import has_to_turn, length_of, shortest_paths
+from cmpsp_ros.guidance.prediction import PlanStart
+from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
+from cmpsp_ros.world import FreeSpace
 
 places = st.floats(-6.0, 6.0)
 angles = st.floats(-math.pi, math.pi)
@@ -60,3 +65,51 @@ def test_the_way_back_is_as_long(x, y, heading):
 )
 def test_known_lengths(pose, length):
     assert length_of(shortest_paths(*pose)[0]) == pytest.approx(length, abs=1e-9)
+
+
+def course(preset, **changes):
+    values = TABLE.resolve({**load_parameter_file(preset), **changes})
+    settings = guidance_settings(values)
+    start = PlanStart(np.array(values['initial_pose']), settings.robot, settings.world)
+    steps = round(settings.final_time / settings.control_period)
+    return settings, start, np.full(steps, settings.control_period)
+
+
+@pytest.mark.parametrize('heading', [math.pi / 2.0, -math.pi / 2.0])
+def test_into_a_bay_in_either_direction(heading):
+    settings, start, durations = course('parking', **{'goal.heading': [heading]})
+    assert has_to_turn(start, settings.target)
+    guesses = manoeuvres(settings, start, settings.target, durations)
+    space = FreeSpace.of(settings.road, settings.obstacles, settings.robot_radius)
+    poses = settings.robot.roll_out(start.pose, guesses[0][:-1], durations)
+    distance, off = settings.target.errors(poses[-1])
+    assert distance < 1e-9
+    assert off < 1e-9
+    assert space.at(poses).min() > 0.0
+    assert np.abs(guesses[0]).max(axis=0)[1] <= settings.robot.max_steering_angle
+    # A start in reverse is among them, or a way that is driven so in parts.
+    assert any((each[:, 0] < 0.0).any() for each in guesses)
+
+
+def test_a_car_that_faces_the_wrong_way_turns_round_and_follows_the_road():
+    settings, start, durations = course(
+        'lane_change', initial_pose=[10.0, 0.0, math.pi], final_time=20.0
+    )
+    assert has_to_turn(start, settings.target)
+    guesses = manoeuvres(settings, start, settings.target, durations)
+    for guess in guesses:
+        assert guess.shape == (201, 2)
+        end = settings.robot.roll_out(start.pose, guess[:-1], durations)[-1]
+        assert end[0] > 40.0
+
+
+def test_who_faces_ahead_or_turns_on_the_spot_needs_none():
+    settings, start, _ = course('lane_change')
+    assert not has_to_turn(start, settings.target)
+    settings, start, _ = course('case3', initial_pose=[0.0, -9.25, math.pi])
+    assert not has_to_turn(start, settings.target)
+
+
+def test_without_time_there_is_none():
+    settings, start, durations = course('parking')
+    assert manoeuvres(settings, start, settings.target, durations[:1]) == []

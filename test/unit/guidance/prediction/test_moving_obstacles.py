@@ -12,7 +12,7 @@ from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 from scenarios import CASES, PERIOD, ROAD, START, assert_is, settings, start_of
 
-from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw, MovingObstacles
+from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw, MovingObstacles, Observation
 from cmpsp_ros.guidance.messages import Track, Tracks
 from cmpsp_ros.guidance.safety import Audit
 from cmpsp_ros.world.obstacles import ROUGHNESS, Capsule, MovingDiscs, Obstacle, convex
@@ -42,7 +42,7 @@ def drive(given_, movers, tell=told, start=START, steps=51):
     parts = np.full(PIECES, 0.2 / PIECES)
     for step in range(steps):
         stamp = step * PERIOD
-        decision = law.update(stamp, pose, tell(movers, stamp))
+        decision = law.step(Observation(stamp, pose, tell(movers, stamp)))
         decisions.append(decision)
         path = given_.robot.roll_out(pose, np.tile(decision.wheel_speeds, (PIECES, 1)), parts)
         times = stamp / 1e9 + np.linspace(0.0, 0.2, PIECES + 1)

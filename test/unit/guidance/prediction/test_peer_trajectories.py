@@ -14,7 +14,7 @@ from scenarios import ROAD, SETTLED, settings
 from cmpsp_ros.guidance import NANOSECONDS, Horizon, MovingObstacles, Plan
 from cmpsp_ros.guidance.messages import PeerTrajectory, Track, TrackError, Tracks, read_keys
 from cmpsp_ros.guidance.messages.tracks import track_keys
-from cmpsp_ros.guidance.prediction.obstacle_tracker import ObstacleTracker
+from cmpsp_ros.guidance.prediction.estimator import ObstacleTracker
 from cmpsp_ros.world.roads import Annulus, OpenFloor
 
 MS = 1_000_000

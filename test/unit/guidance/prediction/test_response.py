@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scenarios import CASES, PERIOD, ROAD, START, assert_is, drive
 
-from cmpsp_ros.guidance import GuidanceLaw, Safety
+from cmpsp_ros.guidance import GuidanceLaw, Observation, Safety
 from cmpsp_ros.guidance.prediction.pending_commands import PendingCommands
 from cmpsp_ros.guidance.prediction.response_estimate import ResponseEstimate
 from cmpsp_ros.robots import DifferentialDrive
@@ -119,7 +119,7 @@ def test_predictions_that_are_beyond_all_bounds_stop_the_robot(fault):
     given = replace(CASES['case 3'], initial_guess=ROAD, safety=Safety(max_prediction_error=0.25))
     law, stopped = GuidanceLaw(given, given.world), []
     for step in range(5):
-        decision = law.update(step * PERIOD, np.array(START))
+        decision = law.step(Observation(step * PERIOD, np.array(START)))
         if 'safety.max_prediction_error' in decision.reason:
             stopped.append(decision)
     assert stopped

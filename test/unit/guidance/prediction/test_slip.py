@@ -8,6 +8,7 @@ import pytest
 from scenarios import CASES, START, reconfigure
 from test_command_delay import Drive
 
+from cmpsp_ros.guidance import Observation
 from cmpsp_ros.guidance.prediction.slip import SlipEstimate
 from cmpsp_ros.robots import DifferentialDrive
 
@@ -109,5 +110,5 @@ def test_a_reset_forgets_it_and_a_live_change_does_not():
     stamp = drive.decisions[-1].stamp + PERIOD
     assert law.halt(stamp, 'Test.').wheel_slip > 0.0
     law.reset()
-    assert law.update(2 * stamp, np.array(START)).wheel_slip == 0.05
+    assert law.step(Observation(2 * stamp, np.array(START))).wheel_slip == 0.05
     assert math.isfinite(drive.miss)

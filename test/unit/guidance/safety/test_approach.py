@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scenarios import FIRST, MS, PERIOD, ROAD, closed_loop, drive, settings, start_of
 
-from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw, Horizon, Plan, Safety
+from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw, Horizon, Observation, Plan, Safety
 from cmpsp_ros.guidance.prediction.response import Response, Risk
 from cmpsp_ros.guidance.safety import Audit
 from cmpsp_ros.guidance.safety.approach import Approach
@@ -139,7 +139,7 @@ def test_a_robot_heavier_than_its_model_stops_before_a_wall(plant, acceleration)
     law, motions = GuidanceLaw(given, given.world), []
     for stamp in range(0, 11_000 * MS, 20 * MS):
         motions += [*body.advance(stamp), body.motion]
-        decision = law.update(stamp, body.measure())
+        decision = law.step(Observation(stamp, body.measure()))
         if decision is not None:
             body.command(stamp, *decision.twist.tolist())
     poses, twists = (

@@ -20,7 +20,7 @@ from scenarios import (
     settings,
 )
 
-from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw
+from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw, Observation
 from cmpsp_ros.guidance.planning import Planner
 from cmpsp_ros.world.obstacles import Obstacle
 
@@ -73,7 +73,7 @@ def test_the_levels_recover_when_the_solver_does(monkeypatch):
 def test_failure_at_the_very_first_step_stops(monkeypatch):
     law = GuidanceLaw(CASES['case 1'], CASES['case 1'].world)
     broken(monkeypatch)
-    decision = law.update(0, np.array(START))
+    decision = law.step(Observation(0, np.array(START)))
     assert decision.level is FallbackLevel.STOP
     assert decision.failures == 1
     assert decision.terminal_error == pytest.approx(math.hypot(10.0, 9.25))
@@ -141,7 +141,7 @@ def test_halt():
     assert not stop.finished
     assert stop.time_left == pytest.approx(8.0, abs=1e-6)
     # It goes on from where it stands, from a fresh guess.
-    onward = law.update(12 * PERIOD, run.pose)
+    onward = law.step(Observation(12 * PERIOD, run.pose))
     assert onward.level in SETTLED
     assert onward.step == 11
 
@@ -151,5 +151,5 @@ def test_odometry_from_before_a_halt_is_not_decided_on():
     law = GuidanceLaw(given, given.world)
     run = drive(law, given, ON_TIME[:11])
     law.halt(10 * PERIOD + 5, 'Odometry is stale.')
-    assert law.update(8 * PERIOD, run.pose) is None
-    assert law.update(10 * PERIOD, run.pose) is None
+    assert law.step(Observation(8 * PERIOD, run.pose)) is None
+    assert law.step(Observation(10 * PERIOD, run.pose)) is None

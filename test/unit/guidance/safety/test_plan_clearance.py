@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cmpsp_ros.guidance import GuidanceLaw
+from cmpsp_ros.guidance import GuidanceLaw, Observation
 from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.guidance.prediction import PlanStart
 from cmpsp_ros.guidance.safety import Audit, plan_clearance
@@ -16,8 +16,8 @@ def first(preset, tracks=(), **changes):
     """Settings of a preset, and the first decision."""
     values = TABLE.resolve({**load_parameter_file(preset), **changes})
     settings = guidance_settings(values)
-    return settings, GuidanceLaw(settings, settings.world).update(
-        0, np.array(values['initial_pose']), tracks
+    return settings, GuidanceLaw(settings, settings.world).step(
+        Observation(0, np.array(values['initial_pose']), tracks)
     )
 
 

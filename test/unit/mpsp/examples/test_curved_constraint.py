@@ -7,8 +7,8 @@ from reference_solution import assert_agrees, options_for
 
 from cmpsp_ros.mpsp.models.casadi_functions import from_casadi
 from cmpsp_ros.mpsp.results import Status
-from cmpsp_ros.mpsp.sqp.back_end import BackEnd
 from cmpsp_ros.mpsp.sqp.cmpsp import solve
+from cmpsp_ros.mpsp.sqp.driver import BackEnd
 
 FIRST = np.array([[np.cos(1.0), np.sin(1.0)], [0.0, 0.0]])
 

@@ -7,7 +7,7 @@ import os
 import pytest
 
 from cmpsp_ros.mpsp.jit import kernel_folder, prune
-from cmpsp_ros.mpsp.jit.folder import MAX_AGE
+from cmpsp_ros.mpsp.jit.cache import MAX_AGE
 
 NOW = 2_000_000_000.0
 DAY = 86_400.0

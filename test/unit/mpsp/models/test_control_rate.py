@@ -58,13 +58,6 @@ def test_condensed_hessian_is_that_of_the_sum():
     np.testing.assert_allclose(with_rate.B_C, plain.B_C, atol=1e-12)
 
 
-def test_a_large_weight_holds_the_control():
-    problem = ControlRateProblem(VanDerPol(horizon=10, passes=False), 1e6, np.array([0.3]))
-    found = solve(problem, np.zeros((11, 1)), Options(np.zeros(0), np.ones(2)), 60)
-    assert found.status is Status.CONVERGED
-    np.testing.assert_allclose(found.iterate.U, 0.3, atol=1e-4)
-
-
 @pytest.mark.parametrize('weight', [-1.0, np.nan, -1e-12])
 def test_bad_weight_is_named(weight):
     with pytest.raises(ProblemError, match=r'weight: found .*, wanted a number >= 0'):

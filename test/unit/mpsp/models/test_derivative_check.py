@@ -120,13 +120,6 @@ def test_hessians_may_be_left_out_and_hold_a_proximal_term():
     assert check_derivatives(proximal, U, proximal=2.0).is_right
 
 
-def test_the_tolerance_decides():
-    problem, U = next(problems())
-    wrong = Wrong(problem, 'B', (1, 0, 0), 1e-3)
-    assert not check_derivatives(wrong, U, tolerance=1e-4).is_right
-    assert check_derivatives(wrong, U, tolerance=1e-2).is_right
-
-
 def test_large_costs_do_not_raise_false_alarms():
     problem, U = next(problems())
     problem.W, problem.w = 1e6 * problem.W, 1e6 * problem.w

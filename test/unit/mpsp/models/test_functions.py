@@ -126,15 +126,6 @@ def test_cost_and_residuals_add_and_only_the_cost_is_projected():
         np.testing.assert_allclose(saddle.linearise(X, U, kind).L_XX[:, 0, 0], curvature, atol=1e-6)
 
 
-def test_projection_works_on_state_and_control_together():
-    problem = van_der_pol(L=lambda k, x, u: x[0] * u[0])
-    U = np.zeros((9, 1))
-    lin = problem.linearise(problem.predict(U), U, 'projected')
-    # [[0, 1], [1, 0]] has the positive part [[1, 1], [1, 1]] / 2.
-    for block in (lin.L_XX[:, 0, 0], lin.L_UX[:, 0, 0], lin.L_UU[:, 0, 0]):
-        np.testing.assert_allclose(block, 0.5, atol=1e-6)
-
-
 @pytest.mark.parametrize(
     'awkward',
     [
@@ -169,13 +160,6 @@ def test_arithmetic_errors_are_not_numbers_in_both_schemes():
     overflow = StageFunction('f', lambda k, x, u: [1.0 / 0.0], 1, (1,))
     for overflow.scheme in ('central', 'complex_step'):
         assert np.isnan(overflow.jacobian(0, np.zeros(2))).all()
-
-
-def test_each_function_has_its_own_scheme():
-    problem = van_der_pol(g=lambda k, x, u: [abs(x[0]) - 3.0])
-    functions = problem._functions
-    assert functions.g.scheme == 'central'
-    assert functions.F.scheme == functions.L.scheme == functions.h.scheme == 'complex_step'
 
 
 def test_functions_may_work_in_place():

@@ -62,21 +62,6 @@ def test_the_shift_is_the_least_one(lowest):
     assert solve_qp(convex, 'daqp').status is not QPStatus.FAILED
 
 
-def test_the_shift_does_not_move_a_fixed_point():
-    subproblem = bent(program(1), -1e-4)
-    lin = subproblem.linearisation
-    fixed = replace(
-        lin,
-        L_X=np.zeros_like(lin.L_X),
-        L_U=np.zeros_like(lin.L_U),
-        output_error=np.zeros(2),
-        g=-np.abs(lin.g),
-    )
-    convex = convexify(replace(subproblem, linearisation=fixed))
-    assert convex.shift > 0.0
-    np.testing.assert_allclose(solve_qp(convex, 'daqp').dU, 0.0, atol=1e-12)
-
-
 def test_a_cost_without_any_curvature_gets_some():
     qp = replace(program().condensed, H=np.zeros((12, 12)))
     subproblem = staged(qp)

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from programs import contradicting, penalties, program, solve_rows, staged
+from programs import contradicting, penalties, program, solve_rows
 
 from cmpsp_ros.mpsp import Linearisation
 from cmpsp_ros.mpsp.qp import (
@@ -14,7 +14,6 @@ from cmpsp_ros.mpsp.qp import (
     kkt_residual,
     no_warm_start,
     solve_from,
-    solve_qp,
 )
 from cmpsp_ros.mpsp.qp.active_set.state import CAPACITY
 from cmpsp_ros.mpsp.qp.dense import clarabel_backend
@@ -103,16 +102,6 @@ def test_an_active_set_that_gives_up_leaves_it_to_clarabel(asked, stopped, seed)
     assert len(asked) == 2
 
 
-def test_so_does_one_that_is_asked_for_what_has_no_solution(asked, stopped):
-    solution = solve_qp(staged(contradicting()), 'riccati_active_set')
-    assert solution.status is QPStatus.INFEASIBLE
-    assert [(row.kind, row.stage, row.index) for row in solution.conflict] == [
-        ('path', 0, 0),
-        ('path', 0, 1),
-    ]
-    assert len(asked) == 1
-
-
 def test_more_active_bounds_than_there_is_capacity_for(asked):
     """They are held, and need none."""
     subproblem = crowded(CAPACITY // 2 + 10)
@@ -144,11 +133,3 @@ def test_more_other_rows_than_there_is_capacity_for(asked):
     np.testing.assert_allclose(solution.dU[:-2], 1.0, atol=1e-7)
     assert len(asked) == 1
     assert warm.size == 0
-
-
-def test_without_curvature_neither_is_of_use(asked):
-    qp = program()
-    qp = qp.__class__(**(vars(qp) | {'H': -qp.H}))
-    for name in ('riccati_active_set', 'clarabel'):
-        assert solve_rows(qp, name).status is QPStatus.FAILED
-    assert asked == []

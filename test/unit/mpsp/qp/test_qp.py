@@ -52,7 +52,7 @@ def test_relaxed_programs_have_one_solution(name, seed):
     weights = penalties(qp, 2.0, 3.0)
     reference, solution = solve_rows(qp, 'daqp', weights), solve_rows(qp, name, weights)
     assert reference.status is solution.status is QPStatus.SOLVED
-    assert solution.dU.shape == solution.bounds.shape == (8,)
+    assert solution.dU.shape == solution.bounds.shape == (4,)
     np.testing.assert_allclose(solution.dU, reference.dU, atol=1e-5)
     np.testing.assert_allclose(solution.path, reference.path, atol=1e-3)
     np.testing.assert_allclose(solution.terminal, reference.terminal, atol=1e-3)
@@ -99,8 +99,8 @@ def test_repeated_rows_change_nothing(name, copies):
         g=np.tile(qp.g, copies),
         path_stage=np.arange(copies * 6),
         path_index=np.zeros(copies * 6, dtype=np.int64),
-        T=np.tile(qp.T, (copies, 1)),
-        radius=np.tile(qp.radius, copies),
+        T=np.tile(qp.T, (2, 1)),
+        radius=np.tile(qp.radius, 2),
     )
     solution = solve_rows(repeated, name)
     assert solution.status is QPStatus.SOLVED
@@ -142,20 +142,20 @@ def test_bounds_without_any_room(name):
     qp = program(6, m=0)
     fixed = replace(
         qp,
-        lower=np.where(np.arange(8) < 3, 0.0, qp.lower),
-        upper=np.where(np.arange(8) < 3, 0.0, qp.upper),
+        lower=np.where(np.arange(4) < 2, 0.0, qp.lower),
+        upper=np.where(np.arange(4) < 2, 0.0, qp.upper),
     )
     solution = solve_rows(fixed, name)
     assert solution.status is QPStatus.SOLVED
-    np.testing.assert_allclose(solution.dU[:3], 0.0, atol=1e-6)
-    crossed = replace(qp, lower=np.full(8, 1.0), upper=np.full(8, -1.0))
+    np.testing.assert_allclose(solution.dU[:2], 0.0, atol=1e-6)
+    crossed = replace(qp, lower=np.full(4, 1.0), upper=np.full(4, -1.0))
     assert solve_rows(crossed, name).status is not QPStatus.SOLVED
 
 
 @pytest.mark.parametrize('name', BACKENDS)
 def test_not_a_number_is_no_solution(name):
     qp = program(7)
-    spoilt = replace(qp, c=np.full(8, np.nan))
+    spoilt = replace(qp, c=np.full(4, np.nan))
     assert solve_rows(spoilt, name).status is QPStatus.FAILED
 
 

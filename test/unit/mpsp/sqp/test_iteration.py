@@ -188,15 +188,6 @@ def test_a_solution_tells_everything_about_its_run():
     assert not none.bound_multipliers.any()
 
 
-def test_a_subproblem_at_hand_is_not_made_again():
-    problem = VanDerPol(goal=(0.4, -0.2))
-    iteration = CMPSP(problem, options_for(problem))
-    start = iteration.init(zeros(problem))
-    subproblem = iteration.subproblem(start)
-    problem.linearise = None
-    assert iteration.step(start, subproblem).step.length == 1.0
-
-
 def test_guess_is_brought_within_its_bounds():
     problem = VanDerPol(limit=0.5)
     iterate = CMPSP(problem, options_for(problem)).init(np.full((21, 1), 7.0))

@@ -1,4 +1,4 @@
-"""What a node says of its own state, and when."""
+"""A node's report of its own state, and when it is published."""
 
 from __future__ import annotations
 
@@ -55,58 +55,61 @@ def test_a_report_becomes_a_status_with_the_node_s_full_name(node):
     (status,) = array.status
     assert (status.name, status.hardware_id) == ('/r1/guidance: guidance', 'r1')
     assert (status.level, status.message) == (DiagnosticStatus.WARN, 'So so.')
-    assert {each.key: each.value for each in status.values} == {
-        'age': '0.30000000000000004',
-        'state': 'active',
-        'misses': '3',
-    }
+    shown = {each.key: each.value for each in status.values}
+    assert shown == {'age': '0.30000000000000004', 'state': 'active', 'misses': '3'}
 
 
 def test_it_is_published_once_a_second_and_at_a_change(node):
-    reports = [report('a')]
+    reports, asked = [report('a')], []
+    figures = lambda: asked.append(1) or {}  # noqa: E731
     Health(node, lambda: reports[-1])
     slow, fast = node.timers[1.0], node.timers[0.1]
-    fast()
-    fast()
-    assert len(node.published) == 1
-    slow()
-    assert len(node.published) == 2
-    reports.append(report('a', age=1.0))
-    fast()
-    assert len(node.published) == 2
-    reports.append(report('b'))
-    fast()
-    fast()
-    assert len(node.published) == 3
-
-
-def test_figures_are_worked_out_only_for_what_is_published(node):
-    asked = []
-    Health(node, lambda: Report(DiagnosticStatus.OK, '', ('a',), lambda: asked.append(1) or {}))
+    for tick, count in ((fast, 1), (fast, 1), (slow, 2)):
+        tick()
+        assert len(node.published) == count
+    for again, count in ((report('a', age=1.0), 2), (report('b'), 3)):
+        reports.append(again)
+        fast()
+        fast()
+        assert len(node.published) == count
+    # Figures are computed only for what is published.
+    reports.append(Report(DiagnosticStatus.OK, '', ('c',), figures))
     for _ in range(5):
-        node.timers[0.1]()
-    assert len(asked) == len(node.published) == 1
+        fast()
+    assert len(asked) == 1
 
 
-def test_no_step_no_times():
-    assert StepTimes().values() == {}
+def times_of(*steps, ages=(), late=False):
+    """Times of steps, each with the time to its command [ms], control period and delay [s]."""
+    times = StepTimes()
+    for age in ages:
+        times.hear(age)
+    for each in steps:
+        times.add(*each, is_late=late)
+    return times
 
 
 def test_times_are_summed_up_and_missed_deadlines_counted():
-    times = StepTimes()
-    for milliseconds in (*range(1, 100), 200.0, 200.1):
-        times.add(float(milliseconds), float(milliseconds), 0.2, 0.0)
-    values = times.values()
+    assert StepTimes().values() == {}
+    values = times_of(*((float(ms), float(ms), 0.2, 0.0) for ms in (*range(1, 100), 200.0, 200.1)))
+    values = values.values()
     assert values['step_ms_p50'] == 51.0
     assert values['step_ms_p95'] == 96.0
     assert values['step_ms_max'] == 200.1
     assert values['deadline_misses'] == 1
+    # Times are those of the latest steps, but no missed deadline is forgotten.
+    latest = times_of((500.0, 500.0, 0.2, 0.0), *[(1.0, 1.0, 0.2, 0.0)] * 1000).values()
+    assert (latest['step_ms_max'], latest['deadline_misses']) == (1.0, 1)
+    # A command that leaves late is a missed deadline, however short its step.
+    slow = [(5.0, 850.0, 0.2, 0.0), (5.0, 290.0, 0.2, 0.1), (5.0, 310.0, 0.2, 0.1)]
+    values = times_of(*slow).values()
+    assert (values['deadline_misses'], values['odometry_to_command_ms_max']) == (2, 850.0)
+    # One that was not sent is by any clock: simulated time may be twice as fast.
+    assert times_of((150.0, 300.0, 0.2, 0.15), late=True).values()['deadline_misses'] == 1
 
 
 def test_a_step_that_outlasts_the_period_is_told_until_the_next_that_does_not():
-    times = StepTimes()
-    assert times.warnings() == []
-    times.add(200.5, 200.5, 0.2, 0.0)
+    times = times_of((200.5, 200.5, 0.2, 0.0))
     assert times.warnings() == [
         'The last control step took 200.5 ms of the 200.0 ms until the next.'
     ]
@@ -114,37 +117,9 @@ def test_a_step_that_outlasts_the_period_is_told_until_the_next_that_does_not():
     assert times.warnings() == []
 
 
-def test_times_are_those_of_the_latest_steps_but_no_missed_deadline_is_forgotten():
-    times = StepTimes()
-    times.add(500.0, 500.0, 0.2, 0.0)
-    for _ in range(1000):
-        times.add(1.0, 1.0, 0.2, 0.0)
-    assert times.values()['step_ms_max'] == 1.0
-    assert times.values()['deadline_misses'] == 1
-
-
-def test_a_command_that_leaves_late_is_a_missed_deadline_however_short_its_step():
-    times = StepTimes()
-    times.add(5.0, 850.0, 0.2, 0.0)
-    times.add(5.0, 290.0, 0.2, 0.1)
-    times.add(5.0, 310.0, 0.2, 0.1)
-    values = times.values()
-    assert values['deadline_misses'] == 2
-    assert values['odometry_to_command_ms_max'] == 850.0
-
-
-def test_a_command_that_was_not_sent_is_a_missed_deadline_by_any_clock():
-    times = StepTimes()
-    # In simulated time twice as fast as the computer's clock.
-    times.add(150.0, 300.0, 0.2, 0.15, is_late=True)
-    assert times.values()['deadline_misses'] == 1
-
-
 @pytest.mark.parametrize(('delay', 'said'), [(0.0, 1), (0.04, 0), (0.06, 0)])
 def test_a_delay_that_nobody_knows_of_is_told_with_its_value(delay, said):
-    times = StepTimes()
-    for _ in range(9):
-        times.add(5.0, 50.0, 0.2, delay)
+    times = times_of(*[(5.0, 50.0, 0.2, delay)] * 9)
     assert times.warnings() == []
     times.add(5.0, 50.0, 0.2, delay)
     sentence = 'Commands leave 50 ms after their odometry: command_delay should be 0.050 s or more.'
@@ -152,12 +127,7 @@ def test_a_delay_that_nobody_knows_of_is_told_with_its_value(delay, said):
 
 
 def with_ages(ages, delay=0.0):
-    times = StepTimes()
-    for age in ages:
-        times.hear(age)
-    for _ in range(10):
-        times.add(5.0, float(ages[-1]) + 5.0, 0.2, delay)
-    return times
+    return times_of(*[(5.0, float(ages[-1]) + 5.0, 0.2, delay)] * 10, ages=ages)
 
 
 def test_how_late_odometry_comes_is_told_with_the_delay_to_set():
@@ -168,14 +138,11 @@ def test_how_late_odometry_comes_is_told_with_the_delay_to_set():
     assert values['command_delay_measured'] == pytest.approx(0.205)
 
 
-def test_a_clock_that_is_behind_is_told_apart_from_a_delay_that_varies():
+def test_a_clock_that_is_behind_or_ahead_is_told_apart_from_a_delay_that_varies():
     said = 'Odometry is 150 ms old or more when it comes: the clock of the robot is behind, or the'
     assert any(each.startswith(said) for each in with_ages([150.0, 160.0]).warnings())
     assert not any('clock' in each for each in with_ages([1.0, 150.0, 160.0]).warnings())
     assert with_ages([150.0, 160.0], delay=0.15).warnings() == []
-
-
-def test_a_clock_that_is_ahead_is_told_and_a_tick_of_a_simulation_is_not():
     said = ['Odometry comes up to 50 ms before its time: the clock of the robot is ahead.']
     assert with_ages([-50.0, -40.0]).warnings() == said
     assert with_ages([-20.0, 0.0]).warnings() == []

@@ -6,7 +6,13 @@ from types import SimpleNamespace
 import pytest
 
 from cmpsp_ros.nodes.common.messages import road_in
-from cmpsp_ros.parameters import TABLE, ParameterError, check_start, guidance_settings, lacks_road
+from cmpsp_ros.parameters import (
+    TABLE,
+    ParameterError,
+    check_simulation,
+    guidance_settings,
+    lacks_road,
+)
 
 OPEN = [(0.0, 0.0), (3.0, 0.0), (6.0, 1.0)]
 TOLD = {'road.type': 'corridor', 'road.source': 'topic'}
@@ -50,7 +56,7 @@ def test_what_is_no_road_is_refused_by_the_point(told, said):
 def test_the_rest_is_checked_before_a_road_has_come(follow):
     values = TABLE.resolve(TOLD | {'follow.speed': follow})
     assert lacks_road(values)
-    check_start(values)
+    check_simulation(values)
     settings = guidance_settings(values)
     assert settings.road.width > 2.0 * settings.robot_radius
     with pytest.raises(ParameterError, match='odom_timeout'):

@@ -35,44 +35,31 @@ def of(markers, namespace):
     return [each for each in markers if each.ns == namespace]
 
 
-def test_old_markers_are_removed_first_and_every_new_one_has_an_identity(markers):
-    assert markers[0].action == Marker.DELETEALL
-    assert all(each.action == Marker.ADD for each in markers[1:])
-    keys = [(each.ns, each.id) for each in markers]
-    assert len(set(keys)) == len(keys)
-
-
-@pytest.mark.parametrize('frame_id', ['odom', 'map'])
-def test_all_are_in_the_frame_of_the_settings(frame_id):
-    made = array_of(settings(frame_id=frame_id), STAMP).markers
-    assert {each.header.frame_id for each in made} == {frame_id}
-    assert all(each.header.stamp == STAMP for each in made[1:])
-    assert all(each.pose.orientation.w == 1.0 for each in made[1:])
-
-
 @pytest.mark.parametrize(
     'changes',
     [
         {},
         {'obstacles.a.center': [8, -6], 'obstacles.a.radius': 1, 'goal.position': [10, 0]},
-        {'road.center': [0, 0], 'road.inner_radius': 9, 'road.outer_radius': 11},
+        {'road.center': [0, 0], 'road.inner_radius': 9, 'road.outer_radius': 11, 'frame_id': 'map'},
     ],
 )
-def test_every_number_is_a_plain_float(changes):
-    for each in array_of(settings(**changes), STAMP).markers:
+def test_every_marker_is_whole_and_replaces_the_old_ones(changes):
+    old, *made = array_of(settings(**changes), STAMP).markers
+    assert old.action == Marker.DELETEALL
+    assert len({(each.ns, each.id) for each in made}) == len(made)
+    for each in made:
+        assert each.action == Marker.ADD
+        assert each.header.frame_id == changes.get('frame_id', 'odom')
+        assert each.header.stamp == STAMP
         place, turn, size, color = each.pose.position, each.pose.orientation, each.scale, each.color
+        assert turn.w == 1.0
+        assert color.a > 0.0
+        assert max(size.x, size.y, size.z) > 0.0
         numbers = [place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w]
         numbers += [size.x, size.y, size.z, color.r, color.g, color.b, color.a]
         numbers += [number for point in each.points for number in (point.x, point.y, point.z)]
         assert {type(number) for number in numbers} == {float}
         assert all(math.isfinite(number) for number in numbers)
-
-
-def test_everything_is_seen(markers):
-    for each in markers[1:]:
-        assert each.color.a > 0.0
-        scale = (each.scale.x, each.scale.y, each.scale.z)
-        assert max(scale) > 0.0
 
 
 def test_rings_have_the_radii_of_what_they_show(markers):

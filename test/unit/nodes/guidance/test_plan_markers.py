@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from visualization_msgs.msg import Marker
 
-from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw
+from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw, Observation
 from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.guidance.safety import plan_clearance
 from cmpsp_ros.nodes.guidance.outputs.markers import FAR, NEAR, PLENTY, PlanMarkers, color_of
@@ -32,7 +32,7 @@ def law(settings):
 @pytest.fixture(scope='module')
 def decision(law):
     """The first of case 3."""
-    return law.update(3_000_000_005, np.array([0.0, -9.25, 0.0]))
+    return law.step(Observation(3_000_000_005, np.array([0.0, -9.25, 0.0])))
 
 
 @pytest.fixture
@@ -99,7 +99,7 @@ def test_the_line_goes_from_red_at_the_margin_to_green(fill, decision):
 def test_each_stage_has_the_colour_of_its_own_clearance(decision):
     settings = settings_of(**{'safety.margin': 0.05})
     law = GuidanceLaw(settings, settings.world)
-    made = law.update(0, np.array([0.0, -9.25, 0.0]))
+    made = law.step(Observation(0, np.array([0.0, -9.25, 0.0])))
     room = plan_clearance(settings, settings.world, made)
     _, line, _ = PlanMarkers(settings).fill(made).markers
     assert line.colors == [color_of(each - 0.05) for each in room.tolist()]
@@ -165,7 +165,7 @@ def test_what_moves_reddens_the_stages_that_it_comes_near(fill, decision):
 
 def test_a_robot_with_corners_is_drawn_where_the_plan_begins():
     given = settings_of('slot')
-    decision = GuidanceLaw(given, given.world).update(0, np.array([0.0, -0.3, 0.5]))
+    decision = GuidanceLaw(given, given.world).step(Observation(0, np.array([0.0, -0.3, 0.5])))
     (outline,) = [
         each for each in PlanMarkers(given).fill(decision).markers if each.ns == 'footprint'
     ]

@@ -55,14 +55,14 @@ def test_a_start_in_an_obstacle_has_begun_outside_and_touches(task):
 
 
 def test_an_exception_is_kept_and_stops_the_robot(task, monkeypatch):
-    law = GuidanceLaw.update
+    law = GuidanceLaw.step
 
-    def update(self, stamp, pose, *seen):
-        if stamp >= 2_000_000_000:
+    def step(self, seen):
+        if seen.stamp >= 2_000_000_000:
             raise ZeroDivisionError('of\nall things')
-        return law(self, stamp, pose, *seen)
+        return law(self, seen)
 
-    monkeypatch.setattr(GuidanceLaw, 'update', update)
+    monkeypatch.setattr(GuidanceLaw, 'step', step)
     driven = drive(task)
     made = outcome(driven)
     assert made.exception == 'ZeroDivisionError: of all things'
@@ -76,16 +76,16 @@ def test_an_exception_is_kept_and_stops_the_robot(task, monkeypatch):
     ('scale', 'verdict'), [(math.nan, RunVerdict.NOT_FINITE), (2.0, RunVerdict.TOO_FAST)]
 )
 def test_commands_that_must_not_be_are_counted(task, monkeypatch, scale, verdict):
-    law = GuidanceLaw.update
+    law = GuidanceLaw.step
 
-    def update(self, stamp, pose, *seen):
-        decision = law(self, stamp, pose, *seen)
-        if decision is None or stamp < 9_800_000_000:
+    def step(self, seen):
+        decision = law(self, seen)
+        if decision is None or seen.stamp < 9_800_000_000:
             return decision
         speeds, twist = decision.wheel_speeds * scale, decision.twist * scale
         return decision._replace(wheel_speeds=speeds, twist=twist)
 
-    monkeypatch.setattr(GuidanceLaw, 'update', update)
+    monkeypatch.setattr(GuidanceLaw, 'step', step)
     made = outcome(drive(task))
     assert made.verdict(1e-3) == verdict
     assert made.not_finite + made.too_fast == 1

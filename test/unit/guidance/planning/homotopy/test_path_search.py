@@ -1,4 +1,4 @@
-"""The search for homotopy classes, and guesses that follow them."""
+"""The search for homotopy classes, guesses that follow them, and lines searched on a grid."""
 
 import math
 from dataclasses import replace
@@ -11,7 +11,7 @@ from hypothesis import settings as profile
 from hypothesis import strategies as st
 from scenarios import FIRST, ROAD, SECOND, START, clearance, settings, start_of
 
-from cmpsp_ros.guidance import Safety
+from cmpsp_ros.guidance import GuidanceLaw, Observation, Safety
 from cmpsp_ros.guidance.formulation import OcpFormulation
 from cmpsp_ros.guidance.planning import along_road
 from cmpsp_ros.guidance.planning.homotopy.path_search import (
@@ -19,9 +19,13 @@ from cmpsp_ros.guidance.planning.homotopy.path_search import (
     class_of,
     guide_paths,
     in_words,
+    searched_line,
     turning_first,
 )
+from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
+from cmpsp_ros.world import FreeSpace
 from cmpsp_ros.world.obstacles import Obstacle
+from cmpsp_ros.world.roads import OpenFloor
 
 # What is kept from the bounds of a gap, and cut where a bend is too sharp for the limit [m].
 ROOM = 0.08
@@ -279,3 +283,27 @@ def test_a_guess_changes_no_wheel_faster_than_it_can_and_turns_first_from_rest()
     turned = np.flatnonzero(np.cos(path[:, 2] - START[2]) > math.cos(0.6))[0]
     assert np.hypot(*(path[:turned, :2] - path[0, :2]).T).max() < 0.1
     assert math.dist(path[-1, :2], given.goal) < 1.0
+
+
+@pytest.mark.parametrize('distance', [10.0, 310.0, 400.0, 5e3, 1e6])
+@pytest.mark.parametrize('angle', [0.0, 0.5, 2.0, -1.5])
+def test_a_line_leads_from_start_to_goal_at_any_distance(distance, angle):
+    space = FreeSpace.of(OpenFloor(), (Obstacle('a', (0.5, 0.3), 0.2),), 0.1)
+    goal = distance * np.array([math.cos(angle), math.sin(angle)])
+    line = searched_line(space, np.zeros(2), goal)
+    assert (line[[0, -1]] == [np.zeros(2), goal]).all()
+    length = np.hypot(*np.diff(line, axis=0).T).sum()
+    assert distance <= length * (1.0 + 1e-9)
+    assert length < 1.15 * distance
+
+
+@pytest.mark.parametrize('distance', [400.0, -5e3])
+def test_the_law_drives_towards_a_goal_that_no_time_is_enough_for(distance):
+    values = {**load_parameter_file('floor'), 'goal.position': [distance, distance / 3.0]}
+    given = guidance_settings(TABLE.resolve(values))
+    law, pose = GuidanceLaw(given, given.world), np.zeros(3)
+    decision = law.step(Observation(0, pose))
+    law.after_step()
+    assert 'final_time would have to be' in law.warnings[0]
+    assert decision.plan is not None
+    assert math.dist(decision.plan.poses[-1][:2], given.goal) < math.hypot(*given.goal)

@@ -243,19 +243,6 @@ def test_random_programs_end_as_with_other_solvers(seed):
         assert_certifies(qp, found.conflict)
 
 
-def test_random_programs_are_of_all_sorts():
-    ends = [
-        (run(qp, penalties).outcome, penalties is None)
-        for _, qp, penalties in map(sorts, range(40))
-    ]
-    assert {
-        (Outcome.SOLVED, True),
-        (Outcome.SOLVED, False),
-        (Outcome.INFEASIBLE, True),
-        (Outcome.INFEASIBLE, False),
-    } == set(ends)
-
-
 def test_a_proof_goes_along_to_the_next_program():
     qp = chain(8, 3.0)
     qp.upper[:, 0], qp.L_U[:] = 0.3, 0.01

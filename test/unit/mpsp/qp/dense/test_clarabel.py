@@ -84,17 +84,6 @@ def test_programs_end_as_with_daqp(weight):
         assert min(map(statuses.count, (QPStatus.SOLVED, QPStatus.INFEASIBLE))) > 10
 
 
-def test_hard_and_relaxed_rows_in_one_program():
-    for seed in range(200, 220):
-        qp = any_program(seed)
-        penalties = relaxed(qp, 30.0, 20.0)
-        penalties.terminal[:1], penalties.path[:, 1:2] = np.inf, np.inf
-        answer = solved(qp, penalties)
-        reference = solve_qp(staged(qp), 'riccati_active_set', penalties)
-        assert answer.status is reference.status
-        np.testing.assert_allclose(answer.dU, reference.dU, atol=1e-5)
-
-
 def test_multipliers_of_inactive_rows_are_zero_and_of_violated_ones_their_weight():
     qp = random_program(np.random.default_rng(5), 30, bound=0.5)
     answer = solved(qp, relaxed(qp))

@@ -135,30 +135,3 @@ def test_indefinite_or_not_finite_is_a_failure():
         assert (
             solve_rows(replace(qp, **{part: spoilt}), hildreth.solve).status is QPStatus.FAILED
         ), part
-
-
-def test_a_penalty_of_nothing_gives_a_row_up():
-    qp = program(5, feasible=False)
-    found = solve_rows(qp, 'hildreth', weights(qp, 0.0, 0.0))
-    without = replace(qp, S_N=qp.S_N[:0], output_error=np.empty(0), B_C=qp.B_C[:0], g=np.empty(0))
-    assert found.status is QPStatus.SOLVED
-    np.testing.assert_allclose(found.dU, solve_rows(without, 'daqp').dU, atol=1e-7)
-
-
-# The compiled kernels once more as plain Python, where coverage sees their branches.
-def test_kernels_say_the_same_uncompiled(monkeypatch):
-    cases = [(program(7, q=4, m=1, p=3, t=1), None), *((qp, None) for _, qp in contradictions())]
-    relaxed = program(7, q=4, m=1, p=3, t=1, feasible=False)
-    still = replace(relaxed, S_N=0.0 * relaxed.S_N, output_error=np.ones(1))
-    met = replace(still, output_error=np.zeros(1))
-    cases += [(qp, weights(qp)) for qp in (relaxed, still, met)]
-    cases.append((replace(still, output_error=-np.ones(1)), weights(still)))
-    compiled = [solve_rows(case[0], hildreth.solve, case[1]) for case in cases]
-    for name in ('_ascend', '_proves_infeasible'):
-        monkeypatch.setattr(hildreth, name, getattr(hildreth, name).py_func)
-    for case, before in zip(cases, compiled, strict=True):
-        after = solve_rows(case[0], hildreth.solve, case[1])
-        assert after.status is before.status
-        np.testing.assert_allclose(after.dU, before.dU, atol=1e-9)
-    monkeypatch.setattr(hildreth, 'SWEEP_LIMIT', 2)
-    assert solve_rows(cases[0][0], hildreth.solve).status is QPStatus.FAILED

@@ -1,0 +1,168 @@
+"""Shared by all benchmarks: error, quiet, machine, spread of a sample, table."""
+
+from __future__ import annotations
+
+import gc
+import io
+import os
+import platform
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from typing import Literal
+
+import numpy as np
+import psutil
+from numpy.typing import ArrayLike
+from rich.markup import escape
+from rich.table import Table as RichTable
+
+from cmpsp_ros.studies import cpu_model
+
+
+class BenchError(RuntimeError):
+    """A benchmark that cannot be made as asked; the message says what was found and wanted."""
+
+
+@contextmanager
+def collector_off() -> Iterator[None]:
+    """Keep the garbage collector from running, as the guidance node does, and let it catch up.
+
+    What exists by then is not looked at again, so that inside another one it catches up quickly.
+    """
+    was_on = gc.isenabled()
+    gc.collect()
+    if was_on:
+        gc.freeze()
+        gc.disable()
+    try:
+        yield
+    finally:
+        if was_on:
+            gc.unfreeze()
+            gc.enable()
+
+
+@contextmanager
+def unheard() -> Iterator[None]:
+    """Swallow what a solver prints: one that fails may print its whole problem."""
+    with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
+        yield
+
+
+_PACKAGES = ('numpy', 'numba', 'daqp', 'qpsolvers', 'casadi', 'acados_template', 'rclpy')
+
+
+def machine() -> dict[str, str]:
+    """Processor, kernel, Python and the packages that matter, each as text."""
+    found = {
+        'processor': cpu_model(),
+        'cores': str(os.cpu_count()),
+        'load before': f'{os.getloadavg()[0]:.2f}',
+        'kernel': f'{platform.system()} {platform.release()}',
+        'Python': platform.python_version(),
+    }
+    for package in _PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = 'not installed'
+    return found
+
+
+def resident(pid: int | None = None) -> float:
+    """Resident set of a process [MB]; of this one without a number.
+
+    Raises:
+        BenchError: There is no such process.
+    """
+    return float(_process(pid).memory_info().rss) / 1e6
+
+
+def processor_time(pid: int) -> float:
+    """Processor time that a process has had [s].
+
+    Raises:
+        BenchError: There is no such process.
+    """
+    spent = _process(pid).cpu_times()
+    return float(spent.user + spent.system)
+
+
+def _process(pid: int | None) -> psutil.Process:
+    try:
+        return psutil.Process(pid)
+    except psutil.NoSuchProcess as error:
+        raise BenchError(f'process {pid}: {error.msg}') from error
+
+
+@dataclass(frozen=True)
+class Spread:
+    """What there is to say about a sample, in its own unit.
+
+    Attributes:
+        count: Its size.
+        median: Half of it is below.
+        p99: 99th percentile; None below 100 values, where it would be the largest by another name.
+        p999: 99.9th percentile; None below 1000 values.
+        largest: Its maximum.
+    """
+
+    count: int
+    median: float
+    p99: float | None
+    p999: float | None
+    largest: float
+
+    @classmethod
+    def of(cls, values: ArrayLike) -> Spread:
+        """Of at least one value, in any shape."""
+        sample = np.asarray(values, float).ravel()
+        return cls(
+            sample.size,
+            float(np.median(sample)),
+            float(np.percentile(sample, 99.0)) if sample.size >= 100 else None,
+            float(np.percentile(sample, 99.9)) if sample.size >= 1000 else None,
+            float(sample.max()),
+        )
+
+
+@dataclass(frozen=True)
+class Table:
+    """A part of the results.
+
+    Attributes:
+        title: Its heading.
+        columns: Their names.
+        rows: Cells as text.
+        note: What a reader has to know.
+        words: How many columns, from the first on, hold words and not numbers.
+    """
+
+    title: str
+    columns: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    note: str = ''
+    words: int = 1
+
+    def markdown(self) -> str:
+        """With its title as a heading and its note before it."""
+        lines = [
+            self.columns,
+            ['---' if place < self.words else '---:' for place in range(len(self.columns))],
+            *self.rows,
+        ]
+        body = '\n'.join('| ' + ' | '.join(line) + ' |' for line in lines)
+        return '\n\n'.join(part for part in (f'## {self.title}', self.note, body) if part)
+
+    def rich(self) -> RichTable:
+        """For the terminal, without the note."""
+        # Units stand in brackets, which is how rich marks its styles.
+        table = RichTable(title=escape(self.title))
+        for place, column in enumerate(self.columns):
+            side: Literal['left', 'right'] = 'left' if place < self.words else 'right'
+            table.add_column(escape(column), justify=side, overflow='fold')
+        for row in self.rows:
+            table.add_row(*map(escape, row))
+        return table

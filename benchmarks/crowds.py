@@ -1,0 +1,324 @@
+"""Control steps with many plans, with many obstacles, and where a laser scanner sees them."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Final
+
+import numpy as np
+
+from benchmarks.common import BenchError, Spread, Table, collector_off
+from benchmarks.drives import Preset, drive
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.guidance import (
+    GuidanceLaw,
+    GuidanceSettings,
+    MovingObstacles,
+    Observation,
+    to_nanoseconds,
+)
+from cmpsp_ros.guidance.messages import Track
+from cmpsp_ros.parameters import (
+    TABLE,
+    guidance_settings,
+    laser_settings,
+    load_parameter_file,
+    plant_settings,
+    shapes_of,
+)
+from cmpsp_ros.simulator import Plant
+from cmpsp_ros.studies.monte_carlo import Eyes
+from cmpsp_ros.world.grids import distance_field
+from cmpsp_ros.world.obstacles import Obstacle
+
+PLAN_COUNTS: Final = (1, 2, 4, 8)
+
+# Small and on the centre line: all ways past them are about as good.
+_PLAN_BEARINGS = (-65.0, -48.0, -31.0, -14.0)
+_PLAN_RADIUS = 0.15
+
+
+@dataclass(frozen=True)
+class PlansTiming:
+    """Control steps in which a number of plans are improved and compared.
+
+    Attributes:
+        count: How many.
+        first: Of the first step, which looks for the ways that they take, shape ``(runs,)`` [us].
+        second: Of the one after it, shape ``(runs,)`` [us].
+    """
+
+    count: int
+    first: Array
+    second: Array
+
+
+def measure_plans(
+    runs: int, counts: Sequence[int] = PLAN_COUNTS, progress: Callable[[], None] = lambda: None
+) -> list[PlansTiming]:
+    """Begin Case 3 past four small obstacles on the centre line, all numbers of plans in turn.
+
+    Args:
+        runs: Runs of each; one more has all compiled code loaded.
+        counts: Numbers of plans, at most as many as there are ways: 16.
+        progress: Told after each run of all of them.
+
+    Raises:
+        BenchError: Not so many plans were made.
+    """
+    preset = Preset.load('case3')
+    every = {count: _plan_settings(preset.settings, count) for count in counts}
+    laws = {count: GuidanceLaw(each, each.world) for count, each in every.items()}
+    times = np.empty((len(counts), runs + 1, 2))
+    for run in range(runs + 1):
+        for i, (count, law) in enumerate(laws.items()):
+            times[i, run] = _two_steps(law, preset, count)
+        progress()
+    return [PlansTiming(count, times[i, 1:, 0], times[i, 1:, 1]) for i, count in enumerate(counts)]
+
+
+def _plan_settings(settings: GuidanceSettings, count: int) -> GuidanceSettings:
+    middle = settings.world.annulus.center_radius
+    obstacles = tuple(
+        Obstacle(
+            f'at_{bearing:g}',
+            (middle * math.cos(math.radians(bearing)), middle * math.sin(math.radians(bearing))),
+            _PLAN_RADIUS,
+        )
+        for bearing in _PLAN_BEARINGS
+    )
+    guess = replace(settings.initial_guess, type='road')
+    # As many iterations in the first step as in any other.
+    each = settings.solver.iterations_per_step
+    solver = replace(settings.solver, candidates=count, initial_iterations=each)
+    return replace(settings, obstacles=obstacles, initial_guess=guess, solver=solver)
+
+
+def _two_steps(law: GuidanceLaw, preset: Preset, count: int) -> tuple[float, float]:
+    """Computing times of the first two control steps [us]."""
+    settings, pose = preset.settings, preset.pose
+    law.reset()
+    with collector_off():
+        began = time.perf_counter_ns()
+        decision = law.step(Observation(0, pose))
+        first = time.perf_counter_ns() - began
+        if decision is None:
+            raise BenchError('plans: found no decision on the first odometry')
+        held = np.array([settings.control_period])
+        pose = settings.robot.roll_out(pose, decision.wheel_speeds[None], held)[-1]
+        began = time.perf_counter_ns()
+        decision = law.step(Observation(to_nanoseconds(settings.control_period), pose))
+        second = time.perf_counter_ns() - began
+    if count > 1 and (decision is None or f'best of {count} plans' not in decision.reason):
+        found = None if decision is None else decision.reason
+        raise BenchError(f'plans: found {found!r}, wanted the best of {count} plans')
+    return first * 1e-3, second * 1e-3
+
+
+OBSTACLE_COUNTS = (0, 1, 2, 4, 8, 16, 32, 64)
+
+_ASIDE = 0.75
+"""Of each from the centre line, to either side in turn [m]."""
+
+_RADIUS = 0.2
+_SPEED = 0.1
+_BEARINGS = (math.radians(-72.0), math.radians(-6.0))
+"""Of the first and the last, about the road's centre; case 3 goes from -90 to 0 degrees."""
+
+
+@dataclass(frozen=True)
+class ObstaclesTiming:
+    """Control steps past a number of obstacles.
+
+    Attributes:
+        count: How many there are.
+        standing: Median of all steps where they stand [us].
+        moving: Median where they move along the road [us].
+        first: Longest first step where they stand, which looks for ways between them [us].
+    """
+
+    count: int
+    standing: float
+    moving: float
+    first: float
+
+
+def measure_obstacles(
+    runs: int, counts: Sequence[int] = OBSTACLE_COUNTS, progress: Callable[[], None] = lambda: None
+) -> list[ObstaclesTiming]:
+    """Drive case 3's road past obstacles on both sides, all numbers of them in turn."""
+    preset = Preset.load('case3')
+    times: dict[tuple[int, bool], list[Array]] = {}
+    for run in range(runs + 1):
+        for count in counts:
+            for moving in (False, True):
+                steps = _obstacle_step_times(preset, count, moving=moving)
+                if run > 0:
+                    times.setdefault((count, moving), []).append(steps)
+        progress()
+    return [
+        ObstaclesTiming(
+            count,
+            float(np.median(np.concatenate(times[count, False]))),
+            float(np.median(np.concatenate(times[count, True]))),
+            max(float(steps[0]) for steps in times[count, False]),
+        )
+        for count in counts
+    ]
+
+
+def obstacles_table(found: Sequence[ObstaclesTiming]) -> Table:
+    """The times, and each beside that without obstacles."""
+    none = found[0]
+    rows = [
+        (
+            str(each.count),
+            f'{each.standing:.0f}',
+            f'{each.standing / none.standing:.2f}',
+            f'{each.moving:.0f}',
+            f'{each.moving / none.moving:.2f}',
+            f'{each.first / 1e3:.1f}',
+        )
+        for each in found
+    ]
+    columns = ('obstacles', 'standing [us]', 'ratio', 'moving [us]', 'ratio', 'first step [ms]')
+    note = f'Median computing time of control steps; ratios are to {none.count} obstacles.'
+    return Table('Obstacles', columns, rows, note)
+
+
+def tracks_of_some(count: int, stamp: int) -> tuple[Track, ...]:
+    """As many obstacles along the road, as they are at a time [ns] since the beginning."""
+    tracks = []
+    for number, (bearing, radius) in enumerate(_places(count)):
+        rate = _SPEED / radius
+        now = bearing + rate * stamp / 1e9
+        x, y = radius * math.cos(now), radius * math.sin(now)
+        vx, vy = -_SPEED * math.sin(now), _SPEED * math.cos(now)
+        tracks.append(Track(number, stamp, _RADIUS, x, y, vx, vy))
+    return tuple(tracks)
+
+
+def _places(count: int) -> list[tuple[float, float]]:
+    """Bearings and distances from the road's centre of obstacles, evenly apart."""
+    bearings = np.linspace(*_BEARINGS, count).tolist()
+    return [(each, 10.0 + _ASIDE * (-1.0) ** k) for k, each in enumerate(bearings)]
+
+
+def _obstacle_settings(settings: GuidanceSettings, count: int, *, moving: bool) -> GuidanceSettings:
+    if moving:
+        room = MovingObstacles(capacity=count, growth=0.0)
+        return replace(settings, obstacles=(), moving_obstacles=room)
+    discs = (
+        Obstacle(str(k), (radius * math.cos(bearing), radius * math.sin(bearing)), _RADIUS)
+        for k, (bearing, radius) in enumerate(_places(count))
+    )
+    return replace(settings, obstacles=tuple(discs))
+
+
+def _obstacle_step_times(preset: Preset, count: int, *, moving: bool) -> Array:
+    """Computing time of each control step of one run, waiting for a processor left out [us]."""
+    settings = _obstacle_settings(preset.settings, count, moving=moving)
+    tracks = partial(tracks_of_some, count if moving else 0)
+    steps = drive(settings, preset.pose, time.thread_time_ns, tracks)
+    return 1e3 * np.array([took for took, *_ in steps])
+
+
+SENSOR_PRESETS = ('unknown', 'clutter')
+
+
+@dataclass(frozen=True)
+class SensorsTiming:
+    """Control steps of one preset; all times [ms].
+
+    Attributes:
+        name: Of the preset.
+        cells: Of the grid around the robot.
+        step: From odometry to the decision, with the newest scan and the distance field of the
+            grid.
+        scan: To take in the newest scan, which here comes with the odometry that is decided on; in
+            most steps of a robot it has come before.
+        field: The distance field alone.
+        search: The search of the grid, after the command.
+    """
+
+    name: str
+    cells: int
+    step: Spread
+    scan: Spread
+    field: Spread
+    search: Spread
+
+
+def measure_sensors(
+    runs: int, presets: Sequence[str] = SENSOR_PRESETS, progress: Callable[[], None] = lambda: None
+) -> list[SensorsTiming]:
+    """Drive presets whose obstacles a scanner sees, in turn."""
+    times: dict[str, list[tuple[float, ...]]] = {each: [] for each in presets}
+    for run in range(runs + 1):
+        for preset in presets:
+            steps = list(_sensor_steps(preset))
+            if run > 0:
+                times[preset] += steps
+        progress()
+    found = []
+    for preset in presets:
+        *parts, cells = np.array(times[preset]).T
+        found.append(SensorsTiming(preset, int(cells[0]), *map(Spread.of, parts)))
+    return found
+
+
+def _sensor_steps(preset: str) -> Iterator[tuple[float, ...]]:
+    """Of each control step: its time, those of scan, field, search [ms], and the grid's cells."""
+    values = TABLE.resolve(load_parameter_file(preset))
+    settings, of_plant = guidance_settings(values), plant_settings(values)
+    law, plant = GuidanceLaw(settings, settings.world), Plant(of_plant)
+    eyes = Eyes(settings, laser_settings(values), shapes_of(values))
+    eyes.note(plant.motion)
+    period = to_nanoseconds(1.0 / of_plant.odom_rate)
+    with collector_off():
+        while True:
+            stamp, pose = plant.stamp_ns, plant.motion.pose
+            eyes.look(stamp)
+            began = time.thread_time_ns()
+            sighting = eyes.see(stamp, pose)
+            seen = time.thread_time_ns()
+            if law.is_due(stamp):
+                decision = law.step(Observation(stamp, pose, (), sighting))
+                decided = time.thread_time_ns()
+                if decision is None or decision.finished or sighting is None:
+                    return
+                law.after_step()
+                searched = time.thread_time_ns()
+                distance_field(sighting.grid, unknown_is_free=True)
+                done = time.thread_time_ns()
+                scan, step, search, field = np.diff([began, seen, decided, searched, done]) * 1e-6
+                yield scan + step, scan, field, search, sighting.grid.cells.size
+                plant.command(stamp, *decision.twist.tolist())
+            eyes.note(*plant.advance(stamp + period), plant.motion)
+
+
+def sensors_table(found: Sequence[SensorsTiming]) -> Table:
+    """Median and largest times."""
+    rows = [
+        (
+            each.name,
+            str(each.cells),
+            f'{each.step.median:.2f}',
+            f'{each.step.largest:.1f}',
+            f'{each.scan.median:.2f}',
+            f'{each.field.median:.2f}',
+            f'{each.search.median:.1f}',
+            f'{each.search.largest:.1f}',
+        )
+        for each in found
+    ]
+    columns = ('preset', 'cells', 'step', 'max', 'scan', 'field', 'search', 'max')
+    note = (
+        'Median and largest computing times [ms]. The step has in it: to take in the newest scan, '
+        'and the distance field of the grid. The search follows the command.'
+    )
+    return Table('Sensors', columns, rows, note)

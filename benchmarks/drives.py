@@ -1,0 +1,278 @@
+"""Whole runs of the guidance law: presets, the paper's tables, robots that people own, a car."""
+
+from __future__ import annotations
+
+import itertools
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+
+from benchmarks.common import BenchError, Spread, collector_off
+from cmpsp_ros.arrays import Array, IntArray
+from cmpsp_ros.demo import Scenario, load_scenario
+from cmpsp_ros.guidance import Decision, GuidanceLaw, GuidanceSettings, Observation, to_nanoseconds
+from cmpsp_ros.guidance.messages import Track
+from cmpsp_ros.guidance.planning import Planner, SolveResult
+from cmpsp_ros.parameters import (
+    TABLE,
+    ParameterError,
+    check_simulation,
+    guidance_settings,
+    load_parameter_file,
+)
+from cmpsp_ros.parameters.files import preset_names, robot_names
+from cmpsp_ros.studies.paper import table1, table2
+
+
+@dataclass(frozen=True)
+class Preset:
+    """A preset that can be driven.
+
+    Attributes:
+        name: Of the preset, or its file.
+        settings: Of the guidance law.
+        pose: Where the robot starts, shape ``(3,)`` [m, m, rad].
+    """
+
+    name: str
+    settings: GuidanceSettings
+    pose: Array
+
+    @classmethod
+    def load(cls, name: str) -> Preset:
+        """Read and check a preset or parameter file.
+
+        Raises:
+            ParameterError: No such preset, or one that cannot be used.
+        """
+        values = TABLE.resolve(load_parameter_file(name))
+        check_simulation(values)
+        return cls(name, guidance_settings(values), np.array(values['initial_pose']))
+
+
+def chosen(names: Sequence[str]) -> list[Preset]:
+    """Presets of these names; without any, all presets and the runs of the paper's tables.
+
+    From most starts of the latter the first plans need slack.
+
+    Raises:
+        ParameterError: No such preset, or one that cannot be used.
+    """
+    if names:
+        return [Preset.load(name) for name in names]
+    return [*map(Preset.load, preset_names()), *of_tables()]
+
+
+def of_tables() -> list[Preset]:
+    """Case 3 from the guesses and headings of the paper's Tables 1 and 2."""
+    return [
+        Preset(f'{each.key}, {each.label}', each.settings, np.array(each.pose))
+        for each in (*table1(), *table2())
+    ]
+
+
+@dataclass(frozen=True)
+class PresetTiming:
+    """Computing times of one preset [ms].
+
+    Attributes:
+        name: Of the preset.
+        first: Of the first step, which has the full horizon, over all runs.
+        every: Of every step of all runs.
+    """
+
+    name: str
+    first: Spread
+    every: Spread
+
+
+def time_presets(
+    presets: Sequence[Preset], runs: int, progress: Callable[[], None] = lambda: None
+) -> list[PresetTiming]:
+    """Drive every preset in turn, again and again, and take the times.
+
+    The presets are interleaved, so that other work of the machine falls on all of them.
+    """
+    # One run that does not count has all compiled code loaded.
+    for preset in presets:
+        _step_times(preset)
+    times: list[list[list[float]]] = [[] for _ in presets]
+    for _ in range(runs):
+        for preset, of_runs in zip(presets, times, strict=True):
+            of_runs.append(_step_times(preset))
+            progress()
+    return [
+        PresetTiming(
+            preset.name,
+            Spread.of([steps[0] for steps in of_runs]),
+            Spread.of(np.concatenate(of_runs)),
+        )
+        for preset, of_runs in zip(presets, times, strict=True)
+    ]
+
+
+def _step_times(preset: Preset) -> list[float]:
+    """Computing time of each control step of one run [ms]."""
+    return [took for took, *_ in drive(preset.settings, preset.pose)]
+
+
+def drive(
+    settings: GuidanceSettings,
+    pose: Array,
+    clock: Callable[[], int] = time.perf_counter_ns,
+    tracks: Callable[[int], tuple[Track, ...]] = lambda _: (),
+) -> Iterator[tuple[float, Decision, Array]]:
+    """One run by the exact model, commands held for a control period.
+
+    Args:
+        settings: Of the guidance law.
+        pose: Where the robot starts, shape ``(3,)`` [m, m, rad].
+        clock: What the steps are timed with [ns].
+        tracks: Moving obstacles at a time [ns].
+
+    Yields:
+        Of each control step the computing time [ms], the decision, and the pose that it leads to.
+    """
+    law, period = GuidanceLaw(settings, settings.world), to_nanoseconds(settings.control_period)
+    held = np.array([settings.control_period])
+    with collector_off():
+        for stamp in itertools.count(0, period):
+            seen = tracks(stamp)
+            began = clock()
+            decision = law.step(Observation(stamp, pose, seen))
+            took = (clock() - began) * 1e-6
+            if decision is None:
+                continue
+            if decision.finished:
+                break
+            pose = settings.robot.roll_out(pose, decision.wheel_speeds[None], held)[-1]
+            yield took, decision, pose
+
+
+COURSE = 'case3_wide'
+"""The course; its final time is made longer for slow robots."""
+
+
+MODELS: Final = 'differential drive', 'car'
+LIMITED: Final = ', limited acceleration'
+"""What is in the name of a model whose wheels, and steering, change no faster than they can."""
+
+_CAR: Final = (
+    'robot.model=ackermann', 'robot.wheel_base=0.2', 'robot.max_steering_angle=0.6',
+    'robot.wheel_radius=1.0', 'robot.max_wheel_speed=1.785', 'robot.joint_names=[rear]',
+)  # fmt: skip
+"""As fast as the robot of case 3."""
+
+_LIMITS: Final = (
+    ('robot.max_wheel_acceleration=57.0',),
+    ('robot.max_wheel_acceleration=2.0', 'robot.max_steering_rate=3.0'),
+)
+
+
+@dataclass(frozen=True)
+class RobotDrive:
+    """Runs of one robot from start to goal.
+
+    Attributes:
+        name: Of the robot.
+        times: Computing time of every control step, shape ``(runs, N)`` [ms].
+        work: Visits of a stage in every control step, shape ``(N,)``; they repeat exactly.
+        levels: Steps at each fallback level, by its name.
+        terminal_error: Distance of the robot from the goal at the final time [m].
+    """
+
+    name: str
+    times: Array
+    work: IntArray
+    levels: dict[str, int]
+    terminal_error: float
+
+
+def robots_that_fit() -> list[str]:
+    """Robots of `config/robots` for which the road is wide enough."""
+    fit = []
+    for name in robot_names():
+        with suppress(ParameterError):
+            load_scenario(COURSE, (), lockstep=True, robot=name)
+            fit.append(name)
+    return fit
+
+
+def of_robots(robots: Sequence[str]) -> dict[str, Scenario]:
+    """Courses of robots, by their names or files.
+
+    Raises:
+        ParameterError: No such robot, or one that cannot drive there.
+    """
+    return {name: load_scenario(COURSE, (), lockstep=True, robot=name) for name in robots}
+
+
+def of_models() -> dict[str, Scenario]:
+    """Case 3 for its robot and for a car, without and with limits of acceleration."""
+    scenarios = {}
+    for model, given, limits in zip(MODELS, ((), _CAR), _LIMITS, strict=True):
+        for name, more in ((model, ()), (model + LIMITED, limits)):
+            changes = 'initial_guess.type=road', *given, *more
+            scenarios[name] = load_scenario('case3', changes, lockstep=True)
+    return scenarios
+
+
+def time_robots(
+    scenarios: Mapping[str, Scenario], runs: int, progress: Callable[[], None] = lambda: None
+) -> list[RobotDrive]:
+    """Drive every robot in turn, again and again, and take the times.
+
+    Raises:
+        BenchError: Two runs of one robot differ.
+    """
+    drives: dict[str, RobotDrive] = {}
+    for _ in range(runs):
+        for name, scenario in scenarios.items():
+            drive = _drive_robot(name, scenario)
+            known = drives.setdefault(name, drive)
+            if not np.array_equal(drive.work, known.work):
+                raise BenchError(f'{name}: found runs that differ, wanted the same work in each')
+            if drive is not known:
+                drives[name] = replace(known, times=np.concatenate([known.times, drive.times]))
+            progress()
+    return list(drives.values())
+
+
+def _drive_robot(name: str, scenario: Scenario) -> RobotDrive:
+    """One run by the exact model, commands held for a control period."""
+    settings, pose = scenario.settings, np.array(scenario.values['initial_pose'], float)
+    # One step that does not count has compiled code loaded.
+    GuidanceLaw(settings, settings.world).step(Observation(0, pose))
+    times, work, levels = [], [], Counter[str]()
+    with _counted_work() as counted:
+        for took, decision, reached in drive(settings, pose, time.thread_time_ns):
+            times.append(took)
+            work.append(sum(counted))
+            counted.clear()
+            levels[decision.level.name.lower()] += 1
+            pose = reached
+    miss, _ = settings.target.errors(pose)
+    return RobotDrive(name, np.array([times]), np.array(work), dict(levels), miss)
+
+
+@contextmanager
+def _counted_work() -> Iterator[list[int]]:
+    """The work of every plan that is improved from now on."""
+    counted: list[int] = []
+    improve = Planner.improve
+
+    def counting(planner: Planner, *args: Any, **options: Any) -> SolveResult:
+        improvement = improve(planner, *args, **options)
+        counted.append(improvement.work)
+        return improvement
+
+    Planner.improve = counting  # type: ignore[method-assign, assignment]
+    try:
+        yield counted
+    finally:
+        Planner.improve = improve  # type: ignore[method-assign]

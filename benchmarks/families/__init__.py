@@ -1,1 +1,0 @@
-"""What is timed: tasks that grow, tails, many plans, many obstacles."""

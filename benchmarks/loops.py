@@ -1,0 +1,294 @@
+"""Closed loops of several methods in turn: compared, their longest steps, and hard cases."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from benchmarks.common import BenchError, Spread, collector_off, unheard
+from benchmarks.drives import Preset, of_tables
+from benchmarks.methods.ours import FullStep, Method
+from benchmarks.task import Task, TaskOutcome
+from cmpsp_ros.arrays import Array
+
+
+@dataclass(frozen=True)
+class Loop:
+    """One closed loop over the whole time.
+
+    Attributes:
+        wheel_speeds: Driven, shape ``(N + 1, 2)`` [rad/s]; the last pair moves nothing.
+        times: Computing time of every step, shape ``(N,)`` [us].
+    """
+
+    wheel_speeds: Array
+    times: Array
+
+
+@dataclass(frozen=True)
+class Timed:
+    """A method that solves the task, and its computing times.
+
+    Attributes:
+        name: Of the method.
+        outcome: Of its closed loop.
+        times: Of every step of every run, shape ``(runs, N)`` [us].
+    """
+
+    name: str
+    outcome: TaskOutcome
+    times: Array
+
+    @property
+    def first(self) -> Spread:
+        """Of the first step, with the full horizon and the preset's guess [us]."""
+        return Spread.of(self.times[:, 0])
+
+    @property
+    def loop(self) -> Spread:
+        """Of all steps of the shrinking horizon [us]."""
+        return Spread.of(self.times)
+
+
+@dataclass(frozen=True)
+class Ratios:
+    """One method beside another: medians of quotients in the same step of the same run.
+
+    Attributes:
+        first: Of the first step.
+        loop: Of all steps.
+    """
+
+    first: float
+    loop: float
+
+    @classmethod
+    def of(cls, times: Array, below: Array) -> Ratios:
+        """From times of both, shape ``(runs, N)``."""
+        quotients = times / below
+        return cls(float(np.median(quotients[:, 0])), float(np.median(quotients)))
+
+
+@dataclass(frozen=True)
+class MethodComparison:
+    """What came of comparing methods.
+
+    Attributes:
+        steps: Steps of the full horizon.
+        runs: Closed loops of each method.
+        timed: Methods that solve the task; the first is the baseline.
+        left_out: Why the others were not timed, by name.
+    """
+
+    steps: int
+    runs: int
+    timed: list[Timed]
+    left_out: dict[str, str]
+
+    def ratios(self, name: str, below: str) -> Ratios | None:
+        """How long a method takes beside another one; None if either was not timed."""
+        times = {each.name: each.times for each in self.timed}
+        if name not in times or below not in times:
+            return None
+        return Ratios.of(times[name], times[below])
+
+
+def close_loop(task: Task, method: Method, steps: int) -> Loop:
+    """Let a method drive the exact model from start to end, with a horizon that shrinks.
+
+    One step that does not count goes before, so that what others have left in the processor's
+    caches does not count either.
+
+    Args:
+        task: The task.
+        method: Prepared for all horizons of ``steps`` steps and fewer.
+        steps: Steps of the full horizon.
+    """
+    robot, durations = task.settings.robot, task.durations(steps)
+    pose, U = task.pose, task.guess(steps)
+    driven, times = np.empty((steps + 1, 2)), np.empty(steps)
+    with collector_off():
+        method.begin(steps)
+        method.step(pose, U, durations)
+        method.begin(steps)
+        for k in range(steps):
+            left = durations[k:]
+            began = time.perf_counter_ns()
+            U = method.step(pose, U, left)
+            times[k] = (time.perf_counter_ns() - began) * 1e-3
+            pose = robot.roll_out(pose, U[:1], left[:1])[-1]
+            driven[k : k + 2] = U[0]
+            U = U[1:]
+    return Loop(driven, times)
+
+
+def compare(
+    task: Task,
+    methods: Sequence[Method],
+    steps: int,
+    runs: int,
+    progress: Callable[[], None] = lambda: None,
+) -> MethodComparison:
+    """Time methods against the first of them.
+
+    A method that does not solve the task is not timed: how long a wrong answer takes is no time.
+
+    Raises:
+        BenchError: The first method does not solve the task.
+    """
+    trials = {}
+    for method in methods:
+        trials[method.name] = _try(task, method, steps)
+        progress()
+    outcomes = {name: found for name, found in trials.items() if isinstance(found, TaskOutcome)}
+    left_out = {name: found for name, found in trials.items() if isinstance(found, str)}
+    if methods[0].name in left_out:
+        raise BenchError(f'{methods[0].name}: {left_out[methods[0].name]}')
+    able = [method for method in methods if method.name in outcomes]
+    times = {method.name: np.empty((runs, steps)) for method in able}
+    for run in range(runs):
+        for method in methods:
+            if method in able:
+                times[method.name][run] = close_loop(task, method, steps).times
+            progress()
+    timed = [Timed(name, outcome, times[name]) for name, outcome in outcomes.items()]
+    return MethodComparison(steps, runs, timed, left_out)
+
+
+def _try(task: Task, method: Method, steps: int) -> TaskOutcome | str:
+    """What a method's closed loop comes to, or why it does not solve the task."""
+    try:
+        with unheard():
+            for left in range(steps, 0, -1):
+                method.prepare(left)
+            outcome = task.outcome(close_loop(task, method, steps).wheel_speeds)
+    except BenchError as error:
+        return str(error)
+    return task.failure(outcome) or outcome
+
+
+@dataclass(frozen=True)
+class Tail:
+    """Control steps of one method.
+
+    Attributes:
+        name: Of the method.
+        times: Of every step of many closed loops, shape ``(K,)`` [us].
+        again: Of their first step, made again and again, shape ``(K,)`` [us].
+    """
+
+    name: str
+    times: Array
+    again: Array
+
+    @property
+    def spread(self) -> Spread:
+        """Of the times [us]."""
+        return Spread.of(self.times)
+
+    @property
+    def ratio(self) -> float | None:
+        """99.9th percentile beside the median; None with too few steps for it."""
+        return _ratio(self.spread)
+
+    @property
+    def spread_again(self) -> Spread:
+        """Of one and the same step [us]."""
+        return Spread.of(self.again)
+
+    @property
+    def ratio_again(self) -> float | None:
+        """99.9th percentile of one and the same step beside its median."""
+        return _ratio(self.spread_again)
+
+
+def tails(
+    task: Task,
+    methods: Sequence[Method],
+    steps: int,
+    count: int,
+    progress: Callable[[], None] = lambda: None,
+) -> list[Tail]:
+    """Time many control steps, the methods in turn, with the collector off all the while."""
+    times: list[list[Array]] = [[] for _ in methods]
+    again: list[list[Array]] = [[] for _ in methods]
+    with collector_off():
+        for _ in range(loops(count, steps)):
+            for method, of_method, of_first in zip(methods, times, again, strict=True):
+                of_method.append(close_loop(task, method, steps).times)
+                of_first.append(_first_step(task, method, steps))
+            progress()
+    return [
+        Tail(method.name, np.concatenate(of_method), np.concatenate(of_first))
+        for method, of_method, of_first in zip(methods, times, again, strict=True)
+    ]
+
+
+def _first_step(task: Task, method: Method, steps: int) -> Array:
+    """Times of the first step, made as often as there are steps in a closed loop [us]."""
+    pose, durations, guess = task.pose, task.durations(steps), task.guess(steps)
+    times = np.empty(steps)
+    for k in range(steps):
+        method.begin(steps)
+        began = time.perf_counter_ns()
+        method.step(pose, guess, durations)
+        times[k] = (time.perf_counter_ns() - began) * 1e-3
+    return times
+
+
+def _ratio(spread: Spread) -> float | None:
+    return None if spread.p999 is None else spread.p999 / spread.median
+
+
+def loops(count: int, steps: int) -> int:
+    """Closed loops that so many control steps are."""
+    return -(-count // steps)
+
+
+@dataclass(frozen=True)
+class HardCase:
+    """Computing times of one run.
+
+    Attributes:
+        name: Of the run.
+        times: Of every step, shape ``(runs, N)`` [ms].
+        elastic: Steps in which the last program needed slack.
+    """
+
+    name: str
+    times: Array
+    elastic: int
+
+    @property
+    def longest(self) -> float:
+        """Median over the runs of that step for which it is the greatest [ms]."""
+        return float(np.median(self.times, axis=0).max())
+
+
+def hard_cases() -> list[Preset]:
+    """Case 3 at 45 rad/s, where most wheel speeds are at their limit, and the paper's tables."""
+    return [Preset.load('case3_45'), *of_tables()]
+
+
+def time_hard_cases(
+    cases: Sequence[Preset], runs: int, progress: Callable[[], None] = lambda: None
+) -> list[HardCase]:
+    """Drive every case in turn, again and again, and take the times.
+
+    Raises:
+        BenchError: A program was not solved, or a plan may not be followed.
+    """
+    tasks = [Task.of(each) for each in cases]
+    methods = [FullStep(task) for task in tasks]
+    times: list[list[Array]] = [[] for _ in cases]
+    for _ in range(runs):
+        for task, method, of_runs in zip(tasks, methods, times, strict=True):
+            of_runs.append(close_loop(task, method, task.steps).times / 1e3)
+            progress()
+    return [
+        HardCase(each.name, np.array(of_runs), method.elastic)
+        for each, of_runs, method in zip(cases, times, methods, strict=True)
+    ]

@@ -1,0 +1,139 @@
+"""What methods are asked to solve: Case 3 or another preset, cut into any number of steps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from benchmarks.drives import Preset
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.guidance import GuidanceSettings
+from cmpsp_ros.guidance.formulation import (
+    GuidanceData,
+    GuidanceProblem,
+    guidance_data,
+    sample_space,
+)
+from cmpsp_ros.guidance.planning import initial_guess
+from cmpsp_ros.guidance.prediction import PlanStart
+from cmpsp_ros.world import FreeSpace
+
+_LARGEST_VIOLATION = 1e-3
+
+
+@dataclass(frozen=True)
+class TaskOutcome:
+    """What a control history leads to, by the project's own model.
+
+    Attributes:
+        cost: First term of (95), at every sample.
+        miss: Distance of the end from the goal [m].
+        violation: Largest violation of road edges and obstacles at the samples [m]; negative is
+            room left.
+        wheel_speed: Largest wheel speed [rad/s].
+    """
+
+    cost: float
+    miss: float
+    violation: float
+    wheel_speed: float
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """A preset at any number of steps: the same time, road, obstacles, start and guess.
+
+    The space to keep to at the samples is that of the preset's own control period at every number
+    of steps. It would be empty with ten steps otherwise, and another problem with each number.
+
+    Attributes:
+        settings: Of the preset.
+        pose: Where the robot starts, shape ``(3,)`` [m, m, rad].
+        space: Where the robot's centre may be at the samples.
+        cost: Weights of the cost.
+    """
+
+    settings: GuidanceSettings
+    pose: Array
+    space: FreeSpace
+
+    @classmethod
+    def case3(cls) -> Task:
+        """The preset `case3`."""
+        return cls.of(Preset.load('case3'))
+
+    @classmethod
+    def of(cls, preset: Preset) -> Task:
+        """The task of a preset."""
+        # One plan, as every method has; how many iterations it begins with is the methods' own.
+        given = preset.settings.solver
+        solver = replace(given, candidates=1, initial_iterations=given.iterations_per_step)
+        settings = replace(preset.settings, solver=solver)
+        return cls(settings, preset.pose, sample_space(settings, settings.world))
+
+    @property
+    def steps(self) -> int:
+        """Control periods in the preset's time."""
+        return round(self.settings.final_time / self.settings.control_period)
+
+    def durations(self, steps: int) -> Array:
+        """Lengths of the steps, shape ``(N,)`` [s]."""
+        return np.full(steps, self.settings.final_time / steps)
+
+    def guess(self, steps: int) -> Array:
+        """The preset's first control history, shape ``(N + 1, 2)`` [rad/s]."""
+        return initial_guess(
+            self.settings,
+            PlanStart(self.pose, self.settings.robot, self.settings.world),
+            self.settings.target,
+            self.durations(steps),
+        )
+
+    def settings_for(self, steps: int) -> GuidanceSettings:
+        """The preset's settings with so many control periods in its time."""
+        return replace(self.settings, control_period=self.settings.final_time / steps)
+
+    def problem(self, pose: Array, durations: Array) -> GuidanceProblem:
+        """The problem from a pose on.
+
+        Args:
+            pose: Shape ``(3,)`` [m, m, rad].
+            durations: Lengths of the steps left, shape ``(n,)`` [s].
+        """
+        settings = self.settings
+        goal = np.array(settings.goal)
+        return GuidanceProblem(settings.robot, self.space, settings.weights, pose, goal, durations)
+
+    def data(self, pose: Array, durations: Array) -> GuidanceData:
+        """The same for compiled code."""
+        settings = self.settings
+        goal = np.array(settings.goal)
+        return guidance_data(settings.robot, self.space, settings.weights, pose, goal, durations)
+
+    def outcome(self, U: Array) -> TaskOutcome:
+        """What a control history over the whole time leads to.
+
+        Args:
+            U: Shape ``(N + 1, 2)`` [rad/s].
+        """
+        problem = self.problem(self.pose, self.durations(len(U) - 1))
+        evaluation = problem.evaluate(problem.predict(U), U)
+        return TaskOutcome(
+            evaluation.cost,
+            float(np.linalg.norm(evaluation.output_error)),
+            float(evaluation.g.max()),
+            float(np.abs(U).max()),
+        )
+
+    def failure(self, outcome: TaskOutcome) -> str:
+        """Why an outcome does not solve the task, in words; empty where it does."""
+        settings = self.settings
+        if not outcome.miss <= settings.goal_tolerance:
+            return f'it misses the goal by {outcome.miss:.3g} m'
+        if not outcome.violation <= _LARGEST_VIOLATION:
+            return f'it comes {outcome.violation:.3g} m too close to an edge or an obstacle'
+        limit = settings.robot.max_wheel_speed
+        if not outcome.wheel_speed <= limit * (1.0 + _LARGEST_VIOLATION):
+            return f'its wheels turn at {outcome.wheel_speed:.4g} rad/s, the limit is {limit:g}'
+        return ''

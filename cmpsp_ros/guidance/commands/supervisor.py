@@ -1,0 +1,350 @@
+"""From the selected plan to the decision: follow it, fall back, slow down or stop."""
+
+from __future__ import annotations
+
+import math
+from typing import Final, NamedTuple
+
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.guidance.commands.decision_builder import DecisionBuilder
+from cmpsp_ros.guidance.decision import Decision, FallbackLevel, Plan
+from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
+from cmpsp_ros.guidance.planning.candidate import Candidate
+from cmpsp_ros.guidance.planning.plan_selector import PlanSelector
+from cmpsp_ros.guidance.planning.planning_context import PlanningContext
+from cmpsp_ros.guidance.prediction.estimator import Estimate, Observation, PlanStart
+from cmpsp_ros.guidance.safety.approach import STANDSTILL, Approach, Contact
+from cmpsp_ros.guidance.safety.audit import TOUCHING, Audit, Verdict
+from cmpsp_ros.guidance.safety.fallback import Fallback, clear_fraction
+from cmpsp_ros.guidance.settings import LawSettings
+from cmpsp_ros.guidance.state import LawState
+
+PATIENCE: Final = 3
+"""Control steps for which a plan that gains too little is driven: it may yet be improved."""
+
+_TINY: Final = 1e-6
+"""Of lengths and of angles [m, rad]."""
+
+
+class Choice(NamedTuple):
+    """The plan to follow, before it is slowed down.
+
+    Attributes:
+        level: The fallback level.
+        reason: Why that level.
+        plan: The plan.
+        verdict: Of its check.
+        ahead: The first thing that it leads into.
+    """
+
+    level: FallbackLevel
+    reason: str
+    plan: Plan
+    verdict: Verdict
+    ahead: Contact | None
+
+
+class Supervisor:
+    """Decides what is followed, how fast, and when to stop instead."""
+
+    def __init__(self, settings: LawSettings, audit: Audit, selector: PlanSelector) -> None:
+        """Take limits and times from the settings.
+
+        Args:
+            settings: All settings of the guidance law.
+            audit: What every plan must pass.
+            selector: Where plans come from.
+        """
+        self._settings, self._audit, self._selector = settings, audit, selector
+        self._period = to_nanoseconds(settings.control_period)
+        self._fallback = Fallback(settings, audit)
+        self._approach = Approach(settings, audit)
+        self.decisions = DecisionBuilder(settings, audit)
+
+    def reason_not_to_begin(self, state: LawState, estimate: Estimate) -> str:
+        """Why no plan begins where the robot is, in a sentence; empty for no reason."""
+        if state.following.plan is not None:
+            return ''
+        return self._audit.why_no_start(estimate.start.world, estimate.here.pose)
+
+    def reason_to_stand(self, state: LawState, estimate: Estimate) -> str:
+        """Why not even to plan, in a sentence; empty for no reason."""
+        waits = '' if len(estimate.start.moving) else state.mission.closed_road.wait_reason
+        return state.estimator.response.reason_to_stop(self._settings) or waits
+
+    def choose(
+        self,
+        state: LawState,
+        seen: Observation,
+        estimate: Estimate,
+        context: PlanningContext,
+        selected: Candidate,
+    ) -> Decision:
+        """Follow the selected plan, or the previous one shifted, no faster than is safe; or stop.
+
+        Args:
+            state: Of the law, which keeps what is followed.
+            seen: The observation that is answered.
+            estimate: Where the robot is, and where plans begin.
+            context: The control step.
+            selected: The plan that is selected.
+        """
+        mission, start, result = state.mission, estimate.start, selected.result
+        mission.reaches_goal = False
+        closed = self._closed_ahead(state, context, selected)
+        choose = self._accept if selected.admissible else self._fall_back
+        choice = choose(state, seen, context, selected, closed)
+        if isinstance(choice, Decision):
+            return choice
+        level, reason, plan, verdict, ahead = choice
+        if closed is not None and (ahead is None or closed.speed < ahead.speed):
+            ahead = closed
+        # It is improved as it is: what slows it down may be wrong about what it leads into.
+        state.following.plan = plan
+        self._drop_plan_after_failures(state)
+        risk, here = state.estimator.risk(seen.stamp), estimate.here
+        limited = self._approach.limited(plan, verdict, ahead, start, context.pending, here, risk)
+        if limited is None:
+            reason = f'The robot stops: no speed is clear of what its response may be. {reason}'
+            return self.decisions.stop(
+                state, seen.stamp, seen.pose, reason, result, moving=start.moving
+            )
+        slower, verdict, remark = limited
+        error = context.goal.errors(slower.poses[-1])[0]
+        mission.reaches_goal = error <= self._settings.goal_tolerance
+        errors = selected.terminal_error, selected.heading_error
+        if not selected.admissible:
+            errors = context.goal.errors(plan.poses[-1])
+        reason, phases = reason + remark, self._selector.phases
+        return self.decisions.follow(
+            state, seen.stamp, level, reason, slower, verdict, errors, result, phases
+        )
+
+    def _accept(
+        self,
+        state: LawState,
+        seen: Observation,
+        context: PlanningContext,
+        selected: Candidate,
+        closed: Contact | None,
+    ) -> Choice | Decision:
+        """Follow an admissible plan, or stop where it leads nowhere."""
+        following, start = state.following, context.start
+        verdict, plan = selected.verdict, selected.plan
+        following.failures = 0
+        level = FallbackLevel.ELASTIC if selected.is_relaxed else FallbackLevel.NOMINAL
+        reason = selected.describe(self._audit, self._settings, start) + self._selector.remark
+        ahead = self._approach.contact(plan, start, verdict.worst_margin)
+        if selected.is_relaxed:
+            following.end_speed = math.inf
+        elif ahead is not None and selected.terminal_error <= self._settings.goal_tolerance:
+            end_speed = self._approach.end_speed(plan, ahead)
+            following.end_speed = min(following.end_speed, end_speed)
+        if why := self._stop_reason(state, context, selected, ahead, closed):
+            following.wait(plan)
+            if ahead is not None and start.world.map_search(self._settings) is not None:
+                self.drop_plan(state)
+                why += ' Another path is searched from here.'
+            reason = f'{why} {reason}'
+            return self.decisions.stop(state, seen.stamp, seen.pose, reason, selected.result)
+        return Choice(level, reason, plan, verdict, ahead)
+
+    def _fall_back(
+        self,
+        state: LawState,
+        seen: Observation,
+        context: PlanningContext,
+        selected: Candidate,
+        closed: Contact | None,
+    ) -> Choice | Decision:
+        """Follow the previous plan, shifted, if it is still clear; or stop."""
+        result, start = selected.result, context.start
+        state.following.failures += 1
+        reason = selected.verdict.reason if result.solved else result.reason
+        shifted = self._shifted(state, context)
+        if shifted is None:
+            state.mission.idle_steps = PATIENCE
+            if closed is not None:
+                reason = f'{state.mission.closed_road.wait_before(closed)} {reason}'
+            self._drop_plan_after_failures(state)
+            return self.decisions.stop(
+                state, seen.stamp, seen.pose, reason, result, moving=start.moving
+            )
+        plan, verdict = shifted
+        ahead = self._approach.contact(plan, start, verdict.worst_margin)
+        reason += ' The last audited plan goes on.'
+        return Choice(FallbackLevel.PREVIOUS_PLAN, reason, plan, verdict, ahead)
+
+    def _shifted(self, state: LawState, context: PlanningContext) -> tuple[Plan, Verdict] | None:
+        return self._fallback.shifted(
+            state.following.plan, context.start, context.horizon, context.delay, context.pending
+        )
+
+    def _closed_ahead(
+        self, state: LawState, context: PlanningContext, selected: Candidate
+    ) -> Contact | None:
+        """What closes the road; it is not looked for while plans lead to the goal."""
+        settings, closed_road, start = self._settings, state.mission.closed_road, context.start
+        if len(start.moving):
+            return None
+        if not selected.feasible or selected.verdict.worst_margin < -TOUCHING:
+            closed_road.look(settings, start, context.goal)
+        return closed_road.update(settings, self._approach, start, state.clock.now)
+
+    def _stop_reason(
+        self,
+        state: LawState,
+        context: PlanningContext,
+        selected: Candidate,
+        ahead: Contact | None,
+        closed: Contact | None,
+    ) -> str:
+        """Count what leads nowhere; why to stop rather than follow a plan, empty for no reason."""
+        mission, why = state.mission, ''
+        is_near = closed is not None and closed.speed < self._settings.robot.max_speed
+        # Before a moving obstacle it is not safe to wait.
+        if not len(context.start.moving):
+            idle_steps = PATIENCE if is_near else mission.idle_steps
+            why, mission.idle_steps = _reason_to_wait(idle_steps, context, selected)
+        if closed is not None:
+            if (why and is_near) or mission.closed_road.comes_no_nearer(closed, state.clock.now):
+                return mission.closed_road.wait_before(closed)
+            return why
+        is_at_rest = ahead is not None and ahead.speed < STANDSTILL and not _turns(selected.plan)
+        return f'The robot stops: {ahead}' if not why and is_at_rest else why
+
+    def follow_late(
+        self, state: LawState, seen: Observation, context: PlanningContext, late: float
+    ) -> Decision:
+        """Follow the plan that came too late [s], shifted, if it is still clear.
+
+        Nothing is solved: that might be late again.
+        """
+        following, start = state.following, context.start
+        shifted = self._shifted(state, context)
+        if shifted is None:
+            following.wait(context.plan)
+            reason = f'The computer was late, by {late:.3g} s: its last plan is not clear any more.'
+            return self.decisions.stop(state, seen.stamp, seen.pose, reason, moving=start.moving)
+        plan, verdict = shifted
+        following.plan = plan
+        reason = f'The computer was late, by {late:.3g} s: its last plan goes on.'
+        errors, level = context.goal.errors(plan.poses[-1]), FallbackLevel.PREVIOUS_PLAN
+        return self.decisions.follow(state, seen.stamp, level, reason, plan, verdict, errors)
+
+    def slowed(
+        self, state: LawState, decision: Decision, estimate: Estimate, ramp_before: Array
+    ) -> Decision:
+        """A decision with a slower command, where a command that is late would not be clear.
+
+        Where no slower one is clear, with a ramp behind it, the robot stops by `ramp_before`.
+        """
+        settings, audit, following = self._settings, self._audit, state.following
+        here, start, plan = estimate.here, estimate.start, decision.plan
+        latest = max(state.lateness.expected, settings.max_command_delay)
+        if plan is None or latest <= settings.command_delay:
+            return decision
+        previous = state.estimator.latest_command
+        next_step = (state.clock.due - state.clock.now) / NANOSECONDS
+        commanded = following.previous_control
+        fraction = clear_fraction(audit, here, previous, commanded, next_step, latest)
+        if fraction == 1.0:
+            return decision
+        controls = settings.robot.slowed(plan.controls, fraction)
+        checked = audit.check(start, controls, plan.horizon.durations)
+        if not checked.passed:
+            following.command(previous, ramp_before)
+            reason = f'The robot stops: no slower command is clear if it is late. {decision.reason}'
+            return self.decisions.stop(state, decision.stamp, here.pose, reason, moving=here.moving)
+        following.command(controls[0], checked.ramp)
+        reason = f'{decision.reason} Slowed to {fraction:.3g} of the speed: commands may be late.'
+        wheel_speeds = settings.robot.speeds_of(controls[0])
+        twist = settings.robot.twist(controls[0])
+        return decision._replace(wheel_speeds=wheel_speeds, twist=twist, reason=reason)
+
+    def go_on(self, state: LawState, seen: Observation, context: PlanningContext) -> Decision:
+        """Let the last plan go on, past its end too, where a new command comes too late.
+
+        Too early a stop would cost the goal if the delay is shorter than it is said to be, or the
+        wheels rather lag.
+        """
+        start, clock = context.start, state.clock
+        shifted = self._shifted(state, context)
+        is_beyond = clock.now >= state.mission.goals.final - context.delay
+        beyond = clock.due - clock.now if is_beyond else 0
+        if shifted is None or (
+            beyond and not self._fallback.may_outlast(start, shifted[0].controls, beyond)
+        ):
+            reason = 'No plan can go on until a stop takes effect.'
+            return self.decisions.stop(state, seen.stamp, seen.pose, reason, moving=start.moving)
+        assert state.following.plan is not None  # noqa: S101 (it was shifted)
+        reason = 'The plan goes on: a new command comes too late to change its end.'
+        errors = context.goal.errors(state.following.plan.poses[-1])
+        level = FallbackLevel.NOMINAL
+        return self.decisions.follow(state, seen.stamp, level, reason, *shifted, errors)
+
+    def may_outlast(self, start: PlanStart, plan: Plan, nanoseconds: int) -> bool:
+        """Whether the first command of a plan may go on for so long."""
+        return self._fallback.may_outlast(start, plan.controls, nanoseconds)
+
+    def finish(self, state: LawState, seen: Observation, estimate: Estimate) -> Decision:
+        """Stop after the final time, and judge where the robot was then."""
+        goals, settings = state.mission.goals, self._settings
+        state.following.plan = None
+        has_goal, passed = goals.goal is not None, seen.pose
+        if has_goal:
+            end = (state.clock.start or 0) + goals.end
+            if state.mission.final_pose is None and 0 < seen.stamp - end <= self._period:
+                # Odometry need not meet the final time.
+                before = state.estimator.pose_before(seen.stamp, seen.pose, end)
+                state.mission.final_pose = before
+            passed = seen.pose if state.mission.final_pose is None else state.mission.final_pose
+        error, heading_error = goals.target.errors(passed)
+        off, by = heading_error or 0.0, ''
+        if has_goal and error > settings.goal_tolerance:
+            by = f', {error:.3g} m from the goal'
+        elif has_goal and off > settings.heading_tolerance:
+            by = f", {off:.3g} rad off the goal's heading"
+        reason, moving = f'The final time has passed{by}.', estimate.here.moving
+        decision = self.decisions.stop(
+            state, seen.stamp, seen.pose, reason, moving=moving, finished=True, missed=bool(by)
+        )
+        return decision._replace(terminal_error=error, heading_error=heading_error)
+
+    def drop_plan(self, state: LawState) -> None:
+        """Follow no plan, and search all ways afresh."""
+        state.following.wait(None)
+        self._selector.forget()
+
+    def _drop_plan_after_failures(self, state: LawState) -> None:
+        if state.following.failures >= self._settings.failure_tolerance:
+            self.drop_plan(state)
+
+
+def _reason_to_wait(
+    idle_steps: int, context: PlanningContext, selected: Candidate
+) -> tuple[str, int]:
+    """Reason to wait rather than follow a plan that soon gets no nearer to the goal, or empty.
+
+    A closed road leaves time over. Nothing in the cost keeps a robot from spending it on the move,
+    to and fro before what is in its way, clear of everything and to no end.
+
+    Returned with the idle steps, this one included: those that brought the goal no nearer, since
+    a plan could reach it.
+    """
+    if not (selected.result.elastic and selected.result.slack_terminal):
+        return '', 0
+    # Patience comes back with the goal only: else it would be spent on driving to and fro.
+    if context.is_gaining(selected.plan):
+        return '', idle_steps
+    if idle_steps < PATIENCE:
+        return '', idle_steps + 1
+    error = selected.terminal_error
+    reason = f'The robot waits: no plan soon gets it nearer to the goal, {error:.3g} m off at best.'
+    return reason, idle_steps + 1
+
+
+def _turns(plan: Plan) -> bool:
+    """Whether a plan begins with a turn on the spot: nothing comes nearer, and more is seen."""
+    along = math.dist(plan.poses[0, :2], plan.poses[1, :2])
+    return along < _TINY < abs(float(plan.poses[1, 2] - plan.poses[0, 2]))

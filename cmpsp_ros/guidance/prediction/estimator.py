@@ -1,0 +1,257 @@
+"""Estimates before a plan is made: where the robot is, how it responds, and where a plan begins."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
+from cmpsp_ros.guidance.messages.tracks import MovingObject, PeerTrajectory
+from cmpsp_ros.guidance.prediction.pending_commands import PendingCommands
+from cmpsp_ros.guidance.prediction.response import Risk
+from cmpsp_ros.guidance.prediction.response_estimate import ResponseEstimate
+from cmpsp_ros.guidance.prediction.slip import SlipEstimate
+from cmpsp_ros.guidance.settings import LawSettings
+from cmpsp_ros.guidance.solver_settings import MovingObstacles
+from cmpsp_ros.guidance.world import World
+from cmpsp_ros.robots import Robot
+from cmpsp_ros.sensing import Sighting
+from cmpsp_ros.world.obstacles import NOTHING_MOVES, MovingDiscs
+from cmpsp_ros.world.roads import project_on_path
+
+AT_REST: Final = np.zeros(2)
+
+_NOTHING: Final = np.empty((0, 0)), np.empty(0)
+"""Controls that a robot without a delay is driven by until a new one takes effect."""
+
+
+class Observation(NamedTuple):
+    """All that one moment brings.
+
+    Attributes:
+        stamp: Time stamp of the odometry [ns].
+        pose: Pose ``(x, y, heading)`` [m, m, rad], finite; the heading may be wrapped.
+        tracks: Moving obstacles, and trajectories of other robots, as they are known, each once.
+        sighting: What is known of the surroundings, where there are sensors.
+    """
+
+    stamp: int
+    pose: Array
+    tracks: tuple[MovingObject, ...] = ()
+    sighting: Sighting | None = None
+
+
+class PlanStart(NamedTuple):
+    """The initial state of a plan, and the models that predict it on from there.
+
+    Attributes:
+        pose: Pose, shape ``(3,)`` [m, m, rad].
+        robot: Kinematics, with the slip that is estimated.
+        world: Road and static obstacles.
+        moving: Moving obstacles, from then on.
+        progress: Arc length along the road of a place near the pose, NaN if not needed [m].
+        previous_control: Control commanded until then, shape ``(r,)``.
+    """
+
+    pose: Array
+    robot: Robot
+    world: World
+    moving: MovingDiscs = NOTHING_MOVES
+    progress: float = math.nan
+    previous_control: Array = AT_REST
+
+
+class Estimate(NamedTuple):
+    """The present state, and the one at which a command given now takes effect.
+
+    Attributes:
+        here: The present state.
+        start: The initial state of a plan.
+        under_way: Controls in effect from here to there, ``(K, r)``, each for so long ``(K,)`` [s].
+        delay: From a command to its effect, with the lag that is estimated [ns].
+        model_changed: Whether the slip is another one now.
+    """
+
+    here: PlanStart
+    start: PlanStart
+    under_way: tuple[Array, Array]
+    delay: int
+    model_changed: bool
+
+
+class Estimator:
+    """Slip, response and place of the robot in one run, and the commands under way.
+
+    Attributes:
+        robot: Kinematics, with the slip in use.
+        used_slip: That slip.
+        response: Estimate of how the robot responds to commands.
+        tracker: Slots of moving obstacles.
+        progress: Arc length of the robot along the road, NaN if not needed [m].
+        delay: From a command to its effect, with the lag that is estimated [ns].
+    """
+
+    def __init__(self, settings: LawSettings) -> None:
+        """Begin on unknown ground, at rest."""
+        self._slip = SlipEstimate(settings.max_slip)
+        self._use(settings)
+        self._commands = PendingCommands(self.robot.n_controls)
+        self.response, self.tracker = ResponseEstimate(settings), ObstacleTracker()
+        self.progress, self.delay = math.nan, 0
+
+    def _use(self, settings: LawSettings) -> None:
+        """Rebuild the model with the current slip estimate."""
+        self._settings = settings
+        self.used_slip = min(self._slip.slip, settings.max_slip)
+        self.robot = settings.robot.slipping(self.used_slip)
+
+    def reconfigure(self, settings: LawSettings) -> None:
+        """Go on with other settings."""
+        self._use(settings)
+        self.response.reconfigure(settings)
+
+    @property
+    def latest_command(self) -> Array:
+        """The last command, shape ``(r,)``."""
+        return self._commands.latest
+
+    def update(self, seen: Observation, world: World, previous_control: Array) -> Estimate:
+        """Take in an observation at the beginning of a control step.
+
+        A plan begins where the robot will be when a command given now takes effect. One whose
+        wheels lag by ``T`` moves as one whose wheels obey at once, so much later: until then they
+        keep the speeds that they have when the command reaches them.
+
+        Args:
+            seen: The observation.
+            world: Road and static obstacles.
+            previous_control: Commanded last, shape ``(r,)``.
+        """
+        stamp, pose, road = seen.stamp, seen.pose, world.road
+        moving = self.tracker.update(stamp, pose, seen.tracks, self._settings.moving_obstacles)
+        changed = self._end_period(stamp, pose)
+        self.progress = project_on_path(road, pose, self.progress)
+        here = PlanStart(pose, self.robot, world, moving, self.progress, previous_control)
+        if not (self.response.delay or self.response.lag):
+            self.delay = 0
+            return Estimate(here, here, _NOTHING, 0, changed)
+        response = self.response.in_use(stamp, self._commands)
+        self.delay = self.response.delay + to_nanoseconds(response.lag)
+        under_way = controls, durations = response.in_effect()
+        if response.lag > 0.0:
+            controls = np.vstack([controls, response.settled])
+            durations = np.append(durations, response.lag)
+        ahead = self.robot.roll_out(pose, controls, durations)[-1]
+        progress = project_on_path(road, ahead, self.progress)
+        later = moving.after(float(durations.sum()))
+        start = here._replace(pose=ahead, moving=later, progress=progress)
+        return Estimate(here, start, under_way, self.delay, changed)
+
+    def begin_period(self, seen: Observation, control: Array) -> None:
+        """Record how a control period begins: with this command, shape ``(r,)``."""
+        if self._settings.max_slip > 0.0:
+            ahead, durations = self._commands.until(seen.stamp, self.response.delay)
+            speeds = np.array([self._commands.in_force, *ahead, control])
+            self._slip.begin(seen.stamp, seen.pose, speeds, durations)
+
+    def _end_period(self, stamp: int, pose: Array) -> bool:
+        """Update the estimates at the end of a control period; whether the slip is another one."""
+        self.response.update(stamp, pose, self._commands, self.robot, self.used_slip)
+        limit = self._settings.max_slip
+        if limit > 0.0 and self._slip.end(stamp, pose, self._settings.robot, limit):
+            self._use(self._settings)
+            return True
+        return False
+
+    def lose_period(self) -> None:
+        """Leave the present control period out of the estimates: what happens is unknown."""
+        self._slip.lose()
+        self.response.lose()
+
+    def note_command(self, stamp: int, control: Array, twist: Array) -> None:
+        """Remember a command ``(r,)`` that answers a stamp [ns], and its twist."""
+        self._commands.add(stamp, control, twist)
+
+    def take_back(self) -> Array:
+        """Forget the last command, which was never sent; the one before it, shape ``(r,)``."""
+        return self._commands.take_back()
+
+    def risk(self, stamp: int) -> Risk:
+        """Other responses of the robot that are possible, at a time [ns]."""
+        return self.response.risk(stamp, self._commands)
+
+    def pose_before(self, stamp: int, pose: Array, earlier: int) -> Array:
+        """Pose at an earlier time [ns], to which it is driven back by the commands since."""
+        speeds, durations = self._commands.since(earlier, stamp, self.response.delay)
+        return np.asarray(self.robot.roll_out(pose, speeds, -durations)[-1])
+
+
+class ObstacleTracker:
+    """Keeps each obstacle in its slot from one control step to the next.
+
+    So the constraints of a plan stay those that they were, and its warm start is worth something.
+
+    Attributes:
+        new_obstacle_seen: Whether the last update had an obstacle that the one before had not.
+    """
+
+    def __init__(self) -> None:
+        """Nothing is known."""
+        self._slots: dict[int | str, int] = {}
+        self._numbers: frozenset[int | str] = frozenset()
+        self.new_obstacle_seen = False
+
+    def update(
+        self, stamp: int, pose: Array, tracks: Sequence[MovingObject], settings: MovingObstacles
+    ) -> MovingDiscs:
+        """Where moving obstacles are at an instant.
+
+        Args:
+            stamp: The instant [ns].
+            pose: Where the robot is, shape ``(3,)`` [m, m, rad]: of too many obstacles the nearer
+                ones have slots.
+            tracks: What is known, none of it later than that.
+            settings: How many are considered, and how fast their radii grow.
+        """
+        if not tracks:
+            self.new_obstacle_seen = False
+            if self._numbers:
+                self._slots, self._numbers = {}, frozenset()
+            return NOTHING_MOVES
+        numbers = frozenset(each.id for each in tracks)
+        self.new_obstacle_seen, self._numbers = not numbers <= self._numbers, numbers
+        states = np.array([_state(each, stamp, settings) for each in tracks])
+        ways = {
+            index: each.path(stamp)
+            for index, each in enumerate(tracks)
+            if isinstance(each, PeerTrajectory)
+        }
+        names = tuple(each.name for each in tracks)
+        slots = np.full(len(tracks), -1, dtype=np.int64)
+        discs = MovingDiscs(names, states, settings.growth, slots, ways)
+        clearance = discs.clearance(pose).tolist()
+        nearest = sorted(range(len(tracks)), key=lambda i: (clearance[i], i))
+        self._assign([tracks[i].id for i in nearest[: settings.slots]], settings.slots)
+        slots[:] = [self._slots.get(each.id, -1) for each in tracks]
+        return discs
+
+    def _assign(self, numbers: Sequence[int | str], capacity: int) -> None:
+        kept = {each: self._slots[each] for each in numbers if each in self._slots}
+        free = iter(sorted(set(range(capacity)) - set(kept.values())))
+        # Those that were there before stay in the order of their slots.
+        self._slots = {each: kept[each] if each in kept else next(free) for each in numbers}
+
+
+def _state(seen: MovingObject, stamp: int, settings: MovingObstacles) -> tuple[float, ...]:
+    """Centre, velocity and radius of what was seen, at an instant [ns]."""
+    age = (stamp - seen.stamp) / NANOSECONDS
+    if isinstance(seen, PeerTrajectory):
+        # A robot that stands is where it said, however long ago.
+        grown = 0.0 if seen.at_rest else settings.growth * age
+        return (*seen.position(stamp), 0.0, 0.0, settings.others_radius + grown)
+    x, y = seen.x + age * seen.vx, seen.y + age * seen.vy
+    return x, y, seen.vx, seen.vy, seen.radius + settings.growth * age

@@ -1,0 +1,102 @@
+"""Whole runs of the guidance law: presets, robots on long horizons."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks import drives
+from benchmarks.common import BenchError
+from benchmarks.drives import (
+    Preset,
+    RobotDrive,
+    chosen,
+    of_models,
+    of_robots,
+    robots_that_fit,
+    time_presets,
+    time_robots,
+)
+from cmpsp_ros.guidance.planning import Planner
+from cmpsp_ros.parameters import ParameterError
+from cmpsp_ros.parameters.files import preset_names
+
+
+def test_every_step_of_every_run_is_timed():
+    told = []
+    presets = [Preset.load('case1'), Preset.load('case3')]
+    timings = time_presets(presets, 2, lambda: told.append(1))
+    assert [each.name for each in timings] == ['case1', 'case3']
+    assert len(told) == 4
+    for each in timings:
+        assert (each.first.count, each.every.count) == (2, 100)
+        assert 0.0 < each.every.median <= each.every.p99 <= each.every.largest
+
+
+def test_without_names_it_is_all_presets_and_the_runs_of_the_tables():
+    found = {each.name: each for each in chosen(())}
+    assert len(found) == len(preset_names()) + 4 + 3
+    assert {'case1', 'case2', 'case3', 'case3_45'} < found.keys()
+    assert found['table1_3, guess (18, 15)'].settings.initial_guess.wheel_speeds == (18.0, 15.0)
+    assert found['table2_1, heading 60°'].pose == pytest.approx([0.0, -9.25, np.pi / 3.0])
+    assert [each.name for each in chosen(['case2'])] == ['case2']
+
+
+def test_a_file_will_do(tmp_path):
+    path = tmp_path / 'other.yaml'
+    path.write_text('/**:\n  ros__parameters:\n    initial_pose: [0.0, -10.0, 0.1]\n')
+    assert Preset.load(str(path)).pose.tolist() == [0.0, -10.0, 0.1]
+
+
+def test_a_start_beside_the_road(tmp_path):
+    path = tmp_path / 'beside.yaml'
+    path.write_text('/**:\n  ros__parameters:\n    initial_pose: [0.0, -20.0, 0.0]\n')
+    with pytest.raises(ParameterError, match='initial_pose'):
+        Preset.load(str(path))
+
+
+def test_unknown_preset():
+    with pytest.raises(ParameterError, match=r'did you mean case3\?'):
+        Preset.load('cas3')
+
+
+def test_a_robot_drives_to_the_goal():
+    told, improve = [], Planner.improve
+    (found,) = time_robots(of_robots(['jackal']), 2, lambda: told.append(1))
+    assert found.name == 'jackal'
+    assert found.times.shape == (2, 50)
+    assert found.times.min() > 0.0
+    assert found.work.shape == (50,)
+    assert found.work.min() > 0
+    assert sum(found.levels.values()) == 50
+    assert found.terminal_error < 0.01
+    assert len(told) == 2
+    assert Planner.improve is improve
+
+
+def test_a_car_beside_a_differential_drive():
+    for found in time_robots(of_models(), 1):
+        assert found.times.shape == (1, 50)
+        assert found.levels == {'nominal': 50}
+        assert found.terminal_error < 1e-3
+
+
+def test_no_such_robot():
+    with pytest.raises(ParameterError, match='jackall'):
+        of_robots(['jackall'])
+
+
+def test_runs_that_differ(monkeypatch):
+    drive = RobotDrive('odd', np.ones((1, 2)), np.ones(2, int), {'nominal': 2}, 0.0)
+    repeated = iter([drive, replace(drive, work=np.array([1, 2]))])
+    monkeypatch.setattr(drives, '_drive_robot', lambda name, scenario: next(repeated))
+    with pytest.raises(BenchError, match='runs that differ'):
+        time_robots(of_robots(['jackal']), 2)
+
+
+def test_robots_that_are_too_wide_for_the_road_are_left_out():
+    fit = robots_that_fit()
+    assert 'turtlebot4' in fit
+    assert 'car' not in fit

@@ -1,0 +1,225 @@
+"""Targets, tables, pictures, JSON and the page."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.common import BenchError
+from benchmarks.crowds import PlansTiming
+from benchmarks.drives import RobotDrive
+from benchmarks.horizons import Growth, LongHorizons, LongStep
+from benchmarks.loops import HardCase, Tail, Timed
+from benchmarks.over_dds.latency import Latency
+from benchmarks.report import check_output, content, page, write
+from benchmarks.results import pace, targets
+from benchmarks.tables import tables
+
+# What they share takes long to make.
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group('bench_results')]
+
+BARE, FULL = 'riccati active set', 'riccati active set, full step'
+
+
+@pytest.fixture
+def known(task, results):
+    """Times that are known, instead of those of the run."""
+    outcome = task.outcome(task.guess(2))
+    times = {'condensed + daqp': 100.0, BARE: 8.0, FULL: 24.0, 'sqpmethod + piqp': 400.0}
+    timed = [Timed(name, outcome, np.full((3, 2), time)) for name, time in times.items()]
+    own = np.full(200, 0.25)
+    # Three of 200 are more than the 99th percentile leaves out.
+    first = np.arange(200) < 3
+    total = np.where(first, 9.0, 1.25)
+    long = [LongStep(N, 0.5, 5.0, 100.0, {'warm': 2.0 * N, 'cold': 4.0}, {}) for N in (50, 100)]
+    return replace(
+        results,
+        robots=[drive('fast', [[40.0, 1.0, 2.0]]), drive('slow', [[60.0, 2.0, 12.0]] * 100)],
+        models=[
+            drive('differential drive', [[1.0, 1.0, 1.0]]),
+            drive('car', [[1.0, 2.0, 9.0]]),
+            drive('differential drive, limited acceleration', [[1.0, 1.0, 1.0]]),
+            drive('car, limited acceleration', [[9.0, 4.0, 2.0]]),
+        ],
+        long_horizons=LongHorizons(long, {}),
+        comparison=replace(results.comparison, timed=timed),
+        hard=[hard_case('easy', [[0.1, 0.1, 0.9]] * 3), hard_case('hard', [[0.8, 0.3, 0.3]] * 3)],
+        growth=[Growth(BARE, [100, 400], [1.0, 900.0], 1.58)],
+        tails=[Tail(BARE, np.full(2000, 8.0), np.full(2000, 9.0))],
+        plans=[
+            PlansTiming(1, np.ones(3), np.ones(3)),
+            PlansTiming(8, np.ones(3), np.full(3, 1100.0)),
+        ],
+        latency=Latency(
+            1, total, own, first, np.diff(own), 0.0, np.array([1.0, 1.2, 9.0]), 100.0, 100.0
+        ),
+    )
+
+
+def drive(name, times):
+    return RobotDrive(name, np.array(times), np.ones(3, int), {'nominal': 3}, 0.0)
+
+
+def hard_case(name, times):
+    return HardCase(name, np.array(times), elastic=1)
+
+
+def test_what_holds_and_what_does_not(known):
+    assert [(each.found, each.holds) for each in targets(known)] == [
+        (60.0, False),
+        (60.0, False),
+        (12.0, False),
+        (pytest.approx(1.0), True),
+        (pytest.approx(0.08), True),
+        (pytest.approx(0.08), True),
+        (pytest.approx(0.02), True),
+        (pytest.approx(0.02), True),
+        (pytest.approx(3.0), False),
+        (pytest.approx(3.0), False),
+        (1.58, False),
+        (0.9, True),
+        (0.3, False),
+        (0.9, True),
+        (1.0, True),
+        (1.0, True),
+        (None, None),
+        (None, None),
+        (None, None),
+        (None, None),
+        (2.0, True),
+        (4.0, False),
+        (1.1, False),
+        (1.25, False),
+        (9.0, False),
+        (1.25, True),
+        (0.25, True),
+        (1.2, True),
+    ]
+
+
+def test_each_says_what_it_is(known):
+    said = [each.what for each in targets(known)]
+    assert len(set(said)) == len(said)
+    assert said[4] == 'riccati active set / condensed + daqp: first step'
+
+
+def test_how_slow_the_machine_is(known):
+    comparison = known.comparison
+    timed = [replace(each, times=each.times * 5.6) for each in comparison.timed]
+    slower = replace(known, comparison=replace(comparison, steps=50, timed=timed))
+    assert pace(slower) == pytest.approx(2.0)
+    assert '2.00 times as long' in next(tables(slower)).note
+    bare = replace(slower, comparison=replace(slower.comparison, timed=timed[:1]))
+    # Nor can it be told from a horizon of another length.
+    short = replace(known, comparison=replace(comparison, steps=4))
+    for each in (bare, short):
+        assert pace(each) is None
+        assert 'times as long' not in next(tables(each)).note
+
+
+def test_what_was_not_measured(known):
+    bare = replace(known.comparison, timed=known.comparison.timed[:1])
+    nothing = {
+        'robots': [],
+        'models': [],
+        'long_horizons': LongHorizons([], {}),
+        'hard': [],
+        'growth': [],
+    }
+    without = replace(known, comparison=bare, **nothing, tails=[], plans=[], latency=None)
+    assert {each.holds for each in targets(without)} == {None}
+
+
+def test_the_longest_step_of_a_hard_case_is_not_one_that_was_held_up():
+    case = hard_case('held up', [[0.8, 0.3, 0.3], [0.7, 5.0, 0.3], [0.9, 0.3, 0.3]])
+    assert case.longest == 0.8
+
+
+@pytest.fixture
+def with_latency(results):
+    own = np.linspace(1.0, 2.0, 120)
+    first = np.arange(len(own)) == 0
+    found = Latency(3, own + 0.5, own, first, np.diff(own), 0.002, np.array([1.5]), 200.0, 201.0)
+    return replace(results, latency=found, order=replace(results.order, latency=True))
+
+
+def test_a_folder_has_data_pictures_and_a_page(with_latency, tmp_path):
+    write(with_latency, tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == {
+        'bench.json', 'performance.md', 'horizons.png', 'steps.png', 'tails.png', 'latency.png',
+    }  # fmt: skip
+    for path in tmp_path.glob('*.png'):
+        assert path.read_bytes().startswith(b'\x89PNG')
+    read = json.loads((tmp_path / 'bench.json').read_text())
+    assert read.keys() == content(with_latency).keys()
+    latency = with_latency.latency
+    assert read['latency']['total'] == latency.total.tolist()
+    assert latency.rest.median == pytest.approx(0.5)
+    assert read['latency']['resident_end'] == 201.0
+
+
+def test_a_file_has_the_data_alone(results, tmp_path):
+    path = tmp_path / 'results.json'
+    check_output(path)
+    write(results, path)
+    assert [each.name for each in tmp_path.iterdir()] == ['results.json']
+    read = json.loads(path.read_text())
+    assert read['latency'] is None
+    assert read['comparison']['timed'][0]['name'] == 'condensed + daqp'
+    assert read['command'] == 'cmpsp bench case3 --runs 2 --tail 10 --peers'
+    (tail,) = (each for each in read['tails'] if each['name'] == 'riccati active set')
+    assert len(tail['times']) == len(tail['again']) == 12
+    (jackal,) = (each for each in read['robots'] if each['name'] == 'jackal')
+    assert np.shape(jackal['times'])[1:] == np.shape(jackal['work'])
+    assert [each['steps'] for each in read['long_horizons']['found']] == [25, 50]
+    assert [each['count'] for each in read['plans']] == [1, 2, 4, 8]
+    titles = [each.title for each in tables(results)]
+    assert [each['title'] for each in read['tables']] == titles
+    assert [each['states'] for each in read['general']] == [3, 6, 12]
+    assert {'holds', 'found', 'at_most', 'what'} == read['targets'][0].keys()
+    assert {'processor', 'cores', 'kernel', 'Python', 'numba'} <= read['machine'].keys()
+
+
+def test_the_page_links_what_is_there_and_executes_nothing(with_latency, tmp_path):
+    write(with_latency, tmp_path)
+    text = page(with_latency)
+    assert (tmp_path / 'performance.md').read_text() == text
+    assert 'cmpsp bench case3 --runs 2 --tail 10 --peers --latency' in text
+    assert set(re.findall(r'^```(\w*)$', text, re.MULTILINE)) == {'sh', ''}
+    links = re.findall(r'\]\(([^)]+)\)', text)
+    assert links
+    assert all((tmp_path / link).exists() for link in links)
+    for table in re.findall(r'(?:^\|.*\n)+', text, re.MULTILINE):
+        assert len({line.count('|') for line in table.splitlines()}) == 1
+
+
+def test_every_method_is_in_the_tables(results):
+    found = {table.title: table for table in tables(results)}
+    names = [each.name for each in results.comparison.timed]
+    for title in ('What the methods drive', 'First step over horizons [µs]'):
+        assert [row[0] for row in found[title].rows] == names
+    titles = list(found)
+    assert titles[:2] == ['Targets', 'Robots on long horizons [ms]']
+    assert titles.index('One plan over long horizons') < titles.index('What the methods drive')
+    left_out = [row[0] for row in found['Not compared'].rows]
+    assert set(left_out) == {
+        *results.comparison.left_out, *results.missing, *results.long_horizons.missing,
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize('name', ['there.json', '', 'there.json/folder', 'there.json/file.json'])
+def test_output_that_cannot_be_used(tmp_path, name):
+    (tmp_path / 'there.json').write_text('{}')
+    with pytest.raises(BenchError, match=re.escape(str(tmp_path / name))):
+        check_output(tmp_path / name)
+
+
+def test_a_new_folder_is_made(tmp_path):
+    check_output(tmp_path / 'new' / 'folder')
+    check_output(tmp_path / 'other' / 'file.json')
+    assert (tmp_path / 'new' / 'folder').is_dir()
+    assert (tmp_path / 'other').is_dir()

@@ -22,7 +22,7 @@ from cmpsp_ros.bags.runs.odometry import (
     path_through,
     pieces,
 )
-from cmpsp_ros.bags.runs.run import Driven
+from cmpsp_ros.bags.runs.run import DrivenPath
 from cmpsp_ros.guidance import GuidanceSettings, to_nanoseconds
 from cmpsp_ros.robots import plain, with_side
 from cmpsp_ros.sensing import stamp_of
@@ -165,7 +165,7 @@ class KnownPath:
     """
 
     by: str
-    pieces: tuple[Driven, ...]
+    pieces: tuple[DrivenPath, ...]
     holes: tuple[Hole, ...]
     tolerance: float = 0.0
     off: float = 0.0
@@ -197,12 +197,12 @@ class Leg:
     settings: GuidanceSettings
 
     @cached_property
-    def path(self) -> Driven:
+    def path(self) -> DrivenPath:
         """The path through all odometry."""
         return path_through(self.odometry)
 
     @cached_property
-    def guided(self) -> Driven:
+    def guided(self) -> DrivenPath:
         """The path since the beginning of the first run."""
         first = max(self.runs[0].start, int(self.path.stamps[0]))
         return self.path.between(first, int(self.path.stamps[-1]))
@@ -242,7 +242,9 @@ class Leg:
         longest = longest_interval(self.odometry.stamps, self.settings)
         return holes(stamps, self.runs[0].start, self.runs[-1].end, longest)
 
-    def _known(self, by: str, path: Driven, tolerance: float = 0.0, off: float = 0.0) -> KnownPath:
+    def _known(
+        self, by: str, path: DrivenPath, tolerance: float = 0.0, off: float = 0.0
+    ) -> KnownPath:
         begin, end = self.runs[0].start, self.runs[-1].end
         longest = longest_interval(path.stamps, self.settings)
         return KnownPath(

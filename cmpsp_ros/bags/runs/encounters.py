@@ -9,7 +9,7 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array, BoolArray, IntArray
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.runs.run import Driven, driven_in
+from cmpsp_ros.bags.runs.run import DrivenPath, driven_in
 from cmpsp_ros.guidance import NANOSECONDS
 from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.robots import Bodies
@@ -37,7 +37,7 @@ class Encounter:
 
 
 def encounters(
-    path: Driven, tracks: Sequence[Track], bodies: Bodies, timeout: float
+    path: DrivenPath, tracks: Sequence[Track], bodies: Bodies, timeout: float
 ) -> Iterator[Encounter]:
     """Every part of a path with the moving obstacles of that time, at constant velocity.
 
@@ -64,7 +64,7 @@ def encounters(
         yield Encounter(each.name, part.stamps[:-1], np.max(least, axis=0), stands)
 
 
-def read_others(bag: Bag, namespaces: Iterable[str], own: str) -> dict[str, Driven]:
+def read_others(bag: Bag, namespaces: Iterable[str], own: str) -> dict[str, DrivenPath]:
     """Paths of other robots by namespace: the simulator's own where there are some, else odometry.
 
     Raises:
@@ -82,7 +82,11 @@ def _is_recorded(bag: Bag, namespace: str) -> bool:
 
 
 def robot_encounters(
-    path: Driven, others: Mapping[str, Driven], radius: float, bodies: Bodies, timeout: float
+    path: DrivenPath,
+    others: Mapping[str, DrivenPath],
+    radius: float,
+    bodies: Bodies,
+    timeout: float,
 ) -> Iterator[Encounter]:
     """Every part of a path with the positions of each other robot, of a radius [m], at that time.
 
@@ -94,7 +98,7 @@ def robot_encounters(
             yield replace(each, name=f'robot {namespace}')
 
 
-def _tracks(driven: Driven) -> list[Track]:
+def _tracks(driven: DrivenPath) -> list[Track]:
     """A path as straight lines from each of its poses to the next, of a point."""
     velocities = np.diff(driven.poses[:, :2], axis=0) / driven.durations[:, None]
     rows = zip(

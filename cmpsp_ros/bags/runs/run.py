@@ -67,7 +67,7 @@ class Planned:
 
 
 @dataclass(frozen=True)
-class Driven:
+class DrivenPath:
     """The driven path, as arcs of constant wheel speeds.
 
     Attributes:
@@ -97,11 +97,11 @@ class Driven:
         since = (stamps - self.stamps[index]) / NANOSECONDS
         return np.asarray(arc_ends(self.poses[index], self.twists[index], since))
 
-    def between(self, first: int, last: int) -> Driven:
+    def between(self, first: int, last: int) -> DrivenPath:
         """The part of the path between two instants."""
         inside = (self.stamps > first) & (self.stamps < last)
         index = np.searchsorted(self.stamps, [first, last], side='right') - 1
-        return Driven(
+        return DrivenPath(
             np.concatenate([[first], self.stamps[inside], [last]]),
             np.vstack([self.at(first), self.poses[inside], self.at(last)]),
             np.vstack([self.twists[index[0]], self.twists[inside], self.twists[index[1]]]),
@@ -124,7 +124,7 @@ class Run:
 
     decisions: tuple[DecisionRecord, ...]
     plans: tuple[Planned, ...]
-    driven: Driven
+    driven: DrivenPath
     tracks: tuple[Track, ...]
     wheel_stamps: IntArray
     wheel_speeds: Array
@@ -151,7 +151,7 @@ def read_run(path: Path, namespace: str = '') -> Run:
         return Run(decisions, plans, driven_in(bag, namespace), tracks, stamps, speeds)
 
 
-def read_driven(path: Path, namespace: str = '') -> Driven:
+def read_driven(path: Path, namespace: str = '') -> DrivenPath:
     """Read the path driven alone, in the frame of the course.
 
     Where odometry is in that frame and there is a simulator it is the simulator's own.
@@ -163,7 +163,7 @@ def read_driven(path: Path, namespace: str = '') -> Driven:
         return driven_in(bag, namespace)
 
 
-def driven_in(bag: Bag, namespace: str) -> Driven:
+def driven_in(bag: Bag, namespace: str) -> DrivenPath:
     """As `read_driven`, of an open bag."""
     heard = bag.as_decided_on(f'{namespace}/guidance', 'odom')
     topic = truth_topic(bag, namespace, heard) or heard
@@ -176,7 +176,7 @@ def driven_in(bag: Bag, namespace: str) -> Driven:
     if len(rows) < 2:
         raise BagError(f'{bag.path}: found {len(rows)} messages in {topic}, wanted at least 2')
     ordered = sorted(rows.items())
-    return Driven(
+    return DrivenPath(
         np.array([stamp for stamp, _ in ordered], dtype=np.int64),
         np.array([pose for _, (pose, _) in ordered]),
         plain(np.array([twist for _, (_, twist) in ordered])),

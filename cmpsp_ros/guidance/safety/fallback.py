@@ -12,10 +12,11 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.decision import Plan
-from cmpsp_ros.guidance.horizon import NANOSECONDS, Horizon, shift
+from cmpsp_ros.guidance.horizon import Horizon, shift
 from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.safety.audit import Audit, Verdict
 from cmpsp_ros.guidance.settings import LawSettings
+from cmpsp_ros.guidance.times import NANOSECONDS
 from cmpsp_ros.robots import within_ramp
 
 # Halvings of the work of a step, at most, and control steps in time after which one is taken back.

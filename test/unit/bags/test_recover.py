@@ -161,6 +161,6 @@ def test_split_files_stay_in_order(tmp_path):
 
 def test_nothing_to_recover_leaves_nothing(tmp_path):
     (tmp_path / 'text.mcap').write_text('no bag')
-    with pytest.raises(BagError, match='no topic can be recovered.*not an mcap file'):
+    with pytest.raises(BagError, match=r'no topic can be recovered.*not an mcap file'):
         recover(tmp_path / 'text.mcap')
     assert [each.name for each in tmp_path.iterdir()] == ['text.mcap']

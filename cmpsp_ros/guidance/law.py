@@ -85,10 +85,9 @@ class GuidanceLaw:
         """Take new settings and another world, from the next control step on."""
         self._state.reconfigure(settings, world)
         if settings != self._settings:
-            self._settings = settings
-            self._audit = Audit(settings)
-            self._selector.reconfigure(settings, self._state.world, self._audit)
+            self._settings, self._audit = settings, Audit(settings)
             self._supervisor = Supervisor(settings, self._audit, self._selector)
+        self._selector.reconfigure(settings, self.world, self._audit)
         self._prepare_search()
 
     def is_due(self, stamp: int) -> bool:

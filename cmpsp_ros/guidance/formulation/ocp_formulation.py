@@ -52,6 +52,7 @@ class OcpFormulation:
         heading_trust_region: Largest change of heading in one iteration, infinite for none [rad].
         remembers_control: Whether the previous control is part of the state: it has a cost, or a
             limit.
+        layout: All that the memory of a planner depends on.
     """
 
     def __init__(self, settings: LawSettings, world: World) -> None:
@@ -68,6 +69,15 @@ class OcpFormulation:
         )
         self.heading_trust_region = settings.solver.heading_trust_region or math.inf
         self.remembers_control = settings.weights.control_rate > 0.0 or changes > 0
+        self.layout = (
+            settings.robot,
+            settings.solver.qp,
+            settings.solver.hessian,
+            settings.weights.control_rate,
+            settings.max_wheel_change,
+            self.heading_trust_region,
+            self.penalty_path.tobytes(),
+        )
         is_unlimited = math.isinf(settings.robot.max_wheel_speed)
         self._by_guess = settings.safety.between_samples and is_unlimited
         self._use(world)
@@ -77,6 +87,13 @@ class OcpFormulation:
         self._spaces: dict[float, FreeSpace] = {}
         self._ends: dict[tuple[Target, float], FreeSpace | None] = {}
         self._padded: tuple[FreeSpace, FreeSpace] | None = None
+
+    def prepare(self, world: World) -> None:
+        """Make the free spaces of a usual step beforehand."""
+        if world is not self.world:
+            self._use(world)
+        self._samples(self.settings.control_period)
+        self.world.free_space(self.settings)
 
     def space(
         self,
@@ -95,7 +112,7 @@ class OcpFormulation:
             durations: Length of every step, shape ``(N,)`` [s]. Only the first and the last may be
                 longer than a control period.
             target: Target of the plan.
-            pose: Where it begins, shape ``(3,)`` [m, m, rad]; needed for moving obstacles only.
+            pose: Beginning of the plan, shape ``(3,)`` [m, m, rad]; for moving obstacles only.
             moving: Moving obstacles, from then on.
         """
         space = self.static_free_space(world, guess, durations, target)
@@ -178,12 +195,8 @@ def sample_space(settings: LawSettings, world: World, longest: float = 0.0) -> F
     """Free space of the samples of a plan, such that the path between them is in `path_space`.
 
     Without a wheel limit none is known beforehand, and with `safety.between_samples` off none is
-    wanted: then it is `path_space`.
-
-    Args:
-        settings: All settings of the guidance law.
-        world: Road and static obstacles.
-        longest: Longest time between two samples [s]; the control period if it is shorter.
+    wanted: then it is `path_space`. The longest time between two samples is at least the control
+    period [s].
     """
     period = max(settings.control_period, longest)
     space = path_space(settings, world)
@@ -201,15 +214,8 @@ def goal_space(
     the trajectory check sees the arc that leads there: so the last sample keeps only the distance
     of `path_space` from that thing. A robot that drives on needs time to turn, and keeps more.
 
-    Args:
-        settings: All settings of the guidance law.
-        world: Road and static obstacles.
-        target: Target of the plan.
-        longest: Time from the sample before the last to the last [s].
-
-    Returns:
-        None for a goal as far from everything as samples must be, nearer than the path may be, or
-        not the last.
+    None for a goal as far from everything as samples must be, nearer than the path may be, or not
+    the last. The longest time is that between the last two samples [s].
     """
     if target.drives_on or target.is_line:
         return None

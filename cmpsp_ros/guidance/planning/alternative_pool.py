@@ -48,6 +48,13 @@ class AlternativePool:
         self.alternatives: list[Alternative] = []
         self.free = [Planner(formulation) for _ in range(count)]
 
+    def reformulate(self, formulation: OcpFormulation) -> None:
+        """Take another formulation with the same layout; alternatives were of the one before."""
+        self.forget()
+        self._formulation = formulation
+        for planner in (self.followed, *self.free):
+            planner.reformulate(formulation)
+
     def forget(self) -> None:
         """Keep no alternative."""
         self.free += [each.planner for each in self.alternatives]
@@ -67,12 +74,9 @@ class AlternativePool:
         return kept
 
     def keep(self, best: Alternative, every: list[Alternative], waiting: list[Alternative]) -> None:
-        """Follow one plan, and keep the best of every other class that may yet be better.
+        """Follow one of the improved plans, and keep the best of other classes that may get better.
 
-        Args:
-            best: The plan to follow.
-            every: All plans that were improved.
-            waiting: Plans that no work was left for.
+        Those that no work was left for wait.
         """
         kept = {best.homotopy_class: best}
         for each in every:

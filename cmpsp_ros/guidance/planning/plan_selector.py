@@ -48,35 +48,49 @@ class PlanSelector:
     def __init__(
         self, settings: LawSettings, world: World, audit: Audit, timer: Callable[[], int]
     ) -> None:
-        """Start without a plan.
-
-        Args:
-            settings: All settings of the guidance law.
-            world: Road and static obstacles.
-            audit: Check that every plan must pass.
-            timer: Monotonic time [ns].
-        """
-        self._settings, self._audit, self._timer = settings, audit, timer
-        # A road without end has no goal that guide paths could lead to.
-        self._limit = settings.solver.candidates if settings.follow is None else 1
-        self._work_limit = settings.solver.work_limit(settings.control_period)
-        self._ranking = Ranking(settings, compares=self._limit > 1)
+        """Start without a plan; the timer gives monotonic time [ns]."""
+        self._timer = timer
+        self._take(settings, audit)
         self.phases: dict[str, float] = {}
         # Road coordinates of all obstacles in the control step.
         self._places = np.empty(0), np.empty(0)
         self._work_left = 1
-        self._formulate(world)
+        self._formulate(OcpFormulation(settings, world), max(1, self._limit - 1))
+        self.forget()
 
     def reconfigure(self, settings: LawSettings, world: World, audit: Audit) -> None:
-        """Take other settings."""
-        self.__init__(settings, world, audit, self._timer)  # type: ignore[misc]
+        """Take other settings and another world, so that the next step need not.
 
-    def _formulate(self, world: World) -> None:
-        self._formulation = OcpFormulation(self._settings, world)
-        self._guesses = Guesses(self._formulation, self._limit)
-        self._pool = AlternativePool(self._formulation, max(1, self._limit - 1))
-        self._use(world)
-        self.forget()
+        The plan that is followed keeps its memory and its warm start where it can.
+        """
+        if settings != self._settings:
+            self._take(settings, audit)
+            self._formulate_again(OcpFormulation(settings, self._world))
+        if world is not self._world:
+            self._update_world(world)
+        self._formulation.prepare(world)
+
+    def _take(self, settings: LawSettings, audit: Audit) -> None:
+        self._settings, self._audit = settings, audit
+        # A road without end has no goal that guide paths could lead to.
+        self._limit = settings.solver.candidates if settings.follow is None else 1
+        self._work_limit = settings.solver.work_limit(settings.control_period)
+        self._ranking = Ranking(settings, compares=self._limit > 1)
+
+    def _formulate(self, formulation: OcpFormulation, free: int = 0) -> None:
+        self._formulation = formulation
+        self._guesses = Guesses(formulation, self._limit)
+        self._pool = AlternativePool(formulation, free)
+        self._use(formulation.world)
+
+    def _formulate_again(self, formulation: OcpFormulation) -> None:
+        self._task_changed = True
+        if formulation.layout != self._formulation.layout:
+            self._formulate(formulation)
+            return
+        self._formulation = formulation
+        self._guesses = Guesses(formulation, self._limit)
+        self._pool.reformulate(formulation)
 
     def _use(self, world: World) -> None:
         self._world = world
@@ -84,16 +98,19 @@ class PlanSelector:
 
     def _update_world(self, world: World) -> None:
         """Keep the plan in another world; alternatives were of the one before."""
-        if len(world.shapes) != len(self._world.shapes):
-            self._formulate(world)
-        else:
-            self._use(world)
-            self._pool.forget()
+        before = self._world
+        if len(world.shapes) != len(before.shapes):
+            self._formulate_again(OcpFormulation(self._settings, world))
+            return
+        known = world.road is before.road and world.obstacles is before.obstacles
+        self._task_changed = self._task_changed or not known
+        self._use(world)
+        self._pool.forget()
 
     def forget(self) -> None:
         """Forget all alternatives, and search all homotopy classes at the next control step."""
         self._pool.forget()
-        self._review = True
+        self._review, self._task_changed = True, False
         # Steps to wait between reviews, steps since the last one, and steps with a flaw in a row.
         self._pause = self._waited = self._flawed_steps = 0
         self._remark = ''
@@ -132,7 +149,14 @@ class PlanSelector:
         if self._limit == 1:
             return self._or_fallback(warm, context)
         if guesses is None:
-            self._count_flawed_steps(warm, context)
+            if self._ranking.needs_replanning(warm, context.start):
+                self._waited += 1
+                self._flawed_steps += 1
+            else:
+                self._pause = self._waited = self._flawed_steps = 0
+            # A live change asks for other plans only where the one that is followed has a flaw.
+            self._review = self._review or (self._task_changed and self._flawed_steps > 0)
+            self._task_changed = False
         is_lasting = self._flawed_steps > _TRANSIENT
         may_change = self._review or not warm.admissible or is_lasting
         # New plans are made ever less often where that has not helped for a while.
@@ -142,13 +166,6 @@ class PlanSelector:
             return warm
         selected = self._select(warm, context, guesses, review=review, may_change=may_change)
         return self._polished(selected, context)
-
-    def _count_flawed_steps(self, warm: Candidate, context: PlanningContext) -> None:
-        if self._ranking.needs_replanning(warm, context.start):
-            self._waited += 1
-            self._flawed_steps += 1
-        else:
-            self._pause = self._waited = self._flawed_steps = 0
 
     def _timed(self, phase: str, run: Callable[..., Any], *arguments: Any) -> Any:
         began = self._timer()
@@ -297,17 +314,14 @@ class PlanSelector:
             initial = self._settings.solver.initial_iterations
             iterations = initial if self._limit == 1 else min(initial, SCREENING)
         work_limit = max(self._work_left, 0) * generosity
-        result = self._timed('solve', planner.improve, context, guess, iterations, work_limit)
+        began = self._timer()
+        result = planner.improve(context, guess, iterations, work_limit)
+        solved = self._timer()
+        plan, durations = result.plan, context.horizon.durations
+        verdict = self._audit.check(context.start, plan.controls, durations, context.pending)
+        self.phases['solve'] += (solved - began) * _MILLISECONDS
+        self.phases['audit'] += (self._timer() - solved) * _MILLISECONDS
         self._work_left -= result.work
-        plan, horizon = result.plan, context.horizon
-        verdict = self._timed(
-            'audit',
-            self._audit.check,
-            context.start,
-            plan.controls,
-            horizon.durations,
-            context.pending,
-        )
         if context.delay:
             result = result._replace(plan=plan._replace(delay=context.delay))
         return Candidate.of(result, verdict, context.goal)

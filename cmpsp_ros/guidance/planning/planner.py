@@ -100,6 +100,10 @@ class Planner:
         functions = CONTROL_RATE if formulation.remembers_control else FUNCTIONS
         self._functions = functions.entries(data, self._ws)
 
+    def reformulate(self, formulation: OcpFormulation) -> None:
+        """Take another formulation with the same layout, and keep memory and warm start."""
+        self._formulation, self._posed = formulation, None
+
     def forget(self) -> None:
         """Begin the next plan without the active rows of the last one."""
         self._horizon = None

@@ -92,7 +92,8 @@ class GuidanceLaw:
 
     def is_due(self, stamp: int) -> bool:
         """Whether odometry of this time [ns] is one to decide on."""
-        return self._state.clock.is_due(stamp)
+        clock = self._state.clock
+        return clock.start is None or stamp - clock.start >= clock.due
 
     def step(self, observation: Observation) -> Decision | None:
         """Decide, if a control step is due.
@@ -130,7 +131,9 @@ class GuidanceLaw:
             # Before time 0 there is time for it.
             self._search(observation)
             self._see(observation)
-        self._state.clock.advance(observation.stamp)
+        clock = self._state.clock
+        clock.start = observation.stamp if clock.start is None else clock.start
+        clock.now = observation.stamp - clock.start
         return self._state.lateness.begin_step()
 
     def _see(self, observation: Observation) -> None:

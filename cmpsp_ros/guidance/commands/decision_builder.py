@@ -52,7 +52,8 @@ class DecisionBuilder:
             result: Of the iterations of this step, if there were any.
             phases: Computing time by phase [ms].
         """
-        state.following.follow(plan, verdict)
+        following = state.following
+        following.previous_control, following.ramp = plan.controls[0], verdict.ramp
         solved = {
             'slack': result.slack if result is not None and result.elastic else 0.0,
             'iterations': 0 if result is None else result.iterations,

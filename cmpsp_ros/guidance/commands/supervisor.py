@@ -69,7 +69,7 @@ class Supervisor:
 
     def reason_to_stand(self, state: LawState, estimate: Estimate) -> str:
         """Why not even to plan, in a sentence; empty for no reason."""
-        waits = '' if len(estimate.start.moving) else state.mission.closed_road.wait_reason
+        waits = '' if estimate.start.moving.names else state.mission.closed_road.wait_reason
         return state.estimator.response.reason_to_stop(self._settings) or waits
 
     def choose(
@@ -185,7 +185,7 @@ class Supervisor:
     ) -> Contact | None:
         """What closes the road; it is not looked for while plans lead to the goal."""
         settings, closed_road, start = self._settings, state.mission.closed_road, context.start
-        if len(start.moving):
+        if start.moving.names:
             return None
         if not selected.feasible or selected.verdict.worst_margin < -TOUCHING:
             closed_road.look(settings, start, context.goal)
@@ -203,7 +203,7 @@ class Supervisor:
         mission, why = state.mission, ''
         is_near = closed is not None and closed.speed < self._settings.robot.max_speed
         # Before a moving obstacle it is not safe to wait.
-        if not len(context.start.moving):
+        if not context.start.moving.names:
             idle_steps = PATIENCE if is_near else mission.idle_steps
             why, mission.idle_steps = _reason_to_wait(idle_steps, context, selected)
         if closed is not None:
@@ -253,10 +253,10 @@ class Supervisor:
         controls = settings.robot.slowed(plan.controls, fraction)
         checked = audit.check(start, controls, plan.horizon.durations)
         if not checked.passed:
-            following.command(previous, ramp_before)
+            following.previous_control, following.ramp = previous, ramp_before
             reason = f'The robot stops: no slower command is clear if it is late. {decision.reason}'
             return self.decisions.stop(state, decision.stamp, here.pose, reason, moving=here.moving)
-        following.command(controls[0], checked.ramp)
+        following.previous_control, following.ramp = controls[0], checked.ramp
         reason = f'{decision.reason} Slowed to {fraction:.3g} of the speed: commands may be late.'
         wheel_speeds = settings.robot.speeds_of(controls[0])
         twist = settings.robot.twist(controls[0])

@@ -93,7 +93,7 @@ class ResponseEstimate:
         bounds = told, tolerance, settings.max_lag
         if bounds == getattr(self, '_bounds', None):
             return
-        self._bounds = bounds
+        self._bounds, self._told_delay = bounds, to_nanoseconds(told)
         self._with_lag = settings.max_lag > 0.0
         longest = told + tolerance if tolerance > 0.0 else 0.0
         longest = settings.max_lag if self._with_lag else longest
@@ -122,8 +122,7 @@ class ResponseEstimate:
     @property
     def is_corrected(self) -> bool:
         """Whether odometry has contradicted what the settings say."""
-        as_told = self.delay == to_nanoseconds(self._bounds[0])
-        return not as_told or (self.lag > 0.0 and not self._with_lag)
+        return self.delay != self._told_delay or (self.lag > 0.0 and not self._with_lag)
 
     @property
     def lag_interval(self) -> tuple[float, float, float] | None:

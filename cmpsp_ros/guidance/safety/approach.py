@@ -74,7 +74,7 @@ class Approach:
         self._audit = audit
         part = replace(settings.safety, margin=_OF_MARGIN * settings.safety.margin)
         self._lag_audit = Audit(replace(settings, safety=part), with_margin=True)
-        self._settings = settings
+        self._settings, self._max_change = settings, settings.max_wheel_change
 
     def contact(
         self, plan: Plan, start: PlanStart, worst_margin: float = -math.inf
@@ -88,7 +88,7 @@ class Approach:
             start: Where it begins.
             worst_margin: Its least clearance, where it is known [m].
         """
-        is_clear = worst_margin >= -TOUCHING and self._settings.max_wheel_change == math.inf
+        is_clear = worst_margin >= -TOUCHING and self._max_change == math.inf
         if is_clear and self._seen(start.world) is None:
             return None
         found = None
@@ -292,7 +292,7 @@ class Approach:
         """
         settings = self._settings
         controls, durations = plan.controls[:-1], plan.horizon.durations
-        period, limit = settings.control_period, settings.max_wheel_change
+        period, limit = settings.control_period, self._max_change
         if limit == math.inf:
             yield controls, durations
             return

@@ -264,8 +264,8 @@ class Audit:
     ) -> tuple[Any, ...]:
         """Of `sweep_plan`, each always of the same type."""
         pose, robot, world, moving, progress, _ = start
-        space, discs, things = self._space(world), moving, len(world.names) + len(moving)
-        if len(moving):
+        space, discs, things = self._space(world), moving, len(world.names) + len(moving.names)
+        if moving.names:
             discs = moving.grown(self._radius)
         if self._scratch.shape[1] != things:
             self._scratch = np.empty((2, things))
@@ -299,7 +299,7 @@ class Audit:
         """Clearance of a pose from road edges, obstacles, moving ones last ``(2 + M + D,)`` [m]."""
         space = self._space(world)
         static = space.at(pose[None], progress)[0]
-        if not len(moving):
+        if not moving.names:
             return np.asarray(static)
         away = [moving.clearance(point) for point in placed(space.discs, pose)]
         return np.concatenate([static, np.min(away, axis=0) - self._radius])

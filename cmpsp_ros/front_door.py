@@ -1,6 +1,7 @@
 """Front doors: packages that offer names from their modules, each imported when first asked for."""
 
 import ast
+import sys
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
@@ -25,6 +26,8 @@ def lazy_exports(package: str, file: str) -> tuple[Callable[[str], object], list
     def find(name: str) -> object:
         if name not in homes:
             raise AttributeError(f'module {package!r} has no attribute {name!r}')
-        return getattr(import_module(homes[name]), name)
+        value = getattr(import_module(homes[name]), name)
+        setattr(sys.modules[package], name, value)
+        return value
 
     return find, sorted(homes)

@@ -111,17 +111,17 @@ class Bag:
             yield stamp, raw
 
     def raw_together(self, topics: Sequence[str]) -> Iterator[tuple[str, int, bytes]]:
-        """As `raw`, of several topics in one order of time, with the topic's name first."""
+        """Iterate as `raw` over several topics in order of time, the topic's name first."""
         for connection, stamp, raw in self._records(*topics):
             yield connection.topic, stamp, raw
 
     def messages(self, topic: str) -> Iterator[tuple[int, Any]]:
-        """As `raw`, with objects that have the fields of the message's type."""
+        """Iterate as `raw`, with objects that have the fields of the message's type."""
         for _, stamp, message in self.together([topic]):
             yield stamp, message
 
     def together(self, topics: Sequence[str]) -> Iterator[tuple[str, int, Any]]:
-        """As `messages`, of several topics in one order of time, with the topic's name first."""
+        """Iterate as `messages` over several topics in order of time, the topic's name first."""
         for connection, stamp, raw in self._records(*topics):
             name, topic = connection.msgtype, connection.topic
             if name not in self._types:

@@ -26,14 +26,7 @@ from cmpsp_ros.bags.writer import BagWriter
 
 @dataclass(frozen=True)
 class Recovery:
-    """Result of a recovery.
-
-    Attributes:
-        path: The new bag.
-        messages: Number of messages in it.
-        topics: Number of topics in it.
-        remarks: What was left out, and why.
-    """
+    """The new bag, numbers of messages and topics in it, and what was left out and why."""
 
     path: Path
     messages: int

@@ -46,15 +46,9 @@ _OF_OTHERS = frozenset(('/rosout', '/parameter_events'))
 
 @dataclass(frozen=True)
 class Playback:
-    """How a bag is played.
+    """Options of a playback: times in seconds of the recording; without topics, all of them.
 
-    Attributes:
-        rate: Seconds of the recording per second.
-        start_offset: Where to begin, from the first message [s].
-        duration: Length to play of the recording [s]; None for all.
-        loop: Whether to repeat it.
-        paused: Whether to wait for `~/resume` or the space key.
-        topics: Topics to play, by recorded name; all when empty.
+    When paused, it waits for `~/resume` or the space key.
     """
 
     rate: float = 1.0
@@ -66,10 +60,9 @@ class Playback:
 
 
 class PlaybackRate:
-    """Bag time from the time of a clock that never jumps, `now` [ns]; paused at first.
+    """Bag time [ns] by the time `now` [ns] of a clock that never jumps; paused at first.
 
-    Args:
-        rate: Seconds of bag time per second; positive.
+    The rate is in seconds of bag time per second.
     """
 
     def __init__(self, rate: float) -> None:
@@ -248,15 +241,9 @@ def _answer(
 
 
 def play(path: Path, playback: Playback, remappings: Sequence[str] = ()) -> int:
-    """Play a bag until its end or a signal, as the last thing a process does.
+    """Play a bag until its end or a signal, as the last thing a process does; returns exit code.
 
-    Args:
-        path: The bag.
-        playback: How.
-        remappings: Rules of ROS, as in `/odom:=/r1/odom`.
-
-    Returns:
-        Exit code of the process.
+    Remappings are rules of ROS, as in `/odom:=/r1/odom`.
 
     Raises:
         BagError: The bag cannot be read, is empty, or lacks a topic.

@@ -161,9 +161,6 @@ def _pace(
     Each is the plan's at the place reached, all wheels scaled by the largest factor up to 1 that
     the limit allows; to brake by the least, for so many commands. Where there is none the robot
     brakes along its curvature.
-
-    Returns:
-        How many commands there are; fewer than fit in where the robot is at rest before.
     """
     last, end, most = durations.shape[0] - 1, 0.0, int(commands.shape[0])
     scale, reached, wheels = 1.0, 0.0, scaling.wheels

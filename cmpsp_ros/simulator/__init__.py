@@ -6,11 +6,10 @@ from cmpsp_ros.front_door import lazy_exports
 
 if TYPE_CHECKING:
     from cmpsp_ros.simulator.body import Motion
-    from cmpsp_ros.simulator.laser import Laser, Scan
-    from cmpsp_ros.simulator.odometry_schedule import OdometrySchedule
+    from cmpsp_ros.simulator.laser import Laser, Scan, cast, discs_of, edges_of
+    from cmpsp_ros.simulator.measurement import OdometrySchedule
     from cmpsp_ros.simulator.physics import mjcf
     from cmpsp_ros.simulator.plant import Plant, TwistError
-    from cmpsp_ros.simulator.ray_casting import cast, discs_of, edges_of
     from cmpsp_ros.simulator.settings import LaserSettings, OdometryErrors, Physics, PlantSettings
 
 __getattr__, __all__ = lazy_exports(__name__, __file__)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from enum import IntEnum
+
 import numpy as np
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.simulator.random_streams import Stream, generator
-from cmpsp_ros.simulator.settings import OdometryErrors
+from cmpsp_ros.simulator.settings import OdometryErrors, PlantSettings
 
 
 class Measurement:
@@ -47,3 +48,58 @@ class Measurement:
         if lost or any(begin <= elapsed < end for begin, end in errors.dropout_windows):
             return None
         return measured
+
+
+class Stream(IntEnum):
+    """What is random; a number is never given twice, for runs of before must repeat."""
+
+    JITTER = 0
+    SLIP = 1
+    POSITION = 2
+    HEADING = 3
+    DROPOUT = 4
+    RANGE = 5
+    BEAM = 6
+    ODOMETRY = 7
+
+
+def generator(seed: int, stream: Stream) -> np.random.Generator:
+    """The random numbers of one stream, from its beginning.
+
+    Args:
+        seed: Of the whole run.
+        stream: Which of its streams.
+    """
+    # The same child as `SeedSequence(seed).spawn(n)[stream]`, whatever n is.
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(int(stream),)))
+
+
+_NS = 1_000_000_000
+
+
+class OdometrySchedule:
+    """When a robot measures its pose.
+
+    Attributes:
+        next_ns: The next instant [ns].
+        period_ns: Distance of the grid's points [ns].
+    """
+
+    def __init__(self, settings: PlantSettings, start_ns: int) -> None:
+        """Begin the grid.
+
+        Args:
+            settings: Rate, jitter and seed; a jitter shorter than the period keeps the order.
+            start_ns: First point of the grid [ns].
+        """
+        self.period_ns = round(_NS / settings.odom_rate)
+        self._jitter = settings.odom_jitter
+        self._random = generator(settings.seed, Stream.ODOMETRY)
+        self._point_ns = start_ns - self.period_ns
+        self.advance()
+
+    def advance(self) -> None:
+        """Go on to the instant after the next."""
+        self._point_ns += self.period_ns
+        late = self._jitter * self._random.random() if self._jitter else 0.0
+        self.next_ns = self._point_ns + round(late * _NS)

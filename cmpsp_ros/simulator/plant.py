@@ -15,10 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.simulator.arc_body import ArcBody
-from cmpsp_ros.simulator.body import Body, Motion
-from cmpsp_ros.simulator.measurement import Measurement
-from cmpsp_ros.simulator.random_streams import Stream, generator
+from cmpsp_ros.simulator.body import ArcBody, Body, Motion
+from cmpsp_ros.simulator.measurement import Measurement, Stream, generator
 from cmpsp_ros.simulator.settings import PlantSettings
 
 _NS = 1_000_000_000
@@ -30,13 +28,7 @@ class TwistError(ValueError):
 
 @dataclass(frozen=True)
 class _Command:
-    """A command under way.
-
-    Attributes:
-        effect_ns: When it takes effect [ns].
-        control: What it asks of the robot, shape ``(r,)``.
-        grip: Part of its turning by which a wheel moves the robot under it, right and left.
-    """
+    """A command under way."""
 
     effect_ns: int
     control: Array

@@ -27,14 +27,7 @@ _JUMP = 0.1
 
 
 class AnnulusLimits(NamedTuple):
-    """Where between two circles the robot's centre may be.
-
-    Attributes:
-        center: Of both circles, shape ``(2,)`` [m].
-        center_radius: ``r_p``, radius of the road's centre line [m].
-        inner: Least distance from the centre, one for all stages or one for each, ``(K,)`` [m].
-        outer: Greatest distance from it, shape ``(K,)`` [m].
-    """
+    """Bounds ``(K,)`` of the distance from the centre of both circles, for all stages or each."""
 
     center: Array
     center_radius: float
@@ -140,26 +133,15 @@ class FreeSpace:
         return AnnulusLimits(np.array(road.center), road.center_radius, kept[:, 1], kept[:, 0])
 
     def tightened(self, limits: TwistLimits, period: float) -> FreeSpace:
-        """Space to keep to at samples so that any arcs between them stay within this one.
-
-        Args:
-            limits: What the centres of all discs can drive.
-            period: Time between two samples [s].
-        """
+        """Space to keep to at samples so that any arcs between them stay in this one."""
         grown = np.array([outside(radius, limits, period) for radius in self.radii.tolist()])
         kept = self.of_road.kept_at_samples(self.road.kept, limits, period)
         return replace(self, road=self.road._replace(kept=kept), radii=grown)
 
     def for_samples_of(self, twists: Array, period: float) -> FreeSpace:
-        """Space to keep to at the samples of one plan so that its own arcs stay within this one.
+        """Space to keep to at the ``N + 1`` samples of one plan so that its arcs stay in this one.
 
-        Args:
-            twists: Speed of the fastest disc and turn rate between samples, shape ``(N, 2)``
-                [m/s, rad/s].
-            period: Time between two samples [s].
-
-        Returns:
-            A space for each of the ``N + 1`` samples, between two arcs each.
+        Twists are the speed of the fastest disc and the turn rate of each, ``(N, 2)`` [m/s, rad/s].
         """
         return replace(
             self,
@@ -168,15 +150,7 @@ class FreeSpace:
         )
 
     def with_some(self, samples: BoolArray, of: FreeSpace) -> FreeSpace:
-        """This space, but at some samples what another one keeps from the same things.
-
-        Args:
-            samples: At which, shape ``(N + 1,)``.
-            of: The other space, on the same road.
-
-        Returns:
-            A space for each of the samples.
-        """
+        """This space, but at some samples ``(N + 1,)`` another one of the same things."""
         return replace(
             self,
             road=self.road.with_some(samples, of.road),
@@ -186,9 +160,7 @@ class FreeSpace:
     def with_points(self, centers: Array, radii: Array) -> FreeSpace:
         """This space with discs taken out that are elsewhere at every sample.
 
-        Args:
-            centers: Of the discs at the samples, shape ``(K, D, 2)`` [m].
-            radii: ``-inf`` where there is no disc at a sample, shape ``(K, D)`` [m].
+        Their centres have the shape ``(K, D, 2)``, their radii ``(K, D)`` [m], ``-inf`` for none.
         """
         samples, added = radii.shape
         corners = np.broadcast_to(self.corners, (samples, *self.corners.shape[1:]))
@@ -202,15 +174,10 @@ class FreeSpace:
         )
 
     def at(self, poses: Array, near: float = math.nan) -> Array:
-        """Clearance of single poses, the least of all discs.
+        """Clearance of single poses ``(K, 3)``, the least of all discs, negative where violated.
 
-        Args:
-            poses: Shape ``(K, 3)`` [m, m, rad]; the samples, where the space is one for each.
-            near: Progress of a place near all of them, not a number where none is known [m].
-
-        Returns:
-            To both edges of the road and to each shape, negative where violated; shape
-            ``(K, 2 + M)`` [m].
+        It is that to both edges of the road and to each shape, ``(K, 2 + M)`` [m]. The progress
+        is that of a place near all poses, NaN where none is known [m].
         """
         found = np.empty((len(poses), 1 + len(self.first)))
         poses = np.ascontiguousarray(poses)
@@ -222,16 +189,9 @@ class FreeSpace:
     def along(self, poses: Array, twists: Array, durations: Array, near: float = math.nan) -> Array:
         """Least clearance of arcs, from end to end and of all discs, along a path.
 
-        Where the road crosses itself a path keeps to the branch that it is on.
-
-        Args:
-            poses: Pose at the start of each arc, shape ``(K, 3)`` [m, m, rad].
-            twists: Along it, shape ``(K, 2)`` or ``(K, 3)``; see `Robot`.
-            durations: Shape ``(K,)`` [s].
-            near: Progress of a place near the first pose, not a number where none is known [m].
-
-        Returns:
-            As from `at`.
+        Arcs begin at poses ``(K, 3)`` and are driven under twists, see `Robot`, for durations
+        ``(K,)`` [s]. Where the road crosses itself a path keeps to the branch that it is on.
+        Otherwise as `at`.
         """
         found = np.empty((len(poses), 1 + len(self.first)))
         arcs = [np.ascontiguousarray(each) for each in (poses, twists, durations)]

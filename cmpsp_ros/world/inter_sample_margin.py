@@ -43,13 +43,7 @@ _STRAIGHT = 1e-6
 def outside(distance: float, limits: TwistLimits, period: float) -> float:
     """Distance from a point at the samples that keeps the arcs between them at ``distance``.
 
-    Args:
-        distance: What the arcs must keep from the point [m].
-        limits: What the robot can drive.
-        period: Time between two samples, ``T`` [s].
-
-    Returns:
-        Distance to keep at the samples [m], not less than ``distance``.
+    All are in [m], and the period ``T`` between two samples in [s].
     """
 
     def squared(R: Array, a: Array) -> Array:
@@ -63,14 +57,7 @@ def outside(distance: float, limits: TwistLimits, period: float) -> float:
 def inside(distance: float, limits: TwistLimits, period: float) -> float:
     """Distance from a point at the samples that keeps the arcs between them within ``distance``.
 
-    Args:
-        distance: What the arcs must not exceed from the point [m].
-        limits: What the robot can drive.
-        period: Time between two samples, ``T`` [s].
-
-    Returns:
-        Distance not to exceed at the samples [m], not more than ``distance``; 0 where the disc
-        is so small that the robot may cross it in one period.
+    It is 0 where the disc is so small that the robot may cross it in one period.
     """
     if distance <= limits.top_speed * period:
         return 0.0
@@ -89,15 +76,8 @@ def bent_edge_margin(bend: float, limits: TwistLimits, period: float) -> float:
 
     Along an arc the second derivative of the clearance by time is at most ``v w + v^2 bend``:
     over a period it falls below the line between its ends by at most an eighth of that times the
-    period squared.
-
-    Args:
-        bend: Greatest second derivative of the clearance along any straight line [1/m].
-        limits: What the robot can drive.
-        period: Time between two samples, ``T`` [s].
-
-    Returns:
-        Clearance to keep at the samples [m].
+    period squared. The bend is the greatest second derivative of the clearance along any straight
+    line [1/m].
     """
 
     def margin(R: Array, a: Array) -> Array:
@@ -108,29 +88,15 @@ def bent_edge_margin(bend: float, limits: TwistLimits, period: float) -> float:
 
 
 def bent_edge_margin_known(bends: Array, twists: Array, period: float) -> Array:
-    """Like `bent_edge_margin`, for known arcs.
-
-    Args:
-        bends: Of several edges, shape ``(M,)`` [1/m].
-        twists: Speed and turn rate of each arc, shape ``(N, 2)`` [m/s, rad/s].
-        period: Time that each arc takes [s].
-
-    Returns:
-        Clearance to keep at both ends of each arc, shape ``(N, M)`` [m].
-    """
+    """Like `bent_edge_margin`, for several edges ``(M,)`` and known arcs; shape ``(N, M)`` [m]."""
     return _edge_margin(*_arcs(twists, period), bends)
 
 
 def outside_known(distance: Array, twists: Array, period: float) -> Array:
-    """Like `outside`, for one known arc each instead of the worst of all.
+    """Like `outside`, for distances ``(M,)`` and known arcs instead of the worst of all.
 
-    Args:
-        distance: What the arcs must keep from each of several points, shape ``(M,)`` [m].
-        twists: Speed and turn rate of each arc, shape ``(N, 2)`` [m/s, rad/s].
-        period: Time that each arc takes [s].
-
-    Returns:
-        Distances to keep at both ends of each arc, shape ``(N, M)`` [m].
+    The arcs have speeds and turn rates ``(N, 2)`` [m/s, rad/s]; the result is to be kept at both
+    ends of each, shape ``(N, M)`` [m].
     """
     R, a = _arcs(twists, period)
     grown: Array = np.sqrt(distance**2 + _squared_excess(R, a, distance + R))
@@ -146,7 +112,7 @@ def inside_known(distance: float, twists: Array, period: float) -> Array:
 
 
 def outside_moving(distance: Array, speeds: Array, limits: TwistLimits, period: float) -> Array:
-    """Like `outside`, for points that move at constant velocity.
+    """Like `outside`, for points that move at constant velocity, distances ``(..., M)`` [m].
 
     Seen from such a point the robot drives no arc, but strays from the chord of its path by no
     more than ``v w T^2 / 8``, and the chord is no longer than ``(v + u) T`` with the point's speed
@@ -168,17 +134,7 @@ def outside_moving(distance: Array, speeds: Array, limits: TwistLimits, period: 
 
 
 def outside_moving_known(distance: Array, speeds: Array, twists: Array, period: float) -> Array:
-    """Like `outside_moving`, for known arcs.
-
-    Args:
-        distance: For each arc, shape ``(N, M)`` [m].
-        speeds: Of the points, shape ``(M,)`` or ``(N, M)`` [m/s].
-        twists: Speed and turn rate of each arc, shape ``(N, 2)`` [m/s, rad/s].
-        period: Time that each arc takes [s].
-
-    Returns:
-        Distances to keep at both ends of each arc, shape ``(N, M)`` [m].
-    """
+    """Like `outside_moving`, for distances ``(N, M)`` and one known arc each."""
     v, w = np.abs(twists[:, :1]), np.abs(twists[:, 1:])
     return _outside_moving(distance, speeds, v, w, period)
 
@@ -218,8 +174,8 @@ def _squared_excess(R: Array, a: Array, to_center: Array) -> Array:
 
 def _edge_margin(R: Array, a: Array, bend: float | Array) -> Array:
     """Sagitta of an arc, and of an edge that is bent over its length, from above."""
-    fall: Array = R * a**2 / 2.0 + bend * (R * a) ** 2 / 2.0
-    return fall
+    margin: Array = R * a**2 / 2.0 + bend * (R * a) ** 2 / 2.0
+    return margin
 
 
 def _largest(

@@ -11,8 +11,7 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.world.free_space import FreeSpace
-from cmpsp_ros.world.grids.distance_field import node_points, nodes_near
-from cmpsp_ros.world.grids.distance_transform import signed_distances
+from cmpsp_ros.world.grids.distance_field import node_points, nodes_near, signed_distances
 from cmpsp_ros.world.grids.field_functions import DistanceField
 from cmpsp_ros.world.grids.grid_obstacle import GridObstacle
 from cmpsp_ros.world.grids.grid_search import ROOM, cells_from, costs_of, evenly_spaced, lengths_to

@@ -135,7 +135,7 @@ class Inputs:
             if before is None or begins:
                 yield from self._began(decision, again=before is not None)
             else:
-                yield from self._beforehand(before, decision)
+                yield from self._changes_between(before, decision)
             goals = self._goals(None if begins else before, decision)
             if odometry is None and not decision.halted:
                 yield self._missing(decision)
@@ -181,8 +181,8 @@ class Inputs:
             self._change(used=again and not began, since=began)
         yield RunStarted(self.values)
 
-    def _beforehand(self, before: DecisionRecord, decision: DecisionRecord) -> Iterator[Input]:
-        """What happened to the law since the decision before, apart from odometry."""
+    def _changes_between(self, before: DecisionRecord, decision: DecisionRecord) -> Iterator[Input]:
+        """Live changes and resets since the previous decision."""
         for _ in range(decision.revision - before.revision):
             if not self._has_change():
                 raise BagError(
@@ -201,7 +201,7 @@ class Inputs:
         if before is not None and decision.run == before.run and decision.step >= before.step:
             count -= before.goals_received
         else:
-            # What came before the run began was not heeded.
+            # Goals from before the run began were ignored.
             come = sum(received <= decision.received for received, _, _ in waiting)
             for _ in range(come - count):
                 waiting.popleft()
@@ -231,6 +231,6 @@ class Inputs:
 
 
 def _began_anew(before: DecisionRecord, decision: DecisionRecord) -> bool:
-    """Whether another law than before decides: the node was configured or started again."""
+    """True if the node was configured or started again, so that another law decides."""
     again = decision.run == before.run and decision.step < before.step
     return bool(decision.run < before.run or decision.revision < before.revision or again)

@@ -61,11 +61,8 @@ def read_metadata(folder: Path) -> dict[str, Any]:
 def check_bag(path: Path) -> dict[str, Any]:
     """Check that rosbags can read a bag in bounded memory and time.
 
-    Args:
-        path: A folder with metadata, or a single storage file.
-
     Returns:
-        The metadata of the folder; empty for a single file.
+        The metadata of its folder; empty for a single storage file.
 
     Raises:
         ReaderError: Damaged, or beyond what is read.
@@ -95,10 +92,7 @@ def check_bag(path: Path) -> dict[str, Any]:
 def salvage(path: Path, folder: Path, remark: Remark) -> Iterator[Found]:
     """Iterate over what is left of a storage file, each topic before its messages.
 
-    Args:
-        path: A storage file, which is not changed.
-        folder: Existing folder for temporary files.
-        remark: Called with each reason for which something is left out.
+    Temporary files go to `folder`; `remark` is called with each reason for leaving out.
     """
     try:
         check_file(path)

@@ -1,4 +1,4 @@
-"""What both storages share: the format of a bag, its folder and lock, recovered topics."""
+"""Common to both storages: the format of a bag, its folder and lock, recovered topics."""
 
 from __future__ import annotations
 

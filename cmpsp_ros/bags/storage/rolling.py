@@ -30,7 +30,7 @@ Storage = McapStorage | SqliteStorage
 _VERSION = 9
 
 _TOPIC_METADATA_SIZE = 1536
-"""What a topic takes in the metadata, with a few publishers [bytes]."""
+"""Size of a topic in the metadata, with a few publishers [bytes]."""
 
 
 @dataclass(frozen=True)
@@ -59,11 +59,7 @@ class RollingFiles:
     """Storage files, each with all topics, and the metadata of all.
 
     Every method raises one of `REFUSALS` when the disk refuses; what has been written stays valid.
-
-    Args:
-        folder: Folder of the bag.
-        form: Format, compression, and when to begin a new file.
-        custom: Data kept with the bag, by key, written when a file is closed.
+    Custom data are written when a file is closed.
     """
 
     def __init__(self, folder: Path, form: Form, custom: Mapping[str, str]) -> None:
@@ -104,11 +100,7 @@ class RollingFiles:
         write_atomically(self._folder / METADATA, text)
 
     def make_room(self) -> int:
-        """Drop what the disk refused, and as much more as index and metadata need.
-
-        Returns:
-            Number of messages dropped.
-        """
+        """Drop what the disk refused, and as much more as index and metadata need; count it."""
         if self._storage is None:
             return 0
         before = self.message_count

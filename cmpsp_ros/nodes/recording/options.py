@@ -53,16 +53,10 @@ _CHOICES: Final = {'storage': ('mcap', 'sqlite3'), 'compression': ('none', 'zstd
 
 @dataclass(frozen=True)
 class Options:
-    """How to record.
+    """Choice of topics and format of a recording.
 
-    Attributes:
-        output: Folder of the new bag.
-        form: Its format.
-        discovery_period: Time between two checks of the graph [s].
-        listed: Topics given by name.
-        chosen: Topics to record; all when empty.
-        own: Topics of one robot are chosen, and plans of all robots, which a replay needs.
-        excluded: Topics not to record.
+    Topics are listed by name; chosen are these and a robot's own, or all when empty. With the
+    topics of a robot come the plans of all robots, which a replay needs.
     """
 
     output: Path
@@ -76,10 +70,7 @@ class Options:
     def want(self, name: str, types: Container[str], of_nodes: Container[str] = ()) -> bool:
         """True if a topic is to be recorded; hidden ones only if they are chosen.
 
-        Args:
-            name: Full name of the topic.
-            types: Its types.
-            of_nodes: Remapped topics of the robot's nodes, which count as its own.
+        Remapped topics `of_nodes` of the robot count as its own.
         """
         if name in self.excluded:
             return False

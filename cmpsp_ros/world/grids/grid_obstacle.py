@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar
+from typing import Any, ClassVar, Final
 
 import numpy as np
 
-from cmpsp_ros.arrays import Array
+from cmpsp_ros.arrays import Array, BoolArray, IntArray
+from cmpsp_ros.mpsp.jit import allocation_free
 from cmpsp_ros.world.grids.distance_field import AROUND, distance_field
 from cmpsp_ros.world.grids.field_functions import DistanceField
-from cmpsp_ros.world.grids.islands import islands_of
 from cmpsp_ros.world.grids.occupancy_grid import Cell, GridError, OccupancyGrid
-from cmpsp_ros.world.grids.outlines import loops
 
 Point = tuple[float, float]
 
@@ -77,3 +77,119 @@ class GridObstacle:
         within = self.field.distances[AROUND:-AROUND, AROUND:-AROUND] <= distance
         found = [self.grid.corners(*loop) for loop in loops(within)]
         return sorted(found, key=lambda line: -len(line))
+
+
+Flags = BoolArray
+Indices = IntArray
+
+_MOST: Final = 24
+
+
+def islands_of(occupied: Flags) -> tuple[Indices, Indices]:
+    """Rows and columns of the middlemost cell of each group that does not touch the rim.
+
+    Args:
+        occupied: Shape ``(rows, columns)``. Of its groups, which hang together at corners too, the
+            largest count.
+    """
+    cells = np.empty(np.count_nonzero(occupied), dtype=np.int64)
+    middles, sizes = np.empty_like(cells), np.empty_like(cells)
+    count = _collect(middles, sizes, cells, occupied.copy())
+    largest = np.argsort(-sizes[:count], kind='stable')[:_MOST]
+    rows, columns = np.divmod(middles[largest], occupied.shape[1])
+    return rows, columns
+
+
+@allocation_free
+def _collect(middles: Indices, sizes: Indices, cells: Indices, left: Flags) -> int:
+    """Fill in the groups, in the order of their first cells; how many there are."""
+    rows, columns = left.shape
+    count = 0
+    for i in range(rows):
+        for j in range(columns):
+            if not left[i, j]:
+                continue
+            left[i, j], cells[0], size, is_inner = False, i * columns + j, 1, True
+            at = row_sum = column_sum = 0
+            while at < size:
+                row, column = cells[at] // columns, cells[at] % columns
+                row_sum, column_sum, at = row_sum + row, column_sum + column, at + 1
+                is_inner &= 0 < row < rows - 1 and 0 < column < columns - 1
+                for m in range(max(row - 1, 0), min(row + 2, rows)):
+                    for n in range(max(column - 1, 0), min(column + 2, columns)):
+                        if left[m, n]:
+                            left[m, n], cells[size] = False, m * columns + n
+                            size += 1
+            if is_inner:
+                middle = _nearest(cells, size, columns, row_sum / size, column_sum / size)
+                middles[count], sizes[count] = middle, size
+                count += 1
+    return count
+
+
+@allocation_free
+def _nearest(cells: Indices, size: int, columns: int, row: float, column: float) -> int:
+    """The first of the cells that are nearest to a place."""
+    nearest, least = 0, math.inf
+    for k in range(size):
+        away_row, away_column = cells[k] // columns - row, cells[k] % columns - column
+        away = away_row * away_row + away_column * away_column
+        if away < least or (away == least and cells[k] < nearest):
+            nearest, least = cells[k], away
+    return nearest
+
+
+Node = tuple[int, int]
+
+
+def loops(cells: BoolArray) -> list[tuple[Array, Array]]:
+    """Closed lines with the cells to their left: around them, and around holes in them.
+
+    Args:
+        cells: Which cells, shape ``(rows, columns)``.
+
+    Returns:
+        Rows and columns of the nodes of each line where it turns, the first again at its end.
+    """
+    onward = _edges(cells)
+    found = []
+    while onward:
+        begin = next(iter(onward))
+        line, step = [begin], onward[begin].pop()
+        while True:
+            line.append(_after(line[-1], step))
+            left = onward[line[-2]]
+            if not left:
+                del onward[line[-2]]
+            if line[-1] == begin:
+                break
+            ahead = onward[line[-1]]
+            # Where cells touch at a corner, the line keeps to the cell that it is around.
+            turn = (step[1], -step[0])
+            step = ahead.pop(ahead.index(turn) if len(ahead) > 1 and turn in ahead else 0)
+        nodes = np.array(line, dtype=float)
+        along = np.diff(nodes, axis=0)
+        turns = np.append(True, (along[1:] != along[:-1]).any(axis=1))
+        found.append((*nodes[np.append(turns, True)].T,))
+    return found
+
+
+def _edges(cells: BoolArray) -> dict[Node, list[Node]]:
+    """Steps (rows, columns) that lead on from each node along an edge of the cells."""
+    padded = np.pad(cells, 1)
+    onward: dict[Node, list[Node]] = {}
+    # Below a cell the line leads to greater columns, to the right of it to greater rows.
+    for step, begin, beside in (
+        ((0, 1), (0, 0), (-1, 0)),
+        ((1, 0), (0, 1), (0, 1)),
+        ((0, -1), (1, 1), (1, 0)),
+        ((-1, 0), (1, 0), (0, -1)),
+    ):
+        outside = ~np.roll(padded, (-beside[0], -beside[1]), axis=(0, 1))
+        for row, column in np.argwhere(padded & outside) - 1 + np.array(begin):
+            onward.setdefault((int(row), int(column)), []).append(step)
+    return onward
+
+
+def _after(node: Node, step: Any) -> Node:
+    return node[0] + step[0], node[1] + step[1]

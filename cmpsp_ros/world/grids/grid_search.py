@@ -111,17 +111,7 @@ def _spread(
     links: Links,
     goal: int,
 ) -> None:
-    """Fill in the lengths, bucket after bucket.
-
-    Args:
-        lengths: Of the cells, one row after the other, infinite at first, shape ``(C,)``.
-        costs: Of the cells, infinite all around, shape ``(C,)``.
-        offsets: Numbers of the cells beside one, counted from it, shape ``(8,)``.
-        steps: How far away these are, shape ``(8,)`` [cells].
-        buckets: Number of the first cell in each, `_NONE` at first, a power of two.
-        links: Numbers of the cells before and after each in its bucket, shape ``(C, 2)``.
-        goal: Number of the goal.
-    """
+    """Fill in the lengths, bucket after bucket."""
     waiting, bucket, mask = 1, 0, buckets.shape[0] - 1
     lengths[goal] = 0.0
     _put(buckets, links, 0, goal)

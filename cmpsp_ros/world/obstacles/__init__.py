@@ -5,8 +5,12 @@ from typing import TYPE_CHECKING
 from cmpsp_ros.front_door import lazy_exports
 
 if TYPE_CHECKING:
-    from cmpsp_ros.world.obstacles.moving_discs import NOTHING_MOVES, MovingDiscs, disc_after
-    from cmpsp_ros.world.obstacles.moving_point_functions import sweep_moving
+    from cmpsp_ros.world.obstacles.moving_discs import (
+        NOTHING_MOVES,
+        MovingDiscs,
+        disc_after,
+        sweep_moving,
+    )
     from cmpsp_ros.world.obstacles.shape_functions import ROUGHNESS, away_from, distance_from, sweep
     from cmpsp_ros.world.obstacles.shapes import (
         Capsule,

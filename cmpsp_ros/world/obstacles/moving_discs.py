@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -10,9 +11,9 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.mpsp.jit import allocation_free
-from cmpsp_ros.robots import REFERENCE_POINT, TwistLimits, arc_of_point, arc_under
+from cmpsp_ros.robots import REFERENCE_POINT, Arc, TwistLimits, arc_of_point, arc_part, arc_under
 from cmpsp_ros.world.inter_sample_margin import at_ends, outside_moving, outside_moving_known
-from cmpsp_ros.world.obstacles.moving_point_functions import sweep_moving
+from cmpsp_ros.world.obstacles.shape_functions import pieces_for
 
 Indices = IntArray
 
@@ -71,14 +72,7 @@ class MovingDiscs:
         return clear
 
     def at_times(self, times: Array) -> tuple[Array, Array]:
-        """Where they will be.
-
-        Args:
-            times: From now on, shape ``(K,)`` [s].
-
-        Returns:
-            Centres, shape ``(K, M, 2)``, and radii, shape ``(K, M)`` [m].
-        """
+        """Centres ``(K, M, 2)`` and radii ``(K, M)`` [m] at times from now on ``(K,)`` [s]."""
         states = self.states
         centers = states[:, _PLACE] + times[:, None, None] * states[:, _VELOCITY]
         for index, way in self.ways.items():
@@ -89,13 +83,7 @@ class MovingDiscs:
         """States at the beginnings of steps; in each the discs keep their velocity.
 
         Where a way bends within a step its disc goes straight all the same, and is greater by as
-        much as the way strays from that.
-
-        Args:
-            durations: Of the steps, from now on, shape ``(K,)`` [s].
-
-        Returns:
-            As `states`, shape ``(K, M, 5)``; of no discs for any number of steps.
+        much as the way strays from that. Shape ``(K, M, 5)`` for durations ``(K,)`` [s].
         """
         if not len(self):
             return _NO_LEGS
@@ -145,13 +133,7 @@ class MovingDiscs:
         return centers, radii
 
     def for_samples_of(self, times: Array, twists: Array, period: float) -> tuple[Array, Array]:
-        """Like `tightened`, for the arcs of one plan.
-
-        Args:
-            times: Of the samples, shape ``(N + 1,)`` [s].
-            twists: Speed and turn rate between samples, shape ``(N, 2)`` [m/s, rad/s].
-            period: Longest time between two samples [s].
-        """
+        """Like `tightened`, for the arcs of one plan under twists ``(N, 2)`` [m/s, rad/s]."""
         centers, _ = self.at_times(times)
         of_arcs = outside_moving_known(*self._between(times), twists, period)
         return centers, at_ends(np.maximum, of_arcs)
@@ -164,17 +146,10 @@ class MovingDiscs:
         times: Array,
         points: Array = REFERENCE_POINT,
     ) -> Array:
-        """Least clearance of arcs that are driven while they move.
+        """Least clearance ``(K, M)`` [m] of arcs that are driven while they move, or less.
 
-        Args:
-            poses: Pose at the start of each arc, shape ``(K, 3)`` [m, m, rad].
-            twists: Along it, shape ``(K, 2)`` or ``(K, 3)``; see `Robot`.
-            durations: Shape ``(K,)`` [s].
-            times: When each begins, from now on, shape ``(K,)`` [s].
-            points: Of the robot, the nearest of which counts, in its frame, shape ``(D, 2)`` [m].
-
-        Returns:
-            From each disc, never more than it is; shape ``(K, M)`` [m].
+        Arcs are those of `FreeSpace.along`, each of which begins at a time from now on [s]. Of the
+        points of the robot ``(D, 2)`` the nearest counts.
         """
         clearance = np.empty((len(poses), len(self)))
         arrays = (np.ascontiguousarray(each) for each in (poses, twists, durations, times))
@@ -201,16 +176,7 @@ def _on(way: Array, times: Array) -> Array:
 
 
 def _astray(way: Array, times: Array, places: Array) -> Array:
-    """How far a way strays from the straight lines between some of its places.
-
-    Args:
-        way: Times and places, shape ``(J, 3)`` [s, m, m].
-        times: Times between which the lines are, shape ``(K + 1,)`` [s].
-        places: On the way then, shape ``(K + 1, 2)`` [m].
-
-    Returns:
-        For each line, shape ``(K,)`` [m].
-    """
+    """How far a way strays from the straight lines between some of its places."""
     step = np.searchsorted(times, way[:, 0], side='right') - 1
     inside = (step >= 0) & (step < len(times) - 1)
     knots, found = way[inside], np.zeros(len(times) - 1)
@@ -248,3 +214,77 @@ def disc_after(states: Array, j: int, time: float, growth: float) -> Any:
     """Centre, velocity and radius of a disc (x, y, u, v, radius) some time later."""
     u, v = states[j, 2], states[j, 3]
     return states[j, 0] + time * u, states[j, 1] + time * v, u, v, states[j, 4] + growth * time
+
+
+@allocation_free
+def sweep_moving(
+    arc: Arc,
+    duration: float,
+    x: float,
+    y: float,
+    velocity_x: float,
+    velocity_y: float,
+    growth: float,
+    enough: float,
+) -> float:
+    """Least distance, in time, of an arc from a point that moves, less a radius that grows from 0.
+
+    Seen from the point the robot does not drive an arc. It strays from a chord of that path as far
+    as the arc does from its own, timed alike, since the point's speed is constant.
+
+    Args:
+        arc: What the robot drives, at constant speed.
+        duration: Time that it takes [s].
+        x: Where the point is at its beginning [m].
+        y: See `x`.
+        velocity_x: Of the point [m/s].
+        velocity_y: See `velocity_x`.
+        growth: Of the radius [m/s].
+        enough: As of `sweep`.
+    """
+    astray = abs(arc.length * arc.turn) / 8.0
+    away_x, away_y = arc.x - x, arc.y - y
+    moved_x, moved_y, grown = velocity_x * duration, velocity_y * duration, growth * duration
+    whole = (
+        _least_on_approach(
+            away_x, away_y, arc.end_x - x - moved_x, arc.end_y - y - moved_y, 0.0, grown
+        )
+        - astray
+    )
+    if whole > enough or math.isnan(whole):
+        return whole
+    pieces = pieces_for(astray)
+    least, from_x, from_y = math.inf, away_x, away_y
+    for i in range(1, pieces + 1):
+        part = i / pieces
+        to_x, to_y, _, _ = arc_part(arc, part)
+        to_x, to_y = to_x - x - part * moved_x, to_y - y - part * moved_y
+        before = (i - 1) / pieces * grown
+        least = min(least, _least_on_approach(from_x, from_y, to_x, to_y, before, part * grown))
+        from_x, from_y = to_x, to_y
+    return least - astray / (pieces * pieces)
+
+
+@allocation_free
+def _least_on_approach(
+    x: float, y: float, to_x: float, to_y: float, radius: float, to_radius: float
+) -> float:
+    """Least distance from the origin on a straight way, less a radius that changes evenly.
+
+    It is a convex function of the part of the way, least where its slope vanishes.
+    """
+    way_x, way_y, grown = to_x - x, to_y - y, to_radius - radius
+    squared = way_x * way_x + way_y * way_y
+    at_end = math.sqrt(to_x * to_x + to_y * to_y) - to_radius
+    least = min(math.sqrt(x * x + y * y) - radius, at_end)
+    steeper = squared - grown * grown
+    if steeper <= 0.0:
+        return least
+    across = abs(way_x * y - way_y * x) / math.sqrt(squared)
+    part = (grown * across / math.sqrt(steeper) * math.sqrt(squared)) / squared
+    part -= (x * way_x + y * way_y) / squared
+    if not 0.0 < part < 1.0:
+        return least
+    there_x, there_y = x + part * way_x, y + part * way_y
+    there = math.sqrt(there_x * there_x + there_y * there_y) - radius - part * grown
+    return min(least, there)

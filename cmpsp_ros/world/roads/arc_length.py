@@ -24,12 +24,8 @@ def arc_length_to(
 ) -> float:
     """Arc length of the centre line from a pose to a goal, negative against its direction [m].
 
-    Args:
-        road: The road.
-        pose: Where it begins, shape ``(3,)`` [m, m, rad].
-        goal: Where it ends (x, y) [m].
-        heading: At the goal: selects the branch where the road crosses itself [rad].
-        progress: Arc length of a place near the pose, NaN if unknown [m].
+    The heading at the goal [rad] selects the branch where the road crosses itself; the progress
+    [m] is the arc length of a place near the pose, NaN if unknown.
     """
     there = math.nan if heading is None else heading
     return _length_to(road.space(0.0), pose[0], pose[1], pose[2], *goal, there, float(progress))
@@ -38,16 +34,9 @@ def arc_length_to(
 def lookahead_point(
     road: Road, pose: Array, length: float, progress: float = math.nan
 ) -> tuple[Point, float]:
-    """Point of the centre line some arc length ahead of a pose.
+    """Point (x, y) [m] of the centre line some arc length [m] ahead of a pose, or behind it.
 
-    Args:
-        road: A road with a centre line.
-        pose: Shape ``(3,)`` [m, m, rad].
-        length: Arc length, negative against the road's direction [m].
-        progress: Arc length of a place near the pose, NaN if unknown [m].
-
-    Returns:
-        The point (x, y) [m], and the direction in which the road is driven there [rad].
+    With it comes the direction in which the road is driven there [rad].
     """
     x, y, direction = _ahead(road.space(0.0), pose[0], pose[1], pose[2], length, float(progress))
     return (x, y), direction
@@ -56,17 +45,9 @@ def lookahead_point(
 def lookahead_points(
     road: Road, pose: Array, lengths: Array, goal: Point, progress: float = math.nan
 ) -> Array:
-    """Points of the centre line some arc lengths ahead of a pose, towards a goal on open floor.
+    """Points ``(K, 2)`` [m] of the centre line some arc lengths ``(K,)`` ahead of a pose.
 
-    Args:
-        road: The road.
-        pose: Shape ``(3,)`` [m, m, rad].
-        lengths: Arc lengths, negative against the road's direction, shape ``(K,)`` [m].
-        goal: Where they lead in the end (x, y) [m].
-        progress: Arc length of a place near the pose, NaN if unknown [m].
-
-    Returns:
-        Shape ``(K, 2)`` [m].
+    On open floor they are on the straight line to the goal.
     """
     points = np.empty((len(lengths), 2))
     _fill_points(points, road.space(0.0), pose, lengths, goal, float(progress))
@@ -77,16 +58,9 @@ def project_on_path(road: Road, pose: Array, before: float) -> float:
     """Arc length of a pose, on the branch of the road along which the robot has come.
 
     A robot that avoids something where the road crosses itself may turn towards the other branch:
-    its heading does not say then where it is.
-
-    Args:
-        road: The road.
-        pose: Shape ``(3,)`` [m, m, rad].
-        before: Arc length when it was last known, NaN at first [m].
-
-    Returns:
-        Arc length [m]; NaN for kinds of road that cannot cross themselves. A pose far beside the
-        road at the last place has been moved there, and is projected afresh.
+    its heading does not say then where it is, but the arc length when that was last known, NaN at
+    first. A pose far beside the road there has been moved, and is projected afresh. NaN for kinds
+    of road that cannot cross themselves.
     """
     if not road.has_progress:
         return math.nan
@@ -97,17 +71,9 @@ def project_on_path(road: Road, pose: Array, before: float) -> float:
 def remaining_arc_length(
     road: Road, poses: Array, goal: Point, heading: float | None, progress: float = math.nan
 ) -> Array:
-    """Arc length from beside each pose of a path to beside the goal.
+    """Arc lengths ``(K,)`` from beside each pose of a path to beside the goal, see `arc_length_to`.
 
-    Args:
-        road: The road.
-        poses: Along the path, shape ``(K, 3)`` [m, m, rad].
-        goal: The goal (x, y) [m].
-        heading: As of `arc_length_to` [rad].
-        progress: Arc length of a place near the first pose, NaN if unknown [m].
-
-    Returns:
-        Negative where the goal is behind, shape ``(K,)`` [m].
+    They are negative where the goal is behind [m].
     """
     lengths = np.empty(len(poses))
     there = math.nan if heading is None else heading

@@ -94,6 +94,7 @@ def test_a_small_car_among_obstacles_on_a_bend():
         'robot.wheel_radius=1.0',
         'robot.joint_names=[rear]',
         'initial_guess.type=road',
+        'solver.work_share=0.1',
         *SMALL,
     )
     assert_within_limits(settings, decisions, motions)

@@ -8,8 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cmpsp_ros.simulator import OdometryErrors
-from cmpsp_ros.simulator.measurement import Measurement
-from cmpsp_ros.simulator.random_streams import Stream, generator
+from cmpsp_ros.simulator.measurement import Measurement, Stream, generator
 
 POSE = np.array([1.0, -2.0, 3.0])
 COUNT = 200

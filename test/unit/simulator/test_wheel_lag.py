@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cmpsp_ros.simulator.wheel_lag import SLICE_NS, LaggedWheels
+from cmpsp_ros.simulator.body import SLICE_NS, LaggedWheels
 
 SLICE = SLICE_NS / 1e9
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from cmpsp_ros.world.grids.distance_transform import signed_distances
+from cmpsp_ros.world.grids.distance_field import signed_distances
 
 
 def from_each_square(marked: np.ndarray) -> np.ndarray:

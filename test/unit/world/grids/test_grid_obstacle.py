@@ -8,7 +8,7 @@ import pytest
 from cmpsp_ros.robots import TwistLimits
 from cmpsp_ros.world import FreeSpace, outside
 from cmpsp_ros.world.grids import GridObstacle, OccupancyGrid
-from cmpsp_ros.world.grids.outlines import loops
+from cmpsp_ros.world.grids.grid_obstacle import loops
 from cmpsp_ros.world.obstacles import Capsule, Obstacle, outlines
 from cmpsp_ros.world.roads import OpenFloor
 

@@ -6,11 +6,12 @@ import gc
 import io
 import os
 import platform
-from collections.abc import Iterator, Sequence
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
-from typing import Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 import psutil
@@ -19,6 +20,9 @@ from rich.markup import escape
 from rich.table import Table as RichTable
 
 from cmpsp_ros.studies import cpu_model
+
+_Key = TypeVar('_Key')
+_Result = TypeVar('_Result')
 
 
 class BenchError(RuntimeError):
@@ -42,6 +46,25 @@ def collector_off() -> Iterator[None]:
         if was_on:
             gc.unfreeze()
             gc.enable()
+
+
+def in_turn(
+    tasks: Mapping[_Key, Callable[[], _Result]], runs: int, progress: Callable[[], None]
+) -> dict[_Key, list[_Result]]:
+    """Results of tasks done in turn, again and again: other work of the machine falls on all."""
+    results: dict[_Key, list[_Result]] = {key: [] for key in tasks}
+    for _ in range(runs):
+        for key, task in tasks.items():
+            results[key].append(task())
+            progress()
+    return results
+
+
+def timed(call: Callable[..., object], *args: object) -> float:
+    """Time of one call [us]."""
+    began = time.perf_counter_ns()
+    call(*args)
+    return (time.perf_counter_ns() - began) * 1e-3
 
 
 @contextmanager
@@ -72,20 +95,12 @@ def machine() -> dict[str, str]:
 
 
 def resident(pid: int | None = None) -> float:
-    """Resident set of a process [MB]; of this one without a number.
-
-    Raises:
-        BenchError: There is no such process.
-    """
+    """Resident set of a process [MB]; of this one without a number."""
     return float(_process(pid).memory_info().rss) / 1e6
 
 
 def processor_time(pid: int) -> float:
-    """Processor time that a process has had [s].
-
-    Raises:
-        BenchError: There is no such process.
-    """
+    """Processor time that a process has had [s]."""
     spent = _process(pid).cpu_times()
     return float(spent.user + spent.system)
 

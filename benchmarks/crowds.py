@@ -11,8 +11,8 @@ from typing import Final
 
 import numpy as np
 
-from benchmarks.common import BenchError, Spread, Table, collector_off
-from benchmarks.drives import Preset, drive
+from benchmarks.common import BenchError, Spread, Table, collector_off, in_turn
+from benchmarks.drives import Preset, step_times
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance import (
     GuidanceLaw,
@@ -60,25 +60,16 @@ class PlansTiming:
 def measure_plans(
     runs: int, counts: Sequence[int] = PLAN_COUNTS, progress: Callable[[], None] = lambda: None
 ) -> list[PlansTiming]:
-    """Begin Case 3 past four small obstacles on the centre line, all numbers of plans in turn.
-
-    Args:
-        runs: Runs of each; one more has all compiled code loaded.
-        counts: Numbers of plans, at most as many as there are ways: 16.
-        progress: Told after each run of all of them.
-
-    Raises:
-        BenchError: Not so many plans were made.
-    """
+    """Begin Case 3 past four small obstacles on the centre line, all numbers of plans in turn."""
     preset = Preset.load('case3')
     every = {count: _plan_settings(preset.settings, count) for count in counts}
-    laws = {count: GuidanceLaw(each, each.world) for count, each in every.items()}
-    times = np.empty((len(counts), runs + 1, 2))
-    for run in range(runs + 1):
-        for i, (count, law) in enumerate(laws.items()):
-            times[i, run] = _two_steps(law, preset, count)
-        progress()
-    return [PlansTiming(count, times[i, 1:, 0], times[i, 1:, 1]) for i, count in enumerate(counts)]
+    laws = {
+        count: partial(_two_steps, GuidanceLaw(each, each.world), preset, count)
+        for count, each in every.items()
+    }
+    in_turn(laws, 1, progress)
+    times = in_turn(laws, runs, progress)
+    return [PlansTiming(count, *np.reshape(found, (-1, 2)).T) for count, found in times.items()]
 
 
 def _plan_settings(settings: GuidanceSettings, count: int) -> GuidanceSettings:
@@ -152,14 +143,13 @@ def measure_obstacles(
 ) -> list[ObstaclesTiming]:
     """Drive case 3's road past obstacles on both sides, all numbers of them in turn."""
     preset = Preset.load('case3')
-    times: dict[tuple[int, bool], list[Array]] = {}
-    for run in range(runs + 1):
-        for count in counts:
-            for moving in (False, True):
-                steps = _obstacle_step_times(preset, count, moving=moving)
-                if run > 0:
-                    times.setdefault((count, moving), []).append(steps)
-        progress()
+    steps = {
+        (count, moving): partial(_obstacle_step_times, preset, count, moving=moving)
+        for count in counts
+        for moving in (False, True)
+    }
+    in_turn(steps, 1, progress)
+    times = in_turn(steps, runs, progress)
     return [
         ObstaclesTiming(
             count,
@@ -223,8 +213,7 @@ def _obstacle_step_times(preset: Preset, count: int, *, moving: bool) -> Array:
     """Computing time of each control step of one run, waiting for a processor left out [us]."""
     settings = _obstacle_settings(preset.settings, count, moving=moving)
     tracks = partial(tracks_of_some, count if moving else 0)
-    steps = drive(settings, preset.pose, time.thread_time_ns, tracks)
-    return 1e3 * np.array([took for took, *_ in steps])
+    return 1e3 * step_times(settings, preset.pose, time.thread_time_ns, tracks)
 
 
 SENSOR_PRESETS = ('unknown', 'clutter')
@@ -257,16 +246,11 @@ def measure_sensors(
     runs: int, presets: Sequence[str] = SENSOR_PRESETS, progress: Callable[[], None] = lambda: None
 ) -> list[SensorsTiming]:
     """Drive presets whose obstacles a scanner sees, in turn."""
-    times: dict[str, list[tuple[float, ...]]] = {each: [] for each in presets}
-    for run in range(runs + 1):
-        for preset in presets:
-            steps = list(_sensor_steps(preset))
-            if run > 0:
-                times[preset] += steps
-        progress()
+    steps = {each: partial(lambda preset: list(_sensor_steps(preset)), each) for each in presets}
+    in_turn(steps, 1, progress)
     found = []
-    for preset in presets:
-        *parts, cells = np.array(times[preset]).T
+    for preset, runs_of in in_turn(steps, runs, progress).items():
+        *parts, cells = np.concatenate(runs_of).T
         found.append(SensorsTiming(preset, int(cells[0]), *map(Spread.of, parts)))
     return found
 

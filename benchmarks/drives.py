@@ -8,11 +8,12 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
 
-from benchmarks.common import BenchError, Spread, collector_off
+from benchmarks.common import BenchError, Spread, collector_off, in_turn
 from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.demo import Scenario, load_scenario
 from cmpsp_ros.guidance import Decision, GuidanceLaw, GuidanceSettings, Observation, to_nanoseconds
@@ -45,11 +46,7 @@ class Preset:
 
     @classmethod
     def load(cls, name: str) -> Preset:
-        """Read and check a preset or parameter file.
-
-        Raises:
-            ParameterError: No such preset, or one that cannot be used.
-        """
+        """Read and check a preset or parameter file."""
         values = TABLE.resolve(load_parameter_file(name))
         check_simulation(values)
         return cls(name, guidance_settings(values), np.array(values['initial_pose']))
@@ -59,9 +56,6 @@ def chosen(names: Sequence[str]) -> list[Preset]:
     """Presets of these names; without any, all presets and the runs of the paper's tables.
 
     From most starts of the latter the first plans need slack.
-
-    Raises:
-        ParameterError: No such preset, or one that cannot be used.
     """
     if names:
         return [Preset.load(name) for name in names]
@@ -98,27 +92,20 @@ def time_presets(
 
     The presets are interleaved, so that other work of the machine falls on all of them.
     """
+    steps = {preset.name: partial(step_times, preset.settings, preset.pose) for preset in presets}
     # One run that does not count has all compiled code loaded.
-    for preset in presets:
-        _step_times(preset)
-    times: list[list[list[float]]] = [[] for _ in presets]
-    for _ in range(runs):
-        for preset, of_runs in zip(presets, times, strict=True):
-            of_runs.append(_step_times(preset))
-            progress()
+    in_turn(steps, 1, lambda: None)
     return [
         PresetTiming(
-            preset.name,
-            Spread.of([steps[0] for steps in of_runs]),
-            Spread.of(np.concatenate(of_runs)),
+            name, Spread.of([times[0] for times in runs_of]), Spread.of(np.concatenate(runs_of))
         )
-        for preset, of_runs in zip(presets, times, strict=True)
+        for name, runs_of in in_turn(steps, runs, progress).items()
     ]
 
 
-def _step_times(preset: Preset) -> list[float]:
-    """Computing time of each control step of one run [ms]."""
-    return [took for took, *_ in drive(preset.settings, preset.pose)]
+def step_times(settings: GuidanceSettings, pose: Array, *rest: Any) -> Array:
+    """Computing time of each control step of one run [ms]; arguments as of `drive`."""
+    return np.array([took for took, *_ in drive(settings, pose, *rest)])
 
 
 def drive(
@@ -204,11 +191,7 @@ def robots_that_fit() -> list[str]:
 
 
 def of_robots(robots: Sequence[str]) -> dict[str, Scenario]:
-    """Courses of robots, by their names or files.
-
-    Raises:
-        ParameterError: No such robot, or one that cannot drive there.
-    """
+    """Courses of robots, by their names or files."""
     return {name: load_scenario(COURSE, (), lockstep=True, robot=name) for name in robots}
 
 
@@ -225,22 +208,15 @@ def of_models() -> dict[str, Scenario]:
 def time_robots(
     scenarios: Mapping[str, Scenario], runs: int, progress: Callable[[], None] = lambda: None
 ) -> list[RobotDrive]:
-    """Drive every robot in turn, again and again, and take the times.
-
-    Raises:
-        BenchError: Two runs of one robot differ.
-    """
-    drives: dict[str, RobotDrive] = {}
-    for _ in range(runs):
-        for name, scenario in scenarios.items():
-            drive = _drive_robot(name, scenario)
-            known = drives.setdefault(name, drive)
-            if not np.array_equal(drive.work, known.work):
-                raise BenchError(f'{name}: found runs that differ, wanted the same work in each')
-            if drive is not known:
-                drives[name] = replace(known, times=np.concatenate([known.times, drive.times]))
-            progress()
-    return list(drives.values())
+    """Drive every robot in turn, again and again, and take the times."""
+    drives = {name: partial(_drive_robot, name, each) for name, each in scenarios.items()}
+    found = []
+    for name, (first, *others) in in_turn(drives, runs, progress).items():
+        if not all(np.array_equal(each.work, first.work) for each in others):
+            raise BenchError(f'{name}: found runs that differ, wanted the same work in each')
+        times = np.concatenate([each.times for each in (first, *others)])
+        found.append(replace(first, times=times))
+    return found
 
 
 def _drive_robot(name: str, scenario: Scenario) -> RobotDrive:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.common import BenchError, collector_off
+from benchmarks.common import BenchError, collector_off, timed
 from cmpsp_ros.mpsp import Linearisation
 from cmpsp_ros.mpsp.qp import RICCATI_ACTIVE_SET, QPStatus, Subproblem, solve, solve_qp
 
@@ -49,20 +48,12 @@ def time_programs(runs: int, progress: Callable[[], None] = lambda: None) -> lis
 
     They go through the back end for any problem, without a warm start. It is compiled for a few
     sizes, and a program is filled up to the next one (`compiled_size`).
-
-    Raises:
-        BenchError: A program was not solved.
     """
     programs = [[program(seed, *size) for seed in range(PROGRAMS)] for size in SIZES]
-    times = np.empty((runs, len(SIZES), PROGRAMS))
+    times = []
     with collector_off():
-        for run in range(runs):
-            for place, of_size in enumerate(programs):
-                for seed, each in enumerate(of_size):
-                    solve(each, None)
-                    began = time.perf_counter_ns()
-                    solve(each, None)
-                    times[run, place, seed] = (time.perf_counter_ns() - began) * 1e-3
+        for _ in range(runs):
+            times.append([[_solution_time(each) for each in of_size] for of_size in programs])
             progress()
     medians = np.median(times, axis=0).mean(axis=1)
     return [_timing(each, float(took)) for each, took in zip(programs, medians, strict=True)]
@@ -123,6 +114,11 @@ def flops(N: int, n: int, r: int, l: int, k: int, c: int) -> float:  # noqa: E74
     factorisation = N * (6 * n**3 + 8 * n**2 * r + 4 * n * r**2 + 2 / 3 * r**3)
     row, look = N * (n**2 + n * r), N * (2 * n**2 + 4 * n * r + 2 * l * (n + r))
     return factorisation + k * (row + look + 3 * N * r * c / 2 + c**2 / 3)
+
+
+def _solution_time(each: Subproblem) -> float:
+    solve(each, None)
+    return timed(solve, each, None)
 
 
 def _timing(programs: list[Subproblem], took: float) -> GeneralTiming:

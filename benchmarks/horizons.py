@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.common import BenchError, collector_off, unheard
+from benchmarks.common import BenchError, collector_off, timed, unheard
 from benchmarks.drives import Preset
 from benchmarks.methods.ours import Method
 from benchmarks.methods.peers import peers
@@ -95,9 +95,7 @@ def _first_step_time(task: Task, method: Method, steps: int) -> float:
     """Time of one first step [us]."""
     guess, durations = task.guess(steps), task.durations(steps)
     method.begin(steps)
-    began = time.perf_counter_ns()
-    method.step(task.pose, guess, durations)
-    return (time.perf_counter_ns() - began) * 1e-3
+    return timed(method.step, task.pose, guess, durations)
 
 
 LONG_HORIZONS = (50, 100, 200, 400)
@@ -164,17 +162,7 @@ class LongHorizons:
 def time_long_horizons(
     horizons: Sequence[int], runs: int, *, beside: bool, progress: Callable[[], None] = lambda: None
 ) -> LongHorizons:
-    """Time control steps at several horizons, ours and other solvers' in turn.
-
-    Args:
-        horizons: Numbers of steps.
-        runs: Repetitions, of several steps each.
-        beside: Whether other solvers take part.
-        progress: Told after each horizon.
-
-    Raises:
-        BenchError: A plan does not keep within its limits.
-    """
+    """Time control steps at several horizons, ours and other solvers' in turn."""
     result = LongHorizons([], {})
     for steps in horizons:
         result.found.append(

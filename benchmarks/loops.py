@@ -5,10 +5,11 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
-from benchmarks.common import BenchError, Spread, collector_off, unheard
+from benchmarks.common import BenchError, Spread, collector_off, in_turn, timed, unheard
 from benchmarks.drives import Preset, of_tables
 from benchmarks.methods.ours import FullStep, Method
 from benchmarks.task import Task, TaskOutcome
@@ -135,9 +136,6 @@ def compare(
     """Time methods against the first of them.
 
     A method that does not solve the task is not timed: how long a wrong answer takes is no time.
-
-    Raises:
-        BenchError: The first method does not solve the task.
     """
     trials = {}
     for method in methods:
@@ -148,14 +146,11 @@ def compare(
     if methods[0].name in left_out:
         raise BenchError(f'{methods[0].name}: {left_out[methods[0].name]}')
     able = [method for method in methods if method.name in outcomes]
-    times = {method.name: np.empty((runs, steps)) for method in able}
-    for run in range(runs):
-        for method in methods:
-            if method in able:
-                times[method.name][run] = close_loop(task, method, steps).times
-            progress()
-    timed = [Timed(name, outcome, times[name]) for name, outcome in outcomes.items()]
-    return MethodComparison(steps, runs, timed, left_out)
+    loops_of = {method.name: partial(close_loop, task, method, steps) for method in able}
+    driven = in_turn(loops_of, runs, progress)
+    times = {name: np.array([loop.times for loop in found]) for name, found in driven.items()}
+    solved = [Timed(name, outcome, times[name]) for name, outcome in outcomes.items()]
+    return MethodComparison(steps, runs, solved, left_out)
 
 
 def _try(task: Task, method: Method, steps: int) -> TaskOutcome | str:
@@ -213,29 +208,30 @@ def tails(
     progress: Callable[[], None] = lambda: None,
 ) -> list[Tail]:
     """Time many control steps, the methods in turn, with the collector off all the while."""
-    times: list[list[Array]] = [[] for _ in methods]
-    again: list[list[Array]] = [[] for _ in methods]
+    both = {
+        (method.name, loop): partial(time_loop, task, method, steps)
+        for method in methods
+        for loop, time_loop in enumerate((_loop_times, _first_step_times))
+    }
     with collector_off():
-        for _ in range(loops(count, steps)):
-            for method, of_method, of_first in zip(methods, times, again, strict=True):
-                of_method.append(close_loop(task, method, steps).times)
-                of_first.append(_first_step(task, method, steps))
-            progress()
+        found = in_turn(both, loops(count, steps), progress)
     return [
-        Tail(method.name, np.concatenate(of_method), np.concatenate(of_first))
-        for method, of_method, of_first in zip(methods, times, again, strict=True)
+        Tail(each.name, *(np.concatenate(found[each.name, loop]) for loop in (0, 1)))
+        for each in methods
     ]
 
 
-def _first_step(task: Task, method: Method, steps: int) -> Array:
+def _loop_times(task: Task, method: Method, steps: int) -> Array:
+    return close_loop(task, method, steps).times
+
+
+def _first_step_times(task: Task, method: Method, steps: int) -> Array:
     """Times of the first step, made as often as there are steps in a closed loop [us]."""
     pose, durations, guess = task.pose, task.durations(steps), task.guess(steps)
     times = np.empty(steps)
     for k in range(steps):
         method.begin(steps)
-        began = time.perf_counter_ns()
-        method.step(pose, guess, durations)
-        times[k] = (time.perf_counter_ns() - began) * 1e-3
+        times[k] = timed(method.step, pose, guess, durations)
     return times
 
 
@@ -276,19 +272,17 @@ def hard_cases() -> list[Preset]:
 def time_hard_cases(
     cases: Sequence[Preset], runs: int, progress: Callable[[], None] = lambda: None
 ) -> list[HardCase]:
-    """Drive every case in turn, again and again, and take the times.
-
-    Raises:
-        BenchError: A program was not solved, or a plan may not be followed.
-    """
-    tasks = [Task.of(each) for each in cases]
-    methods = [FullStep(task) for task in tasks]
-    times: list[list[Array]] = [[] for _ in cases]
-    for _ in range(runs):
-        for task, method, of_runs in zip(tasks, methods, times, strict=True):
-            of_runs.append(close_loop(task, method, task.steps).times / 1e3)
-            progress()
+    """Drive every case in turn, again and again, and take the times."""
+    methods = {each.name: FullStep(Task.of(each)) for each in cases}
+    driven = in_turn(
+        {
+            name: partial(close_loop, method.task, method, method.task.steps)
+            for name, method in methods.items()
+        },
+        runs,
+        progress,
+    )
     return [
-        HardCase(each.name, np.array(of_runs), method.elastic)
-        for each, of_runs, method in zip(cases, times, methods, strict=True)
+        HardCase(name, np.array([loop.times / 1e3 for loop in found]), methods[name].elastic)
+        for name, found in driven.items()
     ]

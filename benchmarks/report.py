@@ -126,11 +126,7 @@ Absolute times differ from machine to machine and from day to day; ratios are st
 
 
 def check_output(output: Path) -> None:
-    """See beforehand whether results can be written there, for they take long to come by.
-
-    Raises:
-        BenchError: Something is there already, or nothing can be written.
-    """
+    """See beforehand whether results can be written there, for they take long to come by."""
     try:
         if output.suffix == _SUFFIX:
             if output.exists():
@@ -149,11 +145,7 @@ def check_output(output: Path) -> None:
 
 
 def write(results: Results, output: Path) -> None:
-    """Write results to a file, or to a folder with pictures and the page `performance.md`.
-
-    Raises:
-        BenchError: It cannot be written.
-    """
+    """Write results to a file, or to a folder with pictures and the page `performance.md`."""
     text = json.dumps(content(results), default=_plain, allow_nan=False, ensure_ascii=False) + '\n'
     try:
         if output.suffix == _SUFFIX:

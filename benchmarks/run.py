@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from benchmarks import drives
 from benchmarks.common import BenchError, machine, resident
-from benchmarks.crowds import measure_plans
+from benchmarks.crowds import PLAN_COUNTS, measure_plans
 from benchmarks.general import time_programs
 from benchmarks.horizons import grow, time_long_horizons
 from benchmarks.loops import compare, hard_cases, loops, tails, time_hard_cases
@@ -31,12 +31,7 @@ Progress = Callable[[str, int], Callable[[], None]]
 
 
 def run(order: Order, progress: Progress = lambda _part, _pieces: lambda: None) -> Results:
-    """Measure what is asked, and write it where it is asked.
-
-    Raises:
-        BenchError: The output cannot be used, or a measurement failed.
-        ParameterError: No such preset, or one that cannot be used.
-    """
+    """Measure what is asked, and write it where it is asked."""
     presets = drives.chosen(order.presets)
     if order.output is not None:
         check_output(order.output)
@@ -52,7 +47,8 @@ def run(order: Order, progress: Progress = lambda _part, _pieces: lambda: None) 
     cases = hard_cases()
     hard = time_hard_cases(cases, runs, progress('hard cases', runs * len(cases)))
     many = _PLAN_RUNS * runs
-    plans = measure_plans(many, progress=progress('plans', many + 1))
+    told = progress('plans', (many + 1) * len(PLAN_COUNTS))
+    plans = measure_plans(many, progress=told)
     task = Task.case3()
     ours: list[Method] = [make(task) for make in OURS]
     others, missing = peers(task) if order.peers else ([], {})
@@ -61,7 +57,7 @@ def run(order: Order, progress: Progress = lambda _part, _pieces: lambda: None) 
     comparison = compare(task, methods, order.steps, runs, told)
     timed = {each.name for each in comparison.timed}
     driving = [method for method in ours[1:] if method.name in timed]
-    told = progress('tail', loops(order.tail, order.steps))
+    told = progress('tail', 2 * len(driving) * loops(order.tail, order.steps))
     of_tails = tails(task, driving, order.steps, order.tail, told)
     able = [method for method in methods if method.name in timed]
     told = progress('horizons', len(order.horizons))

@@ -12,10 +12,11 @@ import numpy as np
 from acados_template import AcadosModel, AcadosOcp, AcadosOcpSolver
 
 from benchmarks.common import BenchError
-from benchmarks.methods.casadi_methods import CONTROLS, STATES, clear, distance, moved
+from benchmarks.methods.casadi_methods import CONTROLS, STATES, clear, distance
 from benchmarks.methods.ours import ITERATIONS
 from benchmarks.task import Task
 from cmpsp_ros.arrays import Array
+from cmpsp_ros.studies.paper import motion
 
 _FREE = 1e6
 """What acados takes for no bound."""
@@ -42,11 +43,7 @@ class Acados:
         self._durations: dict[int, Array] = {}
 
     def prepare(self, steps: int) -> None:
-        """Generate and compile code for the first horizon; later ones are made from the same.
-
-        Raises:
-            BenchError: acados or its compiler has failed.
-        """
+        """Generate and compile code for the first horizon; later ones are made from the same."""
         if steps in self._solvers:
             return
         folder, first = Path(self._folder.name), not self._solvers
@@ -111,7 +108,7 @@ class Acados:
         model = AcadosModel()
         model.name = f'cmpsp_{self._qp_solver.lower()}'
         model.x, model.u, model.p = x, u, duration
-        model.disc_dyn_expr = moved(task.settings.robot, x, u, duration)
+        model.disc_dyn_expr = x + motion(casadi, task.settings.robot, x[2], u, duration)
         off_center = distance(x, road.center) - road.center_radius
         slope = casadi.jacobian(off_center, x)
         across = task.settings.weights.road_center * casadi.mtimes(slope.T, slope)

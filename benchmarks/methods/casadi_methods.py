@@ -14,13 +14,11 @@ from benchmarks.common import BenchError
 from benchmarks.methods.ours import ITERATIONS
 from benchmarks.task import Task
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.robots import Robot
+from cmpsp_ros.studies.paper import motion
 
 STATES, CONTROLS = 3, 2
 STAGE = STATES + CONTROLS
 """Length of one stage in the vector of variables."""
-
-_STRAIGHT = 1e-2
 
 
 @dataclass(frozen=True)
@@ -66,7 +64,7 @@ def program(task: Task, steps: int) -> Program:
     rows: list[tuple[Any, Array, Array]] = []
     for k, x in enumerate(X):
         if k < steps:
-            gap = X[k + 1] - moved(task.settings.robot, x, U[k], durations[k])
+            gap = X[k + 1] - x - motion(casadi, task.settings.robot, x[2], U[k], durations[k])
             rows.append((gap, np.zeros(STATES), np.zeros(STATES)))
         rows.append((x - pose, np.zeros(STATES), np.zeros(STATES)) if k == 0 else clear(task, x))
     rows.append((X[-1][:2], goal, goal))
@@ -111,21 +109,6 @@ def unpack(w: Array, last: Array) -> Array:
     return np.vstack([w[:-STATES].reshape(-1, STAGE)[:, STATES:], last])
 
 
-def moved(robot: Robot, x: Any, u: Any, duration: Any) -> Any:
-    """Where constant wheel speeds lead, (91) solved exactly, as an expression."""
-    length = (u[0] + u[1]) * robot.wheel_radius / 2.0 * duration
-    turn = (u[0] - u[1]) * robot.wheel_radius / (2.0 * robot.half_track) * duration
-    half = turn / 2.0
-    straight = casadi.fabs(half) < _STRAIGHT
-    # Both branches are evaluated, so neither may divide by zero.
-    divisor = casadi.if_else(straight, 1.0, half)
-    square = half * half
-    series = 1.0 - square / 6.0 * (1.0 - square / 20.0 * (1.0 - square / 42.0))
-    chord = length * casadi.if_else(straight, series, casadi.sin(divisor) / divisor)
-    course = x[2] + half
-    return x + casadi.vertcat(chord * casadi.cos(course), chord * casadi.sin(course), turn)
-
-
 def clear(task: Task, x: Any) -> tuple[Any, Array, Array]:
     """Distances of a pose from road centre and obstacles, with their bounds."""
     space = task.space
@@ -166,11 +149,7 @@ class _CasadiSolver:
         """Each call starts from the controls alone."""
 
     def step(self, pose: Array, U: Array, durations: Array) -> Array:
-        """Solve the problem that is left, from the path rolled out.
-
-        Raises:
-            BenchError: The solver fails.
-        """
+        """Solve the problem that is left, from the path rolled out."""
         return unpack(self._answer(pose, U, durations)['x'].full().ravel(), U[-1])
 
     def _answer(self, pose: Array, U: Array, durations: Array, **more: Array) -> Any:
@@ -242,14 +221,7 @@ class Converged(_CasadiSolver):
     def __init__(
         self, task: Task, solver: str, options: Mapping[str, Any], *, keeps_multipliers: bool
     ) -> None:
-        """Take the task and say which solver.
-
-        Args:
-            task: The task.
-            solver: Name of an NLP solver of CasADi's.
-            options: For it.
-            keeps_multipliers: Whether it can start from the last step's multipliers.
-        """
+        """Take the task and say which solver."""
         failure = f'{solver} cannot work with its program'
         super().__init__(task, f'{solver}, to convergence', 400, failure)
         self._solver = solver
@@ -262,11 +234,7 @@ class Converged(_CasadiSolver):
         self._multipliers = {}
 
     def step(self, pose: Array, U: Array, durations: Array) -> Array:
-        """Solve the problem that is left, from the path rolled out.
-
-        Raises:
-            BenchError: The solver does not even begin.
-        """
+        """Solve the problem that is left, from the path rolled out."""
         answer = self._answer(pose, U, durations, **self._multipliers)
         if self._keeps_multipliers and len(durations) > 1:
             self._multipliers = self._later(answer)

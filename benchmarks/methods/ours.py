@@ -61,9 +61,6 @@ class Method(Protocol):
 
         Returns:
             Controls, shape ``(N + 1, 2)`` [rad/s].
-
-        Raises:
-            BenchError: It cannot.
         """
 
 
@@ -75,7 +72,7 @@ class CondensedDaqp:
 
     def __init__(self, task: Task) -> None:
         """Take the task."""
-        self._task = task
+        self.task = task
 
     def prepare(self, steps: int) -> None:
         """Nothing depends on the horizon alone."""
@@ -85,7 +82,7 @@ class CondensedDaqp:
 
     def step(self, pose: Array, U: Array, durations: Array) -> Array:
         """Two iterations."""
-        problem = self._task.problem(pose, durations)
+        problem = self.task.problem(pose, durations)
         options = Options(
             penalty_terminal=np.full(problem.size.output, PENALTY),
             penalty_path=np.full(problem.size.path, PENALTY),
@@ -110,7 +107,7 @@ class RiccatiActiveSet:
 
     def __init__(self, task: Task) -> None:
         """Take the task."""
-        self._task = task
+        self.task = task
         self._allocate(1)
 
     def prepare(self, steps: int) -> None:
@@ -124,11 +121,7 @@ class RiccatiActiveSet:
         self._left = steps
 
     def step(self, pose: Array, U: Array, durations: Array) -> Array:
-        """Two iterations.
-
-        Raises:
-            BenchError: A program was not solved.
-        """
+        """Two iterations."""
         steps, ws = len(durations), self._driver.ws
         over, self._left = self._left - steps, steps
         ws.trial.U[: steps + 1] = U
@@ -139,8 +132,8 @@ class RiccatiActiveSet:
         return ws.now.U[: steps + 1].copy()
 
     def _allocate(self, steps: int) -> None:
-        pose, durations = self._task.pose, self._task.durations(steps)
-        problem = self._task.problem(pose, durations)
+        pose, durations = self.task.pose, self.task.durations(steps)
+        problem = self.task.problem(pose, durations)
         size = problem.size
         self._driver = driver = Driver(
             size,
@@ -182,7 +175,7 @@ class FullStep:
 
     def __init__(self, task: Task) -> None:
         """Take the task."""
-        self._task = task
+        self.task = task
         self._made: dict[int, _Parts] = {}
 
     def prepare(self, steps: int) -> None:
@@ -191,7 +184,7 @@ class FullStep:
     def begin(self, steps: int) -> None:
         """Forget the plan."""
         if steps not in self._made:
-            settings = self._task.settings_for(steps)
+            settings = self.task.settings_for(steps)
             period, final = map(to_nanoseconds, (settings.control_period, settings.final_time))
             self._made[steps] = _Parts(
                 settings,
@@ -207,11 +200,7 @@ class FullStep:
         self._now = self.elastic = 0
 
     def step(self, pose: Array, U: Array, durations: Array) -> Array:  # noqa: ARG002 (by the clock)
-        """Shift, improve, audit.
-
-        Raises:
-            BenchError: The plan may not be followed.
-        """
+        """Shift, improve, audit."""
         settings, planner, audit, period, final = self._parts
         horizon = remaining(self._now, period, final)
         guess = U if self._plan is None else shift(self._plan.controls, self._plan.horizon, horizon)
@@ -241,7 +230,7 @@ class Law:
 
     def __init__(self, task: Task) -> None:
         """Take the task."""
-        self._task = task
+        self.task = task
         self._made: dict[int, tuple[GuidanceLaw, int]] = {}
 
     def prepare(self, steps: int) -> None:
@@ -250,7 +239,7 @@ class Law:
     def begin(self, steps: int) -> None:
         """Reset the law."""
         if steps not in self._made:
-            settings = self._task.settings_for(steps)
+            settings = self.task.settings_for(steps)
             self._made[steps] = (
                 GuidanceLaw(settings, settings.world),
                 to_nanoseconds(settings.control_period),
@@ -260,11 +249,7 @@ class Law:
         self._stamp = 0
 
     def step(self, pose: Array, U: Array, durations: Array) -> Array:  # noqa: ARG002 (its own)
-        """Decide.
-
-        Raises:
-            BenchError: The decision is to stop.
-        """
+        """Decide."""
         decision = self._law.step(Observation(self._stamp, pose))
         if decision is None or decision.plan is None:
             raise BenchError(decision.reason if decision else 'it has nothing to decide')

@@ -80,9 +80,6 @@ def measure(count: int, progress: Callable[[float], None] = lambda _: None) -> C
     Args:
         count: How many.
         progress: Told the time of the run so far [s], again and again.
-
-    Raises:
-        BenchError: A process failed, or a run came to no end.
     """
     alone = load_scenario(_PRESET, _CHANGES, lockstep=False)
     robots = [replace(alone, namespace=f'/r{number}') for number in range(1, count + 1)]

@@ -40,11 +40,7 @@ class Origin(NamedTuple):
 
     @classmethod
     def parse(cls, text: str) -> Origin:
-        """The origin that is written so.
-
-        Raises:
-            BenchError: It is not of that form.
-        """
+        """The origin that is written so."""
         parts = text.split('/')
         if len(parts) != 3 or not all(part.isdecimal() for part in parts[1:]):
             raise BenchError(f'case: found {text!r}, wanted FAMILY/SEED/NUMBER, as in loop/17/3')
@@ -104,11 +100,7 @@ class Contestant:
 
 
 def contestant(name: str) -> Contestant:
-    """The back end of that name.
-
-    Raises:
-        ProblemError: No back end of that name is installed; says which are.
-    """
+    """The back end of that name."""
     solve = backend(name)
 
     def cold(program: Program) -> QPSolution:

@@ -101,11 +101,7 @@ def describe(comparison: Comparison) -> str:
 
 
 def new_file(path: Path) -> Path:
-    """The path, if a file can be made there and nothing is lost by it.
-
-    Raises:
-        BenchError: Says what is there, or why not.
-    """
+    """The path, if a file can be made there and nothing is lost by it."""
     if path.exists():
         raise BenchError(f'{path}: found something there, wanted a new file')
     if not path.parent.is_dir() or not os.access(path.parent, os.W_OK):

@@ -43,11 +43,7 @@ SHARES: Final[Mapping[str, float]] = {
 
 
 def cases(family: str, seed: int) -> Iterator[Case]:
-    """The programs of one seed, always the same.
-
-    Raises:
-        BenchError: There is no such family.
-    """
+    """The programs of one seed, always the same."""
     if family not in FAMILIES:
         raise BenchError(f'family: found {family!r}, wanted one of {", ".join(FAMILIES)}')
     rng = np.random.default_rng([*family.encode(), seed])
@@ -56,11 +52,7 @@ def cases(family: str, seed: int) -> Iterator[Case]:
 
 
 def case(origin: Origin) -> Case:
-    """The program of that name.
-
-    Raises:
-        BenchError: There is no such family, or not that many programs of one seed.
-    """
+    """The program of that name."""
     if origin.number >= PROGRAMS_PER_SEED:
         raise BenchError(f'case: found number {origin.number}, wanted below {PROGRAMS_PER_SEED}')
     return next(islice(cases(origin.family, origin.seed), origin.number, None))
@@ -81,9 +73,6 @@ def verify(
 
     Returns:
         A comparison of each.
-
-    Raises:
-        ProblemError: No back end of that name is installed; says which are.
     """
     chosen = contestant(qp)
     results: list[Comparison] = []
@@ -94,12 +83,7 @@ def verify(
 
 
 def verify_case(name: str, qp: str) -> Comparison:
-    """Compare a back end with the references on the one program of that name.
-
-    Raises:
-        BenchError: There is no program of that name.
-        ProblemError: No back end of that name is installed; says which are.
-    """
+    """Compare a back end with the references on the one program of that name."""
     return compare(case(Origin.parse(name)), contestant(qp))
 
 

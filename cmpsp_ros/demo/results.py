@@ -55,12 +55,6 @@ def draw_trajectory(
     """Draw road, obstacles with the margin kept, the driven path and the plan at a few instants.
 
     Moving obstacles are drawn at the robot's closest approach.
-
-    Args:
-        run: The run.
-        settings: Settings of guidance.
-        path: New picture.
-        hidden: Obstacles that only the simulator knows.
     """
     first, last = window(run, settings)
     part = run.driven.between(first, last)
@@ -204,9 +198,6 @@ def sum_up(scenario: Scenario, folder: Path) -> Summary:
 
     Returns:
         Its figures.
-
-    Raises:
-        BagError: The recording does not cover the run.
     """
     recorded = read_run(folder / 'bag')
     settings = replace(scenario.settings, final_time=final_time(recorded, scenario.settings))

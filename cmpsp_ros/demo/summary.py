@@ -132,11 +132,7 @@ def final_time(run: Run, settings: GuidanceSettings) -> float:
 
 
 def window(run: Run, settings: GuidanceSettings) -> tuple[int, int]:
-    """First odometry that was decided on, and the final time, as stamps [ns].
-
-    Raises:
-        BagError: The run does not cover them.
-    """
+    """First odometry that was decided on, and the final time, as stamps [ns]."""
     # Before it the node may have had to wait, for a sensor perhaps.
     answers = (each.stamp for each in run.decisions if not each.halted)
     first = next(answers, run.decisions[0].stamp)
@@ -150,11 +146,7 @@ def window(run: Run, settings: GuidanceSettings) -> tuple[int, int]:
 
 
 def summarise(run: Run, settings: GuidanceSettings, preset: str) -> Summary:
-    """Figures of a recorded run.
-
-    Raises:
-        BagError: The run was not recorded up to its final time.
-    """
+    """Figures of a recorded run."""
     first, last = window(run, settings)
     driven, timeout = run.driven.between(first, last), settings.moving_obstacles.timeout
     interval = longest_interval(run.driven.stamps, settings)

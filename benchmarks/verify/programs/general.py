@@ -45,12 +45,7 @@ def general(rng: Rng) -> Iterator[Draft]:
 
 
 def random_program(rng: Rng, *, room: bool = True) -> Known:
-    """A random program.
-
-    Args:
-        rng: Where the numbers come from.
-        room: Whether its rows leave room for the known controls; otherwise some may not.
-    """
+    """A random program."""
     N = int(rng.integers(1, 31)) if rng.random() < 0.85 else int(rng.integers(30, 101))
     n, r = _SIZES[rng.integers(len(_SIZES))]
     m, l = int(rng.integers(0, 4)), int(rng.integers(0, 7))  # noqa: E741 (the paper's l)

@@ -52,9 +52,6 @@ def judge_failure(task: Task) -> dict[str, Any]:
     Returns:
         `answer`; and, if a path was found, the number of its `start`, its `clearance_m` and
         `miss_m`.
-
-    Raises:
-        StudyError: CasADi is not installed.
     """
     pose = np.array(task.scenario.pose)
     length = task.settings.road.shortest_length(task.scenario.pose[:2], task.settings.goal)
@@ -84,9 +81,6 @@ def compare_cost(task: Task) -> dict[str, Any]:
     Returns:
         `cost` of the run; and, if IPOPT solved it, its `least` cost and whether its path is of the
         `same_class`.
-
-    Raises:
-        StudyError: CasADi is not installed.
     """
     settings, driven = task.settings, drive(task)
     steps = round(settings.final_time / settings.control_period)
@@ -114,11 +108,7 @@ def passed_alike(one: Array, other: Array, center: Array) -> bool:
 
 
 def read_answers(path: FilePath) -> dict[int, dict[str, Any]]:
-    """Answers on runs of a study found before, by number.
-
-    Raises:
-        StudyError: The file has other content.
-    """
+    """Answers on runs of a study found before, by number."""
     try:
         if not path.exists():
             return {}
@@ -129,11 +119,7 @@ def read_answers(path: FilePath) -> dict[int, dict[str, Any]]:
 
 
 def write_answers(path: FilePath, found: Mapping[int, Mapping[str, Any]]) -> None:
-    """Write answers atomically.
-
-    Raises:
-        StudyError: The disk refuses.
-    """
+    """Write answers atomically."""
     beside = path.with_name(f'{path.name}.new')
     try:
         beside.write_text(json.dumps(dict(sorted(found.items())), indent=1), encoding='utf-8')

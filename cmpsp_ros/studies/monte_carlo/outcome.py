@@ -145,11 +145,6 @@ class StudyOutcome:
 
     @classmethod
     def from_values(cls, values: Mapping[str, Any]) -> StudyOutcome:
-        """The outcome of these values, as JSON has them.
-
-        Raises:
-            KeyError: One is missing.
-            TypeError: One is of another type.
-        """
+        """The outcome of these values, as JSON has them."""
         named = {each.name: values[each.name] for each in fields(cls)}
         return cls(**{**named, 'x': tuple(named['x']), 'y': tuple(named['y'])})

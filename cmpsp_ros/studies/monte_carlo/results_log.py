@@ -29,16 +29,8 @@ _READ_WRITE: Final = 0o644
 def open_results_log(folder: Path, study: Study) -> dict[int, StudyOutcome]:
     """Begin a study in a folder, or continue the one that is there.
 
-    Args:
-        folder: New, empty, or of the same study.
-        study: What its runs depend on.
-
     Returns:
         The outcomes that are there, by number.
-
-    Raises:
-        StudyError: Something else is there, or it cannot be read or written.
-        ParameterError: The study's parameters are wrong.
     """
     head = _head(study)
     path = folder / NAME
@@ -65,11 +57,7 @@ def open_results_log(folder: Path, study: Study) -> dict[int, StudyOutcome]:
 
 
 def append(folder: Path, outcome: StudyOutcome) -> None:
-    """Add a finished run, from any process.
-
-    Raises:
-        OSError: The disk refuses.
-    """
+    """Add a finished run, from any process."""
     _append(folder / NAME, outcome.to_json())
 
 

@@ -108,14 +108,7 @@ def scenario(
 def paper_scenario(
     settings: GuidanceSettings, seed: int, number: int, most_obstacles: int
 ) -> Scenario:
-    """The course of case 3, from starts near the paper's.
-
-    Args:
-        settings: Not used: the course is the same for every robot.
-        seed: Of the study, not negative.
-        number: Of the run, not negative.
-        most_obstacles: Maximum number on the road.
-    """
+    """The course of case 3, from starts near the paper's."""
     del settings
     random = np.random.default_rng(np.random.SeedSequence([seed, number]))
     plant_seed = int(random.integers(2**31))

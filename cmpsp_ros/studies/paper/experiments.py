@@ -86,11 +86,7 @@ def road_guess() -> Experiment:
 
 
 def table2(*, as_printed: bool = False) -> tuple[Experiment, ...]:
-    """Case 3 from the three headings of Table 2.
-
-    Args:
-        as_printed: Whether to start from y = 9.25 m as printed, where a minus sign is missing.
-    """
+    """Case 3 from the three headings of Table 2."""
     y, suffix = (9.25, '_as_printed') if as_printed else (-9.25, '')
     return tuple(
         replace(

@@ -41,13 +41,7 @@ def save(figure: Figure, folder: FilePath, name: str) -> None:
 def draw_trajectories(
     panels: Panels, guess: Path | None = None, *, coincide: bool = False
 ) -> Figure:
-    """Paths of several runs on one road, in one panel per controller.
-
-    Args:
-        panels: Runs of each panel, the same experiments in all of them.
-        guess: Path of the initial guess, dotted; None to leave it out.
-        coincide: Whether several paths are the same.
-    """
+    """Paths of several runs on one road, in one panel per controller."""
     figure = Figure(figsize=(WIDTH, 0.575 * WIDTH), layout='constrained')
     looks = _strokes(len(panels[0]), coincide=coincide)
     grid = figure.add_gridspec(2, len(panels), height_ratios=(0.09, 1.0))

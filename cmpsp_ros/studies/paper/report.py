@@ -105,14 +105,7 @@ class Sheet:
     def claim(
         self, key: str, verdict: ClaimVerdict | bool, *, otherwise: bool = False, **values: object
     ) -> None:
-        """Add a claim of `claims.toml`.
-
-        Args:
-            key: Its name there.
-            verdict: Its verdict, or whether the measurement agrees.
-            otherwise: Whether the second reason applies.
-            values: Values for the braces of its texts.
-        """
+        """Add a claim of `claims.toml`."""
         text = _claims()[key]
         chosen = verdict if isinstance(verdict, ClaimVerdict) else ClaimVerdict.of(verdict)
         reason = text['otherwise' if otherwise else 'reason']

@@ -17,12 +17,6 @@ def test_programs_are_solvable_and_have_active_rows(size):
     assert np.count_nonzero(ours.path) > 0
 
 
-def test_programs_repeat():
-    one, other = (program(3, 3, 2).linearisation for _ in range(2))
-    np.testing.assert_array_equal(one.A, other.A)
-    assert not np.array_equal(one.A, program(4, 3, 2).linearisation.A)
-
-
 def test_every_size_is_timed():
     told = []
     found = time_programs(2, lambda: told.append(1))

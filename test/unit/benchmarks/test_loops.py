@@ -147,7 +147,7 @@ def test_whole_loops_with_the_collector_off(task):
     found = tails(task, [Watching(task, notes)], 3, 7, lambda: told.append(1))
     assert [each.times.shape for each in found] == [(9,)]
     assert [each.again.shape for each in found] == [(9,)]
-    assert len(told) == loops(7, 3) == 3
+    assert len(told) == 2 * loops(7, 3) == 6
     assert set(notes) == {(False, True)}
     assert gc.isenabled()
     assert gc.get_freeze_count() == 0

@@ -101,12 +101,6 @@ def test_what_holds_and_what_does_not(known):
     ]
 
 
-def test_each_says_what_it_is(known):
-    said = [each.what for each in targets(known)]
-    assert len(set(said)) == len(said)
-    assert said[4] == 'riccati active set / condensed + daqp: first step'
-
-
 def test_how_slow_the_machine_is(known):
     comparison = known.comparison
     timed = [replace(each, times=each.times * 5.6) for each in comparison.timed]

@@ -1,6 +1,7 @@
 """The benchmark once, at a small size, with every solver that is installed; and its command."""
 
 import json
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -55,21 +56,17 @@ def test_installed_solvers_solve_the_same_task(task, results):
 
 @pytest.mark.slow
 def test_progress_is_told():
-    told = []
+    told, wanted = Counter(), {}
 
     def progress(part, pieces):
-        told.append(f'{part} {pieces}')
-        return lambda: told.append(part)
+        wanted[part] = pieces
+        return lambda: told.update([part])
 
     small = {'steps': 3, 'horizons': (3,), 'robots': ['jackal'], 'long_horizons': (50,)}
     run(Order(['case1'], runs=1, tail=4, **small), progress)
-    assert told == [
-        'robots 1', 'robots', 'models 4', *['models'] * 4, 'long horizons 1', 'long horizons',
-        'presets 1', 'presets', 'hard cases 8', *['hard cases'] * 8,
-        'plans 11', *['plans'] * 11, 'methods 8', *['methods'] * 8,
-        'tail 2', 'tail', 'tail',
-        'horizons 1', 'horizons', 'other sizes 1', 'other sizes',
-    ]  # fmt: skip
+    # Methods that do not solve the task with three steps are not driven.
+    assert told.pop('methods') <= wanted.pop('methods')
+    assert told == wanted
 
 
 def test_a_wrong_preset_leaves_no_folder(tmp_path):

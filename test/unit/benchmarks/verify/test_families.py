@@ -12,7 +12,7 @@ from benchmarks.verify.programs.general import random_program, row_values
 from benchmarks.verify.programs.loop import subproblems
 from benchmarks.verify.programs.scenario import draw_horizon, tangent
 from benchmarks.verify.references import clarabel_solve, least_violation
-from benchmarks.verify.run import FAMILIES, PROGRAMS_PER_SEED, SHARES, case, cases
+from benchmarks.verify.run import FAMILIES, PROGRAMS_PER_SEED, case, cases
 from cmpsp_ros.mpsp import Dimensions
 from cmpsp_ros.mpsp.qp import QPStatus
 
@@ -60,11 +60,6 @@ def test_seeds_and_families_differ():
     )
     assert not np.array_equal(a, b)
     assert not np.array_equal(a, c)
-
-
-def test_shares_are_of_all_families():
-    assert SHARES.keys() == FAMILIES.keys()
-    assert sum(SHARES.values()) == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize(

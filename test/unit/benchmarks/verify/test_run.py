@@ -9,12 +9,10 @@ from itertools import islice
 import pytest
 from typer.testing import CliRunner
 
-from benchmarks.common import BenchError
 from benchmarks.verify import run
 from benchmarks.verify.report import lines, mismatches, to_json
 from benchmarks.verify.run import SHARES, Batch, batches, cases, compare_batch, verify, verify_case
 from cmpsp_ros.cli import app
-from cmpsp_ros.mpsp import ProblemError
 from cmpsp_ros.mpsp.qp import QPStatus
 
 
@@ -75,13 +73,6 @@ def test_findings_are_written_with_the_names_of_their_cases(erring, moved):
     named = {finding['case'] for finding in content['findings']}
     assert named == {str(each.origin) for each in results if each.findings}
     assert all(finding['explanation'] == '' for finding in islice(content['findings'], 1))
-
-
-def test_what_does_not_exist_is_refused():
-    with pytest.raises(ProblemError, match="qp: found 'newton'"):
-        verify(1, 'newton')
-    with pytest.raises(BenchError, match='wanted FAMILY/SEED/NUMBER'):
-        verify_case('loop', 'daqp')
 
 
 PLAIN = {'NO_COLOR': '1', 'COLUMNS': '200', 'TERM': 'dumb'}

@@ -48,13 +48,7 @@ class Supervisor:
     """Decides what is followed, how fast, and when to stop instead."""
 
     def __init__(self, settings: LawSettings, audit: Audit, selector: PlanSelector) -> None:
-        """Take limits and times from the settings.
-
-        Args:
-            settings: All settings of the guidance law.
-            audit: What every plan must pass.
-            selector: Where plans come from.
-        """
+        """Take limits and times from the settings."""
         self._settings, self._audit, self._selector = settings, audit, selector
         self._period = to_nanoseconds(settings.control_period)
         self._fallback = Fallback(settings, audit)
@@ -80,15 +74,7 @@ class Supervisor:
         context: PlanningContext,
         selected: Candidate,
     ) -> Decision:
-        """Follow the selected plan, or the previous one shifted, no faster than is safe; or stop.
-
-        Args:
-            state: Of the law, which keeps what is followed.
-            seen: The observation that is answered.
-            estimate: Where the robot is, and where plans begin.
-            context: The control step.
-            selected: The plan that is selected.
-        """
+        """Follow the selected plan or the previous one, no faster than is safe; or stop."""
         mission, start, result = state.mission, estimate.start, selected.result
         mission.reaches_goal = False
         closed = self._closed_ahead(state, context, selected)

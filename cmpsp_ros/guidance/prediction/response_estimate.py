@@ -159,9 +159,7 @@ class ResponseEstimate:
     def risk(self, stamp: int, commands: PendingCommands) -> Risk:
         """How else the robot may respond than plans assume.
 
-        Args:
-            stamp: Present time [ns].
-            commands: Those given before.
+        `stamp` [ns].
         """
         if not (self._with_lag or self.is_corrected):
             if self.error <= _SLOWS:
@@ -195,11 +193,7 @@ class ResponseEstimate:
     def response(self, stamp: int, commands: PendingCommands, delay: float, lag: float) -> Response:
         """A response, and the commands so far.
 
-        Args:
-            stamp: Present time [ns].
-            commands: Those given before.
-            delay: From a command to its effect [s].
-            lag: Time constant of the control behind it [s].
+        `stamp` [ns], `delay` [s], `lag` [s].
         """
         nanoseconds = to_nanoseconds(delay)
         pending, durations = commands.until(stamp, nanoseconds)
@@ -236,12 +230,7 @@ class ResponseEstimate:
     ) -> None:
         """Compare odometry with what was predicted for it.
 
-        Args:
-            stamp: Time stamp of the odometry [ns].
-            pose: Where the robot is, shape ``(3,)`` [m, m, rad].
-            commands: Those given before.
-            robot: Kinematics.
-            slip: Of its wheels, a fraction.
+        `stamp` [ns], `pose` ``(3,)`` [m, m, rad].
         """
         began, self._began = self._began, (stamp, pose)
         if began is None or not self._is_checked:

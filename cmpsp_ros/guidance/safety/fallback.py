@@ -25,12 +25,7 @@ class Fallback:
     """The last audited plan on a later horizon, and how long its last command may go on."""
 
     def __init__(self, settings: LawSettings, audit: Audit) -> None:
-        """Take what a plan must pass.
-
-        Args:
-            settings: All settings of the guidance law.
-            audit: For what a plan has looked at.
-        """
+        """Take what a plan must pass."""
         self._audit, self._max_change = audit, settings.max_wheel_change
         self._margin_audit = Audit(settings, with_margin=True)
 
@@ -44,12 +39,7 @@ class Fallback:
     ) -> tuple[Plan, Verdict] | None:
         """The last plan, shifted by the time that has passed, if it is still clear.
 
-        Args:
-            plan: The last audited plan.
-            start: Where it goes on from.
-            horizon: The horizon wanted.
-            delay: From a command to its effect [ns].
-            pending: Verdict on the path to the start.
+        `delay` [ns].
         """
         if plan is None:
             return None
@@ -85,13 +75,7 @@ def clear_fraction(
     The command before it goes on until then, and it goes on itself until the next one does. As the
     same was asked of the command before, a stop is clear.
 
-    Args:
-        audit: For what the path must be clear of.
-        here: Where the robot is.
-        previous: The command before, shape ``(r,)``.
-        control: The command, shape ``(r,)``.
-        next_step: Time until the next control step [s].
-        latest: Longest time that a command takes to come into effect [s].
+    `previous` ``(r,)``, `control` ``(r,)``, `next_step` [s], `latest` [s].
     """
     # One that takes longer than that is never sent.
     instants = np.linspace(0.0, min(latest, next_step), _INSTANTS)

@@ -99,13 +99,7 @@ LOOKS: Final = {
 
 @dataclass(frozen=True)
 class Part:
-    """Lines and names of one kind.
-
-    Attributes:
-        kind: Key in `LOOKS`.
-        lines: Each of shape ``(K, 2)`` [m]; closed where the kind is filled.
-        names: Texts with their places [m].
-    """
+    """Lines ``(K, 2)`` of one kind, closed where it is filled, and names with their places [m]."""
 
     kind: str
     lines: Lines
@@ -125,13 +119,7 @@ class Part:
 def course(
     roads: Iterable[Road], obstacles: Iterable[Shape], hidden: Iterable[Shape] = ()
 ) -> tuple[Part, ...]:
-    """Roads and static obstacles.
-
-    Args:
-        roads: Roads.
-        obstacles: Those that guidance knows.
-        hidden: Those that only the simulator knows.
-    """
+    """Roads, obstacles that guidance knows, and those that only the simulator knows."""
     parts = [part for road in roads for part in _road(road)]
     for kind, shapes in (('obstacle', list(obstacles)), ('hidden', list(hidden))):
         lines = tuple(line for each in shapes for line in outlines(each, each.radius))
@@ -188,12 +176,9 @@ def trail(settings: GuidanceSettings, poses: Array) -> Part:
 
 
 def frame(points: Sequence[Array], shapes: Iterable[Shape], room: float) -> tuple[Array, Array]:
-    """Lower left and upper right corner of a picture, each of shape ``(2,)`` [m].
+    """Lower left and upper right corner of a picture ``(2,)``, `room` around the points [m].
 
-    Args:
-        points: Points that are in it, with room around.
-        shapes: Obstacles; all but a map are in it as a whole, or not at all.
-        room: Distance kept from the points [m].
+    Obstacles but a map are in it as a whole, or not at all.
     """
     every = np.vstack(points)
     low, high = every.min(axis=0) - room, every.max(axis=0) + room

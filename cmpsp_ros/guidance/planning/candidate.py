@@ -228,7 +228,8 @@ class Ranking:
     def _reserve(self, plan: Plan) -> float:
         """Fraction of the time left that a plan could do without at full speed; 1 if unlimited.
 
-        A disturbance costs time, and nothing in the cost keeps any.
+        With wheel speeds w: 1 - sum_k max_i |w_ki| dt_k / (w_max T). A disturbance costs time, and
+        nothing in the cost keeps any.
         """
         edges, robot = plan.horizon.edges, self._settings.robot.kinematics
         needed = _turned(plan.controls, plan.horizon.durations, robot)
@@ -236,6 +237,7 @@ class Ranking:
         return 1.0 - needed / robot.max_wheel_speed / left
 
     def _cost(self, plan: Plan, previous_control: Array, off_center: float) -> float:
+        """Cost (95) without its proximal term, with the weights of controls and their changes."""
         controls, weights = plan.controls, self._settings.weights
         cost = weights.road_center * off_center
         if weights.control_effort > 0.0:

@@ -14,7 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
-from cmpsp_ros.bags.runs import Driven, Run, encounters, read_run, seen_at
+from cmpsp_ros.bags.runs import DrivenPath, Run, encounters, read_run, seen_at
 from cmpsp_ros.demo.scenario import Scenario
 from cmpsp_ros.demo.summary import Summary, final_time, summarise, window
 from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings
@@ -181,7 +181,7 @@ def draw_fleet(fleet: Sequence[Scenario], runs: Sequence[Run], path: Path) -> Fi
     return figure
 
 
-def _nearest(paths: Sequence[Driven]) -> int | None:
+def _nearest(paths: Sequence[DrivenPath]) -> int | None:
     """Time of the closest approach of any two robots [ns]; None if there is none."""
     begin = max(int(each.stamps[0]) for each in paths)
     end = min(int(each.stamps[-1]) for each in paths)

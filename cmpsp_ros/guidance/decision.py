@@ -14,11 +14,11 @@ from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.decision_entries import (
     Entry,
     GoalEntry,
-    Interval,
+    IntervalEntry,
     Key,
-    Phases,
-    Tracks,
-    WheelSpeeds,
+    PhasesEntry,
+    TracksEntry,
+    WheelSpeedsEntry,
     exact_repr,
 )
 from cmpsp_ros.guidance.goals import Goal
@@ -79,7 +79,7 @@ class Decision(NamedTuple):
         float, Entry('Time to the final time; 0 once it has passed, infinite without one', 's')
     ]
     wheel_speeds: Annotated[
-        Array, WheelSpeeds('Commanded speed of each wheel (W,), right and left first', 'rad/s')
+        Array, WheelSpeedsEntry('Commanded speed of each wheel (W,), right and left first', 'rad/s')
     ]
     steering_angle: Annotated[float | None, Entry('Of a car', 'rad', seldom=True)]
     twist: Annotated[Array, 'The same as the twist of a `Robot`, shape (2,) or (3,)']
@@ -108,11 +108,12 @@ class Decision(NamedTuple):
     failures: Annotated[int, Entry('Failed control steps in a row, this one included')] = 0
     wheel_slip: Annotated[float, Entry('Estimated wheel-slip ratio', seldom=True)] = 0.0
     wheel_lag: Annotated[
-        tuple[float, float, float] | None, Interval('Estimated lag of the wheels', 's', seldom=True)
+        tuple[float, float, float] | None,
+        IntervalEntry('Estimated lag of the wheels', 's', seldom=True),
     ] = None
     response_delay: Annotated[
         tuple[float, float, float] | None,
-        Interval(
+        IntervalEntry(
             'Delay and lag of the response to commands; None while odometry agrees with'
             ' `command_delay`',
             's',
@@ -149,7 +150,7 @@ class Decision(NamedTuple):
     revision: Annotated[int, Entry('Changes of the settings before it', is_input=True)] = 0
     tracks: Annotated[
         tuple[MovingObject, ...],
-        Tracks(
+        TracksEntry(
             'Moving obstacles and plans of others known then',
             key='moving_obstacles',
             seldom=True,
@@ -166,7 +167,7 @@ class Decision(NamedTuple):
         float | None, Entry("Of the plan's end, where the goal has a heading", 'rad', seldom=True)
     ] = None
     goals_received: Annotated[int, Entry('Goals since the run began', seldom=True)] = 0
-    phases: Annotated[Mapping[str, float], Phases('Computing time by phase', 'ms')] = UNTIMED
+    phases: Annotated[Mapping[str, float], PhasesEntry('Computing time by phase', 'ms')] = UNTIMED
 
 
 def _fields() -> Iterator[tuple[str, Entry]]:

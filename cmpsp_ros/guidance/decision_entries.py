@@ -73,7 +73,7 @@ class Entry:
         return found[self.key]
 
 
-class Interval(Entry):
+class IntervalEntry(Entry):
     """Estimate with its least and largest possible value."""
 
     @property
@@ -87,7 +87,7 @@ class Interval(Entry):
         return tuple(found[key] for key in self.keys)
 
 
-class WheelSpeeds(Entry):
+class WheelSpeedsEntry(Entry):
     """Speeds of right and left wheel under a key each, or those of more wheels in one text."""
 
     @property
@@ -126,7 +126,7 @@ class GoalEntry(Entry):
         return Goal((found[x], found[y]), found[time], found.get(heading), found[name])
 
 
-class Tracks(Entry):
+class TracksEntry(Entry):
     """Moving obstacles and plans of other robots, by number or namespace and time stamp."""
 
     def write(self, value: Any) -> Mapping[str, object]:  # noqa: D102
@@ -136,7 +136,7 @@ class Tracks(Entry):
         return read_keys(found[self.key])
 
 
-class Phases(Entry):
+class PhasesEntry(Entry):
     """Computing times, under the name of each phase and ``_ms``."""
 
     @property

@@ -46,10 +46,10 @@ class Access:
     """
 
     def __init__(self, host: str) -> None:
-        """Protect a server.
+        """Open the port on an address; 0 for any that is free.
 
         Raises:
-            ViewError: The token of the environment is not fit to be one.
+            ViewError: It cannot be listened on, or the token of the environment is not fit.
         """
         is_loopback = _is_loopback(host)
         # A foreign site can give its own name this machine's address, and would then be the same
@@ -125,12 +125,7 @@ class ViewServer:
     """Serves the shared state in its own thread."""
 
     def __init__(self, state: SharedState, host: str, port: int) -> None:
-        """Open the port.
-
-        Args:
-            state: What to show.
-            host: Address to listen on.
-            port: Port to listen on; 0 for any that is free.
+        """Open the port on an address; 0 for any that is free.
 
         Raises:
             ViewError: It cannot be listened on, or the token of the environment is not fit.

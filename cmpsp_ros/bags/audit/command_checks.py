@@ -42,12 +42,10 @@ WHEELS: Final = ('robot.wheel_radius', 'robot.half_track', 'robot.max_wheel_spee
 
 
 @check(
-    'jumps',
-    'Odometry: no jumps',
-    needs=WHEELS,
+    'jumps', 'Odometry: no jumps', needs=WHEELS,
     good='Odometry shows no more than the robot can drive.',
     bad='Between two samples odometry jumps by {worst:.3g} {unit}, more than can be driven.',
-)
+)  # fmt: skip
 def jumps(record: AuditRecord) -> Iterator[Sample]:
     """Motion from each odometry sample to the next."""
     robot, max_jump = record.settings.robot, record.settings.safety.max_odom_jump
@@ -68,11 +66,9 @@ def jumps(record: AuditRecord) -> Iterator[Sample]:
 
 
 @check(
-    'finite',
-    'Commands: finite',
-    good='All {total} commands are finite.',
+    'finite', 'Commands: finite', good='All {total} commands are finite.',
     bad='{worst:.0f} of {total} commands are not finite.',
-)
+)  # fmt: skip
 def finite(record: AuditRecord) -> Iterator[Sample]:
     """Number of commands that are not finite."""
     wrong = ~np.all(np.isfinite(record.commands.twists), axis=1)
@@ -81,13 +77,10 @@ def finite(record: AuditRecord) -> Iterator[Sample]:
 
 
 @check(
-    'wheel_limits',
-    'Commands: wheel limits',
-    needs=WHEELS,
-    unit='rad/s',
+    'wheel_limits', 'Commands: wheel limits', needs=WHEELS, unit='rad/s',
     good='Every command is within what the wheels can do.',
     bad='A command asks {worst:.4g} rad/s of a wheel.',
-)
+)  # fmt: skip
 def wheel_limits(record: AuditRecord) -> Iterator[Sample]:
     """Wheel speed of each finite command."""
     limit = record.settings.robot.max_wheel_speed
@@ -102,13 +95,10 @@ def wheel_limits(record: AuditRecord) -> Iterator[Sample]:
 
 
 @check(
-    'acceleration',
-    'Commands: acceleration',
-    needs=(*WHEELS[:2], 'control_period'),
-    unit='rad/s',
+    'acceleration', 'Commands: acceleration', needs=(*WHEELS[:2], 'control_period'), unit='rad/s',
     good='The wheels can follow from each command to the next.',
     bad='A wheel is to change by {worst:.4g} rad/s from one command to the next.',
-)
+)  # fmt: skip
 def acceleration(record: AuditRecord) -> Iterator[Sample]:
     """Change of the wheel speeds from each command to the next, and to the first from rest.
 
@@ -125,13 +115,10 @@ def acceleration(record: AuditRecord) -> Iterator[Sample]:
 
 
 @check(
-    'steering',
-    'Commands: steering',
-    needs=('control_period',),
-    unit='rad',
+    'steering', 'Commands: steering', needs=('control_period',), unit='rad',
     good='The steering can follow each command.',
     bad='The steering angle is to be {angle:.4g} rad, {changed:.4g} rad from the one before.',
-)
+)  # fmt: skip
 def steering(record: AuditRecord) -> Iterator[Sample]:
     """Steering angle of a car and its change, from straight ahead at first.
 
@@ -161,15 +148,12 @@ def _undecided(record: AuditRecord, worst: Sample) -> str:
 
 
 @check(
-    'as_decided',
-    'Commands: as decided',
-    needs=WHEELS[:2],
-    of_decisions=True,
+    'as_decided', 'Commands: as decided', needs=WHEELS[:2], of_decisions=True,
     good='All {total} commands are what was decided.',
-    bad='{worst:.0f} of {total} commands are not what was decided; the first is {sent} instead of'
-    ' {wanted}.',
+    bad='{worst:.0f} of {total} commands are not what was decided; the first is {sent} instead of '
+    '{wanted}.',
     gaps=(_undecided,),
-)
+)  # fmt: skip
 def as_decided(record: AuditRecord) -> Iterator[Sample]:
     """Number of commands that differ from those decided."""
     decided = record.settings.robot.twist_of_wheels(wheel_speeds(record.decisions))
@@ -186,15 +170,11 @@ def as_decided(record: AuditRecord) -> Iterator[Sample]:
 
 
 @check(
-    'obeyed',
-    'Commands: obeyed',
-    needs=(*WHEELS, 'control_period'),
-    unit='rad/s',
+    'obeyed', 'Commands: obeyed', needs=(*WHEELS, 'control_period'), unit='rad/s',
     good='The robot drives what is commanded.',
     bad='A wheel turns {worst:.3g} rad/s slower or faster than commanded.',
-    nothing='No command was held for long enough.',
-    gaps=(path_gap,),
-)
+    nothing='No command was held for long enough.', gaps=(path_gap,),
+)  # fmt: skip
 def obeyed(record: AuditRecord) -> Iterator[Sample]:
     """Difference of wheel speeds from each command, after the time that the robot needs."""
     settings = record.settings

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_right
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -19,14 +20,7 @@ from cmpsp_ros.world.obstacles import Shape
 
 @dataclass(frozen=True)
 class Epoch:
-    """A period without a change of parameters.
-
-    Attributes:
-        since: Its beginning [ns].
-        values: Parameters by key.
-        settings: The guidance settings made of them.
-        hidden: Obstacles that only the simulator knows.
-    """
+    """Period of the same parameters, from `since` [ns]; only the simulator knows `hidden`."""
 
     since: int
     values: Values
@@ -89,36 +83,39 @@ def read_history(bag: Bag, places: Names, params_file: str | Path | None) -> His
         history = History(frozenset(given), (Epoch(0, values, guidance_settings(values)),))
         return _with_course(history, bag, places.sim)
     parameters = NodeParameters(bag, places.node)
-    epochs = [_epoch(0, parameters)]
     first_command = next((received for received, _ in bag.raw(places.cmd_vel)), bag.end)
-    for received, stamp, changes in _changes(bag, places.node):
-        epochs += _restarts(parameters, received)
-        parameters.change(received, changes, used=received >= first_command)
-        epochs.append(_epoch(stamp, parameters))
-    epochs += _restarts(parameters, bag.end)
-    return _with_course(History(parameters.given, tuple(epochs)), bag, places.sim)
+    epochs = tuple(
+        Epoch(since, values, guidance_settings(values))
+        for since, values in _timeline(bag, parameters, places.node, first_command)
+    )
+    return _with_course(History(parameters.given, epochs), bag, places.sim)
 
 
-def _course(bag: Bag, node: str) -> Iterator[tuple[int, tuple[Shape, ...]]]:
-    """Obstacles that only the simulator knows, each time from when on [ns]; none without one."""
-    if node not in bag.parameters:
-        return
-    parameters = NodeParameters(bag, node)
-    yield 0, shapes_of(parameters.values)
+def _timeline(
+    bag: Bag, parameters: NodeParameters, node: str, used_from: float = math.inf
+) -> Iterator[tuple[int, Values]]:
+    """Parameters of a node, each time from when on [ns]; `used_from` then they are needed."""
+    yield 0, parameters.values
     for received, stamp, changes in _changes(bag, node):
-        while (since := parameters.restart(received)) is not None:
-            yield since, shapes_of(parameters.values)
-        parameters.change(received, changes, used=False)
-        yield stamp, shapes_of(parameters.values)
-    while (since := parameters.restart(bag.end)) is not None:
-        yield since, shapes_of(parameters.values)
+        yield from _restarts(parameters, received)
+        parameters.change(received, changes, used=received >= used_from)
+        yield stamp, parameters.values
+    yield from _restarts(parameters, bag.end)
+
+
+def _restarts(parameters: NodeParameters, until: int) -> Iterator[tuple[int, Values]]:
+    while (since := parameters.restart(until)) is not None:
+        yield since, parameters.values
 
 
 def _with_course(history: History, bag: Bag, node: str) -> History:
     """A history with the obstacles that stand on the course at each time, as a simulator knows."""
-    course = list(_course(bag, node))
-    if not course:
+    if node not in bag.parameters:
         return history
+    course = [
+        (since, shapes_of(values))
+        for since, values in _timeline(bag, NodeParameters(bag, node), node)
+    ]
     epochs, starts = [], [since for since, _ in course]
     for since in sorted({*starts, *(each.since for each in history.epochs)}):
         epoch = history.epoch_at(since)
@@ -126,15 +123,6 @@ def _with_course(history: History, bag: Bag, node: str) -> History:
         epochs.append(replace(epoch, since=since, hidden=hidden))
     moves = bool(bag.parameters[node].get('moving_obstacles.names'))
     return replace(history, epochs=tuple(epochs), simulated=True, has_traffic=moves)
-
-
-def _restarts(parameters: NodeParameters, until: int) -> Iterator[Epoch]:
-    while (since := parameters.restart(until)) is not None:
-        yield _epoch(since, parameters)
-
-
-def _epoch(since: int, parameters: NodeParameters) -> Epoch:
-    return Epoch(since, parameters.values, guidance_settings(parameters.values))
 
 
 def _changes(bag: Bag, node: str) -> Iterator[tuple[int, int, dict[str, Any]]]:

@@ -22,7 +22,7 @@ from cmpsp_ros.bags.runs.odometry import (
     path_through,
     pieces,
 )
-from cmpsp_ros.bags.runs.run import Driven
+from cmpsp_ros.bags.runs.run import DrivenPath
 from cmpsp_ros.guidance import GuidanceSettings, to_nanoseconds
 from cmpsp_ros.robots import plain, with_side
 from cmpsp_ros.sensing import stamp_of
@@ -69,13 +69,7 @@ class Commands:
 
 @dataclass(frozen=True)
 class Pairs:
-    """Pairs of commands and decisions.
-
-    Attributes:
-        commands: Index of the first command that has a decision.
-        decisions: Index of its decision.
-        count: Number of consecutive pairs from there on.
-    """
+    """Consecutive pairs: index of the first command and of its decision, and their number."""
 
     commands: int
     decisions: int
@@ -112,14 +106,10 @@ def read_commands(bag: Bag, topic: str) -> Commands:
 
 
 def pair(commands: Commands, decided: Array) -> Pairs:
-    """Find for each command the decision that it was sent for.
+    """Find for each command the decision ``(D, 2)`` or ``(D, 3)`` that it was sent for.
 
-    Both were sent one for one. If there are more of one kind, then the recording missed some of
-    the other at its beginning or its end, whichever makes more of them agree.
-
-    Args:
-        commands: What was sent.
-        decided: What the decisions are, shape ``(D, 2)`` or ``(D, 3)``.
+    Both were sent one for one. If there are more of one kind, the recording missed some of the
+    other at its beginning or its end, whichever makes more of them agree.
     """
     surplus = len(commands.twists) - len(decided)
     ends = [
@@ -169,18 +159,13 @@ class RunSpan:
 
 @dataclass(frozen=True)
 class KnownPath:
-    """The driven path by one source, since the beginning of a leg's first run.
+    """Driven path by one source (`by`, empty for odometry), since a leg's first run.
 
-    Attributes:
-        by: The source, if it is not odometry.
-        pieces: Its parts without holes.
-        holes: Where it is unknown.
-        tolerance: What its clearance may be off by [m].
-        off: Largest distance of its positions from the true ones, where these are known [m].
+    Its clearance may be wrong by `tolerance`; `off` is its largest distance from the true path [m].
     """
 
     by: str
-    pieces: tuple[Driven, ...]
+    pieces: tuple[DrivenPath, ...]
     holes: tuple[Hole, ...]
     tolerance: float = 0.0
     off: float = 0.0
@@ -212,12 +197,12 @@ class Leg:
     settings: GuidanceSettings
 
     @cached_property
-    def path(self) -> Driven:
+    def path(self) -> DrivenPath:
         """The path through all odometry."""
         return path_through(self.odometry)
 
     @cached_property
-    def guided(self) -> Driven:
+    def guided(self) -> DrivenPath:
         """The path since the beginning of the first run."""
         first = max(self.runs[0].start, int(self.path.stamps[0]))
         return self.path.between(first, int(self.path.stamps[-1]))
@@ -257,7 +242,9 @@ class Leg:
         longest = longest_interval(self.odometry.stamps, self.settings)
         return holes(stamps, self.runs[0].start, self.runs[-1].end, longest)
 
-    def _known(self, by: str, path: Driven, tolerance: float = 0.0, off: float = 0.0) -> KnownPath:
+    def _known(
+        self, by: str, path: DrivenPath, tolerance: float = 0.0, off: float = 0.0
+    ) -> KnownPath:
         begin, end = self.runs[0].start, self.runs[-1].end
         longest = longest_interval(path.stamps, self.settings)
         return KnownPath(

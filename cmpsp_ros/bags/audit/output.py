@@ -55,11 +55,6 @@ def _outcome(finding: Finding) -> Text:
 def write_junit(path: Path, findings: Sequence[Finding], record: AuditRecord) -> None:
     """Write one test case a check; valid by the schema that Jenkins and GitLab read.
 
-    Args:
-        path: The file; what is there already is overwritten.
-        findings: What was found.
-        record: What was audited.
-
     Raises:
         BagError: The file cannot be written.
     """

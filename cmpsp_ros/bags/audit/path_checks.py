@@ -15,7 +15,7 @@ from cmpsp_ros.bags.audit.record import EDGES, AuditRecord, Sweep, path_gap
 from cmpsp_ros.bags.decision_record import DecisionRecord
 from cmpsp_ros.bags.runs.encounters import Encounter
 from cmpsp_ros.bags.runs.odometry import interpolated, is_within
-from cmpsp_ros.bags.runs.seen import EXACT
+from cmpsp_ros.bags.runs.sensor_clearance import EXACT
 from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings
 from cmpsp_ros.robots import arc_ends
 from cmpsp_ros.world.roads import project_on_path
@@ -74,12 +74,9 @@ def _doubtful(record: AuditRecord, worst: Sample) -> str:
 
 
 @check(
-    'obstacles',
-    'Path: clear of obstacles',
-    needs=('obstacles.names',),
-    gaps=(_doubtful, _unseen, path_gap),
-    **_CLEAR,
-)
+    'obstacles', 'Path: clear of obstacles', needs=('obstacles.names',),
+    gaps=(_doubtful, _unseen, path_gap), **_CLEAR,
+)  # fmt: skip
 def obstacles(record: AuditRecord) -> Iterator[Sample]:
     """Clearance from all obstacles: of parameters and simulator, and from what sensors saw."""
     if not any(each.settings.obstacles for each in record.evidence) and not any(record.seen):
@@ -143,12 +140,9 @@ def others(record: AuditRecord) -> Iterator[Sample]:
 
 
 @check(
-    'margin',
-    'Path: margin kept',
-    needs=(*_ROAD, 'safety.margin'),
-    gaps=(_unseen, path_gap),
+    'margin', 'Path: margin kept', needs=(*_ROAD, 'safety.margin'), gaps=(_unseen, path_gap),
     **_CLEAR,
-)
+)  # fmt: skip
 def margin(record: AuditRecord) -> Iterator[Sample]:
     """Clearance above the margin asked for."""
     wanted = max(each.settings.safety.margin for each in record.sweeps)
@@ -166,16 +160,10 @@ def _unseen_or_gap(record: AuditRecord, worst: Sample) -> str:
 
 
 @check(
-    'nominal',
-    'Fallback: nominal is clear',
-    needs=_ROAD,
-    of_decisions=True,
-    unit='m',
-    of_reach=True,
-    good='Wherever the level is nominal, the path driven is clear.',
-    bad=_too_close,
-    gaps=(_unseen_or_gap,),
-)
+    'nominal', 'Fallback: nominal is clear', needs=_ROAD, of_decisions=True, unit='m',
+    of_reach=True, good='Wherever the level is nominal, the path driven is clear.',
+    bad=_too_close, gaps=(_unseen_or_gap,),
+)  # fmt: skip
 def nominal(record: AuditRecord) -> Iterator[Sample]:
     """Clearance of the path driven wherever the level is nominal."""
     answers = [each for each in record.decisions if not each.halted]
@@ -214,16 +202,10 @@ def _leads_in_words(worst: Sample) -> str:
 
 
 @check(
-    'commanded',
-    'Commands: safe to drive',
-    needs=(*_ROAD, 'control_period'),
-    unit='m',
-    of_reach=True,
-    good=_leads_in_words,
-    bad=_leads_in_words,
-    nothing='No command is finite.',
+    'commanded', 'Commands: safe to drive', needs=(*_ROAD, 'control_period'), unit='m',
+    of_reach=True, good=_leads_in_words, bad=_leads_in_words, nothing='No command is finite.',
     gaps=(_no_pose, _unseen),
-)
+)  # fmt: skip
 def commanded(record: AuditRecord) -> Iterator[Sample]:
     """Clearance of each command's arc, held for a period from the pose where it takes effect.
 
@@ -266,13 +248,7 @@ def _effect_delay(settings: GuidanceSettings, decision: DecisionRecord | None) -
 
 
 def _measured(leg: Leg, stamps: IntArray, delays: Array) -> Array:
-    """The latest poses measured when commands take effect, shape ``(M, 3)``.
-
-    Args:
-        leg: With the odometry.
-        stamps: Of the commands ``(M,)`` [ns].
-        delays: Time from each to its effect ``(M,)`` [s].
-    """
+    """Latest poses when commands take effect, `delays` [s] after their stamps, ``(M, 3)``."""
     effects = stamps + np.round(np.multiply(delays, NANOSECONDS)).astype(np.int64)
     index = np.searchsorted(leg.odometry.stamps, effects, side='right') - 1
     poses = leg.odometry.poses[np.maximum(index, 0)]

@@ -25,8 +25,8 @@ from cmpsp_ros.bags.runs.odometry import (
     longest_interval,
     pieces,
 )
-from cmpsp_ros.bags.runs.run import Driven, seen_at
-from cmpsp_ros.bags.runs.seen import Knowledge, Seen, look, sightings
+from cmpsp_ros.bags.runs.run import DrivenPath, seen_at
+from cmpsp_ros.bags.runs.sensor_clearance import Knowledge, SensorClearance, look, sightings
 from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings, to_nanoseconds
 from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.world.roads import FAR
@@ -56,7 +56,7 @@ class Sweep:
     tolerance: float = 0.0
 
     @classmethod
-    def of_seen(cls, settings: GuidanceSettings, seen: Seen) -> Sweep:
+    def of_seen(cls, settings: GuidanceSettings, seen: SensorClearance) -> Sweep:
         """The distance from what sensors saw, which know no road."""
         clearance = np.full((len(seen.stamps), EDGES + 1), FAR)
         np.minimum(seen.clearance, FAR, out=clearance[:, EDGES])
@@ -65,17 +65,11 @@ class Sweep:
 
 
 def sweep(
-    path: Driven, history: History, by: str = '', tolerance: float = 0.0, off: float = 0.0
+    path: DrivenPath, history: History, by: str = '', tolerance: float = 0.0, off: float = 0.0
 ) -> Iterator[Sweep]:
-    """The arcs of a path, by the parameters in force at the beginning of each.
+    """Arcs of a path, by the parameters in force at the beginning of each.
 
-    Args:
-        path: The path.
-        history: The parameters.
-        by: As of `Sweep`.
-        tolerance: As of `Sweep`.
-        off: What the path is off the true one [m]: those obstacles that only the simulator knows
-            count as so much farther away.
+    Obstacles that only the simulator knows count as `off` farther away [m].
     """
     begins = path.stamps[:-1]
     edges = np.searchsorted(begins, history.starts[1:])
@@ -115,7 +109,7 @@ class AuditRecord:
     commands: Commands
     decisions: tuple[DecisionRecord, ...]
     tracks: tuple[Track, ...]
-    others: Mapping[str, Driven]
+    others: Mapping[str, DrivenPath]
     pairs: Pairs
     is_ours: bool
     legs: tuple[Leg, ...]
@@ -143,7 +137,7 @@ class AuditRecord:
         return (*self._sweeps(known), *seen)
 
     @cached_property
-    def seen(self) -> tuple[tuple[Seen, ...], ...]:
+    def seen(self) -> tuple[tuple[SensorClearance, ...], ...]:
         """Sightings beside the path of each leg, of sensors that saw anything."""
         if not self.settings.sight.sensors:
             return ()
@@ -189,7 +183,7 @@ class AuditRecord:
         known = settings.moving_obstacles
         around = known.others_radius, settings.bodies, known.timeout
 
-        def along(path: Driven) -> Iterator[Encounter]:
+        def along(path: DrivenPath) -> Iterator[Encounter]:
             for name, other in self.others.items():
                 longest = longest_interval(other.stamps, settings)
                 for part in pieces(other, int(path.stamps[0]), int(path.stamps[-1]), longest):
@@ -215,7 +209,7 @@ class AuditRecord:
             for path in each.pieces:
                 yield from sweep(path, self.history, each.by, each.tolerance, each.off)
 
-    def _met(self, found_along: Callable[[Driven], Iterable[Encounter]]) -> Iterator[Encounter]:
+    def _met(self, found_along: Callable[[DrivenPath], Iterable[Encounter]]) -> Iterator[Encounter]:
         """Encounters on every known part of the path, less what its source may be off by."""
         for known in (each for leg in self.legs for each in leg.known):
             for each in (one for path in known.pieces for one in found_along(path)):

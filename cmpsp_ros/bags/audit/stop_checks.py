@@ -46,14 +46,11 @@ def _odometry_gap(record: AuditRecord, _worst: Sample) -> str:
 
 
 @check(
-    'rate',
-    'Commands: in time',
-    needs=('control_period', 'final_time'),
-    unit='s',
+    'rate', 'Commands: in time', needs=('control_period', 'final_time'), unit='s',
     good='A command comes each control period.',
     bad='No command comes for {worst:.3g} s while the robot is on its way.',
     gaps=(_odometry_gap,),
-)
+)  # fmt: skip
 def rate(record: AuditRecord) -> Iterator[Sample]:
     """Time from each command of a run to the next.
 
@@ -78,14 +75,10 @@ def rate(record: AuditRecord) -> Iterator[Sample]:
 
 
 @check(
-    'age',
-    'Commands: fresh odometry',
-    needs=('odom_timeout',),
-    unit='s',
+    'age', 'Commands: fresh odometry', needs=('odom_timeout',), unit='s',
     good='Every command to move rests on fresh odometry.',
-    bad='A command to move rests on odometry that is {worst:.3g} s old.',
-    gaps=(_odometry_gap,),
-)
+    bad='A command to move rests on odometry that is {worst:.3g} s old.', gaps=(_odometry_gap,),
+)  # fmt: skip
 def age(record: AuditRecord) -> Iterator[Sample]:
     """Age of the newest odometry when the robot is commanded to move."""
     limit = record.settings.odom_timeout + _SLACK
@@ -118,14 +111,11 @@ def _silence_in_words(worst: Sample) -> str:
 
 
 @check(
-    'silence',
-    'Stop: without odometry',
-    needs=('odom_timeout',),
-    unit='s',
+    'silence', 'Stop: without odometry', needs=('odom_timeout',), unit='s',
     good=_silence_in_words,
     bad='Odometry is silent, and the robot left moving, for {worst:.3g} s.',
     gaps=(_odometry_gap,),
-)
+)  # fmt: skip
 def silence(record: AuditRecord) -> Iterator[Sample]:
     """Time for which the robot is left moving without odometry."""
     limit = record.settings.odom_timeout + _SLACK
@@ -150,12 +140,10 @@ def silence(record: AuditRecord) -> Iterator[Sample]:
 
 
 @check(
-    'stop_at_end',
-    'Stop: at the end',
-    needs=('control_period',),
+    'stop_at_end', 'Stop: at the end', needs=('control_period',),
     good='The last command is a stop.',
     bad='The last command is no stop but {speed:.3g} m/s, {turn:.3g} rad/s.',
-)
+)  # fmt: skip
 def stop_at_end(record: AuditRecord) -> Iterator[Sample]:
     """Speed of the last command."""
     leg = record.legs[-1]
@@ -173,12 +161,10 @@ def stop_at_end(record: AuditRecord) -> Iterator[Sample]:
 
 
 @check(
-    'reasons',
-    'Fallback: reasons given',
-    of_decisions=True,
+    'reasons', 'Fallback: reasons given', of_decisions=True,
     good='All {total} decisions say why.',
     bad='Of {total} decisions {worst:.0f} should not be; the first {what}.',
-)
+)  # fmt: skip
 def reasons(record: AuditRecord) -> Iterator[Sample]:
     """Number of decisions with an unknown level, no reason, or a stop that is none."""
     brakes = math.isfinite(record.settings.max_wheel_change)
@@ -204,14 +190,10 @@ def _wrong_with(record: AuditRecord, decision: DecisionRecord, brakes: bool) -> 
 
 
 @check(
-    'previous_plan',
-    'Fallback: old plans dropped',
-    needs=('failure_tolerance',),
-    of_decisions=True,
-    unit='steps',
-    good='No old plan is followed for too long.',
+    'previous_plan', 'Fallback: old plans dropped', needs=('failure_tolerance',),
+    of_decisions=True, unit='steps', good='No old plan is followed for too long.',
     bad='An old plan is followed for {worst:.0f} control steps in a row (failure_tolerance).',
-)
+)  # fmt: skip
 def previous_plan(record: AuditRecord) -> Iterator[Sample]:
     """Control steps in a row in which an old plan is followed."""
     limit = float(record.settings.failure_tolerance)
@@ -238,14 +220,10 @@ def _goal_gap(record: AuditRecord, _worst: Sample) -> str:
 
 
 @check(
-    'goal',
-    'Path: goal at the final time',
-    needs=('goal.position', 'goal.tolerance', 'final_time'),
-    unit='m',
-    good=_goal_in_words,
-    bad=_goal_in_words,
-    gaps=(_goal_gap,),
-)
+    'goal', 'Path: goal at the final time',
+    needs=('goal.position', 'goal.tolerance', 'final_time'), unit='m', good=_goal_in_words,
+    bad=_goal_in_words, gaps=(_goal_gap,),
+)  # fmt: skip
 def goal(record: AuditRecord) -> Iterator[Sample]:
     """Miss at each goal at its time, in each run that was not begun again before."""
     if record.settings.follow is not None:

@@ -142,14 +142,7 @@ _STEADY: Final = 0.2
 
 @dataclass(frozen=True)
 class Estimate:
-    """One figure.
-
-    Attributes:
-        name: Name for a reader.
-        unit: Unit.
-        interval: Value and interval; None if it is not identifiable.
-        remark: Why it is not, or what has to be known of it.
-    """
+    """One figure; without an interval, the remark says why it is not identifiable."""
 
     name: str
     unit: str
@@ -159,14 +152,7 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Identification:
-    """A robot that was identified.
-
-    Attributes:
-        drives: What was recorded.
-        fit: The model that fits best.
-        estimates: By key, in order of the table.
-        nominal: Parameters that were known before.
-    """
+    """A robot that was identified: drives, model, estimates by key, and what was known before."""
 
     drives: Sequence[Drive]
     fit: Fit

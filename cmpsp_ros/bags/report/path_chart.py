@@ -11,7 +11,7 @@ from cmpsp_ros.arrays import Array
 from cmpsp_ros.bags.report.charts import Figure, axis, escaped, layout, suffix
 from cmpsp_ros.bags.report.view import MOST_PLANS, View, thinned
 from cmpsp_ros.bags.runs.goals import goals_driven_to
-from cmpsp_ros.bags.runs.run import Driven
+from cmpsp_ros.bags.runs.run import DrivenPath
 from cmpsp_ros.guidance import Goal
 from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.view import (
@@ -102,7 +102,7 @@ def _least(view: View) -> Array:
     return least
 
 
-def _of_robot(view: View, driven: Driven) -> dict[str, Any]:
+def _of_robot(view: View, driven: DrivenPath) -> dict[str, Any]:
     times = np.array([view.record.seconds(each) for each in driven.stamps.tolist()])
     columns = dict(zip(('x', 'y', 'heading'), driven.poses.T, strict=True))
     return {name: numbers(each) for name, each in {'t': times, **columns}.items()}

@@ -19,7 +19,7 @@ from cmpsp_ros.bags.audit.record import EDGES
 from cmpsp_ros.bags.decision_record import DecisionRecord, read_decisions
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.replay.node_parameters import hidden_obstacles
-from cmpsp_ros.bags.runs.run import Driven, Planned, plans_in
+from cmpsp_ros.bags.runs.run import DrivenPath, Planned, plans_in
 from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings, World
 from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.robots import Signal
@@ -43,15 +43,7 @@ _MOST_GRIDS = 200
 
 @dataclass(frozen=True)
 class Band:
-    """Consecutive control steps at the same fallback level.
-
-    Attributes:
-        level: Fallback level, or `arrived`.
-        begin: First time [s].
-        end: Last time [s].
-        steps: Number of steps.
-        reason: Reason of the first of them.
-    """
+    """Consecutive control steps at a fallback level or `arrived`: times [s], first reason."""
 
     level: str
     begin: float
@@ -121,13 +113,15 @@ class View:
         return tuple(tuple(tracks) for _, tracks in grouped)
 
     @cached_property
-    def others(self) -> dict[str, Driven]:
+    def others(self) -> dict[str, DrivenPath]:
         """Paths of the other robots since the beginning, thinned, by namespace."""
         found = {}
         for name, each in self.record.others.items():
             chosen = thinned(np.flatnonzero(each.stamps >= self.record.start), MOST_POINTS)
             if len(chosen):
-                found[name] = Driven(each.stamps[chosen], each.poses[chosen], each.twists[chosen])
+                found[name] = DrivenPath(
+                    each.stamps[chosen], each.poses[chosen], each.twists[chosen]
+                )
         return found
 
     @property
@@ -237,7 +231,7 @@ class View:
             for k, end in pairwise([*begins, len(decisions)])
         )
 
-    def _other(self, name: str, driven: Driven) -> Part:
+    def _other(self, name: str, driven: DrivenPath) -> Part:
         ends = bodies(disc(self.settings.moving_obstacles.others_radius), driven.poses[[0, -1]])
         x, y, _ = driven.poses[len(driven.poses) // 4].tolist()
         return Part('robot', (driven.poses[:, :2], *ends.lines), ((name, (x, y)),))

@@ -9,7 +9,7 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array, BoolArray, IntArray
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.runs.run import Driven, driven_in
+from cmpsp_ros.bags.runs.run import DrivenPath, driven_in
 from cmpsp_ros.guidance import NANOSECONDS
 from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.robots import Bodies
@@ -37,15 +37,12 @@ class Encounter:
 
 
 def encounters(
-    path: Driven, tracks: Sequence[Track], bodies: Bodies, timeout: float
+    path: DrivenPath, tracks: Sequence[Track], bodies: Bodies, timeout: float
 ) -> Iterator[Encounter]:
     """Every part of a path with the moving obstacles of that time, at constant velocity.
 
-    Args:
-        path: The driven path.
-        tracks: As from `cmpsp_ros.bags.runs.tracks.read_tracks`.
-        bodies: What the robot is certainly in; see `GuidanceSettings.bodies`.
-        timeout: Age at which an obstacle that is not seen again is dropped [s].
+    An obstacle that is not seen again is dropped after `timeout` [s]; `bodies` as in
+    `GuidanceSettings.bodies`.
     """
     begin, end = int(path.stamps[0]), int(path.stamps[-1])
     for index, each in enumerate(tracks):
@@ -67,13 +64,8 @@ def encounters(
         yield Encounter(each.name, part.stamps[:-1], np.max(least, axis=0), stands)
 
 
-def read_others(bag: Bag, namespaces: Iterable[str], own: str) -> dict[str, Driven]:
+def read_others(bag: Bag, namespaces: Iterable[str], own: str) -> dict[str, DrivenPath]:
     """Paths of other robots by namespace: the simulator's own where there are some, else odometry.
-
-    Args:
-        bag: An open bag.
-        namespaces: Of the robots; those that are not in the bag are left out.
-        own: Namespace that is left out.
 
     Raises:
         BagError: The bag is damaged.
@@ -90,16 +82,15 @@ def _is_recorded(bag: Bag, namespace: str) -> bool:
 
 
 def robot_encounters(
-    path: Driven, others: Mapping[str, Driven], radius: float, bodies: Bodies, timeout: float
+    path: DrivenPath,
+    others: Mapping[str, DrivenPath],
+    radius: float,
+    bodies: Bodies,
+    timeout: float,
 ) -> Iterator[Encounter]:
-    """Every part of a path with the positions of each other robot at that time.
+    """Every part of a path with the positions of each other robot, of a radius [m], at that time.
 
-    Args:
-        path: The driven path.
-        others: As from `read_others`.
-        radius: Of their footprints [m].
-        bodies: Of the robot whose path it is; as of `encounters`.
-        timeout: Time for which the last motion of another robot is extrapolated [s].
+    The last motion of another robot is extrapolated for `timeout` [s].
     """
     grown = [(points, own + radius) for points, own in bodies]
     for namespace, other in others.items():
@@ -107,7 +98,7 @@ def robot_encounters(
             yield replace(each, name=f'robot {namespace}')
 
 
-def _tracks(driven: Driven) -> list[Track]:
+def _tracks(driven: DrivenPath) -> list[Track]:
     """A path as straight lines from each of its poses to the next, of a point."""
     velocities = np.diff(driven.poses[:, :2], axis=0) / driven.durations[:, None]
     rows = zip(

@@ -15,14 +15,9 @@ from cmpsp_ros.world.roads import arc_length_to
 
 @dataclass(frozen=True)
 class Passing:
-    """The robot's position at the time of a goal.
+    """Position at the time of a goal [ns]: distance [m] and heading error [rad] or None.
 
-    Attributes:
-        goal: The goal.
-        stamp: Its time [ns].
-        miss: Distance from it [m].
-        heading_miss: Heading error [rad]; None if the goal has no heading.
-        ratio: The larger of both errors, each divided by its tolerance.
+    `ratio` is the larger of both errors, each divided by its tolerance.
     """
 
     goal: Goal
@@ -33,14 +28,7 @@ class Passing:
 
     @classmethod
     def of(cls, settings: GuidanceSettings, goal: Goal, stamp: int, pose: Array) -> Passing:
-        """Measure it.
-
-        Args:
-            settings: Where the tolerances are.
-            goal: The goal.
-            stamp: When it should be passed [ns].
-            pose: Where the robot was then, shape ``(3,)`` [m, m, rad].
-        """
+        """Measure it at a pose ``(3,)`` [m, m, rad]."""
         miss, off = math.dist(pose[:2], goal.position), None
         ratio = miss / settings.goal_tolerance
         if goal.heading is not None:
@@ -56,13 +44,7 @@ class Passing:
 
 
 def mean_speed(settings: GuidanceSettings, poses: Array, seconds: float) -> float:
-    """Mean speed along the centre line, negative against its direction [m/s].
-
-    Args:
-        settings: With the road.
-        poses: Along the path, close together, shape ``(K, 3)`` [m, m, rad].
-        seconds: What the path took.
-    """
+    """Mean speed along the centre line, negative against its direction [m/s], of close poses."""
     steps = (
         arc_length_to(settings.road, before, tuple(after[:2].tolist()), float(after[2]))
         for before, after in pairwise(poses)
@@ -73,14 +55,9 @@ def mean_speed(settings: GuidanceSettings, poses: Array, seconds: float) -> floa
 def goals_driven_to(
     decisions: Sequence[DecisionRecord], settings: GuidanceSettings
 ) -> list[tuple[int, Goal]]:
-    """Each goal with the time stamp [ns] from which it was the current one, in order.
+    """Each goal with the stamp [ns] from which it was the current one; none on a followed road.
 
-    Args:
-        decisions: Of a recording. One that names no goal has the only one there is.
-        settings: Settings in force at first.
-
-    Returns:
-        Nothing if a road is followed, or nothing was decided.
+    A decision that names no goal has the only one there is.
     """
     if settings.follow is not None:
         return []

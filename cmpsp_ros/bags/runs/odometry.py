@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.runs.run import Driven
+from cmpsp_ros.bags.runs.run import DrivenPath
 from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings
 from cmpsp_ros.guidance.messages import OdometryError, OdometryReading
 from cmpsp_ros.sensing import stamp_of
@@ -64,18 +64,18 @@ def overlaps(span: tuple[int, int], found: Iterable[Hole]) -> bool:
     return any(span[0] < each.end and each.begin < span[1] for each in found)
 
 
-def pieces(path: Driven, begin: int, end: int, longest: int) -> Iterator[Driven]:
+def pieces(path: DrivenPath, begin: int, end: int, longest: int) -> Iterator[DrivenPath]:
     """The parts of a path between two instants [ns] that have no hole."""
     for part in np.split(np.arange(len(path.stamps)), _long(path.stamps, longest) + 1):
         first, last = max(begin, int(path.stamps[part[0]])), min(end, int(path.stamps[part[-1]]))
         if first < last:
-            yield Driven(path.stamps[part], path.poses[part], path.twists[part]).between(
+            yield DrivenPath(path.stamps[part], path.poses[part], path.twists[part]).between(
                 first, last
             )
         elif first == last:
             # A pose alone, as an arc of no length.
             poses, twists = np.repeat(path.at(first)[None], 2, axis=0), np.zeros((2, 2))
-            yield Driven(np.array([first, first + 1]), poses, twists)
+            yield DrivenPath(np.array([first, first + 1]), poses, twists)
 
 
 def in_words(found: Sequence[Hole], start: int) -> str:
@@ -143,12 +143,7 @@ class OdometrySeries:
 
 
 def read_odometry(bag: Bag, topic: str, frame_id: str | None) -> OdometrySeries:
-    """Odometry of a topic.
-
-    Args:
-        bag: The bag.
-        topic: Full name.
-        frame_id: Frame that it has to be in; None for any.
+    """Odometry of a topic, in a frame or in any.
 
     Raises:
         BagError: It is of another type, in another frame, or not finite.
@@ -169,7 +164,7 @@ def read_odometry(bag: Bag, topic: str, frame_id: str | None) -> OdometrySeries:
     )
 
 
-def path_through(odometry: OdometrySeries) -> Driven:
+def path_through(odometry: OdometrySeries) -> DrivenPath:
     """The driven path, as the arcs from each sample to the next.
 
     Only the poses are used: an arc turns by the change of heading between two samples, and its
@@ -191,7 +186,7 @@ def path_through(odometry: OdometrySeries) -> Driven:
     lengths = np.where(backwards, -lengths, lengths)
     twists = np.zeros((len(stamps), 2))
     twists[:-1] = np.column_stack([lengths, turns]) / durations[:, None]
-    return Driven(stamps, poses, twists)
+    return DrivenPath(stamps, poses, twists)
 
 
 def interpolated(odometry: OdometrySeries, stamps: IntArray) -> Array:
@@ -206,13 +201,7 @@ def interpolated(odometry: OdometrySeries, stamps: IntArray) -> Array:
 
 
 def mean_twists(odometry: OdometrySeries, begins: IntArray, ends: IntArray) -> Array:
-    """Twists, shape ``(M, 3)``, with which the robot goes from instant to instant on an arc.
-
-    Args:
-        odometry: Where it is.
-        begins: Of the arcs ``(M,)`` [ns].
-        ends: See `begins`.
-    """
+    """Twists ``(M, 3)`` of arcs from the poses at `begins` to those at `ends` ``(M,)`` [ns]."""
     first, last = (interpolated(odometry, each) for each in (begins, ends))
     chords, turns = last[:, :2] - first[:, :2], wrapped(last[:, 2] - first[:, 2])
     middles = first[:, 2] + turns / 2.0

@@ -19,13 +19,7 @@ from cmpsp_ros.sensing import stamp_of
 
 
 def read_tracks(bag: Bag, topic: str, frame_id: str | None) -> tuple[Track, ...]:
-    """All messages of a topic, by id and time; none if the bag lacks the topic.
-
-    Args:
-        bag: An open bag.
-        topic: Full name.
-        frame_id: Frame of the messages wanted; others are left out, as the node refuses them. None:
-            any frame.
+    """Messages of a topic in a frame, or in any, by id and time; none if it is not there.
 
     Raises:
         BagError: A message is not of its type.
@@ -45,15 +39,9 @@ def read_tracks(bag: Bag, topic: str, frame_id: str | None) -> tuple[Track, ...]
 
 
 def seen_at(tracks: Iterable[Track], stamp: int, timeout: float) -> list[Track]:
-    """Where moving obstacles were at an instant, as far as was known by then.
+    """Moving obstacles as known at an instant [ns], brought to it, by number.
 
-    Args:
-        tracks: As from `read_tracks`.
-        stamp: The instant [ns].
-        timeout: Age at which one that is not seen again is forgotten [s].
-
-    Returns:
-        One track for each obstacle, brought to that instant, in the order of their numbers.
+    One that is not seen again is forgotten after `timeout` [s].
     """
     oldest = stamp - round(timeout * NANOSECONDS)
     latest = {each.id: each for each in tracks if oldest <= each.stamp <= stamp}
@@ -79,7 +67,7 @@ class Planned:
 
 
 @dataclass(frozen=True)
-class Driven:
+class DrivenPath:
     """The driven path, as arcs of constant wheel speeds.
 
     Attributes:
@@ -109,11 +97,11 @@ class Driven:
         since = (stamps - self.stamps[index]) / NANOSECONDS
         return np.asarray(arc_ends(self.poses[index], self.twists[index], since))
 
-    def between(self, first: int, last: int) -> Driven:
+    def between(self, first: int, last: int) -> DrivenPath:
         """The part of the path between two instants."""
         inside = (self.stamps > first) & (self.stamps < last)
         index = np.searchsorted(self.stamps, [first, last], side='right') - 1
-        return Driven(
+        return DrivenPath(
             np.concatenate([[first], self.stamps[inside], [last]]),
             np.vstack([self.at(first), self.poses[inside], self.at(last)]),
             np.vstack([self.twists[index[0]], self.twists[inside], self.twists[index[1]]]),
@@ -136,18 +124,14 @@ class Run:
 
     decisions: tuple[DecisionRecord, ...]
     plans: tuple[Planned, ...]
-    driven: Driven
+    driven: DrivenPath
     tracks: tuple[Track, ...]
     wheel_stamps: IntArray
     wheel_speeds: Array
 
 
 def read_run(path: Path, namespace: str = '') -> Run:
-    """Read a run of our nodes from its bag.
-
-    Args:
-        path: The bag.
-        namespace: Namespace of the nodes, as in `/r1`.
+    """Read a run of our nodes, in a namespace as `/r1`, from its bag.
 
     Raises:
         BagError: Not a bag, or a topic of a run is missing.
@@ -167,14 +151,10 @@ def read_run(path: Path, namespace: str = '') -> Run:
         return Run(decisions, plans, driven_in(bag, namespace), tracks, stamps, speeds)
 
 
-def read_driven(path: Path, namespace: str = '') -> Driven:
+def read_driven(path: Path, namespace: str = '') -> DrivenPath:
     """Read the path driven alone, in the frame of the course.
 
     Where odometry is in that frame and there is a simulator it is the simulator's own.
-
-    Args:
-        path: The bag.
-        namespace: Namespace of the nodes, as in `/r1`.
 
     Raises:
         BagError: Not a bag, or there is no path in it.
@@ -183,7 +163,7 @@ def read_driven(path: Path, namespace: str = '') -> Driven:
         return driven_in(bag, namespace)
 
 
-def driven_in(bag: Bag, namespace: str) -> Driven:
+def driven_in(bag: Bag, namespace: str) -> DrivenPath:
     """As `read_driven`, of an open bag."""
     heard = bag.as_decided_on(f'{namespace}/guidance', 'odom')
     topic = truth_topic(bag, namespace, heard) or heard
@@ -196,7 +176,7 @@ def driven_in(bag: Bag, namespace: str) -> Driven:
     if len(rows) < 2:
         raise BagError(f'{bag.path}: found {len(rows)} messages in {topic}, wanted at least 2')
     ordered = sorted(rows.items())
-    return Driven(
+    return DrivenPath(
         np.array([stamp for stamp, _ in ordered], dtype=np.int64),
         np.array([pose for _, (pose, _) in ordered]),
         plain(np.array([twist for _, (_, twist) in ordered])),

@@ -15,7 +15,6 @@ from cmpsp_ros.studies.common import WIDTH, plot_style
 from cmpsp_ros.studies.monte_carlo.driving import DrivenRun
 from cmpsp_ros.studies.monte_carlo.outcome import RunVerdict, StudyOutcome
 from cmpsp_ros.view import LEVEL_COLORS, PER_ARC, along, draw_obstacles, draw_road, show
-from cmpsp_ros.world.obstacles import outlines
 
 _DPI: Final = 150
 _SMALLEST_MISS: Final = 1e-16
@@ -126,7 +125,7 @@ def _draw_way(axes: Axes, driven: DrivenRun) -> None:
     axes.plot(*poses[0, :2], 'o', color='white', mec='black', ms=4)
     axes.plot(*settings.goal, '*', color='white', mec='black', ms=8)
     shapes = driven.task.scenario.obstacles
-    boxes = [line for each in shapes for line in outlines(each, each.radius)]
+    boxes = [line for each in shapes for line in each.outlines(each.radius)]
     show(axes, [points, np.array([settings.goal]), *boxes], 0.5)
 
 

@@ -1,9 +1,14 @@
-"""Names of what is violated, and sentences a user can read."""
+"""Shapes and bounds that are refused, and sentences that a user can read about a run."""
+
+from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
-from problems import VanDerPol
+import pytest
+from problems import LinearQuadratic, VanDerPol
 
-from cmpsp_ros.mpsp import Evaluation, Options
+from cmpsp_ros.mpsp import Dimensions, Evaluation, Options, ProblemError
 from cmpsp_ros.mpsp.results import Status, Violation, violations
 from cmpsp_ros.mpsp.sqp.cmpsp import solve
 
@@ -41,3 +46,72 @@ def test_a_short_list_is_not():
     solution = solve(problem, np.zeros((21, 1)), Options(np.full(2, 1e3), np.ones(2)), 0)
     assert 'Not met: terminal output' in solution.sentence
     assert 'more' not in solution.sentence
+
+
+@pytest.mark.parametrize(
+    ('sizes', 'named'),
+    [
+        ((0, 1, 1, 0, 0), 'horizon: found 0, wanted at least 1'),
+        ((1, 0, 1, 0, 0), 'state: found 0'),
+        ((1, 1, 0, 0, 0), 'control: found 0'),
+        ((1, 1, 1, -1, 0), 'output: found -1'),
+        ((1, 1, 1, 0, -1), 'path: found -1'),
+    ],
+)
+def test_dimensions_name_what_is_too_small(sizes, named):
+    with pytest.raises(ProblemError, match=named):
+        Dimensions(*sizes)
+    assert Dimensions(1, 1, 1, 0, 0).horizon == 1
+
+
+def test_checked_controls_names_shape_and_stage():
+    problem = VanDerPol(horizon=4)
+    with pytest.raises(ProblemError, match=r'U: found shape \(4, 1\), wanted \(5, 1\)'):
+        problem.checked_controls(np.zeros((4, 1)))
+    U = np.zeros((5, 1))
+    U[3] = np.nan
+    with pytest.raises(ProblemError, match=r'U: found \[nan\] at stage 3'):
+        problem.checked_controls(U)
+    U[3] = 0.0
+    problem.checked_controls(U)
+
+
+def test_linearisation_check_names_every_array():
+    problem = LinearQuadratic(np.random.default_rng(1))
+    U = np.zeros((6, 2))
+    lin = problem.linearise(problem.predict(U), U)
+    lin.check(problem.size)
+    for name in vars(lin):
+        array = getattr(lin, name)
+        with pytest.raises(ProblemError, match=f'^{name}: found shape'):
+            replace(lin, **{name: array[..., :-1]}).check(problem.size)
+        for bad in (np.nan, np.inf):
+            spoilt = array.copy()
+            spoilt.flat[-1] = bad
+            with pytest.raises(ProblemError, match=f'^{name}: found {bad} at '):
+                replace(lin, **{name: spoilt}).check(problem.size)
+
+
+@pytest.mark.parametrize(
+    ('changes', 'named'),
+    [
+        (
+            {'control_lower': np.zeros((4, 1))},
+            r'control_lower: found shape \(4, 1\), wanted \(5, 1\)',
+        ),
+        ({'control_upper': np.zeros(5)}, r'control_upper: found shape \(5,\), wanted \(5, 1\)'),
+        ({'control_upper': np.full((5, 1), np.nan)}, r'control_upper: found nan at \[0, 0\]'),
+        (
+            {'control_lower': np.full((5, 1), 2.0)},
+            r'control_lower: found 2.0 at \[0, 0\], wanted .* 1.0',
+        ),
+        ({'target': np.zeros(3)}, r'target: found shape \(3,\), wanted \(2,\)'),
+        ({'target': np.full(2, np.nan)}, r'target: found \[nan nan\], wanted finite'),
+    ],
+)
+def test_bounds_and_target_are_checked(changes, named):
+    problem = VanDerPol(horizon=4, limit=1.0)
+    problem.check()
+    vars(problem).update(changes)
+    with pytest.raises(ProblemError, match=named):
+        problem.check()

@@ -13,8 +13,7 @@ import pytest
 from PIL import Image
 
 from cmpsp_ros.bags import BagError
-from cmpsp_ros.bags.film import film
-from cmpsp_ros.bags.film.scene import scene
+from cmpsp_ros.bags.film import film, scene
 from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 from cmpsp_ros.view import bodies, body
 from cmpsp_ros.world.obstacles import Obstacle
@@ -100,15 +99,15 @@ def test_a_robot_with_corners_is_a_prism(preset):
 
 FRAME = """
 import numpy as np
-from cmpsp_ros.bags.film import render
+from cmpsp_ros.bags import film
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters import load_parameter_file
 from cmpsp_ros.parameters.settings import guidance_settings
 
 settings = guidance_settings(TABLE.resolve(load_parameter_file('parking')))
-moment = render._Moment(np.zeros(3), [], 0)
-model = render.scene(settings, np.array([[0.0, 0.0], [1.0, 0.0]]), [settings.goal])
-(frame,) = render._frames(model, settings, [moment], (320, 240))
+moment = film._Moment(np.zeros(3), [], 0)
+model = film.scene(settings, np.array([[0.0, 0.0], [1.0, 0.0]]), [settings.goal])
+(frame,) = film._frames(model, settings, [moment], (320, 240))
 picture = np.asarray(frame).astype(int)
 grey = np.ptp(picture, axis=-1) < 10
 blue = picture[..., 2] > picture[..., :2].max(axis=-1) + 60

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cmpsp_ros.bags.runs import Driven, holes, in_words, longest_interval, pieces
+from cmpsp_ros.bags.runs import DrivenPath, holes, in_words, longest_interval, pieces
 from cmpsp_ros.bags.runs.odometry import Hole
 from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 
@@ -43,7 +43,7 @@ def test_what_is_beyond_the_ends_is_missing_too():
 def test_pieces_are_what_lies_between_the_holes():
     known = stamps(0.0, 0.1, 0.2, 1.0, 2.0, 2.1)
     x = np.arange(6.0)
-    path = Driven(known, np.column_stack([x, 0 * x, 0 * x]), np.tile([10.0, 0.0], (6, 1)))
+    path = DrivenPath(known, np.column_stack([x, 0 * x, 0 * x]), np.tile([10.0, 0.0], (6, 1)))
     found = list(pieces(path, SECOND // 10, 3 * SECOND, SECOND // 2))
     assert [each.stamps.tolist() for each in found] == [
         stamps(0.1, 0.2).tolist(),

@@ -23,7 +23,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cmpsp_ros.bags import BagError, BagWriter
-from cmpsp_ros.bags.runs import Driven, read_run
+from cmpsp_ros.bags.runs import DrivenPath, read_run
 from cmpsp_ros.robots import arc_ends, arc_from, reach_of
 
 
@@ -33,7 +33,7 @@ def driven(twists, seconds, begin=5 * SECOND):
     poses = [np.array([1.0, 2.0, 0.5])]
     for twist, duration in zip(twists, seconds, strict=False):
         poses.append(arc_ends(poses[-1][None], np.array([twist]), np.array([duration]))[0])
-    return Driven(stamps.astype(np.int64), np.array(poses), np.array(twists, dtype=float))
+    return DrivenPath(stamps.astype(np.int64), np.array(poses), np.array(twists, dtype=float))
 
 
 def reached(path):

@@ -1,11 +1,14 @@
-"""Kernels: the bits of Python, and entry points without a look at types."""
+"""Kernels: the bits of Python, entries without dispatch, calls by address, inner products."""
 
 from __future__ import annotations
 
 import numpy as np
+import pytest
+from numba.core.errors import TypingError
 
-from cmpsp_ros.mpsp.jit import entry_for
-from cmpsp_ros.mpsp.jit.compiled import compiled
+from cmpsp_ros.mpsp.jit import address_of, allocation_free, call, entry_for
+from cmpsp_ros.mpsp.jit.compiled import call_for_float, call_for_int, compiled
+from cmpsp_ros.mpsp.jit.intrinsics import dot
 
 
 def test_the_bits_are_those_of_python():
@@ -27,3 +30,84 @@ def test_an_entry_is_the_function_itself_without_the_look_at_types():
     entry = entry_for(scaled, np.zeros(2), 1.0)
     np.testing.assert_array_equal(entry(np.array([1.0, 2.0, 3.0]), 2.0), [2.0, 4.0, 6.0])
     assert len(scaled.overloads) == 1
+
+
+@allocation_free
+def scaled(values, by):
+    return by * values[0]
+
+
+@allocation_free
+def count(values):
+    return values.shape[0]
+
+
+@allocation_free
+def fill(values, by):
+    values[1] = by
+
+
+@allocation_free
+def all_of_them(addresses, values):
+    call(addresses[2], (values, 7.0))
+    return call_for_float(addresses[0], (values, 3.0)) + call_for_int(addresses[1], (values,))
+
+
+def test_each_is_called_with_its_arguments():
+    values = np.array([2.0, 0.0, 0.0])
+    found = [address_of(float, scaled, values, 1.0), address_of(int, count, values)]
+    found.append(address_of(None, fill, values, 1.0))
+    assert all_of_them(np.array(found), values) == 9.0
+    assert values.tolist() == [2.0, 7.0, 0.0]
+
+
+def test_what_returns_something_else_is_refused():
+    with pytest.raises(TypeError, match='count: found int64 returned, wanted float64'):
+        address_of(float, count, np.zeros(2))
+
+
+RNG = np.random.default_rng(8)
+A, B = RNG.normal(size=(2, 120))
+
+
+def by_hand(a, b):
+    """Eight sums side by side, added two by two, and then what is left over."""
+    whole = len(a) - len(a) % 8
+    sums = [0.0] * 8
+    for i in range(whole):
+        sums[i % 8] += a[i] * b[i]
+    four = [low + high for low, high in zip(sums[:4], sums[4:], strict=True)]
+    total = (four[0] + four[1]) + (four[2] + four[3])
+    for i in range(whole, len(a)):
+        total += a[i] * b[i]
+    return total
+
+
+@pytest.mark.parametrize('begin', [0, 1, 3])
+def test_the_order_is_laid_down(begin):
+    a, b = A[begin:], B[begin:]
+    for length in range(len(a) + 1):
+        assert dot(a, b, length) == by_hand(a[:length], b[:length])
+
+
+def test_another_order_would_show():
+    products = (A * B).tolist()
+    assert dot(A, B, 120) not in (sum(products), sum(reversed(products)))
+
+
+@pytest.mark.parametrize('length', [5, 8, 21])
+def test_what_is_not_finite_shows(length):
+    for wrong in (np.nan, np.inf):
+        for at in range(length):
+            a = A.copy()
+            a[at] = wrong
+            assert not np.isfinite(dot(a, B, length))
+            a[at:] = np.nan
+            assert np.isfinite(dot(a, B, at))
+
+
+def test_a_row_that_has_gaps_is_refused():
+    with pytest.raises(TypingError, match='wanted contiguous rows of float64'):
+        dot(A[::2], B, 8)
+    with pytest.raises(TypingError, match='wanted contiguous rows of float64'):
+        dot(A.astype(np.float32), B, 8)

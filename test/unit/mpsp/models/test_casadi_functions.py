@@ -5,7 +5,7 @@ import builtins
 import casadi
 import numpy as np
 import pytest
-from problems import LinearQuadratic, VanDerPol, assert_derivatives, assert_same_problem
+from problems import VanDerPol, assert_derivatives, assert_same_problem
 
 from cmpsp_ros.mpsp import Options, ProblemError, Status, from_casadi, from_functions, solve
 
@@ -32,66 +32,12 @@ def van_der_pol(kind=casadi.SX, horizon=8, **changes):
     return from_casadi(**given | changes)
 
 
-def linear_quadratic(hand, kind):
-    """A `LinearQuadratic`, whose matrices are what varies with the stage."""
-    N, n, r, _, path = vars(hand.size).values()
-    x, u = kind.sym('x', n), kind.sym('u', r)
-    W, w = kind.sym('W', n + r, n + r), kind.sym('w', n + r)
-    A, B, drift = kind.sym('A', n, n), kind.sym('B', n, r), kind.sym('drift', n)
-    g_X, g_U, room = kind.sym('g_X', path, n), kind.sym('g_U', path, r), kind.sym('room', path)
-    symbols = (W, w, A, B, drift, g_X, g_U, room)
-    z = casadi.vertcat(x, u)
-    flat = kind.sym('p', sum(symbol.numel() for symbol in symbols))
-    edges = np.cumsum([0] + [symbol.numel() for symbol in symbols])
-    pieces = [
-        casadi.reshape(flat[int(start) : int(end)], *symbol.shape)
-        for symbol, start, end in zip(symbols, edges, edges[1:], strict=False)
-    ]
-    expressions = casadi.substitute(
-        [
-            A @ x + B @ u + drift,
-            0.5 * casadi.bilin(W, z, z) + casadi.dot(w, z),
-            g_X @ x + g_U @ u - room,
-        ],
-        list(symbols),
-        pieces,
-    )
-
-    def at_every_stage(array):
-        # CasADi runs down columns; the dynamics have no last stage.
-        columns = array.transpose(0, *range(array.ndim - 1, 0, -1)).reshape(len(array), -1)
-        return columns if len(columns) == N + 1 else np.vstack([columns, columns[-1:]])
-
-    arrays = (hand.W, hand.w, hand.A, hand.B, hand.drift, hand.g_X, hand.g_U, hand.room)
-    return from_casadi(
-        horizon=N,
-        x0=hand.start,
-        x=x,
-        u=u,
-        F=expressions[0],
-        L=expressions[1],
-        h=casadi.DM(hand.h_X) @ x + casadi.DM(hand.h_U) @ u,
-        target=hand.target,
-        g=expressions[2],
-        p=flat,
-        p_values=np.hstack([at_every_stage(array) for array in arrays]),
-        applies=hand.applies,
-    )
-
-
 @pytest.mark.parametrize('kind', [casadi.SX, casadi.MX])
 def test_nonlinear_problem_is_the_one_written_by_hand(kind):
     U = 0.3 * np.random.default_rng(0).normal(size=(9, 1))
     found = van_der_pol(kind)
     assert_same_problem(found, VanDerPol(horizon=8, floor=-0.5, mixed=2.0), U, KINDS, 1e-12)
     assert_derivatives(found, U, 'exact')
-
-
-@pytest.mark.parametrize('kind', [casadi.SX, casadi.MX])
-def test_time_varying_problem_with_cross_terms_is_the_one_written_by_hand(kind):
-    rng = np.random.default_rng(1)
-    hand = LinearQuadratic(rng)
-    assert_same_problem(linear_quadratic(hand, kind), hand, rng.normal(size=(6, 2)), KINDS, 1e-11)
 
 
 @pytest.mark.parametrize('kind', [casadi.SX, casadi.MX])
@@ -203,6 +149,15 @@ def test_unknown_hessian_and_derivatives_that_are_not_finite_are_named():
         problem.linearise(X, U, 'newton')
     problem.linearise(X, U + 2.0)
     assert np.isnan(problem.linearise(X, U).L_U).all()
+
+
+def test_constraints_apply_where_the_caller_says():
+    applies = np.arange(18).reshape(9, 2) % 3 > 0
+    problem = van_der_pol(applies=applies)
+    g = problem.evaluate(problem.predict(np.zeros((9, 1))), np.zeros((9, 1))).g
+    # The first one is of the state alone, which is known at stage 0.
+    applies[0, 0] = False
+    np.testing.assert_array_equal(g != -np.inf, applies)
 
 
 def test_without_casadi_the_extra_is_named(monkeypatch):

@@ -6,15 +6,8 @@ from problems import LinearQuadratic, VanDerPol, assert_derivatives
 
 from cmpsp_ros.mpsp import Options, ProblemError
 from cmpsp_ros.mpsp.models import ControlRateProblem
-from cmpsp_ros.mpsp.qp.dense import condense
 from cmpsp_ros.mpsp.results import Status
 from cmpsp_ros.mpsp.sqp.cmpsp import solve
-
-
-def condensed(problem, U):
-    lin = problem.linearise(problem.predict(U), U, 'exact')
-    lin.check(problem.size)
-    return condense(lin, np.full_like(U, -1.0), np.full_like(U, 1.0))
 
 
 def test_derivatives():
@@ -42,20 +35,6 @@ def test_cost_is_that_of_the_changes():
     np.testing.assert_array_equal(value.g, plain.g)
     np.testing.assert_array_equal(value.output_error, plain.output_error)
     np.testing.assert_array_equal(X[:, :3], inner.predict(U))
-
-
-def test_condensed_hessian_is_that_of_the_sum():
-    rng = np.random.default_rng(2)
-    inner = LinearQuadratic(rng, horizon=4)
-    U, previous = rng.normal(size=(5, 2)), rng.normal(size=2)
-    plain = condensed(inner, U)
-    with_rate = condensed(ControlRateProblem(inner, 3.0, previous), U)
-    change = np.kron(np.eye(5) - np.eye(5, k=-1), np.eye(2))
-    np.testing.assert_allclose(with_rate.H - plain.H, 3.0 * change.T @ change, atol=1e-11)
-    gap = change @ U.ravel() - np.concatenate([previous, np.zeros(8)])
-    np.testing.assert_allclose(with_rate.c - plain.c, 3.0 * change.T @ gap, atol=1e-11)
-    np.testing.assert_allclose(with_rate.S_N, plain.S_N, atol=1e-12)
-    np.testing.assert_allclose(with_rate.B_C, plain.B_C, atol=1e-12)
 
 
 @pytest.mark.parametrize('weight', [-1.0, np.nan, -1e-12])

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from problems import LinearQuadratic, VanDerPol, assert_derivatives, assert_same_problem
+from problems import VanDerPol, assert_derivatives, assert_same_problem
 
 from cmpsp_ros.mpsp import Options, ProblemError, Status, from_functions, solve
 from cmpsp_ros.mpsp.models.derivatives import StageFunction
@@ -32,30 +32,6 @@ def van_der_pol(horizon=8, **changes):
     return from_functions(**given | changes)
 
 
-def linear_quadratic(hand, **changes):
-    """The functions of a `LinearQuadratic`, time-varying and with cross terms."""
-
-    def L(k, x, u):
-        z = np.concatenate([x, u])
-        return 0.5 * z @ hand.W[k] @ z + hand.w[k] @ z
-
-    def g(k, x, u):
-        value = hand.g_X[k] @ x + hand.g_U[k] @ u - hand.room[k]
-        return np.where(hand.applies[k], value, -np.inf)
-
-    given = {
-        'horizon': hand.size.horizon,
-        'x0': hand.start,
-        'controls': hand.size.control,
-        'F': lambda k, x, u: hand.A[k] @ x + hand.B[k] @ u + hand.drift[k],
-        'L': L,
-        'h': lambda x, u: hand.h_X @ x + hand.h_U @ u,
-        'target': hand.target,
-        'g': g,
-    }
-    return from_functions(**given | changes)
-
-
 @pytest.mark.parametrize('derivatives', SCHEMES)
 def test_nonlinear_problem_is_the_one_written_by_hand(derivatives):
     U = 0.3 * np.random.default_rng(0).normal(size=(9, 1))
@@ -65,15 +41,6 @@ def test_nonlinear_problem_is_the_one_written_by_hand(derivatives):
     # Gradients, which are differenced for the Hessian, may be differences themselves.
     atol = 1e-4 if derivatives == 'central' else 1e-6
     assert_derivatives(found, U, 'exact', atol=atol)
-
-
-@pytest.mark.parametrize('derivatives', SCHEMES)
-def test_time_varying_problem_with_cross_terms_is_the_one_written_by_hand(derivatives):
-    rng = np.random.default_rng(1)
-    hand = LinearQuadratic(rng)
-    U = rng.normal(size=(6, 2))
-    found = linear_quadratic(hand, derivatives=derivatives)
-    assert_same_problem(found, hand, U, ('exact',), 1e-6)
 
 
 def test_complex_step_is_exact_to_rounding():

@@ -4,18 +4,11 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
-from problems import LinearQuadratic, VanDerPol
+from problems import LinearQuadratic
 from reference_merit import Merit
 
 from cmpsp_ros.mpsp import Linearisation, Options
-from cmpsp_ros.mpsp.qp import (
-    RICCATI_ACTIVE_SET,
-    Penalties,
-    QPSolution,
-    QPStatus,
-    Subproblem,
-    kkt_residual,
-)
+from cmpsp_ros.mpsp.qp import Penalties, QPSolution, QPStatus, Subproblem, kkt_residual
 from cmpsp_ros.mpsp.qp.curvature import convexify
 from cmpsp_ros.mpsp.qp.dense.closed_form import has_closed_form
 from cmpsp_ros.mpsp.results import record
@@ -112,16 +105,3 @@ def test_a_horizon_whose_condensed_matrices_no_machine_holds(lost):
         merit = Merit(penalties.terminal, penalties.path).above_multipliers(solution)
         assert np.isfinite(merit.predicted_decrease(each, dU))
         assert 'condensed' not in vars(each)
-
-
-@pytest.mark.parametrize('hessian', ['gauss_newton', 'exact'])
-def test_a_step_of_the_default_back_end_condenses_nothing(hessian):
-    problem = VanDerPol(horizon=40, goal=(0.4, -0.2), floor=-0.8, mixed=1.6, limit=3.0)
-    options = Options(np.full(2, 1e3), np.full(2, 1e3), qp=RICCATI_ACTIVE_SET, hessian=hessian)
-    iteration = CMPSP(problem, options)
-    start = iteration.init(np.zeros((41, 1)))
-    subproblem = iteration.subproblem(start)
-    after = iteration.step(start, subproblem)
-    assert after.step.qp_status is QPStatus.SOLVED
-    assert after.step.active_rows > 0
-    assert 'condensed' not in vars(subproblem)

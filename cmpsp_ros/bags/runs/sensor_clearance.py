@@ -1,4 +1,4 @@
-"""Sightings beside a driven path, from before the robot came there and after it was there."""
+"""Clearance from what sensors saw beside a path, before the robot came there and after."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import numpy as np
 from cmpsp_ros.arrays import Array, BoolArray, IntArray
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.runs.odometry import Hole, holes, longest_interval
-from cmpsp_ros.bags.runs.run import Driven
+from cmpsp_ros.bags.runs.run import DrivenPath
 from cmpsp_ros.guidance import SEEN, GuidanceSettings, to_nanoseconds
 from cmpsp_ros.robots import Footprint, contains, placed
 from cmpsp_ros.sensing import Beams, LocalGrid, ScanError, Sensor, grid_of, sight_of, stamp_of
@@ -39,7 +39,7 @@ _BLOCK: Final = 600
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
+class SensorClearance:
     """Distance of a robot from what its sensors saw.
 
     Attributes:
@@ -105,24 +105,24 @@ def look(
     bag: Bag,
     topic: str,
     settings: GuidanceSettings,
-    paths: tuple[Sequence[Driven], Sequence[Driven]],
+    paths: tuple[Sequence[DrivenPath], Sequence[DrivenPath]],
     moving: Callable[[int], Array],
     window: Window,
-) -> Iterator[Seen]:
+) -> Iterator[SensorClearance]:
     """Obstacles beside a path in scans, clouds and `~/sighting`.
 
     Args:
         bag: An open bag.
         topic: Full name of `~/sighting`; scans are in the namespace of its node.
         settings: With the sensors and the robot's outline.
-        paths: Parts without holes, in order: of the best path known, and of that by odometry, in
-            whose frame the grid is with all its errors.
+        paths: Parts without holes of the best path known, and of that by odometry, in whose frame
+            the grid is with all its errors.
         moving: Discs ``(x, y, radius)`` of all that is known to move at a time [ns], ``(D, 3)``.
         window: Reception of the first message that counts, and of the first that does not [ns].
     """
     best, heard = paths
     if best:
-        judge, looks = _Judge(settings, best), list[int]()
+        judge, looks = _ClearanceTracker(settings, best), list[int]()
         scans = _scans(bag, topic, settings, best, window)
         while block := list(islice(scans, _BLOCK)):
             # Beams that end at what moves have met nothing that stays.
@@ -137,7 +137,7 @@ def look(
             judge.look(sweeps[::-1], -1)
         yield judge.seen(looks, EXACT)
     if heard:
-        judge, looks, tolerance = _Judge(settings, heard), [], EXACT
+        judge, looks, tolerance = _ClearanceTracker(settings, heard), [], EXACT
         before, last, spots = judge.begin, judge.end, np.empty((0, 2))
         for stamp, grid in sightings(bag, topic, window):
             if before <= stamp <= last:
@@ -151,20 +151,20 @@ def look(
         yield judge.seen(looks, tolerance)
 
 
-class _Judge:
+class _ClearanceTracker:
     """Takes in spots that are occupied for a time, and keeps the least distance at each pose."""
 
-    def __init__(self, settings: GuidanceSettings, paths: Sequence[Driven]) -> None:
+    def __init__(self, settings: GuidanceSettings, paths: Sequence[DrivenPath]) -> None:
         self._settings = settings
         self._stamps = np.concatenate([each.stamps for each in paths])
         self._poses = np.concatenate([each.poses for each in paths])
         self._clearance = np.full(len(self._stamps), math.inf)
         self.begin, self.end = int(self._stamps[0]), int(self._stamps[-1])
 
-    def seen(self, looks: Sequence[int], tolerance: float) -> Seen:
+    def seen(self, looks: Sequence[int], tolerance: float) -> SensorClearance:
         """The distances, and when anything was seen."""
         when = np.unique(np.array(looks, np.int64))
-        return Seen(self._stamps, self._poses, self._clearance, when, tolerance)
+        return SensorClearance(self._stamps, self._poses, self._clearance, when, tolerance)
 
     def look(self, scans: Iterable[Beams], direction: int) -> None:
         """Go through scans in order of time, or backwards with negative stamps."""
@@ -216,7 +216,7 @@ def _from_polygon(footprint: Footprint, points: Array, pose: Array) -> Array:
 
 
 def _scans(
-    bag: Bag, topic: str, settings: GuidanceSettings, paths: Sequence[Driven], window: Window
+    bag: Bag, topic: str, settings: GuidanceSettings, paths: Sequence[DrivenPath], window: Window
 ) -> Iterator[Beams]:
     """All scans that were made while the path is known, as it says where the sensors were."""
     namespace = topic.rpartition('/')[0].rpartition('/')[0]
@@ -232,7 +232,7 @@ def _scans(
                 yield beams
 
 
-def _beams(sensor: Sensor, message: Any, paths: Sequence[Driven]) -> Beams | None:
+def _beams(sensor: Sensor, message: Any, paths: Sequence[DrivenPath]) -> Beams | None:
     try:
         sight = sight_of(message, sensor)
     except ScanError:

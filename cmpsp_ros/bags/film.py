@@ -1,0 +1,312 @@
+"""Pictures of a run from a camera that follows the robot, drawn by MuJoCo."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from PIL import Image
+
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.bags.audit import read_record
+from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.bags.replay.node_parameters import hidden_obstacles
+from cmpsp_ros.bags.runs.goals import goals_driven_to
+from cmpsp_ros.bags.runs.run import read_driven, seen_at
+from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings, to_nanoseconds
+from cmpsp_ros.guidance.messages import Track
+from cmpsp_ros.robots import DifferentialDrive
+from cmpsp_ros.simulator import Physics, mjcf
+from cmpsp_ros.view import Lines, bodies, body
+from cmpsp_ros.world.obstacles import Shape
+
+Point = tuple[float, float]
+
+BELOW: Final = -10.0
+"""Height of what is not to be seen [m]."""
+
+HEIGHT: Final = 0.12
+"""Of obstacles [m]."""
+
+_PURPLE: Final = '0.62 0.2 0.5 1'
+_GREEN: Final = '0.05 0.5 0.25 1'
+_RED: Final = '0.8 0.25 0.18 1'
+_PALE: Final = '0.92 0.62 0.58 1'
+_LINE = 0.012
+
+_LOOK = """
+  <visual>
+    <headlight ambient="0.45 0.45 0.45" diffuse="0.4 0.4 0.4" specular="0 0 0"/>
+    <map znear="0.002" zfar="5"/>
+    <quality shadowsize="8192" numslices="64"/>
+    <global offwidth="1920" offheight="1080"/>
+  </visual>
+  <asset>
+    <texture name="sky" type="skybox" builtin="gradient" rgb1="0.95 0.97 1" rgb2="0.55 0.7 0.9"
+             width="64" height="384"/>
+    <texture name="tiles" type="2d" builtin="checker" rgb1="0.82 0.82 0.8" rgb2="0.74 0.74 0.72"
+             width="256" height="256"/>
+    <material name="floor" texture="tiles" texrepeat="2 2" texuniform="true"/>
+  </asset>
+  <worldbody>
+    <light pos="0 0 8" dir="0.3 0.2 -1" directional="true" diffuse="0.5 0.5 0.5"/>
+    <geom type="plane" size="0 0 1" material="floor"/>"""
+
+
+def scene(
+    settings: GuidanceSettings,
+    way: Array,
+    goals: Sequence[Point] = (),
+    moving: Sequence[int] = (),
+    ends: Lines = (),
+    hidden: Iterable[Shape] = (),
+) -> str:
+    """The scene in MuJoCo's own format, with the robot's free joint first.
+
+    Args:
+        settings: Robot, road and obstacles.
+        way: Points of the driven path, shape ``(K, 2)`` [m].
+        goals: Each with a ball `goal 0`, `goal 1`, ... on a post (x, y) [m].
+        moving: Ids of the moving obstacles, each a body `moving 7` to be placed later.
+        ends: Lines on the floor where the robot starts and ends, each ``(K, 2)`` [m].
+        hidden: Obstacles that only the simulator knows.
+    """
+    posts = (each for index, place in enumerate(goals) for each in _goal(index, place))
+    shapes = (*_obstacles(settings.obstacles, _RED), *_obstacles(hidden, _PALE))
+    drawn = (*_way(way), *(each for line in ends for each in _way(line)))
+    decoration = '\n    '.join((*_edges(settings), *shapes, *drawn, *posts))
+    robot = mjcf(settings.robot, Physics(), 0.0) if has_wheels(settings) else _shaped(settings)
+    head, rest = robot.split('<worldbody>', 1)
+    body = rest.split('/>', 1)[1]  # its floor is a bare one
+    discs = ''.join(map(_disc, moving))
+    body = body.replace('</worldbody>', f'{discs}</worldbody>', 1)
+    return f'{head}{_LOOK}\n    {decoration}{body}'
+
+
+def has_wheels(settings: GuidanceSettings) -> bool:
+    """Whether the robot is shown with its two wheels, and not as its footprint."""
+    return isinstance(settings.robot, DifferentialDrive) and not settings.footprint.corners
+
+
+def _shaped(settings: GuidanceSettings) -> str:
+    """A robot of any model, its footprint with a nose, in MuJoCo's own format."""
+    radius, height = max(settings.robot_radius, 2.0 * _LINE), HEIGHT / 2.0
+    shape, asset = f'type="cylinder" size="{radius!r} {height!r}" pos="0 0 {height!r}"', ''
+    if corners := settings.footprint.corners:
+        ends = (f'{x!r} {y!r} {z!r}' for x, y in corners for z in (0.0, HEIGHT))
+        asset = f'<asset><mesh name="footprint" vertex="{" ".join(ends)}"/></asset>'
+        shape = 'type="mesh" mesh="footprint"'
+    return f"""<mujoco>
+  {asset}
+  <worldbody>
+    <geom type="plane" size="0 0 1"/>
+    <body name="robot">
+      <freejoint/>
+      <geom {shape} mass="1" contype="0" conaffinity="0" rgba="0.12 0.35 0.65 1"/>
+      <geom type="box" size="{radius / 2.0!r} {radius / 10.0!r} {height / 4.0!r}" mass="0"
+            pos="{radius / 2.0!r} 0 {HEIGHT!r}" contype="0" conaffinity="0" rgba="0.9 0.9 0.9 1"/>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+
+
+def _disc(number: int) -> str:
+    """An obstacle that moves, below the floor until it is seen."""
+    geom = _geom('cylinder', f'1 {HEIGHT / 2.0}', (0.0, 0.0, 0.0), _PURPLE, f'moving {number}')
+    return f'<body name="moving {number}" mocap="true" pos="0 0 {BELOW}">{geom}</body>\n'
+
+
+def _edges(settings: GuidanceSettings) -> Iterator[str]:
+    for edge in settings.road.edges():
+        yield from _line(edge, 2.0 * _LINE, '0.25 0.25 0.25 1')
+
+
+def _obstacles(shapes: Iterable[Shape], color: str) -> Iterator[str]:
+    for each in shapes:
+        if each.is_disc:
+            place = (*each.center, HEIGHT / 2.0)
+            yield _geom('cylinder', f'{each.radius} {HEIGHT / 2.0}', place, color)
+        else:
+            for line in each.outlines(each.radius):
+                yield from _line(line, _LINE, color)
+
+
+def _way(way: Array) -> Iterator[str]:
+    # On the floor, not in it: two surfaces at one height take turns from pixel to pixel.
+    yield from _line(way, _LINE / 2.0, '0.1 0.35 0.8 1', height=_LINE / 2.0)
+
+
+def _goal(index: int, place: Point) -> Iterator[str]:
+    yield _geom('cylinder', f'0.01 {HEIGHT}', (*place, HEIGHT), _GREEN)
+    yield _geom('sphere', '0.05', (*place, 2.0 * HEIGHT), _GREEN, f'goal {index}')
+
+
+def _line(corners: Array, radius: float, color: str, height: float = 0.0) -> Iterator[str]:
+    for (x0, y0), (x1, y1) in pairwise(corners.tolist()):
+        if (x0, y0) != (x1, y1):
+            ends = f'{x0} {y0} {height} {x1} {y1} {height}'
+            yield (
+                f'<geom type="capsule" fromto="{ends}" size="{radius}" rgba="{color}" '
+                'contype="0" conaffinity="0"/>'
+            )
+
+
+def _geom(
+    kind: str, size: str, place: tuple[float, float, float], color: str, name: str = ''
+) -> str:
+    position, named = ' '.join(map(str, place)), f'name="{name}" ' if name else ''
+    return (
+        f'<geom {named}type="{kind}" size="{size}" pos="{position}" rgba="{color}" '
+        'contype="0" conaffinity="0"/>'
+    )
+
+
+_STILL, _MOVING = (640, 480), (480, 320)
+_STILLS, _RATE = 4, 10
+_FAINT = 0.3
+_WAY_POINTS, _WAY_RATE = 400, 25
+
+# The camera: behind the robot and above it, looking at a point ahead of it.
+_DISTANCE, _ELEVATION, _AHEAD = 1.3, -32.0, 0.5
+_USUAL_RADIUS = 0.15
+
+
+def film(bag: Path, output: Path, seconds: Sequence[float]) -> int:
+    """Draw the robot in its scene; the number of frames.
+
+    Args:
+        bag: Bag of one run.
+        output: New picture: a `.png` with its frames side by side, or a `.gif` in real time.
+        seconds: Times of the frames [s]; by default four, or ten a second for a `.gif`.
+
+    Raises:
+        BagError: The bag cannot be used, a time is not in it, MuJoCo or what it draws with is
+            missing, or the picture cannot be written.
+        ParameterError: The bag's parameters cannot be used.
+    """
+    moving = output.suffix == '.gif'
+    if output.suffix not in ('.png', '.gif'):
+        raise BagError(f"{output}: found the suffix '{output.suffix}', wanted .png or .gif")
+    if output.exists():
+        raise BagError(f'{output}: is there already')
+    record, driven = read_record(bag), read_driven(bag)
+    first, settings = record.start, record.history.at(record.start)
+    last = min(int(driven.stamps[-1]), first + to_nanoseconds(settings.final_time))
+    length = (last - first) / NANOSECONDS
+    if not all(0.0 <= each <= length for each in seconds):
+        raise BagError(f'{bag}: found times {seconds} s, wanted times from 0 to {length:.2f} s')
+    count = max(2, math.ceil(length * _RATE)) if moving else _STILLS
+    times = seconds or np.linspace(0.0, length, count).tolist()
+    stamps = [first + to_nanoseconds(each) for each in times]
+    corners = max(_WAY_POINTS, math.ceil(length * _WAY_RATE))
+    way = [driven.at(int(each))[:2] for each in np.linspace(first, last, corners)]
+    led = goals_driven_to(record.decisions, settings)
+    goals = list(dict.fromkeys(goal.position for goal in (*settings.goals, *(g for _, g in led))))
+    moved = sorted({each.id for each in record.tracks})
+    ends = bodies(body(settings), [driven.at(first), driven.at(last)]).lines
+    with Bag(bag) as opened:
+        hidden = hidden_obstacles(opened, record.places.node)
+    model = scene(settings, np.array(way), goals, moved, ends, hidden)
+    moments = [
+        _Moment(
+            driven.at(stamp),
+            seen_at(record.tracks, stamp, settings.moving_obstacles.timeout),
+            next((goals.index(goal.position) for since, goal in led[::-1] if since <= stamp), -1),
+        )
+        for stamp in stamps
+    ]
+    frames = list(_frames(model, settings, moments, _MOVING if moving else _STILL))
+    try:
+        if moving:
+            frames[0].save(
+                output, save_all=True, append_images=frames[1:], duration=1000 // _RATE, loop=0
+            )
+        else:
+            _side_by_side(frames).save(output)
+    except OSError as error:
+        raise BagError(f'{output}: {error.strerror or error}') from None
+    return len(frames)
+
+
+@dataclass(frozen=True)
+class _Moment:
+    """Pose ``(3,)`` of the robot, moving obstacles, and index of the current goal, -1 for none."""
+
+    pose: Array
+    moving: list[Track]
+    goal: int
+
+
+def _frames(
+    model: str, settings: GuidanceSettings, moments: Sequence[_Moment], size: tuple[int, int]
+) -> Iterator[Image.Image]:
+    mujoco = _mujoco()
+    world = mujoco.MjModel.from_xml_string(model)
+    state = mujoco.MjData(world)
+    camera = mujoco.MjvCamera()
+    two_wheels = has_wheels(settings)
+    axle = settings.robot.wheel_radius if two_wheels else 0.0
+    # Who is larger is looked at from further away.
+    farther = 1.0 if two_wheels else max(1.0, settings.circumscribed_radius / _USUAL_RADIUS)
+    camera.distance, camera.elevation = farther * _DISTANCE, _ELEVATION
+    width, height = size
+    try:
+        renderer = mujoco.Renderer(world, height, width)
+    except Exception as error:
+        # Each of the libraries that it may draw with has errors of its own.
+        raise BagError(
+            f'MuJoCo cannot draw here (MUJOCO_GL={os.environ.get("MUJOCO_GL", "")}): {error}'
+        ) from None
+    with renderer:
+        for moment in moments:
+            x, y, heading = moment.pose.tolist()
+            turn = (math.cos(heading / 2.0), 0.0, 0.0, math.sin(heading / 2.0))
+            state.qpos[:7] = (x, y, axle, *turn)
+            _arrange(world, state, moment)
+            mujoco.mj_forward(world, state)
+            reach = farther * _AHEAD
+            ahead = (x + reach * math.cos(heading), y + reach * math.sin(heading))
+            camera.lookat[:] = (*ahead, axle)
+            camera.azimuth = math.degrees(heading)
+            renderer.update_scene(state, camera)
+            yield Image.fromarray(renderer.render())
+
+
+def _arrange(world: Any, state: Any, moment: _Moment) -> None:
+    """Place the moving obstacles, and highlight the current goal."""
+    state.mocap_pos[:, 2] = BELOW
+    for each in moment.moving:
+        name = f'moving {each.id}'
+        world.geom(name).size[0] = each.radius
+        state.mocap_pos[world.body(name).mocapid[0]] = (each.x, each.y, HEIGHT / 2.0)
+    names = [world.geom(index).name for index in range(world.ngeom)]
+    for index, name in enumerate(names):
+        if name.startswith('goal '):
+            world.geom_rgba[index, 3] = 1.0 if name == f'goal {moment.goal}' else _FAINT
+
+
+def _mujoco() -> Any:
+    if 'DISPLAY' not in os.environ:
+        # Read when it is imported; what it draws with by itself wants a screen.
+        os.environ.setdefault('MUJOCO_GL', 'egl')
+    try:
+        import mujoco  # noqa: PLC0415 (an option of its own to install)
+    except ImportError as error:
+        raise BagError(f'this needs the package mujoco (pip install mujoco): {error}') from None
+    return mujoco
+
+
+def _side_by_side(frames: list[Image.Image]) -> Image.Image:
+    width, height = frames[0].size
+    strip = Image.new('RGB', (width * len(frames), height))
+    for index, frame in enumerate(frames):
+        strip.paste(frame, (index * width, 0))
+    return strip

@@ -13,7 +13,9 @@ from cmpsp_ros.guidance import (
     TaskSettings,
     Weights,
 )
+from cmpsp_ros.parameters.obstacles import map_parameters, shape_parameters
 from cmpsp_ros.parameters.parameter import REQUIRED, Group, Parameter, ParameterType
+from cmpsp_ros.parameters.roads import road_parameters
 from cmpsp_ros.parameters.table import ParameterTable
 from cmpsp_ros.sensing import Sensor, SightSettings
 from cmpsp_ros.setting import NOT_NEGATIVE, POSITIVE, Range, settings_of
@@ -119,57 +121,11 @@ def _parameters() -> Iterator[Parameter]:
         **_FIXED, **guidance_only)
 
     place = Group('Road and obstacles', 'guidance', 'sim')
-    yield place('road.type', _STRING, 'annulus', '',
-        'Shape of the road: `annulus` lies between two circles, as in the paper; `corridor` runs '
-        'along a line through points; `none` is open floor.',
-        choices=('annulus', 'corridor', 'none'), **_FIXED)
-    yield place('road.source', _STRING, 'parameters', '',
-        'Source of a `corridor`: these parameters, or the topic `road`. With `topic` the guidance '
-        'node waits for a message; each message sets `road.points` and `road.closed`. The '
-        'simulator publishes their initial values there.',
-        choices=('parameters', 'topic'), **_FIXED)
-    yield place('road.center', _DOUBLES, [0.0, 0.0], 'm',
-        'Centre of an `annulus` (x, y).', **_POINT)
-    yield place('road.inner_radius', _DOUBLE, 9.0, 'm',
-        'Radius of the inner edge: `r_i` = 9 m in the paper.', range=NOT_NEGATIVE)
-    yield place('road.outer_radius', _DOUBLE, 11.0, 'm',
-        'Radius of the outer edge: `r_o` = 11 m in the paper.', range=POSITIVE)
-    yield place('road.points', _DOUBLES, [], 'm',
-        'Centre line of a `corridor`: x and y of each point, in order. `road.file` reads them '
-        'from a file.')
-    yield place('road.half_width', _DOUBLES, [1.0], 'm',
-        'Distance from the centre line of a `corridor` to either edge: one value, or one for each '
-        'point.', range=POSITIVE)
-    yield place('road.left_width', _DOUBLES, [], 'm',
-        'Distance to the left edge; omit it if `road.half_width` holds.', range=POSITIVE)
-    yield place('road.right_width', _DOUBLES, [], 'm',
-        'Distance to the right edge; omit it if `road.half_width` holds.', range=POSITIVE)
-    yield place('road.closed', _BOOL, False, '',
-        'Whether the last point of a `corridor` is joined to its first.')
+    yield from road_parameters(place)
     yield place('obstacles.names', _STRINGS, [], '',
         'Names of the obstacles, each with its own block; omit it if there are none.')
-    yield from _shapes(place, 'obstacles')
-    yield place('map.cells', _STRING, 'none', '',
-        'Cells of an occupancy grid (rows, columns, compressed values); all occupied cells form '
-        'one obstacle. `map.file` reads them from a file of map_server, `map.topic` from messages.')
-    yield place('map.origin', _DOUBLES, [0.0, 0.0, 0.0], 'm, m, rad',
-        'Pose of the outer corner of its first cell (x, y, yaw).', length=3)
-    yield place('map.resolution', _DOUBLE, 0.05, 'm', 'Side length of its cells.',
-        range=POSITIVE)
-    yield place('map.unknown_is_free', _BOOL, False, '',
-        'Whether unknown cells, and everything beyond the grid, are free; otherwise they are '
-        'occupied.',
-        **_FIXED)
-    only_guidance = {'nodes': ('guidance',), **_FIXED}
-    yield place('map.topic', _STRING, '', '',
-        'Topic of a map or a live costmap; the guidance node waits for the first message, and each '
-        'replaces the map. Empty: none.', **only_guidance)
-    yield place('map.lethal', _INTEGER, 65, '',
-        'Value from which on a cell in a message is occupied.', range=Range(1, 100),
-        **only_guidance)
-    yield place('map.timeout', _DOUBLE, 0.0, 's',
-        'Age of the last message at which a live costmap counts as lost and the robot is stopped; '
-        '0: a map may be of any age.', range=NOT_NEGATIVE, **only_guidance)
+    yield from shape_parameters(place, 'obstacles')
+    yield from map_parameters(place)
 
     moving = Group('Moving obstacles', 'guidance')
     own = 'capacity', 'timeout', 'growth'
@@ -266,23 +222,7 @@ def _parameters() -> Iterator[Parameter]:
     yield scan('sim.obstacles.names', _STRINGS, [], '',
         'Names of obstacles that only the simulator knows, each with its own block; omit it if '
         'there are none.')
-    yield from _shapes(scan, 'sim.obstacles')
-
-
-def _shapes(group: Group, section: str) -> Iterator[Parameter]:
-    """The block of an obstacle."""
-    block = f'{section}.<name>'
-    yield group(f'{block}.type', _STRING, 'circle', '',
-        'Shape of this obstacle: a `capsule` is the region around a line segment, a `polygon` is '
-        'convex.', choices=('circle', 'capsule', 'polygon'))
-    yield group(f'{block}.center', _DOUBLES, [], 'm', 'Centre of this `circle` (x, y).')
-    yield group(f'{block}.start', _DOUBLES, [], 'm',
-        'One end of the line segment of this `capsule` (x, y).')
-    yield group(f'{block}.end', _DOUBLES, [], 'm', 'Other end of the line segment (x, y).')
-    yield group(f'{block}.vertices', _DOUBLES, [], 'm',
-        'Corners of this `polygon`, in order, in either direction: x and y of each.')
-    yield group(f'{block}.radius', _DOUBLE, 0.0, 'm',
-        'Radius of this `circle` or `capsule`; must be above 0 for these.', range=NOT_NEGATIVE)
+    yield from shape_parameters(scan, 'sim.obstacles')
 # fmt: on
 
 

@@ -8,15 +8,28 @@ import re
 import zlib
 from collections.abc import Callable, Iterator
 from functools import lru_cache, partial
-from typing import Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from cmpsp_ros.guidance import MAP
+from cmpsp_ros import guidance
 from cmpsp_ros.parameters.errors import ParameterError, Problem, Problems, describe
+from cmpsp_ros.parameters.parameter import ParameterType
 from cmpsp_ros.parameters.table import Values
-from cmpsp_ros.world.grids import Cells, GridError, GridObstacle, OccupancyGrid, check_size
-from cmpsp_ros.world.obstacles import Capsule, Obstacle, Point, Shape, ShapeError, convex
+from cmpsp_ros.setting import NOT_NEGATIVE, POSITIVE, Range
+from cmpsp_ros.world import obstacles
+
+if TYPE_CHECKING:
+    from cmpsp_ros.parameters.parameter import Group, Parameter
+    from cmpsp_ros.world.grids import Cells, GridObstacle
+    from cmpsp_ros.world.obstacles import Point, Shape
+
+_BOOL, _DOUBLE = ParameterType.BOOL, ParameterType.DOUBLE
+_STRING, _DOUBLES = ParameterType.STRING, ParameterType.DOUBLE_ARRAY
+_FIXED: Final = {'reconfigurable': False}
+
+_INTEGER: Final = ParameterType.INTEGER
+
 
 NO_MAP: Final = 'none'
 """Cells of no map."""
@@ -37,12 +50,61 @@ class _Kind(NamedTuple):
 
 
 _KINDS: Final = {
-    'circle': _Kind(('center',), True, lambda name, points, r: Obstacle(name, points[0][0], r)),
-    'capsule': _Kind(
-        ('start', 'end'), True, lambda name, points, r: Capsule(name, points[0][0], points[1][0], r)
+    'circle': _Kind(
+        ('center',), True, lambda name, points, r: obstacles.Obstacle(name, points[0][0], r)
     ),
-    'polygon': _Kind(('vertices',), False, lambda name, points, _: convex(name, points[0])),
+    'capsule': _Kind(
+        ('start', 'end'),
+        True,
+        lambda name, points, r: obstacles.Capsule(name, points[0][0], points[1][0], r),
+    ),
+    'polygon': _Kind(
+        ('vertices',), False, lambda name, points, _: obstacles.convex(name, points[0])
+    ),
 }
+
+
+# fmt: off
+def shape_parameters(group: Group, section: str) -> Iterator[Parameter]:
+    """Rows of the table for the block of an obstacle."""
+    block = f'{section}.<name>'
+    yield group(f'{block}.type', _STRING, 'circle', '',
+        'Shape of this obstacle: a `capsule` is the region around a line segment, a `polygon` is '
+        'convex.', choices=tuple(_KINDS))
+    yield group(f'{block}.center', _DOUBLES, [], 'm', 'Centre of this `circle` (x, y).')
+    yield group(f'{block}.start', _DOUBLES, [], 'm',
+        'One end of the line segment of this `capsule` (x, y).')
+    yield group(f'{block}.end', _DOUBLES, [], 'm', 'Other end of the line segment (x, y).')
+    yield group(f'{block}.vertices', _DOUBLES, [], 'm',
+        'Corners of this `polygon`, in order, in either direction: x and y of each.')
+    yield group(f'{block}.radius', _DOUBLE, 0.0, 'm',
+        'Radius of this `circle` or `capsule`; must be above 0 for these.', range=NOT_NEGATIVE)
+
+
+def map_parameters(place: Group) -> Iterator[Parameter]:
+    """Rows of the table for the map."""
+    yield place('map.cells', _STRING, 'none', '',
+        'Cells of an occupancy grid (rows, columns, compressed values); all occupied cells form '
+        'one obstacle. `map.file` reads them from a file of map_server, `map.topic` from messages.')
+    yield place('map.origin', _DOUBLES, [0.0, 0.0, 0.0], 'm, m, rad',
+        'Pose of the outer corner of its first cell (x, y, yaw).', length=3)
+    yield place('map.resolution', _DOUBLE, 0.05, 'm', 'Side length of its cells.',
+        range=POSITIVE)
+    yield place('map.unknown_is_free', _BOOL, False, '',
+        'Whether unknown cells, and everything beyond the grid, are free; otherwise they are '
+        'occupied.',
+        **_FIXED)
+    only_guidance = {'nodes': ('guidance',), **_FIXED}
+    yield place('map.topic', _STRING, '', '',
+        'Topic of a map or a live costmap; the guidance node waits for the first message, and each '
+        'replaces the map. Empty: none.', **only_guidance)
+    yield place('map.lethal', _INTEGER, 65, '',
+        'Value from which on a cell in a message is occupied.', range=Range(1, 100),
+        **only_guidance)
+    yield place('map.timeout', _DOUBLE, 0.0, 's',
+        'Age of the last message at which a live costmap counts as lost and the robot is stopped; '
+        '0: a map may be of any age.', range=NOT_NEGATIVE, **only_guidance)
+# fmt: on
 
 
 def obstacles_of(values: Values) -> tuple[Shape, ...]:
@@ -56,9 +118,9 @@ def obstacles_of(values: Values) -> tuple[Shape, ...]:
     problems = Problems()
     shapes = problems.attempt(lambda: shapes_of(values, 'obstacles'))
     has_map = values['map.cells'] != NO_MAP or values['map.topic']
-    if MAP in values['obstacles.names'] and has_map:
+    if guidance.MAP in values['obstacles.names'] and has_map:
         problems.append(
-            Problem('obstacles.names', repr(MAP), 'another name: it is that of the map')
+            Problem('obstacles.names', repr(guidance.MAP), 'another name: it is that of the map')
         )
     known = problems.attempt(lambda: map_of(values))
     problems.check()
@@ -105,7 +167,7 @@ def _shape(values: Values, prefix: str) -> Shape:
     points = [list(zip(each[::2], each[1::2], strict=True)) for each in numbers]
     try:
         return kind.make(prefix.rpartition('.')[2], points, radius)
-    except ShapeError as error:
+    except obstacles.ShapeError as error:
         found = f'at vertex {error.vertex} (from 0) {error.found}'
         raise ParameterError(Problem(f'{prefix}.vertices', found, error.wanted)) from error
 
@@ -137,9 +199,11 @@ def _block_problems(values: Values, prefix: str) -> Iterator[Problem]:
 def _map_of(
     origin: tuple[float, float, float], resolution: float, text: str, unknown_is_free: bool
 ) -> GridObstacle:
+    from cmpsp_ros.world.grids import GridError, GridObstacle, OccupancyGrid  # noqa: PLC0415 (numba)
+
     try:
         grid = OccupancyGrid(origin, resolution, _cells_of(text))
-        found = GridObstacle(MAP, grid, unknown_is_free)
+        found = GridObstacle(guidance.MAP, grid, unknown_is_free)
         found.check_space()
     except GridError as error:
         raise ParameterError(Problem(f'map.{error.where}', error.found, error.wanted)) from error
@@ -147,6 +211,8 @@ def _map_of(
 
 
 def _cells_of(text: str) -> Cells:
+    from cmpsp_ros.world.grids import GridError, check_size  # noqa: PLC0415 (loads numba)
+
     form = _CELLS.fullmatch(text)
     if form is None:
         raise GridError('cells', describe(text), _WANTED)

@@ -4,13 +4,55 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from typing import Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
 from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
+from cmpsp_ros.parameters.parameter import Group, Parameter, ParameterType
 from cmpsp_ros.parameters.table import Values
-from cmpsp_ros.world.roads import Annulus, Corridor, OpenFloor, Road, RoadError
+from cmpsp_ros.setting import NOT_NEGATIVE, POSITIVE
+from cmpsp_ros.world import roads
+
+if TYPE_CHECKING:
+    from cmpsp_ros.world.roads import Annulus, Corridor, Road
+
+_BOOL, _DOUBLE = ParameterType.BOOL, ParameterType.DOUBLE
+_STRING, _DOUBLES = ParameterType.STRING, ParameterType.DOUBLE_ARRAY
+_FIXED: Final = {'reconfigurable': False}
+
+
+# fmt: off
+def road_parameters(place: Group) -> Iterator[Parameter]:
+    """Rows of the table, in the order of the documentation."""
+    yield place('road.type', _STRING, 'annulus', '',
+        'Shape of the road: `annulus` lies between two circles, as in the paper; `corridor` runs '
+        'along a line through points; `none` is open floor.',
+        choices=tuple(_KINDS), **_FIXED)
+    yield place('road.source', _STRING, 'parameters', '',
+        'Source of a `corridor`: these parameters, or the topic `road`. With `topic` the guidance '
+        'node waits for a message; each message sets `road.points` and `road.closed`. The '
+        'simulator publishes their initial values there.',
+        choices=('parameters', 'topic'), **_FIXED)
+    yield place('road.center', _DOUBLES, [0.0, 0.0], 'm',
+        'Centre of an `annulus` (x, y).', length=2)
+    yield place('road.inner_radius', _DOUBLE, 9.0, 'm',
+        'Radius of the inner edge: `r_i` = 9 m in the paper.', range=NOT_NEGATIVE)
+    yield place('road.outer_radius', _DOUBLE, 11.0, 'm',
+        'Radius of the outer edge: `r_o` = 11 m in the paper.', range=POSITIVE)
+    yield place('road.points', _DOUBLES, [], 'm',
+        'Centre line of a `corridor`: x and y of each point, in order. `road.file` reads them '
+        'from a file.')
+    yield place('road.half_width', _DOUBLES, [1.0], 'm',
+        'Distance from the centre line of a `corridor` to either edge: one value, or one for each '
+        'point.', range=POSITIVE)
+    yield place('road.left_width', _DOUBLES, [], 'm',
+        'Distance to the left edge; omit it if `road.half_width` holds.', range=POSITIVE)
+    yield place('road.right_width', _DOUBLES, [], 'm',
+        'Distance to the right edge; omit it if `road.half_width` holds.', range=POSITIVE)
+    yield place('road.closed', _BOOL, False, '',
+        'Whether the last point of a `corridor` is joined to its first.')
+# fmt: on
 
 
 def lacks_road(values: Values) -> bool:
@@ -52,7 +94,7 @@ def road_keys(values: Values) -> tuple[str, ...]:
 
 def _annulus(values: Values) -> Annulus:
     center = tuple(values['road.center'])
-    return Annulus(center, values['road.inner_radius'], values['road.outer_radius'])
+    return roads.Annulus(center, values['road.inner_radius'], values['road.outer_radius'])
 
 
 def _narrow_annulus(road: Annulus, kept: float, wanted: str) -> Iterator[Problem]:
@@ -72,8 +114,8 @@ def _corridor(values: Values) -> Corridor:
     points = tuple(zip(numbers[::2], numbers[1::2], strict=True))
     left, right = (_widths(values, side, len(points)) for side in ('left', 'right'))
     try:
-        return Corridor(points, left, right, values['road.closed'])
-    except RoadError as error:
+        return roads.Corridor(points, left, right, values['road.closed'])
+    except roads.RoadError as error:
         found = f'at point {error.point} (from 0) {error.found}'
         raise ParameterError(Problem('road.points', found, error.wanted)) from error
 
@@ -103,7 +145,7 @@ def _placeholder(kept: float) -> Corridor:
     radius, count = 10.0 * half, 16
     angles = [math.tau * k / count for k in range(count)]
     points = tuple((radius * math.cos(angle), radius * math.sin(angle)) for angle in angles)
-    return Corridor(points, (half,) * count, (half,) * count, closed=True)
+    return roads.Corridor(points, (half,) * count, (half,) * count, closed=True)
 
 
 class _Kind(NamedTuple):
@@ -125,6 +167,6 @@ _KINDS: Final = {
         _annulus, ('road.center', 'road.inner_radius', 'road.outer_radius'), _narrow_annulus
     ),
     'corridor': _Kind(_corridor, ('road.type', 'road.points'), _narrow_corridor),
-    'none': _Kind(lambda _: OpenFloor(), ('road.type',), lambda *_: iter(())),
+    'none': _Kind(lambda _: roads.OpenFloor(), ('road.type',), lambda *_: iter(())),
 }
 """Types of roads, by their names in `road.type`."""

@@ -112,7 +112,7 @@ class OcpFormulation:
             durations: Length of every step, shape ``(N,)`` [s]. Only the first and the last may be
                 longer than a control period.
             target: Target of the plan.
-            pose: Where it begins, shape ``(3,)`` [m, m, rad]; needed for moving obstacles only.
+            pose: Beginning of the plan, shape ``(3,)`` [m, m, rad]; for moving obstacles only.
             moving: Moving obstacles, from then on.
         """
         space = self.static_free_space(world, guess, durations, target)
@@ -195,12 +195,8 @@ def sample_space(settings: LawSettings, world: World, longest: float = 0.0) -> F
     """Free space of the samples of a plan, such that the path between them is in `path_space`.
 
     Without a wheel limit none is known beforehand, and with `safety.between_samples` off none is
-    wanted: then it is `path_space`.
-
-    Args:
-        settings: All settings of the guidance law.
-        world: Road and static obstacles.
-        longest: Longest time between two samples [s]; the control period if it is shorter.
+    wanted: then it is `path_space`. The longest time between two samples is at least the control
+    period [s].
     """
     period = max(settings.control_period, longest)
     space = path_space(settings, world)
@@ -218,15 +214,8 @@ def goal_space(
     the trajectory check sees the arc that leads there: so the last sample keeps only the distance
     of `path_space` from that thing. A robot that drives on needs time to turn, and keeps more.
 
-    Args:
-        settings: All settings of the guidance law.
-        world: Road and static obstacles.
-        target: Target of the plan.
-        longest: Time from the sample before the last to the last [s].
-
-    Returns:
-        None for a goal as far from everything as samples must be, nearer than the path may be, or
-        not the last.
+    None for a goal as far from everything as samples must be, nearer than the path may be, or not
+    the last. The longest time is that between the last two samples [s].
     """
     if target.drives_on or target.is_line:
         return None

@@ -121,12 +121,8 @@ def predict(data: GuidanceData, U: Array, X: Array) -> None:
 def evaluate(data: GuidanceData, X: Array, U: Array, output_error: Array, g: Array) -> float:
     """Cost J of (95) without its proximal term, terminal output (5) and path constraints (4).
 
-    Args:
-        data: The problem.
-        X: States, shape ``(N + 1, n)``.
-        U: Controls, shape ``(N + 1, r)``.
-        output_error: Filled with ``Y_N - Y_N*``, shape ``(m,)``.
-        g: Filled with the path constraints, ``-inf`` where one does not apply; ``(N + 1, l)``.
+    Fills the output error ``Y_N - Y_N*``, shape ``(m,)``, and path constraints ``(N + 1, l)``,
+    ``-inf`` where one does not apply.
     """
     p, cost = data.parameters[0], 0.0
     N, outputs = data.durations.shape[0], output_error.shape[0]
@@ -174,15 +170,8 @@ def linearise(
     unit vectors ``n`` across and ``t`` along the road. Gauss-Newton omits the second term; the
     projection omits it where ``a`` is negative, on the inner side of a curve.
 
-    Entries that are always 0 are not written.
-
-    Args:
-        data: The problem.
-        X: States, shape ``(N + 1, n)``.
-        U: Controls, shape ``(N + 1, r)``.
-        stages: Records of `layout.stage_type`, shape ``(N + 1,)``.
-        path: Path constraints, records of `layout.row_type`, shape ``(N + 1, l)``.
-        terminal: Terminal constraints, records of `layout.row_type`, shape ``(m,)``.
+    Stages ``(N + 1,)`` are records of `layout.stage_type`, path constraints ``(N + 1, l)`` and
+    terminal constraints ``(m,)`` of `layout.row_type`. Entries that are always 0 are not written.
     """
     p, N = data.parameters[0], data.durations.shape[0]
     q, curvature = p.road_center, p.control_change + p.control_effort

@@ -48,12 +48,7 @@ def return_to_goal(
 ) -> Plan:
     """A plan of the return, which is complete at the end of the horizon.
 
-    Args:
-        settings: All settings of the guidance law.
-        target: The goal.
-        start: Where it begins.
-        horizon: Its horizon; in the steps left over the robot rests.
-        delay: From a command to its effect [ns].
+    `delay` [ns].
     """
     robot, durations, k = settings.robot, horizon.durations, 0
     controls = np.zeros((len(durations) + 1, robot.n_controls))

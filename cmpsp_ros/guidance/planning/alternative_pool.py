@@ -74,12 +74,9 @@ class AlternativePool:
         return kept
 
     def keep(self, best: Alternative, every: list[Alternative], waiting: list[Alternative]) -> None:
-        """Follow one plan, and keep the best of every other class that may yet be better.
+        """Follow one of the improved plans, and keep the best of other classes that may get better.
 
-        Args:
-            best: The plan to follow.
-            every: All plans that were improved.
-            waiting: Plans that no work was left for.
+        Those that no work was left for wait.
         """
         kept = {best.homotopy_class: best}
         for each in every:

@@ -11,11 +11,11 @@ from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.formulation.ocp_formulation import BY_PRIORITY
 from cmpsp_ros.guidance.goals import Target
-from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.planning.homotopy.road_frame import wrapped
 from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.safety.audit import TOUCHING, Audit, Verdict
 from cmpsp_ros.guidance.settings import LawSettings
+from cmpsp_ros.guidance.times import NANOSECONDS
 from cmpsp_ros.mpsp.jit import allocation_free
 from cmpsp_ros.robots import Kinematics, fastest_wheel
 from cmpsp_ros.world.roads import RoadSpace, road_functions
@@ -228,7 +228,8 @@ class Ranking:
     def _reserve(self, plan: Plan) -> float:
         """Fraction of the time left that a plan could do without at full speed; 1 if unlimited.
 
-        A disturbance costs time, and nothing in the cost keeps any.
+        With wheel speeds w: 1 - sum_k max_i |w_ki| dt_k / (w_max T). A disturbance costs time, and
+        nothing in the cost keeps any.
         """
         edges, robot = plan.horizon.edges, self._settings.robot.kinematics
         needed = _turned(plan.controls, plan.horizon.durations, robot)
@@ -236,6 +237,7 @@ class Ranking:
         return 1.0 - needed / robot.max_wheel_speed / left
 
     def _cost(self, plan: Plan, previous_control: Array, off_center: float) -> float:
+        """Cost (95) without its proximal term, with the weights of controls and their changes."""
         controls, weights = plan.controls, self._settings.weights
         cost = weights.road_center * off_center
         if weights.control_effort > 0.0:

@@ -41,12 +41,6 @@ def searched_with(settings: LawSettings, world: World, place: Array, goal: Point
     Another path is taken if the present one is blocked, or if it is shorter by more than the
     hysteresis, which doubles each time: where noise opens and closes a gap, the robot would
     otherwise drive to and fro. It takes as long as a search of the grid.
-
-    Args:
-        settings: All settings of the guidance law.
-        world: What is seen now, and the inputs of the last search.
-        place: Position of the robot, shape ``(2,)`` [m].
-        goal: Its goal (x, y) [m].
     """
     if world.seen is None:
         return world.searched

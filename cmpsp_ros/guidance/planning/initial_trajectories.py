@@ -92,18 +92,8 @@ def follow_profile(
     """Pursuit of a point ahead on a path, paced to be at its end in time.
 
     Where the change of two wheels is limited none changes faster, and a robot at rest turns on the
-    spot first: while it sets out it cannot turn.
-
-    Args:
-        settings: All settings of the guidance law.
-        start: Where to begin.
-        durations: Length of every step, shape ``(N,)`` [s].
-        frame: Road coordinates.
-        profile: Lateral positions at its stations, shape ``(K,)`` [m].
-        free_turn_rate: As in `Pursuit` [rad/s].
-
-    Returns:
-        Controls ``(N + 1, r)``.
+    spot first: while it sets out it cannot turn. The profile has the lateral positions of the path
+    at the stations of the frame, shape ``(K,)`` [m]; the result has shape ``(N + 1, r)``.
     """
     left = np.zeros(len(profile))
     left[:-1] = np.cumsum(lengths(frame, profile)[::-1])[::-1]

@@ -48,14 +48,7 @@ class PlanSelector:
     def __init__(
         self, settings: LawSettings, world: World, audit: Audit, timer: Callable[[], int]
     ) -> None:
-        """Start without a plan.
-
-        Args:
-            settings: All settings of the guidance law.
-            world: Road and static obstacles.
-            audit: Check that every plan must pass.
-            timer: Monotonic time [ns].
-        """
+        """Start without a plan; the timer gives monotonic time [ns]."""
         self._timer = timer
         self._take(settings, audit)
         self.phases: dict[str, float] = {}
@@ -156,7 +149,11 @@ class PlanSelector:
         if self._limit == 1:
             return self._or_fallback(warm, context)
         if guesses is None:
-            self._count_flawed_steps(warm, context)
+            if self._ranking.needs_replanning(warm, context.start):
+                self._waited += 1
+                self._flawed_steps += 1
+            else:
+                self._pause = self._waited = self._flawed_steps = 0
             # A live change asks for other plans only where the one that is followed has a flaw.
             self._review = self._review or (self._task_changed and self._flawed_steps > 0)
             self._task_changed = False
@@ -169,13 +166,6 @@ class PlanSelector:
             return warm
         selected = self._select(warm, context, guesses, review=review, may_change=may_change)
         return self._polished(selected, context)
-
-    def _count_flawed_steps(self, warm: Candidate, context: PlanningContext) -> None:
-        if self._ranking.needs_replanning(warm, context.start):
-            self._waited += 1
-            self._flawed_steps += 1
-        else:
-            self._pause = self._waited = self._flawed_steps = 0
 
     def _timed(self, phase: str, run: Callable[..., Any], *arguments: Any) -> Any:
         began = self._timer()
@@ -324,17 +314,14 @@ class PlanSelector:
             initial = self._settings.solver.initial_iterations
             iterations = initial if self._limit == 1 else min(initial, SCREENING)
         work_limit = max(self._work_left, 0) * generosity
-        result = self._timed('solve', planner.improve, context, guess, iterations, work_limit)
+        began = self._timer()
+        result = planner.improve(context, guess, iterations, work_limit)
+        solved = self._timer()
+        plan, durations = result.plan, context.horizon.durations
+        verdict = self._audit.check(context.start, plan.controls, durations, context.pending)
+        self.phases['solve'] += (solved - began) * _MILLISECONDS
+        self.phases['audit'] += (self._timer() - solved) * _MILLISECONDS
         self._work_left -= result.work
-        plan, horizon = result.plan, context.horizon
-        verdict = self._timed(
-            'audit',
-            self._audit.check,
-            context.start,
-            plan.controls,
-            horizon.durations,
-            context.pending,
-        )
         if context.delay:
             result = result._replace(plan=plan._replace(delay=context.delay))
         return Candidate.of(result, verdict, context.goal)

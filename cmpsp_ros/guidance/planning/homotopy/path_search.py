@@ -94,19 +94,10 @@ def guide_paths(
     limit: int = MAX_CLASSES,
     without: Collection[HomotopyClass] = (),
 ) -> list[GuidePath]:
-    """The most promising paths from a pose to the goal, one for a homotopy class, best first.
+    """The most promising paths to the goal, one for a homotopy class, best first.
 
-    Args:
-        settings: All settings of the guidance law.
-        space: Free space of the samples of a plan.
-        start: Where they begin.
-        target: Where they end.
-        durations: Length of every step, shape ``(N,)`` [s].
-        limit: How many of them at most.
-        without: Homotopy classes that are not wanted.
-
-    Returns:
-        Paths of different classes; none where everything is closed, or nothing is left to drive.
+    None where everything is closed, or nothing is left to drive. The space is that of the samples;
+    at most `limit` paths are returned, and none of the classes that are not wanted.
     """
     frame = road_frame(settings, start, target)
     if frame.length < 2.0 * SPACING:

@@ -95,7 +95,7 @@ class RoadFrame(NamedTuple):
 
 def road_frame(settings: LawSettings, start: PlanStart, target: Target) -> RoadFrame:
     """Coordinates of the road from the beginning of a plan to its target."""
-    discs = all(len(each.corners) == 1 for each in start.world.shapes)
+    discs = all(each.is_disc for each in start.world.shapes)
     if discs and isinstance(start.world.road, Annulus):
         return _polar(start.world.annulus, start.pose, target.position)
     return _along_line(settings, start, target)
@@ -201,14 +201,8 @@ def wrapped(angle: float) -> float:
 def elastic_band(frame: RoadFrame, low: Array, high: Array, ends: tuple[float, float]) -> Array:
     """Elastic bands between bounds, attracted by the centre line, by projected over-relaxation.
 
-    Args:
-        frame: Road coordinates.
-        low: Lower bounds at its stations, one row a path, shape ``(W, K)`` [m].
-        high: Upper bounds.
-        ends: Lateral positions of all beginnings and ends [m].
-
-    Returns:
-        Lateral positions, shape ``(W, K)`` [m].
+    Bounds and lateral positions have one row a path, shape ``(W, K)`` [m]; all paths have the same
+    ends [m].
     """
     profiles: Array = np.clip(np.full_like(low, frame.middle), low, high)
     profiles[:, 0], profiles[:, -1] = ends

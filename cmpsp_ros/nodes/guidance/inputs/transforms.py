@@ -69,7 +69,7 @@ class TransformInput(Listener):
         self._goals = OWN_GOAL_POSE.publish_on(node)
         self._moving = OWN_MOVING.publish_on(node)
         topics = (
-            ('/tf', DurabilityPolicy.VOLATILE, self._unread.append),
+            ('/tf', DurabilityPolicy.VOLATILE, self._keep),
             ('/tf_static', DurabilityPolicy.TRANSIENT_LOCAL, self._hear_static),
         )
         for topic, durability, hear in topics if TFMessage is not None else ():
@@ -198,6 +198,10 @@ class TransformInput(Listener):
         while self._unread:
             self._transforms.add(deserialize_message(self._unread.popleft(), TFMessage))
         return self._transforms.look_up(target, source, stamp, self.settings.odom_timeout)
+
+    # rclpy asks a callback for its signature, which the queue's own method has none of.
+    def _keep(self, data: bytes) -> None:
+        self._unread.append(data)
 
     def _hear_static(self, data: bytes) -> None:
         self._transforms.add(deserialize_message(data, TFMessage), is_static=True)

@@ -1,29 +1,18 @@
-"""Times, the horizon of a plan, and plans on a later horizon.
+"""The horizon of a plan, and plans on a later horizon.
 
-Times are integer nanoseconds since time 0, so that a run repeats exactly. The final time is fixed,
-and control instants are on a fixed grid before it.
+The final time is fixed, and control instants are on a fixed grid before it.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from cmpsp_ros.arrays import Array, IntArray
+from cmpsp_ros.guidance.times import NANOSECONDS
 from cmpsp_ros.mpsp.jit import allocation_free
-
-NANOSECONDS = 1_000_000_000
-
-NEVER: Final = 2**62
-"""A time that does not come [ns]."""
-
-
-def to_nanoseconds(seconds: float) -> int:
-    """Seconds as a whole number of nanoseconds, to the nearest; infinite ones are `NEVER`."""
-    return round(seconds * NANOSECONDS) if seconds < math.inf else NEVER
 
 
 class Horizon(NamedTuple):

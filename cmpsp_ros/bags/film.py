@@ -25,7 +25,7 @@ from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.robots import DifferentialDrive
 from cmpsp_ros.simulator import Physics, mjcf
 from cmpsp_ros.view import Lines, bodies, body
-from cmpsp_ros.world.obstacles import Shape, outlines
+from cmpsp_ros.world.obstacles import Shape
 
 Point = tuple[float, float]
 
@@ -91,7 +91,7 @@ def scene(
 
 
 def has_wheels(settings: GuidanceSettings) -> bool:
-    """Whether the robot is shown with its two wheels, and not as its footprint."""
+    """True if the robot is shown with its two wheels, not as its footprint."""
     return isinstance(settings.robot, DifferentialDrive) and not settings.footprint.corners
 
 
@@ -131,11 +131,11 @@ def _edges(settings: GuidanceSettings) -> Iterator[str]:
 
 def _obstacles(shapes: Iterable[Shape], color: str) -> Iterator[str]:
     for each in shapes:
-        if len(each.corners) == 1:
+        if each.is_disc:
             place = (*each.center, HEIGHT / 2.0)
             yield _geom('cylinder', f'{each.radius} {HEIGHT / 2.0}', place, color)
         else:
-            for line in outlines(each, each.radius):
+            for line in each.outlines(each.radius):
                 yield from _line(line, _LINE, color)
 
 

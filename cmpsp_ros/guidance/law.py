@@ -12,7 +12,7 @@ import numpy as np
 from cmpsp_ros.guidance.commands.supervisor import Supervisor
 from cmpsp_ros.guidance.decision import Decision
 from cmpsp_ros.guidance.goals import Goal
-from cmpsp_ros.guidance.horizon import NEVER, Horizon, remaining, to_nanoseconds
+from cmpsp_ros.guidance.horizon import remaining
 from cmpsp_ros.guidance.mission.feasibility_precheck import infeasibility_warnings
 from cmpsp_ros.guidance.mission.return_to_goal import return_to_goal
 from cmpsp_ros.guidance.planning.grid_path_memory import search_ahead
@@ -22,6 +22,7 @@ from cmpsp_ros.guidance.prediction.estimator import Estimate, Observation
 from cmpsp_ros.guidance.safety.audit import Audit, Verdict
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.state import LawState
+from cmpsp_ros.guidance.times import NEVER, Horizon, to_nanoseconds
 from cmpsp_ros.guidance.world import NOT_SEARCHED, World
 from cmpsp_ros.world.roads import arc_length_to
 
@@ -92,7 +93,8 @@ class GuidanceLaw:
 
     def is_due(self, stamp: int) -> bool:
         """Whether odometry of this time [ns] is one to decide on."""
-        return self._state.clock.is_due(stamp)
+        clock = self._state.clock
+        return clock.start is None or stamp - clock.start >= clock.due
 
     def step(self, observation: Observation) -> Decision | None:
         """Decide, if a control step is due.
@@ -130,7 +132,9 @@ class GuidanceLaw:
             # Before time 0 there is time for it.
             self._search(observation)
             self._see(observation)
-        self._state.clock.advance(observation.stamp)
+        clock = self._state.clock
+        clock.start = observation.stamp if clock.start is None else clock.start
+        clock.now = observation.stamp - clock.start
         return self._state.lateness.begin_step()
 
     def _see(self, observation: Observation) -> None:
@@ -236,11 +240,7 @@ class GuidanceLaw:
         return self._audit.check_pending(estimate.here, controls, durations)
 
     def _decide_in_time(self, estimate: Estimate, decision: Decision) -> None:
-        """Decide once more if the last command on the way to a goal may not outlast its time.
-
-        By itself it does, by as long as the next one takes to come into effect: a stop, or the
-        first on the way to another goal.
-        """
+        """Decide once more if the last command on the way to a goal may not outlast its time."""
         clock, plan = self._state.clock, decision.plan
         if estimate.delay == 0 or plan is None or len(plan.horizon.durations) > 1:
             return
@@ -255,10 +255,9 @@ class GuidanceLaw:
         return decision
 
     def after_step(self, late: float = 0.0) -> Decision:
-        """Do what may take longer than a control step, after the command is out.
+        """Do what may take longer than a control step, once the command is out.
 
-        It warns before the first plan of what no plan can do, and searches grids for the paths to
-        the next goals. A replay does the same.
+        It warns of what no plan can do, and searches grids for the paths to the next goals.
 
         Args:
             late: How long the step took, where its command came too late to be sent [s]: it is

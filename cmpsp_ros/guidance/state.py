@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
+from typing import Final
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.decision import Decision, Plan
@@ -11,11 +12,13 @@ from cmpsp_ros.guidance.messages.tracks import MovingObject
 from cmpsp_ros.guidance.mission.closed_road import ClosedRoad
 from cmpsp_ros.guidance.mission.goal_manager import GoalManager
 from cmpsp_ros.guidance.prediction.estimator import Estimator, Observation
-from cmpsp_ros.guidance.safety.audit import Verdict
-from cmpsp_ros.guidance.safety.fallback import Lateness
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.world import NOT_SEARCHED, Searched, World
 from cmpsp_ros.robots import NO_RAMP, Robot
+
+# Halvings of the work of a step, at most, and control steps in time after which one is taken back.
+_MOST_HALVINGS: Final = 3
+_FORGIVEN: Final = 25
 
 
 @dataclass
@@ -34,15 +37,6 @@ class Clock:
     due: int = 0
     step: int = 0
 
-    def is_due(self, stamp: int) -> bool:
-        """Whether odometry of this time [ns] is one to decide on."""
-        return self.start is None or stamp - self.start >= self.due
-
-    def advance(self, stamp: int) -> None:
-        """Go on to odometry of this time [ns]."""
-        self.start = stamp if self.start is None else self.start
-        self.now = stamp - self.start
-
     def elapsed(self, stamp: int) -> int:
         """Time from the first odometry to a time stamp [ns]; 0 before it."""
         return 0 if self.start is None else stamp - self.start
@@ -50,6 +44,44 @@ class Clock:
     def interrupt(self) -> None:
         """Decide at once on the next newer odometry."""
         self.due = 0 if self.start is None else self.now + 1
+
+
+@dataclass
+class Lateness:
+    """How late commands are in a run.
+
+    Attributes:
+        last: How long the last step took, if its command came too late to be sent; else 0 [s].
+        expected: The longest that a step took of those not yet forgiven [s].
+        late_steps: Late steps not yet forgiven, as far as they count.
+        steps_in_time: Steps in time since the last of them.
+    """
+
+    last: float = 0.0
+    expected: float = 0.0
+    late_steps: int = 0
+    steps_in_time: int = 0
+
+    @property
+    def halvings(self) -> int:
+        """How often the work of a step is halved: a single late step may be chance."""
+        return max(self.late_steps - 1, 0)
+
+    def add(self, took: float) -> None:
+        """Count a late step that took so long [s]."""
+        self.last, self.expected = took, max(self.expected, took)
+        self.late_steps = min(self.late_steps + 1, _MOST_HALVINGS + 1)
+        self.steps_in_time = 0
+
+    def begin_step(self) -> float:
+        """Begin the next step; how long the last one took, if it was too late, else 0 [s]."""
+        last, self.last = self.last, 0.0
+        if last == 0.0 and self.late_steps:
+            self.steps_in_time += 1
+            if self.steps_in_time >= _FORGIVEN:
+                self.late_steps, self.steps_in_time = self.late_steps - 1, 0
+                self.expected = self.expected if self.late_steps else 0.0
+        return last
 
 
 @dataclass
@@ -107,14 +139,6 @@ class Following:
     failures: int = 0
     end_speed: float = math.inf
 
-    def command(self, control: Array, ramp: Array) -> None:
-        """Give a command, and keep the ramp by which it can be stopped."""
-        self.previous_control, self.ramp = control, ramp
-
-    def follow(self, plan: Plan, verdict: Verdict) -> None:
-        """Give the first command of a plan."""
-        self.command(plan.controls[0], verdict.ramp)
-
     def brake(self, stamp: int, period: int, robot: Robot) -> None:
         """Give the next command of the ramp; one at rest or without a ramp stops at once.
 
@@ -124,7 +148,7 @@ class Following:
         if not len(self.ramp):
             self.previous_control = robot.stopped(self.previous_control)
         elif stamp - self.commanded_at >= period // 2:
-            self.command(self.ramp[0], self.ramp[1:])
+            self.previous_control, self.ramp = self.ramp[0], self.ramp[1:]
 
     def wait(self, standby: Plan | None) -> None:
         """Follow no plan, and improve one for when the way is free."""

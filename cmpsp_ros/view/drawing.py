@@ -16,7 +16,7 @@ from cmpsp_ros.arrays import Array
 from cmpsp_ros.robots import arc_ends
 from cmpsp_ros.view.plotly_traces import Trace
 from cmpsp_ros.view.scene import TEXT
-from cmpsp_ros.world.obstacles import Shape, outlines
+from cmpsp_ros.world.obstacles import Shape
 from cmpsp_ros.world.roads import Road
 
 Look = dict[str, Any]
@@ -43,7 +43,7 @@ def draw_road(axes: Axes, road: Road, face: str, edge: str) -> None:
 def draw_obstacles(axes: Axes, obstacles: Iterable[Shape], **look: Any) -> None:
     """Draw obstacles in a look of one's own, below paths."""
     for each in obstacles:
-        lines = (Path(line, closed=True) for line in outlines(each, each.radius))
+        lines = (Path(line, closed=True) for line in each.outlines(each.radius))
         edge = Path.make_compound_path(*lines)
         axes.add_patch(PathPatch(edge, **{'zorder': 2, **look}))
 

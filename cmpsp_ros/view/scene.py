@@ -13,7 +13,7 @@ from cmpsp_ros.guidance import GuidanceSettings
 from cmpsp_ros.guidance.formulation import sample_space
 from cmpsp_ros.robots import placed
 from cmpsp_ros.world.grids import Cell, OccupancyGrid
-from cmpsp_ros.world.obstacles import Point, Shape, outline_of, outlines
+from cmpsp_ros.world.obstacles import Point, Shape, outline_of
 from cmpsp_ros.world.roads import Road
 
 # Okabe and Ito: Color Universal Design (2008), in an order that also differs in lightness.
@@ -77,7 +77,7 @@ class Look:
 
     @property
     def of_names(self) -> tuple[str, str]:
-        """Colour of names, and of what is around their letters."""
+        """Colour of names, and of the glow around their letters."""
         return ('#ffffff', self.color) if self.fill == self.color else (self.color, '#ffffff')
 
 
@@ -122,7 +122,7 @@ def course(
     """Roads, obstacles that guidance knows, and those that only the simulator knows."""
     parts = [part for road in roads for part in _road(road)]
     for kind, shapes in (('obstacle', list(obstacles)), ('hidden', list(hidden))):
-        lines = tuple(line for each in shapes for line in outlines(each, each.radius))
+        lines = tuple(line for each in shapes for line in each.outlines(each.radius))
         names = tuple((each.name, each.center) for each in shapes if each.corners)
         parts.append(Part(kind, lines, names))
     return tuple(each for each in parts if each.lines)
@@ -133,7 +133,7 @@ def kept_clear(settings: GuidanceSettings) -> Part:
     radii = zip(
         settings.obstacles, sample_space(settings, settings.world).radii.tolist(), strict=True
     )
-    return Part('kept clear', tuple(line for each, r in radii for line in outlines(each, r)))
+    return Part('kept clear', tuple(line for each, r in radii for line in each.outlines(r)))
 
 
 def seen(grids: Sequence[OccupancyGrid]) -> Part:
@@ -182,7 +182,7 @@ def frame(points: Sequence[Array], shapes: Iterable[Shape], room: float) -> tupl
     """
     every = np.vstack(points)
     low, high = every.min(axis=0) - room, every.max(axis=0) + room
-    lines = [line for each in shapes if each.corners for line in outlines(each, each.radius)]
+    lines = [line for each in shapes if each.corners for line in each.outlines(each.radius)]
     boxes = np.array([(line.min(axis=0), line.max(axis=0)) for line in lines]).reshape(-1, 2, 2)
     boxes += np.array([[-_BESIDE], [_BESIDE]])
     while True:

@@ -10,11 +10,11 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.decision import UNTIMED, Decision, FallbackLevel, Plan
-from cmpsp_ros.guidance.horizon import NANOSECONDS, NEVER, to_nanoseconds
 from cmpsp_ros.guidance.planning.candidate import SolveResult
 from cmpsp_ros.guidance.safety.audit import Audit, Verdict
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.state import LawState
+from cmpsp_ros.guidance.times import NANOSECONDS, NEVER, to_nanoseconds
 from cmpsp_ros.robots import speeds_and_turns
 from cmpsp_ros.world.obstacles import NOTHING_MOVES, MovingDiscs
 
@@ -41,18 +41,10 @@ class DecisionBuilder:
     ) -> Decision:
         """Give the first command of a plan.
 
-        Args:
-            state: Of the law.
-            stamp: Time stamp of the odometry that it answers [ns].
-            level: The fallback level.
-            reason: Why that level.
-            plan: The plan.
-            verdict: Of its check.
-            errors: Distance of the plan's end from the goal [m], and of its last heading [rad].
-            result: Of the iterations of this step, if there were any.
-            phases: Computing time by phase [ms].
+        `stamp` [ns], `errors` [m], [rad], `phases` [ms].
         """
-        state.following.follow(plan, verdict)
+        following = state.following
+        following.previous_control, following.ramp = plan.controls[0], verdict.ramp
         solved = {
             'slack': result.slack if result is not None and result.elastic else 0.0,
             'iterations': 0 if result is None else result.iterations,
@@ -77,14 +69,7 @@ class DecisionBuilder:
     ) -> Decision:
         """Stop, or brake as far as the wheels can.
 
-        Args:
-            state: Of the law.
-            stamp: Time stamp of the odometry that it answers, or of now [ns].
-            pose: Where the robot is, NaN if unknown, shape ``(3,)`` [m, m, rad].
-            reason: Why.
-            result: Of the iterations of this step, if there were any.
-            moving: Moving obstacles.
-            flags: Other fields of `Decision`.
+        `stamp` [ns], `pose` ``(3,)`` [m, m, rad].
         """
         following, progress = state.following, state.estimator.progress
         following.brake(stamp, self._period, state.estimator.robot)

@@ -8,7 +8,6 @@ from typing import Final, NamedTuple
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.commands.decision_builder import DecisionBuilder
 from cmpsp_ros.guidance.decision import Decision, FallbackLevel, Plan
-from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
 from cmpsp_ros.guidance.planning.candidate import Candidate
 from cmpsp_ros.guidance.planning.plan_selector import PlanSelector
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
@@ -18,6 +17,7 @@ from cmpsp_ros.guidance.safety.audit import TOUCHING, Audit, Verdict
 from cmpsp_ros.guidance.safety.fallback import Fallback, clear_fraction
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.state import LawState
+from cmpsp_ros.guidance.times import NANOSECONDS, to_nanoseconds
 
 PATIENCE: Final = 3
 """Control steps for which a plan that gains too little is driven: it may yet be improved."""
@@ -48,13 +48,7 @@ class Supervisor:
     """Decides what is followed, how fast, and when to stop instead."""
 
     def __init__(self, settings: LawSettings, audit: Audit, selector: PlanSelector) -> None:
-        """Take limits and times from the settings.
-
-        Args:
-            settings: All settings of the guidance law.
-            audit: What every plan must pass.
-            selector: Where plans come from.
-        """
+        """Take limits and times from the settings."""
         self._settings, self._audit, self._selector = settings, audit, selector
         self._period = to_nanoseconds(settings.control_period)
         self._fallback = Fallback(settings, audit)
@@ -69,7 +63,7 @@ class Supervisor:
 
     def reason_to_stand(self, state: LawState, estimate: Estimate) -> str:
         """Why not even to plan, in a sentence; empty for no reason."""
-        waits = '' if len(estimate.start.moving) else state.mission.closed_road.wait_reason
+        waits = '' if estimate.start.moving.names else state.mission.closed_road.wait_reason
         return state.estimator.response.reason_to_stop(self._settings) or waits
 
     def choose(
@@ -80,15 +74,7 @@ class Supervisor:
         context: PlanningContext,
         selected: Candidate,
     ) -> Decision:
-        """Follow the selected plan, or the previous one shifted, no faster than is safe; or stop.
-
-        Args:
-            state: Of the law, which keeps what is followed.
-            seen: The observation that is answered.
-            estimate: Where the robot is, and where plans begin.
-            context: The control step.
-            selected: The plan that is selected.
-        """
+        """Follow the selected plan or the previous one, no faster than is safe; or stop."""
         mission, start, result = state.mission, estimate.start, selected.result
         mission.reaches_goal = False
         closed = self._closed_ahead(state, context, selected)
@@ -185,7 +171,7 @@ class Supervisor:
     ) -> Contact | None:
         """What closes the road; it is not looked for while plans lead to the goal."""
         settings, closed_road, start = self._settings, state.mission.closed_road, context.start
-        if len(start.moving):
+        if start.moving.names:
             return None
         if not selected.feasible or selected.verdict.worst_margin < -TOUCHING:
             closed_road.look(settings, start, context.goal)
@@ -203,7 +189,7 @@ class Supervisor:
         mission, why = state.mission, ''
         is_near = closed is not None and closed.speed < self._settings.robot.max_speed
         # Before a moving obstacle it is not safe to wait.
-        if not len(context.start.moving):
+        if not context.start.moving.names:
             idle_steps = PATIENCE if is_near else mission.idle_steps
             why, mission.idle_steps = _reason_to_wait(idle_steps, context, selected)
         if closed is not None:
@@ -253,10 +239,10 @@ class Supervisor:
         controls = settings.robot.slowed(plan.controls, fraction)
         checked = audit.check(start, controls, plan.horizon.durations)
         if not checked.passed:
-            following.command(previous, ramp_before)
+            following.previous_control, following.ramp = previous, ramp_before
             reason = f'The robot stops: no slower command is clear if it is late. {decision.reason}'
             return self.decisions.stop(state, decision.stamp, here.pose, reason, moving=here.moving)
-        following.command(controls[0], checked.ramp)
+        following.previous_control, following.ramp = controls[0], checked.ramp
         reason = f'{decision.reason} Slowed to {fraction:.3g} of the speed: commands may be late.'
         wheel_speeds = settings.robot.speeds_of(controls[0])
         twist = settings.robot.twist(controls[0])

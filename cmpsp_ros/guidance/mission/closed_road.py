@@ -18,10 +18,10 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array, BoolArray
 from cmpsp_ros.guidance.goals import Target
-from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.safety.approach import STANDSTILL, Approach, Contact
 from cmpsp_ros.guidance.settings import LawSettings
+from cmpsp_ros.guidance.times import NANOSECONDS
 from cmpsp_ros.world import FreeSpace
 from cmpsp_ros.world.obstacles import Shape
 from cmpsp_ros.world.roads import Point, Road, arc_length_to
@@ -58,13 +58,7 @@ class ClosedRoad:
     nearest_at: int = 0
 
     def look(self, settings: LawSettings, start: PlanStart, target: Target) -> None:
-        """Look whether the road is closed for the robot without its margin; once for each goal.
-
-        Args:
-            settings: All settings of the guidance law.
-            start: Where plans begin.
-            target: What they are to meet.
-        """
+        """Look whether the road is closed for the robot without its margin; once for each goal."""
         if self.obstacles or self.goal == target.position:
             return
         self.goal = target.position
@@ -77,11 +71,7 @@ class ClosedRoad:
     ) -> Contact | None:
         """Record how near the robot has come to what closes the road, where that is known.
 
-        Args:
-            settings: All settings of the guidance law.
-            approach: Knows how fast the robot may be before it.
-            start: Where plans begin.
-            now: Present time [ns].
+        `now` [ns].
 
         Returns:
             The nearest of it.
@@ -121,12 +111,7 @@ def closures(
 ) -> Iterator[tuple[list[str], float]]:
     """Obstacles between which no disc gets through from start to goal.
 
-    Args:
-        road: The road.
-        obstacles: What stands on it.
-        start: Where the disc begins (x, y) [m].
-        goal: Where it is to end (x, y) [m]; the shorter way round counts.
-        wanted: Diameter of the disc; 0 for a point [m].
+    `start` [m], `goal` [m], `wanted` [m].
 
     Yields:
         Names of the obstacles of each chain, none in two of them, and its widest gap [m].

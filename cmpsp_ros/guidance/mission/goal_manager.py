@@ -10,11 +10,11 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.goals import Goal, GoalError, Target
-from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
 from cmpsp_ros.guidance.mission.return_to_goal import is_away, return_time, turn_rate
 from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.safety.audit import Audit
 from cmpsp_ros.guidance.settings import LawSettings
+from cmpsp_ros.guidance.times import NANOSECONDS, to_nanoseconds
 from cmpsp_ros.guidance.world import World
 from cmpsp_ros.world.roads import Point, arc_length_to, lookahead_point
 
@@ -81,12 +81,7 @@ class GoalManager:
     ) -> None:
         """Take another goal instead of all others, from the first control step that is not older.
 
-        Args:
-            stamp: Its time stamp [ns]; 0 for at once.
-            goal: The goal; when to pass it is determined then.
-            world: Road and static obstacles.
-            audit: Knows where the robot may be.
-            latest: Time stamp of the last odometry [ns]; None before the first.
+        `stamp` [ns], `latest` [ns].
 
         Raises:
             GoalError: It is refused, and nothing changes.
@@ -106,10 +101,7 @@ class GoalManager:
     def update(self, stamp: int, now: int, start: PlanStart) -> bool:
         """Find the present goal.
 
-        Args:
-            stamp: Time stamp of the odometry [ns].
-            now: The same since time 0 [ns].
-            start: Where a command that is given now begins to have an effect.
+        `stamp` [ns], `now` [ns].
 
         Returns:
             Whether it is another one than before.
@@ -144,9 +136,7 @@ class GoalManager:
     def postpone(self, begin: int, start: PlanStart) -> float:
         """Pass the present goal later, and all after it, where the path to it takes too long.
 
-        Args:
-            begin: Where a command that is given now begins to have an effect [ns].
-            start: Where the robot is then.
+        `begin` [ns].
 
         Returns:
             By how much [s]; 0 where the time is enough, or no path is known.

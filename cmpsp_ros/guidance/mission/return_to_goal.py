@@ -14,9 +14,9 @@ import numpy as np
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.goals import Target
-from cmpsp_ros.guidance.horizon import Horizon
 from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.settings import LawSettings
+from cmpsp_ros.guidance.times import Horizon
 
 _TURN_RATE: Final = 1.0
 _FRACTION_OF_LIMIT: Final = 0.5
@@ -48,12 +48,7 @@ def return_to_goal(
 ) -> Plan:
     """A plan of the return, which is complete at the end of the horizon.
 
-    Args:
-        settings: All settings of the guidance law.
-        target: The goal.
-        start: Where it begins.
-        horizon: Its horizon; in the steps left over the robot rests.
-        delay: From a command to its effect [ns].
+    `delay` [ns].
     """
     robot, durations, k = settings.robot, horizon.durations, 0
     controls = np.zeros((len(durations) + 1, robot.n_controls))

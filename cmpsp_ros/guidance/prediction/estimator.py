@@ -9,7 +9,6 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
 from cmpsp_ros.guidance.messages.tracks import MovingObject, PeerTrajectory
 from cmpsp_ros.guidance.prediction.pending_commands import PendingCommands
 from cmpsp_ros.guidance.prediction.response import Risk
@@ -17,6 +16,7 @@ from cmpsp_ros.guidance.prediction.response_estimate import ResponseEstimate
 from cmpsp_ros.guidance.prediction.slip import SlipEstimate
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.solver_settings import MovingObstacles
+from cmpsp_ros.guidance.times import NANOSECONDS, to_nanoseconds
 from cmpsp_ros.guidance.world import World
 from cmpsp_ros.robots import Robot
 from cmpsp_ros.sensing import Sighting
@@ -126,10 +126,7 @@ class Estimator:
         wheels lag by ``T`` moves as one whose wheels obey at once, so much later: until then they
         keep the speeds that they have when the command reaches them.
 
-        Args:
-            seen: The observation.
-            world: Road and static obstacles.
-            previous_control: Commanded last, shape ``(r,)``.
+        `previous_control` ``(r,)``.
         """
         stamp, pose, road = seen.stamp, seen.pose, world.road
         moving = self.tracker.update(stamp, pose, seen.tracks, self._settings.moving_obstacles)
@@ -210,12 +207,7 @@ class ObstacleTracker:
     ) -> MovingDiscs:
         """Where moving obstacles are at an instant.
 
-        Args:
-            stamp: The instant [ns].
-            pose: Where the robot is, shape ``(3,)`` [m, m, rad]: of too many obstacles the nearer
-                ones have slots.
-            tracks: What is known, none of it later than that.
-            settings: How many are considered, and how fast their radii grow.
+        `stamp` [ns], `pose` ``(3,)`` [m, m, rad].
         """
         if not tracks:
             self.new_obstacle_seen = False

@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.guidance.horizon import NANOSECONDS
+from cmpsp_ros.guidance.times import NANOSECONDS
 
 _REMEMBERED: Final = 5 * NANOSECONDS
 """Age of the oldest command that is kept beside the one before it [ns]."""
@@ -27,11 +27,7 @@ class PendingCommands:
     """The commands of one run, as far as they still matter."""
 
     def __init__(self, n_controls: int = 2) -> None:
-        """Begin with a robot that stands still.
-
-        Args:
-            n_controls: Number of its controls.
-        """
+        """Begin with a robot that stands still."""
         self._before = self._in_force = np.zeros(n_controls)
         self._given: deque[tuple[int, Array]] = deque()
         self._twists: deque[tuple[int, list[float]]] = deque(maxlen=_TWISTS)
@@ -73,9 +69,7 @@ class PendingCommands:
     def until(self, stamp: int, delay: int) -> tuple[Array, Array]:
         """Controls from an instant on until a command given then takes effect.
 
-        Args:
-            stamp: The instant [ns].
-            delay: Time from a command's stamp to its effect [ns].
+        `stamp` [ns], `delay` [ns].
 
         Returns:
             Controls ``(K, r)``, and for how long each holds ``(K,)`` [s]; nothing without a delay.
@@ -100,10 +94,7 @@ class PendingCommands:
     def since(self, begin: int, end: int, delay: int) -> tuple[Array, Array]:
         """Controls in effect between two instants, the latest first.
 
-        Args:
-            begin: The earlier instant [ns], not long ago.
-            end: The later one [ns].
-            delay: Time from a command's stamp to its effect [ns].
+        `begin` [ns], `end` [ns], `delay` [ns].
 
         Returns:
             Controls ``(K, r)``, and for how long each held ``(K,)`` [s].
@@ -124,12 +115,7 @@ class PendingCommands:
 
         In plain Python: it is asked for at every control step, and takes microseconds so.
 
-        Args:
-            pose: At the beginning, shape ``(3,)`` [m, m, rad].
-            begin: The earlier instant [ns], not long ago.
-            end: The later one [ns].
-            delay: Time from a command's stamp to its effect [ns].
-            grip: Fraction of its wheels' turning by which the robot moves.
+        `pose` ``(3,)`` [m, m, rad], `begin` [ns], `end` [ns], `delay` [ns].
         """
         held: list[tuple[list[float], float]] = []
         until = end
@@ -159,9 +145,7 @@ class PendingCommands:
     def before(self, stamp: int, earliest: int) -> tuple[Array, Array]:
         """Commands given up to an instant, for the response of the wheels to them.
 
-        Args:
-            stamp: The instant [ns].
-            earliest: Instant before which a command has taken its full effect [ns].
+        `stamp` [ns], `earliest` [ns].
 
         Returns:
             When each was given, relative to the instant ``(K,)`` [s], and controls ``(K + 1, r)``:

@@ -64,12 +64,7 @@ class Risk(NamedTuple):
 def driven(effective: Array, commands: Array, held: Array, lag: float) -> tuple[Array, Array]:
     """Controls in effect under commands, and how long each holds [s].
 
-    Args:
-        effective: In effect at first, shape ``(r,)``; with a lag, those in the end are written
-            here.
-        commands: Shape ``(K, r)``.
-        held: How long each holds, shape ``(K,)`` [s].
-        lag: Time constant behind them; 0 for none [s].
+    `effective` ``(r,)``, `commands` ``(K, r)``, `held` ``(K,)`` [s], `lag` [s].
     """
     return with_lag(effective, commands, held, lag, SLICES) if lag > 0.0 else (commands, held)
 
@@ -80,13 +75,8 @@ def settle(
 ) -> None:
     """The control in effect at an instant.
 
-    Args:
-        effective: Filled with it, shape ``(r,)``.
-        instant: The instant [s].
-        times: When commands were given, shape ``(K,)`` [s].
-        commands: Shape ``(K + 1, r)``; the first had its full effect before.
-        delay: ``d`` [s].
-        lag: ``T`` [s].
+    `effective` ``(r,)``, `instant` [s], `times` ``(K,)`` [s], `commands` ``(K + 1, r)``,
+    `delay` [s], `lag` [s].
     """
     for a in range(commands.shape[1]):
         effective[a] = commands[0, a]
@@ -116,20 +106,9 @@ def put_misfits(
 ) -> None:
     """Squared distance between odometry and where each response leads in a control period.
 
-    Args:
-        misfits: Filled, shape ``(C,)`` [m^2].
-        delays: Of the responses, shape ``(C,)`` [s].
-        lags: See `delays`.
-        times: When commands were given, relative to the end of the period ``(K,)`` [s].
-        commands: Shape ``(K + 1, r)``; the first had its full effect before.
-        duration: Of the period [s].
-        before: Odometry at its beginning, shape ``(3,)`` [m, m, rad].
-        after: Odometry at its end, shape ``(3,)`` [m, m, rad].
-        half_track: Length by which an error of the heading counts [m/rad].
-        robot: Kinematics.
-        poses: Scratch, shape ``(2, 3)``.
-        control: Scratch, shape ``(1, r)``.
-        effective: Scratch, shape ``(r,)``.
+    `misfits` ``(C,)`` [m^2], `delays` ``(C,)`` [s], `times` ``(K,)`` [s], `commands` ``(K + 1,
+    r)``, `duration` [s], `before` ``(3,)`` [m, m, rad], `after` ``(3,)`` [m, m, rad],
+    `half_track` [m/rad], `poses` ``(2, 3)``, `control` ``(1, r)``, `effective` ``(r,)``.
     """
     count = times.shape[0]
     for c in range(misfits.shape[0]):

@@ -25,10 +25,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
 from cmpsp_ros.guidance.prediction.pending_commands import PendingCommands
 from cmpsp_ros.guidance.prediction.response import Response, Risk, put_misfits, settle
 from cmpsp_ros.guidance.settings import LawSettings
+from cmpsp_ros.guidance.times import NANOSECONDS, to_nanoseconds
 from cmpsp_ros.robots import Robot
 
 _UNNOTICED: Final = 0.002
@@ -93,7 +93,7 @@ class ResponseEstimate:
         bounds = told, tolerance, settings.max_lag
         if bounds == getattr(self, '_bounds', None):
             return
-        self._bounds = bounds
+        self._bounds, self._told_delay = bounds, to_nanoseconds(told)
         self._with_lag = settings.max_lag > 0.0
         longest = told + tolerance if tolerance > 0.0 else 0.0
         longest = settings.max_lag if self._with_lag else longest
@@ -122,8 +122,7 @@ class ResponseEstimate:
     @property
     def is_corrected(self) -> bool:
         """Whether odometry has contradicted what the settings say."""
-        as_told = self.delay == to_nanoseconds(self._bounds[0])
-        return not as_told or (self.lag > 0.0 and not self._with_lag)
+        return self.delay != self._told_delay or (self.lag > 0.0 and not self._with_lag)
 
     @property
     def lag_interval(self) -> tuple[float, float, float] | None:
@@ -160,9 +159,7 @@ class ResponseEstimate:
     def risk(self, stamp: int, commands: PendingCommands) -> Risk:
         """How else the robot may respond than plans assume.
 
-        Args:
-            stamp: Present time [ns].
-            commands: Those given before.
+        `stamp` [ns].
         """
         if not (self._with_lag or self.is_corrected):
             if self.error <= _SLOWS:
@@ -196,11 +193,7 @@ class ResponseEstimate:
     def response(self, stamp: int, commands: PendingCommands, delay: float, lag: float) -> Response:
         """A response, and the commands so far.
 
-        Args:
-            stamp: Present time [ns].
-            commands: Those given before.
-            delay: From a command to its effect [s].
-            lag: Time constant of the control behind it [s].
+        `stamp` [ns], `delay` [s], `lag` [s].
         """
         nanoseconds = to_nanoseconds(delay)
         pending, durations = commands.until(stamp, nanoseconds)
@@ -237,12 +230,7 @@ class ResponseEstimate:
     ) -> None:
         """Compare odometry with what was predicted for it.
 
-        Args:
-            stamp: Time stamp of the odometry [ns].
-            pose: Where the robot is, shape ``(3,)`` [m, m, rad].
-            commands: Those given before.
-            robot: Kinematics.
-            slip: Of its wheels, a fraction.
+        `stamp` [ns], `pose` ``(3,)`` [m, m, rad].
         """
         began, self._began = self._began, (stamp, pose)
         if began is None or not self._is_checked:

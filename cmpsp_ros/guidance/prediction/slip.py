@@ -21,7 +21,7 @@ from typing import Final
 import numpy as np
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.guidance.horizon import NANOSECONDS
+from cmpsp_ros.guidance.times import NANOSECONDS
 from cmpsp_ros.robots import Robot
 
 # Weight of the prior, as if seen over such a length at a time [m]; halved with every period.
@@ -40,11 +40,7 @@ class SlipEstimate:
     """The slip of one run, seen at its control steps."""
 
     def __init__(self, max_estimate: float) -> None:
-        """Begin on unknown ground.
-
-        Args:
-            max_estimate: Largest slip that is estimated, a fraction.
-        """
+        """Begin on unknown ground."""
         self._prior, self._weight = max_estimate / 2.0, _PRIOR_LENGTH**2
         self._information = self._missed = 0.0
         self._in_use = _in_steps(max_estimate / 2.0)
@@ -62,23 +58,15 @@ class SlipEstimate:
     def begin(self, stamp: int, pose: Array, controls: Array, durations: Array) -> None:
         """Record how a control period begins, and what the wheels are to do in it.
 
-        Args:
-            stamp: When it begins [ns].
-            pose: Where, shape ``(3,)`` [m, m, rad].
-            controls: Commands as they take effect, the one in force until now first and the
-                newest last, shape ``(K + 2, r)``.
-            durations: How long those between hold, shape ``(K,)`` [s].
+        `stamp` [ns], `pose` ``(3,)`` [m, m, rad], `controls` ``(K + 2, r)``, `durations`
+        ``(K,)`` [s].
         """
         self._began = (stamp, pose, controls, durations)
 
     def end(self, stamp: int, pose: Array, robot: Robot, max_estimate: float) -> bool:
         """Update the estimate by how far the robot has come in the control period.
 
-        Args:
-            stamp: Now [ns].
-            pose: Where the robot is, shape ``(3,)`` [m, m, rad].
-            robot: Its kinematics without slip.
-            max_estimate: Largest slip that is estimated, a fraction.
+        `stamp` [ns], `pose` ``(3,)`` [m, m, rad].
 
         Returns:
             Whether `slip` is another one now.

@@ -65,16 +65,11 @@ class Approach:
     """Slows plans down before what they lead into."""
 
     def __init__(self, settings: LawSettings, audit: Audit) -> None:
-        """Take limits from the settings.
-
-        Args:
-            settings: All settings of the guidance law.
-            audit: What a plan that is slowed down must pass.
-        """
+        """Take limits from the settings."""
         self._audit = audit
         part = replace(settings.safety, margin=_OF_MARGIN * settings.safety.margin)
         self._lag_audit = Audit(replace(settings, safety=part), with_margin=True)
-        self._settings = settings
+        self._settings, self._max_change = settings, settings.max_wheel_change
 
     def contact(
         self, plan: Plan, start: PlanStart, worst_margin: float = -math.inf
@@ -83,12 +78,9 @@ class Approach:
 
         Where it takes the wheels a while to stop, that is part of the plan.
 
-        Args:
-            plan: The plan.
-            start: Where it begins.
-            worst_margin: Its least clearance, where it is known [m].
+        `worst_margin` [m].
         """
-        is_clear = worst_margin >= -TOUCHING and self._settings.max_wheel_change == math.inf
+        is_clear = worst_margin >= -TOUCHING and self._max_change == math.inf
         if is_clear and self._seen(start.world) is None:
             return None
         found = None
@@ -147,9 +139,7 @@ class Approach:
     def before(self, obstacles: Mapping[str, float], start: PlanStart) -> Contact:
         """The nearest of some obstacles.
 
-        Args:
-            obstacles: How far away each is at least along the way, by its name [m].
-            start: Where the robot is.
+        `obstacles` [m].
         """
         space = start.world.free_space(self._settings)
         clearance = dict(
@@ -173,15 +163,6 @@ class Approach:
         risk: Risk,
     ) -> tuple[Plan, Verdict, str] | None:
         """A plan no faster than is safe before what it leads into, however the robot responds.
-
-        Args:
-            plan: One that has passed its audit.
-            verdict: Of it.
-            ahead: What it leads into.
-            start: Where it begins.
-            pending: As of `calmed`.
-            here: As of `calmed`.
-            risk: As of `calmed`.
 
         Returns:
             It, its verdict and a remark for the reason; None where no speed is safe.
@@ -232,14 +213,6 @@ class Approach:
     ) -> tuple[Plan, Verdict] | None:
         """A plan so slow that its first command and a stop are clear however the robot responds.
 
-        Args:
-            plan: One that has passed its audit.
-            verdict: Of it.
-            start: Where it begins.
-            pending: Verdict on the path to its beginning, if there is one.
-            here: Where the robot is.
-            risk: How else the robot may respond.
-
         Returns:
             It and its verdict, at the largest speed tried that is clear; None where none is.
         """
@@ -267,10 +240,7 @@ class Approach:
     def _sight(self, world: World, grid: OccupancyGrid, poses: Array) -> FreeSpace:
         """What is known around a path, as far as the first place on it of which nothing is.
 
-        Args:
-            world: With the map.
-            grid: What has been seen; beside it, what the map says is known.
-            poses: Along the path, shape ``(K, 3)`` [m, m, rad].
+        `poses` ``(K, 3)`` [m, m, rad].
         """
         points, footprint = poses[:, :2], self._settings.footprint
         radius = self._settings.robot_radius
@@ -292,7 +262,7 @@ class Approach:
         """
         settings = self._settings
         controls, durations = plan.controls[:-1], plan.horizon.durations
-        period, limit = settings.control_period, settings.max_wheel_change
+        period, limit = settings.control_period, self._max_change
         if limit == math.inf:
             yield controls, durations
             return

@@ -90,12 +90,7 @@ class Audit:
     """
 
     def __init__(self, settings: LawSettings, *, with_margin: bool = False) -> None:
-        """Take limits from the settings.
-
-        Args:
-            settings: All settings of the guidance law.
-            with_margin: Whether `safety.margin` counts as part of the robot.
-        """
+        """Take limits from the settings."""
         self._settings = settings
         self._margin = settings.safety.margin if with_margin else 0.0
         self._radius = settings.robot_radius + self._margin
@@ -118,11 +113,7 @@ class Audit:
         A robot that is already outside the road, or inside an obstacle, may only be commanded not
         to get deeper; and where something drives into it, not deeper than if it stood.
 
-        Args:
-            start: Where it begins.
-            controls: Shape ``(N + 1, r)``.
-            durations: Length of every step, shape ``(N,)`` [s].
-            pending: Verdict on the path to its beginning, which must have passed as well.
+        `controls` ``(N + 1, r)``, `durations` ``(N,)`` [s].
         """
         verdict = self._check(start, controls, durations)
         return verdict if pending is None else pending.followed_by(verdict)
@@ -185,9 +176,6 @@ class Audit:
     def braking_from(self, start: PlanStart) -> Array:
         """Commands that bring the robot to rest from now on, along the curvature that it drives.
 
-        Args:
-            start: Where it is.
-
         Returns:
             Shape ``(K, 2)`` [rad/s]; none where they are not clear: it stops at once.
         """
@@ -228,10 +216,7 @@ class Audit:
 
         All of it is swept like the first command of a plan; wheel speeds are not checked again.
 
-        Args:
-            start: Where it begins.
-            controls: Along it ``(K, r)``, at least one.
-            durations: For how long each holds, shape ``(K,)`` [s].
+        `controls` ``(K, r)``, `durations` ``(K,)`` [s].
         """
         poses = start.robot.roll_out(start.pose, controls, durations)
         begins = np.cumsum(durations) - durations
@@ -264,8 +249,8 @@ class Audit:
     ) -> tuple[Any, ...]:
         """Of `sweep_plan`, each always of the same type."""
         pose, robot, world, moving, progress, _ = start
-        space, discs, things = self._space(world), moving, len(world.names) + len(moving)
-        if len(moving):
+        space, discs, things = self._space(world), moving, len(world.names) + len(moving.names)
+        if moving.names:
             discs = moving.grown(self._radius)
         if self._scratch.shape[1] != things:
             self._scratch = np.empty((2, things))
@@ -299,7 +284,7 @@ class Audit:
         """Clearance of a pose from road edges, obstacles, moving ones last ``(2 + M + D,)`` [m]."""
         space = self._space(world)
         static = space.at(pose[None], progress)[0]
-        if not len(moving):
+        if not moving.names:
             return np.asarray(static)
         away = [moving.clearance(point) for point in placed(space.discs, pose)]
         return np.concatenate([static, np.min(away, axis=0) - self._radius])
@@ -311,9 +296,7 @@ class Audit:
         something has moved upon. What is seen does not count: a cell reaches nearer than what was
         seen in it, and so does noise.
 
-        Args:
-            world: Road and static obstacles.
-            pose: Where the robot is, shape ``(3,)`` [m, m, rad].
+        `pose` ``(3,)`` [m, m, rad].
 
         Returns:
             A sentence, empty where the pose is inside none.

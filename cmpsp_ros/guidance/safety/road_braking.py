@@ -40,13 +40,7 @@ def braking_on_road(
 ) -> Array:
     """Commands that stop a robot on the road, in the direction in which it drives.
 
-    Args:
-        start: Where a command before them begins, on a road with a centre line.
-        first: That command, shape ``(r,)``.
-        held: For how long it holds [s].
-        period: For how long each of the result does [s].
-        max_change: As of `braking`.
-        beside: How far to the left of the centre line, as seen from the robot [m].
+    `first` ``(r,)``, `held` [s], `period` [s], `beside` [m].
 
     Returns:
         As of `braking`.

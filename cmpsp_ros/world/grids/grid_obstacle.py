@@ -14,12 +14,13 @@ from cmpsp_ros.mpsp.jit import allocation_free
 from cmpsp_ros.world.grids.distance_field import AROUND, distance_field
 from cmpsp_ros.world.grids.field_functions import DistanceField
 from cmpsp_ros.world.grids.occupancy_grid import Cell, GridError, OccupancyGrid
+from cmpsp_ros.world.obstacles.shapes import Shape
 
 Point = tuple[float, float]
 
 
 @dataclass(frozen=True, eq=False)
-class GridObstacle:
+class GridObstacle(Shape):
     """All that is occupied in a grid.
 
     Attributes:
@@ -73,7 +74,7 @@ class GridObstacle:
         return [self.grid.corners(*loop) for loop in loops(self.grid.cells == Cell.OCCUPIED)]
 
     def outlines(self, distance: float) -> list[Array]:
-        """See `cmpsp_ros.world.obstacles.shapes.outlines`: along edges of cells, longest first."""
+        """See `Shape.outlines`: along edges of cells, longest first."""
         within = self.field.distances[AROUND:-AROUND, AROUND:-AROUND] <= distance
         found = [self.grid.corners(*loop) for loop in loops(within)]
         return sorted(found, key=lambda line: -len(line))

@@ -20,7 +20,6 @@ if TYPE_CHECKING:
         ShapeError,
         convex,
         outline_of,
-        outlines,
     )
 
 __getattr__, __all__ = lazy_exports(__name__, __file__)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.world.grids.grid_obstacle import GridObstacle
 
 Point = tuple[float, float]
 
@@ -17,15 +18,44 @@ _TURN = math.tau / 72.0
 """Between two points of a rounded outline [rad]."""
 
 
-@dataclass(frozen=True)
-class Obstacle:
-    """A disc to keep out of.
+class Shape(ABC):
+    """An obstacle that stands still: all that is nearer than a radius to its corners' hull."""
 
-    Attributes:
-        name: The user's name for it, used in messages.
-        center: Centre (x, y) [m].
-        radius: Radius [m].
-    """
+    if TYPE_CHECKING:  # else a field of a dataclass would take the property for its default
+
+        @property
+        def name(self) -> str:
+            """The user's name for it."""
+
+        @property
+        def radius(self) -> float:
+            """Distance from the hull up to which it reaches [m]."""
+
+        @property
+        def center(self) -> Point:
+            """The middle between its sides (x, y) [m]."""
+
+    @property
+    @abstractmethod
+    def corners(self) -> tuple[Point, ...]:
+        """Corners of the hull, anticlockwise: one, two, or a convex polygon; none for cells [m]."""
+
+    @property
+    def is_disc(self) -> bool:
+        """Whether it has one corner."""
+        return len(self.corners) == 1
+
+    def outlines(self, distance: float) -> list[Array]:
+        """The closed lines at a distance [m] from its corners' hull, ``(K, 2)`` [m] each.
+
+        At its own radius they are its edge, anticlockwise, and clockwise around holes.
+        """
+        return [outline_of(self.corners, distance)]
+
+
+@dataclass(frozen=True)
+class Obstacle(Shape):
+    """A disc (93), with its centre (x, y) [m]."""
 
     name: str
     center: Point
@@ -33,20 +63,13 @@ class Obstacle:
 
     @property
     def corners(self) -> tuple[Point, ...]:
-        """What the radius is kept from: the centre."""
+        """The centre."""
         return (self.center,)
 
 
 @dataclass(frozen=True)
-class Capsule:
-    """All that is near a line between two points: a wall, a table on its legs, a parked car.
-
-    Attributes:
-        name: The user's name for it, used in messages.
-        start: One end of the line (x, y) [m].
-        end: The other.
-        radius: Distance from the line up to which it reaches [m].
-    """
+class Capsule(Shape):
+    """All that is near a line between two points [m]: a wall, a table on its legs, a parked car."""
 
     name: str
     start: Point
@@ -55,7 +78,7 @@ class Capsule:
 
     @property
     def corners(self) -> tuple[Point, ...]:
-        """What the radius is kept from: both ends, and all between them."""
+        """Both ends."""
         return (self.start, self.end)
 
     @property
@@ -65,16 +88,12 @@ class Capsule:
 
 
 @dataclass(frozen=True)
-class Polygon:
-    """A convex polygon.
-
-    Attributes:
-        name: The user's name for it, used in messages.
-        vertices: Its corners, anticlockwise, shape ``(V, 2)`` with at least three [m].
-    """
+class Polygon(Shape):
+    """A convex polygon with at least three vertices, anticlockwise [m]."""
 
     name: str
     vertices: tuple[Point, ...]
+    radius: ClassVar[float] = 0.0
 
     @property
     def corners(self) -> tuple[Point, ...]:
@@ -85,15 +104,6 @@ class Polygon:
     def center(self) -> Point:
         """The middle between its sides (x, y) [m]."""
         return _middle(self.vertices)
-
-    @property
-    def radius(self) -> float:
-        """None."""
-        return 0.0
-
-
-Shape = Obstacle | Capsule | Polygon | GridObstacle
-"""What the settings hold."""
 
 
 class ShapeError(ValueError):
@@ -139,16 +149,6 @@ def convex(name: str, vertices: Sequence[Point]) -> Polygon:
     if abs(math.fsum(turns)) > 1.5 * math.tau:
         raise ShapeError(count - 1, 'a second time round', 'vertices that go round once')
     return Polygon(name, tuple(vertices if side > 0.0 else reversed(vertices)))
-
-
-def outlines(obstacle: Shape, distance: float) -> list[Array]:
-    """The closed lines at a distance [m] from an obstacle without its radius, ``(K, 2)`` [m] each.
-
-    With the obstacle's own radius they are its edge, anticlockwise, and clockwise around holes.
-    """
-    if isinstance(obstacle, GridObstacle):
-        return obstacle.outlines(distance)
-    return [outline_of(obstacle.corners, distance)]
 
 
 def outline_of(corners: Sequence[Point], distance: float) -> Array:

@@ -21,7 +21,6 @@ from cmpsp_ros.world.obstacles import (
     ShapeError,
     away_from,
     convex,
-    outlines,
     sweep,
     sweep_moving,
 )
@@ -322,6 +321,6 @@ def test_what_is_no_convex_polygon(vertices, vertex, found):
 )
 @pytest.mark.parametrize('more', [0.0, 0.3])
 def test_outlines_lie_at_their_distance(shape, more):
-    (line,) = outlines(shape, shape.radius + more)
+    (line,) = shape.outlines(shape.radius + more)
     np.testing.assert_allclose(line[0], line[-1], atol=1e-12)
     np.testing.assert_allclose(signed(shape, line), shape.radius + more, atol=1e-9)

@@ -95,7 +95,7 @@ class RoadFrame(NamedTuple):
 
 def road_frame(settings: LawSettings, start: PlanStart, target: Target) -> RoadFrame:
     """Coordinates of the road from the beginning of a plan to its target."""
-    discs = all(len(each.corners) == 1 for each in start.world.shapes)
+    discs = all(each.is_disc for each in start.world.shapes)
     if discs and isinstance(start.world.road, Annulus):
         return _polar(start.world.annulus, start.pose, target.position)
     return _along_line(settings, start, target)

@@ -16,7 +16,7 @@ from cmpsp_ros.guidance.messages import PeerTrajectory
 from cmpsp_ros.guidance.safety import plan_clearance
 from cmpsp_ros.nodes.common.messages import set_stamp
 from cmpsp_ros.view import LEVEL_COLORS
-from cmpsp_ros.world.obstacles import outline_of, outlines
+from cmpsp_ros.world.obstacles import outline_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -86,14 +86,14 @@ def marker_array(
     for obstacle, center, radius in zip(
         world.shapes, kept.centers.tolist(), kept.radii.tolist(), strict=True
     ):
-        if len(obstacle.corners) == 1:
+        if obstacle.is_disc:
             add('obstacles', _disc(obstacle.center, obstacle.radius, _OBSTACLE))
         else:
-            for line in outlines(obstacle, obstacle.radius):
+            for line in obstacle.outlines(obstacle.radius):
                 add('obstacles', _line(line, 0.05, _OBSTACLE))
         if obstacle.corners:
             add('obstacle_names', _text(center, obstacle.name))
-        for line in outlines(obstacle, radius):
+        for line in obstacle.outlines(radius):
             add('margins', _line(line, 0.02, _MARGIN))
     for goal in settings.goals:
         passed = ahead is not None and goal.time < ahead.time

@@ -9,7 +9,7 @@ import pytest
 from scenarios import CASES, MS, PERIOD, ROAD, START, clearance, reconfigure
 
 from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw, Observation
-from cmpsp_ros.guidance.safety.fallback import Lateness
+from cmpsp_ros.guidance.state import Lateness
 from cmpsp_ros.world.obstacles import Obstacle
 
 CASE_3 = CASES['case 3']

@@ -9,7 +9,7 @@ from cmpsp_ros.robots import TwistLimits
 from cmpsp_ros.world import FreeSpace, outside
 from cmpsp_ros.world.grids import GridObstacle, OccupancyGrid
 from cmpsp_ros.world.grids.grid_obstacle import loops
-from cmpsp_ros.world.obstacles import Capsule, Obstacle, outlines
+from cmpsp_ros.world.obstacles import Capsule, Obstacle
 from cmpsp_ros.world.roads import OpenFloor
 
 RESOLUTION = 0.1
@@ -43,8 +43,8 @@ def test_outlines_enclose_the_cells_and_leave_holes_out(seed):
 
 
 def test_outlines_are_in_metres_and_grow_with_the_distance():
-    (edge,) = outlines(map_with((10, 20, 20, 40)), 0.0)
-    (around,) = outlines(map_with((10, 20, 20, 40), unknown_is_free=True), 0.3)
+    (edge,) = map_with((10, 20, 20, 40)).outlines(0.0)
+    (around,) = map_with((10, 20, 20, 40), unknown_is_free=True).outlines(0.3)
 
     assert edge.min(axis=0).tolist() == pytest.approx([2.0, 1.0])
     assert edge.max(axis=0).tolist() == pytest.approx([4.0, 2.0])

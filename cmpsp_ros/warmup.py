@@ -63,7 +63,7 @@ _GIGABYTE: Final = 1 << 30
 _NEEDED: Final = 2
 """Memory that a process takes while it compiles [GB]."""
 _POLL: Final = 0.2
-"""How often progress is looked for [s]."""
+"""Period of the reports of progress [s]."""
 _reports: Final = ExitStack()
 
 
@@ -84,7 +84,7 @@ class Part:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a warm-up came to.
+    """Result of a warm-up.
 
     Attributes:
         folder: Where the machine code is; None when there is no place for it.
@@ -98,7 +98,7 @@ class Outcome:
 
     @property
     def hindrance(self) -> str:
-        """What is wrong with the folder, in a sentence; empty when nothing is."""
+        """Trouble with the folder in a sentence; empty when there is none."""
         wanted = wanted_place()
         if self.folder is not None and self.folder.parent == wanted:
             return ''
@@ -159,7 +159,7 @@ def _report_to(begun: SimpleQueue[str]) -> None:
 
 
 def _workers() -> int:
-    """How many processes have a core each, and memory."""
+    """Number of processes with a core each, and memory."""
     memory = os.sysconf('SC_AVPHYS_PAGES') * os.sysconf('SC_PAGE_SIZE') // _GIGABYTE
     return max(1, min(os.cpu_count() or 1, memory // _NEEDED))
 

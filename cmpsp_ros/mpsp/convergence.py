@@ -1,4 +1,4 @@
-"""How fast the iteration converges: the rate (60), measured on the tail of a run."""
+"""Rate of convergence (60), measured on the tail of a run."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ class Convergence:
 
 
 def _error_of_last(steps: Array, rounding: float) -> float:
-    """What is left to go after the last iterate, as a geometric series of steps."""
+    """Distance left after the last iterate, as a geometric series of steps."""
     clear = _last_run(steps > _MARGIN * rounding)[-_TAIL:]
     if len(clear) < len(steps) and not steps[-1] > _MARGIN * rounding:
         return rounding

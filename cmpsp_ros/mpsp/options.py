@@ -1,4 +1,4 @@
-"""How the iteration is run."""
+"""Options of the iteration."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _TOLERANCES: Final = (
 
 @dataclass(frozen=True)
 class Options:
-    """How the iteration is run.
+    """Options of the iteration.
 
     Where constraints contradict each other those with the least penalty are relaxed first and
     alone, and only where that is not enough all of them are.

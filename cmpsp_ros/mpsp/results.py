@@ -24,7 +24,7 @@ _NOTHING_GAINED = 0.99
 
 @dataclass(frozen=True)
 class Step:
-    """What one iteration did.
+    """Outcome of one iteration.
 
     Attributes:
         qp_status: How the subproblem ended.
@@ -67,11 +67,11 @@ class Step:
 
     @property
     def needed_slack(self) -> bool:
-        """Whether the relaxation left a violation."""
+        """True where the relaxation left a violation."""
         return self.elastic and self.slack > SLACK_TOLERANCE
 
     def gains_nothing_on(self, evaluation: Evaluation) -> bool:
-        """Whether the relaxed subproblem leaves the violation it started from as it was."""
+        """True where the relaxed subproblem leaves the violation as it was."""
         left = np.abs(self.slack_terminal).sum() + self.slack_path.sum()
         now = np.abs(evaluation.output_error).sum() + np.maximum(evaluation.g, 0.0).sum()
         return self.needed_slack and bool(left >= _NOTHING_GAINED * now)
@@ -110,7 +110,7 @@ class Iterate:
 
 @dataclass(frozen=True)
 class Record:
-    """What one iterate measures.
+    """Measurements of one iterate.
 
     Attributes:
         index: Iterations done, ``i``.
@@ -273,7 +273,7 @@ class Solution:
 
     @property
     def sentence(self) -> str:
-        """What a user wants to read: how it ended, after how many iterations, and what is wrong."""
+        """Status, number of iterations and violated constraints in words."""
         last = self.history[-1]
         step = self.iterate.step
         not_finite = self.iterate.not_finite or (step.not_finite if step is not None else '')

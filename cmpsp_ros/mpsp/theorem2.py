@@ -67,7 +67,7 @@ class Theorem2(NamedTuple):
 
     @property
     def verdict(self) -> Verdict:
-        """Whether all hold: no where one does not, yes where each does."""
+        """Verdict on all of them: no where one does not hold, yes where each does."""
         verdicts = {condition.verdict for condition in self}
         if Verdict.NO in verdicts:
             return Verdict.NO

@@ -10,11 +10,11 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.decision import UNTIMED, Decision, FallbackLevel, Plan
-from cmpsp_ros.guidance.horizon import NANOSECONDS, NEVER, to_nanoseconds
 from cmpsp_ros.guidance.planning.candidate import SolveResult
 from cmpsp_ros.guidance.safety.audit import Audit, Verdict
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.state import LawState
+from cmpsp_ros.guidance.times import NANOSECONDS, NEVER, to_nanoseconds
 from cmpsp_ros.robots import speeds_and_turns
 from cmpsp_ros.world.obstacles import NOTHING_MOVES, MovingDiscs
 

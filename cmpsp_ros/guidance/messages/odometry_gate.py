@@ -7,9 +7,9 @@ from enum import Enum, auto
 from typing import Any, Final
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
 from cmpsp_ros.guidance.messages.poses import OdometryError, check_age
 from cmpsp_ros.guidance.settings import LawSettings
+from cmpsp_ros.guidance.times import NANOSECONDS, to_nanoseconds
 from cmpsp_ros.robots import Robot
 
 _OVERSPEED: Final = 1.25

@@ -9,7 +9,7 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.goals import Goal, GoalError
-from cmpsp_ros.guidance.horizon import NANOSECONDS
+from cmpsp_ros.guidance.times import NANOSECONDS
 from cmpsp_ros.sensing import is_place, stamp_of
 
 RECEIVED: Final = 'goal_pose'

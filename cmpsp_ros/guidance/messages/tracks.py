@@ -18,8 +18,8 @@ from typing import Any, ClassVar, Final, Generic, TypeVar
 import numpy as np
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.messages.poses import check_age, check_frame
+from cmpsp_ros.guidance.times import NANOSECONDS
 from cmpsp_ros.sensing import FARTHEST, ScanError, is_place, points_of, stamp_of
 
 _MAX_TRACKS: Final = 1000

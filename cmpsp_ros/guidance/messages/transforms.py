@@ -11,8 +11,8 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.messages.poses import heading_of
+from cmpsp_ros.guidance.times import NANOSECONDS
 from cmpsp_ros.sensing import stamp_of
 
 _MAX_KEPT: Final = 1000

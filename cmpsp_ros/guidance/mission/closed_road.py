@@ -18,10 +18,10 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array, BoolArray
 from cmpsp_ros.guidance.goals import Target
-from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.safety.approach import STANDSTILL, Approach, Contact
 from cmpsp_ros.guidance.settings import LawSettings
+from cmpsp_ros.guidance.times import NANOSECONDS
 from cmpsp_ros.world import FreeSpace
 from cmpsp_ros.world.obstacles import Shape
 from cmpsp_ros.world.roads import Point, Road, arc_length_to

@@ -11,11 +11,11 @@ from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.formulation.ocp_formulation import BY_PRIORITY
 from cmpsp_ros.guidance.goals import Target
-from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.planning.homotopy.road_frame import wrapped
 from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.safety.audit import TOUCHING, Audit, Verdict
 from cmpsp_ros.guidance.settings import LawSettings
+from cmpsp_ros.guidance.times import NANOSECONDS
 from cmpsp_ros.mpsp.jit import allocation_free
 from cmpsp_ros.robots import Kinematics, fastest_wheel
 from cmpsp_ros.world.roads import RoadSpace, road_functions

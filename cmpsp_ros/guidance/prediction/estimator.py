@@ -9,7 +9,6 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
 from cmpsp_ros.guidance.messages.tracks import MovingObject, PeerTrajectory
 from cmpsp_ros.guidance.prediction.pending_commands import PendingCommands
 from cmpsp_ros.guidance.prediction.response import Risk
@@ -17,6 +16,7 @@ from cmpsp_ros.guidance.prediction.response_estimate import ResponseEstimate
 from cmpsp_ros.guidance.prediction.slip import SlipEstimate
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.solver_settings import MovingObstacles
+from cmpsp_ros.guidance.times import NANOSECONDS, to_nanoseconds
 from cmpsp_ros.guidance.world import World
 from cmpsp_ros.robots import Robot
 from cmpsp_ros.sensing import Sighting

@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.guidance.horizon import NANOSECONDS
+from cmpsp_ros.guidance.times import NANOSECONDS
 
 _REMEMBERED: Final = 5 * NANOSECONDS
 """Age of the oldest command that is kept beside the one before it [ns]."""

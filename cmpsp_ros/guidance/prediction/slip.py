@@ -21,7 +21,7 @@ from typing import Final
 import numpy as np
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.guidance.horizon import NANOSECONDS
+from cmpsp_ros.guidance.times import NANOSECONDS
 from cmpsp_ros.robots import Robot
 
 # Weight of the prior, as if seen over such a length at a time [m]; halved with every period.

@@ -6,9 +6,9 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.decision import Decision
-from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.prediction.estimator import ObstacleTracker
 from cmpsp_ros.guidance.settings import LawSettings
+from cmpsp_ros.guidance.times import NANOSECONDS
 from cmpsp_ros.guidance.world import World
 
 

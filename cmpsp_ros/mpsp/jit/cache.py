@@ -27,7 +27,7 @@ from cmpsp_ros.mpsp.jit.fingerprint import VERSIONS, describe_type, fingerprint
 
 _NAME: Final = __name__.partition('.')[0]
 MAX_AGE: Final = 30 * 86_400.0
-"""How long a file may go unused before it can be removed [s]."""
+"""Time that a file may go unused before it can be removed [s]."""
 MAX_SIZE: Final = 500_000_000
 """Size up to which nothing is removed [bytes]."""
 

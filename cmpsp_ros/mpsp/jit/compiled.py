@@ -108,7 +108,7 @@ def address_of(returned: type | None, function: Callable[..., Any], *arguments: 
 
 
 def _overload(function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
-    """What numba has compiled of a function; a law asks hundreds of times when it is configured."""
+    """Numba's result for a signature; a law asks hundreds of times when it is configured."""
     key = function, _kind(arguments)
     if key not in _overloads:
         dispatcher: Any = function

@@ -82,7 +82,7 @@ def _node(function: FunctionType) -> _Node:
 
 
 def _values(function: FunctionType) -> Iterator[tuple[str, Any]]:
-    """What a function's names stand for."""
+    """Names of a function and the values that they stand for."""
     for i, default in enumerate(function.__defaults__ or ()):
         yield f'default {i}', default
     yield from (function.__kwdefaults__ or {}).items()
@@ -202,5 +202,5 @@ def describe_type(kind: Any) -> str:
 
 
 def _is_known(module: str) -> bool:
-    """Whether a module's content goes by a version."""
+    """True for a module whose content goes by a version."""
     return module.partition('.')[0] in _KNOWN

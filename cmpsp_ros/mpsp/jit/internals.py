@@ -26,7 +26,7 @@ def set_cache(dispatcher: Any, cache: object) -> None:
 
 
 def address(overload: Any) -> int:
-    """Where the machine code of one signature is, as other machine code calls it."""
+    """Address of the machine code of one signature, as other machine code calls it."""
     library, name = overload.library, overload.fndesc.llvm_func_name
     return int(library.get_pointer_to_function(name))
 
@@ -37,7 +37,7 @@ def cache_of(dispatcher: Any) -> object:
 
 
 def has_failed(event: Any) -> bool:
-    """Whether a compilation has ended in an exception; numba's `is_failed` says the opposite."""
+    """True where a compilation raised an exception; numba's `is_failed` says the opposite."""
     return event._exc_details is not None  # noqa: SLF001
 
 
@@ -48,7 +48,7 @@ def target_description(target_context: Any) -> tuple[Any, ...]:
 
 
 def dump(result: Any) -> bytes | None:
-    """What numba has compiled, as bytes; None when it holds addresses of this process."""
+    """A compiled result as bytes; None when it holds addresses of this process."""
     if any(not each.can_cache for each in result.lifted) or result.library.has_dynamic_globals:
         return None
     file = io.BytesIO()

@@ -51,7 +51,7 @@ class ControlRateData(NamedTuple):
 
 
 def rate_rows(max_change: float, rows: Array) -> int:
-    """How many path constraints limit the change: two for each row, none without a limit."""
+    """Number of path constraints that limit the change: two for each row, none without."""
     return 2 * len(rows) if max_change < math.inf else 0
 
 

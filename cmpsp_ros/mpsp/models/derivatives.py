@@ -182,7 +182,7 @@ class DerivativeReport:
 
     @property
     def is_right(self) -> bool:
-        """Whether no entry's error exceeds the tolerance."""
+        """True where no entry's error exceeds the tolerance."""
         return self.worst[0].error <= self.tolerance
 
     def __str__(self) -> str:

@@ -73,7 +73,7 @@ class StageProblem(OptimalControlProblem):
     def constraint_curvature(
         self, X: Array, U: Array, costates: Array, terminal: Array, path: Array
     ) -> tuple[Array, Array, Array]:
-        """As of `OptimalControlProblem`."""
+        """Second derivatives, as described in `OptimalControlProblem`."""
         return self._blocks(self._curvature(X, U, costates, terminal, path))
 
     def _blocks(self, second: Array) -> tuple[Array, Array, Array]:

@@ -111,7 +111,7 @@ TOLERANCE = 1e-5
 
 
 class QPStatus(Enum):
-    """How a quadratic program ended; the value is a sentence for the user."""
+    """End of a quadratic program; the value is a sentence for the user."""
 
     SOLVED = 'The quadratic program was solved.'
     INFEASIBLE = 'No control satisfies all linearised constraints.'

@@ -151,7 +151,7 @@ class CMPSP:
         return None
 
     def conclude(self, at: Iterate, status: Status, history: Sequence[Record]) -> Solution:
-        """What a run that ends at an iterate has come to."""
+        """The solution of a run that ends at an iterate."""
         options, last = self._options, history[-1]
         output_tolerance = options.output_tolerance * self._target_size
         return Solution(
@@ -169,7 +169,7 @@ class CMPSP:
         return float(np.linalg.norm(self._problem.target)) or 1.0
 
     def _is_met(self, evaluation: Evaluation) -> bool:
-        """Whether terminal and path constraints are within their tolerances."""
+        """True where terminal and path constraints are within their tolerances."""
         miss = np.linalg.norm(evaluation.output_error)
         return bool(
             miss <= self._options.output_tolerance * self._target_size
@@ -205,7 +205,7 @@ def _functions(problem: OptimalControlProblem) -> Functions:
 
 
 def _summary(driver: Driver, subproblem: Subproblem) -> Step:
-    """What the driver's last iteration did."""
+    """Summary of the driver's last iteration."""
     run, back_end = driver.ws.run[0], driver.back_end
     assert back_end is not None  # noqa: S101 (a problem in Python has one)
     solution, elastic = back_end.solution, bool(run['level'] > 0)

@@ -190,7 +190,7 @@ class Functions(NamedTuple):
 
 
 def _arguments(data: Any, ws: Workspace) -> tuple[tuple[Any, ...], ...]:
-    """Of each of the functions."""
+    """Arguments of each of the functions."""
     at, p = ws.trial, ws.program
     return (
         (data, at.U, at.X),

@@ -185,7 +185,7 @@ def _finish(ws: Workspace) -> int:
 
 @inner
 def _is_over(ws: Workspace) -> bool:
-    """Whether the iteration is over by itself: `cmpsp_ros.mpsp.sqp.cmpsp.CMPSP.terminate`."""
+    """True where the iteration is over by itself, as in `CMPSP.terminate`."""
     run = ws.run[0]
     if run.outcome != Outcome.SOLVED or run.length == 0.0 or not _is_finite(ws):
         return True
@@ -198,7 +198,7 @@ def _is_over(ws: Workspace) -> bool:
 
 @allocation_free
 def needs_slack(ws: Workspace) -> bool:
-    """Whether the relaxation of the last subproblem left a violation."""
+    """True where the relaxation of the last subproblem left a violation."""
     if ws.run[0].level == 0:
         return False
     largest = 0.0

@@ -64,7 +64,7 @@ def merit(p: Program, at: Trajectory, cost: float) -> float:
 
 @allocation_free
 def magnitude(p: Program, cost: float) -> float:
-    """What the rounding of a merit is relative to: the cost, and penalties at unit violation."""
+    """Scale of the rounding of a merit: the cost, and penalties at unit violation."""
     total = abs(cost)
     for j in range(p.terminal.shape[0]):
         total += p.terminal[j].merit

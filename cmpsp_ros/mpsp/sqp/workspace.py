@@ -1,4 +1,4 @@
-"""What an iteration works with; nothing is allocated after it has been made."""
+"""Memory of an iteration; nothing is allocated after it has been made."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from cmpsp_ros.mpsp.qp.riccati.program import Program, Records, empty_program
 
 
 class Phase(IntEnum):
-    """Where the iteration goes on."""
+    """Point at which the iteration goes on."""
 
     START = 0
     EVALUATED = 1
@@ -26,7 +26,7 @@ class Phase(IntEnum):
 
 
 class Request(IntEnum):
-    """What the iteration asks for next: see `cmpsp_ros.mpsp.sqp.iteration.advance`."""
+    """Next request of the iteration, as `iteration.advance` returns it."""
 
     DONE = 0
     EVALUATE = 1

@@ -1,24 +1,30 @@
-"""The recorder as a process, against real publishers."""
+"""The recorder as a process, against real publishers, and how a recording ends."""
 
 from __future__ import annotations
 
+import json
 import re
 import signal
 import sys
+import threading
 import time
 from pathlib import Path
 
 import pytest
 from geometry_msgs.msg import Twist
 from rclpy.duration import Duration
-from recorder_process import flushing, heard
+from rclpy.qos import QoSProfile
+from rclpy.serialization import deserialize_message
+from recorder_process import RECORDER, flushing, heard
 from rosbags.interfaces import QosDurability, QosReliability
+from rosbags.rosbag2 import Reader
 from rosgraph_msgs.msg import Clock
 from ruamel.yaml import YAML
-from std_msgs.msg import String
+from std_msgs.msg import String, UInt32
 from talker import BEST_EFFORT, COUNT
 
 from cmpsp_ros.bags import Bag
+from cmpsp_ros.nodes.recording.received import RawSubscriptions
 
 pytestmark = pytest.mark.integration
 COMMAND = [sys.executable, '-m', 'cmpsp_ros.cli']
@@ -154,3 +160,102 @@ def test_simulated_time_that_stands_still(record, ros, now):
     counts = flushing(ros)
     # It is not kept for ever until time goes on: a recorder that is killed has it.
     ros.spin_until(lambda: '/said' in counts())
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_signal_twice(record, bag, number):
+    recorder = record()
+    recorder.signal(number)
+    recorder.signal(number)
+    assert recorder.wait() == 0
+    assert 'Traceback' not in recorder.stderr
+    assert 'messages of' in recorder.stderr
+    Bag(bag).close()
+
+
+@pytest.mark.parametrize('delay', [0.0, 0.05, 0.1, 0.2])
+def test_signal_in_early_life(spawn, wait_until, bag, delay):
+    begun = time.monotonic()
+    recorder = spawn([*RECORDER, '-p', f'output:={bag}'])
+    wait_until(lambda: time.monotonic() - begun >= delay)
+    recorder.signal(signal.SIGTERM)
+    # Before our code runs, the operating system ends the process.
+    assert recorder.wait() in {0, -signal.SIGTERM}
+    assert 'Traceback' not in recorder.stderr
+    if bag.exists():
+        Bag(bag).close()
+
+
+def test_signal_while_messages_keep_coming(record, ros, bag):
+    recorder = record()
+    publisher = ros.node.create_publisher(Twist, 'cmd_vel', 10)
+    ros.node.create_timer(0.01, lambda: publisher.publish(Twist()))
+    ros.spin_until(heard(publisher))
+    recorder.signal(signal.SIGINT)
+    ros.spin_until(lambda: recorder.process.poll() is not None)
+    assert recorder.wait() == 0
+    Bag(bag).close()
+
+
+@pytest.mark.parametrize(
+    ('output', 'parameters', 'reason'),
+    [
+        (None, [], 'parameter output: expected the folder of the new bag'),
+        ('', [], 'parameter output: expected the folder of the new bag'),
+        ('.', [], r'parameter output: \S+: exists already'),
+        ('bag', ['storage:=rosbag1'], "parameter storage: expected mcap or sqlite3, got 'rosbag1'"),
+        ('bag', ['compression:=lz4'], "parameter compression: expected none or zstd, got 'lz4'"),
+    ],
+)
+def test_refused(spawn, tmp_path, output, parameters, reason):
+    place = f'output:={tmp_path / output}' if output else 'output:=""'
+    settings = [*([] if output is None else [place]), *parameters]
+    recorder = spawn([*RECORDER, *(text for each in settings for text in ('-p', each))])
+    assert recorder.wait() == 1
+    assert re.search(reason, recorder.stderr)
+    assert 'Traceback' not in recorder.stderr
+    assert not [*tmp_path.glob('bag'), *tmp_path.glob('*.mcap'), *tmp_path.glob('*.yaml')]
+
+
+def test_memory_and_custom_data(record, bag):
+    recorder = record()
+    status = Path(f'/proc/{recorder.pid}/status').read_text()
+    resident = int(status.split('VmRSS:')[1].split()[0])
+    recorder.signal(signal.SIGINT)
+    assert recorder.wait() == 0
+    assert resident < 110_000, 'kB'
+    with Reader(bag) as reader:
+        custom = reader.storage.metadata.custom
+    assert json.loads(custom['cmpsp_ros.software'])['rclpy'] != 'unknown'
+
+
+def test_what_comes_first_is_taken_first_whichever_topic_is_looked_at_first(ros):
+    many, topics = 10_000, ('/cause', '/effect')
+    subscriptions = RawSubscriptions(ros.node)
+    publishers = []
+    for topic in topics:
+        publishers.append(ros.node.create_publisher(UInt32, topic, QoSProfile(depth=many)))
+        subscriptions.add(topic, UInt32, QoSProfile(depth=many))
+    ros.spin_until(lambda: all(each.get_subscription_count() for each in publishers))
+
+    def publish():
+        for k in range(many):
+            for each in publishers:
+                each.publish(UInt32(data=k))
+
+    publishing = threading.Thread(target=publish)
+    publishing.start()
+    rounds = []
+    while publishing.is_alive():
+        rounds.append(subscriptions.take())
+    publishing.join()
+    rounds += [subscriptions.take(), subscriptions.take(all_=True)]
+    taken = [
+        (deserialize_message(each.raw, UInt32).data, each.topic)
+        for batch in rounds
+        for each in batch
+    ]
+    assert sum(bool(batch) for batch in rounds) > 10
+    assert taken == [(k, topic) for k in range(many) for topic in topics]
+    assert list(subscriptions.lost()) == []
+    subscriptions.close()

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import pytest
 from commands import command
 
@@ -56,3 +59,16 @@ def test_refused(bag, monkeypatch, args, reason):
     assert reason in done.stderr
     assert 'Traceback' not in done.output
     assert [each.name for each in bag.parent.iterdir()] == ['bag']
+
+
+def test_recorder_and_export_load_no_compiled_code():
+    """A recorder must be small beside the nodes, and a command start at once."""
+    code = 'import sys, cmpsp_ros.bags.export, cmpsp_ros.nodes.recording.recorder'
+    done = subprocess.run(
+        [sys.executable, '-c', f'{code}; print("numba" in sys.modules)'],
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=60,
+    )
+    assert done.stdout == 'False\n'

@@ -84,18 +84,6 @@ def test_single_file(path):
         assert len(list(bag.raw('/cmd_vel'))) == 3
 
 
-def test_not_a_bag(tmp_path):
-    (tmp_path / 'notes.txt').write_text('no bag')
-    for path, reason in (
-        (tmp_path / 'nothing', 'no such bag'),
-        (tmp_path, 'not a bag: expected a metadata.yaml'),
-        (tmp_path / 'notes.txt', 'not a bag: expected a folder, or a file'),
-    ):
-        with pytest.raises(BagError, match=reason) as error:
-            Bag(path)
-        assert str(path) in str(error.value)
-
-
 def test_damaged_file_never_raises_anything_else(path):
     file = next(path.glob('*.mcap'))
     whole = file.read_bytes()

@@ -264,17 +264,6 @@ def test_compression(path, tmp_path):
     assert not path.exists()
 
 
-@pytest.mark.parametrize('form', FORMS)
-def test_bag_being_written(path, form):
-    with BagWriter(path, form) as bag:
-        bag.topic('/a', STRING)
-        bag.write('/a', 1, HELLO)
-        bag.flush()
-        with pytest.raises(BagError, match='being written right now'):
-            Bag(path)
-    assert stamps(path) == [1]
-
-
 def test_full_disk_of_a_database(path):
     refused, closed = fill_disk(path, 200_000, 'sqlite3')
     assert 'cannot write to the bag' in refused

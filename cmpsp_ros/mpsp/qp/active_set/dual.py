@@ -48,7 +48,7 @@ from cmpsp_ros.mpsp.qp.riccati.sweeps import recover_step, row_norm
 
 
 class StepOutcome(IntEnum):
-    """How an active-set step, or many of them, ended."""
+    """End of an active-set step, or of many of them."""
 
     DONE = 0
     """The row is met."""
@@ -59,7 +59,7 @@ class StepOutcome(IntEnum):
     RELEASED = 3
     """Bounds that are held stood in its way and are held no longer."""
     CROWDED = 4
-    """Of many steps: so many bounds have become active that they are better held."""
+    """So many bounds have become active that they are better held."""
 
 
 # Coefficients of a dependence below this, relative to the largest, are rounding.

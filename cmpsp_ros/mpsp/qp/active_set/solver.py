@@ -100,7 +100,7 @@ def solve(p: Program, whole: ActiveSet, warm: WarmStart) -> int:
 
 @inner
 def _misses_terminal(p: Program, at: ActiveSet) -> bool:
-    """Whether the bounds that are held leave a terminal row no freedom to be met."""
+    """True where the bounds that are held leave a terminal row no freedom to be met."""
     for row in range(p.terminal.shape[0]):
         if at.states[row] == RowState.OFF:
             value = p.terminal[row].value

@@ -1,4 +1,4 @@
-"""Where the active-set method begins: at the rows that were active before, all of them at once.
+"""Start of the active-set method at the rows that were active before, all of them at once.
 
 The point is the one nearest to ``v*`` that meets those rows as equations: with the triangular
 factors of the `basis` ``R'y`` is what the rows are violated by at ``v*``, and ``R lambda = y``.
@@ -41,7 +41,7 @@ from cmpsp_ros.mpsp.qp.riccati.sweeps import recover_step
 # closer to them is left to the method, which meets it along its own multiplier.
 _APART: Final = 1e-8
 _PASSES: Final = 3
-"""How often the rows that were met already are looked at again."""
+"""Number of passes over rows that were met already."""
 
 
 @allocation_free
@@ -135,7 +135,7 @@ def _add_violated(p: Program, at: ActiveSet, row: int) -> None:
 
 @inner
 def _is_held(p: Program, row: int) -> bool:
-    """Whether a row is a bound at which its control is held."""
+    """True for a bound at which its control is held."""
     if p.head[0].fixed == 0 or row < p.terminal.shape[0]:
         return False
     kind, k, a, sign = locate(p, row)
@@ -144,7 +144,7 @@ def _is_held(p: Program, row: int) -> bool:
 
 @inner
 def _is_violated(p: Program, at: ActiveSet, row: int) -> bool:
-    """Whether a row that is not active is violated by the step."""
+    """True for a row that is not active and violated by the step."""
     if not 0 <= row < at.states.shape[0] or at.states[row] != RowState.OFF:
         return False
     bound, _ = limit(p, row)

@@ -22,7 +22,7 @@ _TOLERANCE = 1e-8
 
 
 def has_closed_form(subproblem: Subproblem) -> bool:
-    """Whether the program has equalities alone: no path rows, trust region or bounds."""
+    """True for a program of equalities alone: no path rows, trust region or bounds."""
     # Path rows first: most programs have some.
     return not (
         (subproblem.linearisation.g != -np.inf).any()

@@ -29,7 +29,7 @@ TOLERANCE = 1e-10
 """A sweep none of whose moves is longer has converged; relative to ``1 + |z|``."""
 
 SWEEPS_BETWEEN_CHECKS = 50
-"""How often multipliers are examined for a proof that the rows contradict each other."""
+"""Sweeps between two looks for a proof that the rows contradict each other."""
 
 FARTHEST = 1e6
 """Multipliers that prove no point within so many times ``1 + |z|`` feasible prove infeasibility."""
@@ -149,7 +149,7 @@ def _ascend(
 def _proves_infeasible(
     direction: Array, V: Array, lower: Array, upper: Array, farthest: float
 ) -> bool:
-    """Whether weights on the rows leave no feasible ``z`` within ``|z| <= farthest``.
+    """True where weights on the rows leave no feasible ``z`` within ``|z| <= farthest``.
 
     Every feasible ``z`` has ``direction' V z <= support``, the sum of upper bounds times positive
     and lower bounds times negative weights. Where that is negative, ``|z|`` must be at least its

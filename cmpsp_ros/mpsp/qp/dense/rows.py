@@ -55,7 +55,7 @@ class Rows(NamedTuple):
 
     @property
     def starts(self) -> tuple[int, int, int]:
-        """Where path rows, trust rows and bounds begin."""
+        """First numbers of path rows, trust rows and bounds."""
         path = self.outputs + len(self.path[0])
         return self.outputs, path, path + len(self.trust[0])
 

@@ -167,7 +167,7 @@ def fixed_control(stage: Any, a: int) -> float:
 
 @inner
 def _add_drift(stage: Any, P: Array, costate: Array) -> None:
-    """What the fixed controls do to the next state, and its part in the cost to go's gradient."""
+    """Effect of the fixed controls on the next state and on the gradient of the cost to go."""
     n, r = stage.B.shape
     for i in range(n):
         total = 0.0

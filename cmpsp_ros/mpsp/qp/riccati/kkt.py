@@ -1,4 +1,4 @@
-"""How far a point is from the optimality conditions, by data that no solver has touched.
+"""Residual of the optimality conditions, from data that no solver has touched.
 
 `max` drops NaN, a sum propagates it: both are kept of everything that is looked at, of each stage
 by itself, since a processor works on several stages side by side only where one need not wait for

@@ -24,7 +24,7 @@ from cmpsp_ros.mpsp.jit.compiled import allocation_free
 
 
 class Outcome(IntEnum):
-    """How a compiled solver ended."""
+    """End of a compiled solver."""
 
     SOLVED = 0
     """The point meets the optimality conditions."""

@@ -5,7 +5,6 @@ import pytest
 from stage_programs import (
     chain,
     cost,
-    empty,
     place,
     random_program,
     relaxed,
@@ -88,21 +87,6 @@ def test_programs_end_as_with_clarabel(seed, sort):
         np.testing.assert_allclose(each.dU, found.dU, atol=1e-8)
 
 
-def test_they_are_of_all_sorts():
-    """Solved and contradicting ones, with more active bounds than the basis has capacity."""
-    ends, most, held = [], 0, 0
-    for seed in range(12):
-        _, qp = crowded(seed)
-        found = run(qp)
-        ends.append(found.outcome)
-        if found.outcome == Outcome.SOLVED:
-            most = max(most, np.count_nonzero(found.multipliers.bounds))
-        held += found.fixed > 0
-    assert min(ends.count(Outcome.SOLVED), ends.count(Outcome.INFEASIBLE)) >= 3
-    assert most > CAPACITY
-    assert held >= 8
-
-
 @pytest.mark.parametrize('seed', range(6))
 def test_a_warm_start_of_the_same_program_is_its_solution(seed):
     """One factorisation and a few sweeps: what is held costs nothing."""
@@ -130,20 +114,6 @@ def test_work_grows_with_the_horizon_and_not_with_its_square(sort):
             each.append(found.work)
         work[N] = np.mean(each)
     assert work[400] < 12 * work[50]
-
-
-def test_carts_that_hurry_as_their_forces_allow():
-    """All bounds are active, but the last ones."""
-    N = CAPACITY
-    qp = empty(N)
-    qp.A[:], qp.B[:, :2] = np.eye(3), np.eye(2)
-    qp.L_X[:, :2], qp.lower[:], qp.upper[:] = [-1.0, -2.0], -1.0, 1.0
-    found = run(qp)
-    assert found.outcome == Outcome.SOLVED
-    assert np.count_nonzero(found.multipliers.bounds) > CAPACITY
-    np.testing.assert_allclose(found.dU[:-2], 1.0, atol=1e-12)
-    assert found.active == 0
-    assert found.work < 60 * (N + 1)
 
 
 def test_a_goal_within_and_out_of_reach():

@@ -24,7 +24,7 @@ class Measurement:
         self._dropout = generator(seed, Stream.DROPOUT)
 
     def measure(self, errors: OdometryErrors, elapsed: float, pose: Array) -> Array | None:
-        """The pose measured ``(3,)`` some time [s] after the start, or None if the message is lost."""
+        """The pose measured ``(3,)`` after a time [s], or None if the message is lost."""
         measured = np.array(pose, dtype=float)
         if errors.position_stddev:
             measured[:2] += errors.position_stddev * self._position.standard_normal(2)

@@ -30,7 +30,7 @@ _KINDS: Final = ('guidance_node', 'sim_node')
 
 
 @dataclass(frozen=True)
-class Kind:
+class ProcessKind:
     """The processes of one kind.
 
     Attributes:
@@ -71,7 +71,7 @@ class Crowd:
     delays: Array
     own: Array
     miss: float
-    kinds: tuple[Kind, ...]
+    kinds: tuple[ProcessKind, ...]
 
 
 def measure(count: int, progress: Callable[[float], None] = lambda _: None) -> Crowd:
@@ -167,10 +167,12 @@ def _run(robots: Sequence[Scenario], folder: Path, progress: Callable[[float], N
     )
 
 
-def _kind(name: str, children: Sequence[Child], spent: Sequence[float], seconds: float) -> Kind:
+def _kind(
+    name: str, children: Sequence[Child], spent: Sequence[float], seconds: float
+) -> ProcessKind:
     these = [i for i, each in enumerate(children) if each.name.endswith(name)]
     memory = max(resident(children[i].process.pid) for i in these)
-    return Kind(name, memory, float(np.mean([spent[i] for i in these])) / seconds)
+    return ProcessKind(name, memory, float(np.mean([spent[i] for i in these])) / seconds)
 
 
 def _times(milliseconds: Array) -> str:

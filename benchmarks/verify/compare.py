@@ -13,7 +13,7 @@ from benchmarks.verify.references import (
     ROUNDING,
     Accuracy,
     Reference,
-    Verdict,
+    ReferenceVerdict,
     accuracy,
     contradict,
     cost,
@@ -72,7 +72,7 @@ class Comparison:
 
     origin: Origin
     about: str
-    verdict: Verdict
+    verdict: ReferenceVerdict
     status: QPStatus
     accuracy: Accuracy
     difference: float
@@ -132,26 +132,26 @@ def _status_findings(
 ) -> list[Finding]:
     expected, status = verdict(answers), answer.status
     if (expected, status) in {
-        (Verdict.SOLVED, QPStatus.SOLVED),
-        (Verdict.INFEASIBLE, QPStatus.INFEASIBLE),
+        (ReferenceVerdict.SOLVED, QPStatus.SOLVED),
+        (ReferenceVerdict.INFEASIBLE, QPStatus.INFEASIBLE),
     }:
         return []
     found = f'{status.name}; {", ".join(_says(each) for each in answers)}'
     explanation = ''
-    if expected is Verdict.UNKNOWN and status is not QPStatus.FAILED:
+    if expected is ReferenceVerdict.UNKNOWN and status is not QPStatus.FAILED:
         # A solution shows itself by its residual; the denial of one must be made good.
         proved = status is QPStatus.SOLVED or not nearly_feasible(program)
         explanation = 'no reference can tell, and this can' if proved else ''
-    elif expected is Verdict.UNKNOWN:
+    elif expected is ReferenceVerdict.UNKNOWN:
         explanation = 'no reference can tell either'
-    elif expected is Verdict.INFEASIBLE and nearly_feasible(program):
+    elif expected is ReferenceVerdict.INFEASIBLE and nearly_feasible(program):
         explanation = f'less than {ROUNDING:g} is missing to feasibility'
-    elif expected is Verdict.SOLVED and status is QPStatus.FAILED:
+    elif expected is ReferenceVerdict.SOLVED and status is QPStatus.FAILED:
         # Degenerate programs are all on the border, and are to be solved nevertheless.
         explanation = ''
-    elif expected is not Verdict.INFEASIBLE and nearly_infeasible(program):
+    elif expected is not ReferenceVerdict.INFEASIBLE and nearly_infeasible(program):
         explanation = f'limits tighter by {ROUNDING:g} leave no solution'
-    elif expected is Verdict.DISPUTED:
+    elif expected is ReferenceVerdict.DISPUTED:
         explanation = _settled(program, status)
     return [Finding('status', found, explanation)]
 

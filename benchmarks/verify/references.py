@@ -214,7 +214,7 @@ _DAQP_TOLERANCE = 1e-9
 _SOLVED = 1e-6
 
 
-class Verdict(Enum):
+class ReferenceVerdict(Enum):
     """Whether a program has a solution; the value is a sentence about the references."""
 
     SOLVED = 'A reference has a solution, and none denies it.'
@@ -251,10 +251,10 @@ def references(program: Program) -> list[Reference]:
     return sorted(judged, key=lambda each: abs(each.accuracy.gap))
 
 
-def verdict(answers: list[Reference]) -> Verdict:
+def verdict(answers: list[Reference]) -> ReferenceVerdict:
     """What the references come to together."""
     solved = any(each.accuracy.residual <= _SOLVED for each in answers)
     denied = any(each.solution.status is QPStatus.INFEASIBLE for each in answers)
     if solved:
-        return Verdict.DISPUTED if denied else Verdict.SOLVED
-    return Verdict.INFEASIBLE if denied else Verdict.UNKNOWN
+        return ReferenceVerdict.DISPUTED if denied else ReferenceVerdict.SOLVED
+    return ReferenceVerdict.INFEASIBLE if denied else ReferenceVerdict.UNKNOWN

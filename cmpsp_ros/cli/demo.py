@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     from rich.table import Table
 
-    from cmpsp_ros.demo import Robot, Scenario, Summary
+    from cmpsp_ros.demo import RobotOutcome, Scenario, Summary
 
 
 def demo(
@@ -98,12 +98,12 @@ def _loaded(
 
 def _drive(
     fleet: Sequence[Scenario], folder: Path, view_port: int | None
-) -> Sequence[Summary | Robot]:
+) -> Sequence[Summary | RobotOutcome]:
     """Run one robot or several, and show and return the results."""
     from cmpsp_ros.demo import run, run_fleet  # noqa: PLC0415 (a wrong argument needs no ROS)
 
     total, alone = max(each.settings.final_time for each in fleet), fleet[0]
-    results: Sequence[Summary | Robot]
+    results: Sequence[Summary | RobotOutcome]
     with _progress(alone.name, total, view_port) as progress:
         if len(fleet) > 1:
             results = robots = run_fleet(fleet, folder, progress, view_port)
@@ -169,7 +169,7 @@ def _table(summary: Summary, scenario: Scenario) -> Table:
     return table
 
 
-def _fleet_table(robots: Sequence[Robot]) -> Table:
+def _fleet_table(robots: Sequence[RobotOutcome]) -> Table:
     from rich.table import Table  # noqa: PLC0415 (`--help` is quicker without)
 
     from cmpsp_ros.world.roads import FAR  # noqa: PLC0415 (loads kernels)

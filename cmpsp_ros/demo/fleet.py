@@ -22,7 +22,7 @@ from cmpsp_ros.robots import placed
 
 
 @dataclass(frozen=True)
-class Robot:
+class RobotOutcome:
     """Result of the run of one robot of several.
 
     Attributes:
@@ -90,14 +90,14 @@ def run_fleet(
     folder: Path,
     progress: Callable[[float], None],
     view_port: int | None = None,
-) -> tuple[Robot, ...]:
+) -> tuple[RobotOutcome, ...]:
     """`run` for several robots at once; the page shows the first of them."""
     write_fleet_file(folder / 'parameters.yaml', {each.namespace: each.values for each in fleet})
     with driven(fleet, folder, progress, view_port):
         return _sum_up(fleet, folder)
 
 
-def _sum_up(fleet: Sequence[Scenario], folder: Path) -> tuple[Robot, ...]:
+def _sum_up(fleet: Sequence[Scenario], folder: Path) -> tuple[RobotOutcome, ...]:
     runs = [read_run(folder / 'bag', each.namespace) for each in fleet]
     robots = tuple(_robot(each, run, fleet, runs) for each, run in zip(fleet, runs, strict=True))
     values = {each.namespace: each.summary.values() | {'apart_m': each.apart} for each in robots}
@@ -107,7 +107,7 @@ def _sum_up(fleet: Sequence[Scenario], folder: Path) -> tuple[Robot, ...]:
     return robots
 
 
-def _robot(own: Scenario, run: Run, fleet: Sequence[Scenario], runs: Sequence[Run]) -> Robot:
+def _robot(own: Scenario, run: Run, fleet: Sequence[Scenario], runs: Sequence[Run]) -> RobotOutcome:
     first, last = window(run, own.settings)
     longest, apart = longest_interval(run.driven.stamps, own.settings), math.inf
     paths = list(pieces(run.driven, first, last, longest))
@@ -118,4 +118,4 @@ def _robot(own: Scenario, run: Run, fleet: Sequence[Scenario], runs: Sequence[Ru
             for path in paths:
                 met = robot_encounters(path, {other.namespace: its.driven}, *around)
                 apart = min([apart, *(float(each.clearance.min()) for each in met)])
-    return Robot(own.namespace, summarise(run, own.settings, own.name), apart)
+    return RobotOutcome(own.namespace, summarise(run, own.settings, own.name), apart)

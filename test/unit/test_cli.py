@@ -13,7 +13,7 @@ import pytest
 import typer
 from commands import command
 
-import cmpsp_ros.demo.runner as demo_run
+from cmpsp_ros import demo
 from cmpsp_ros.bags import BagError
 from cmpsp_ros.cli.terminal import writing_to
 from cmpsp_ros.demo import DemoError, Summary
@@ -55,7 +55,7 @@ def outcome(monkeypatch):
                 raise result
             return result
 
-        monkeypatch.setattr(demo_run, 'run', run)
+        monkeypatch.setattr(demo, 'run', run)
         return asked
 
     return set_outcome
@@ -178,7 +178,7 @@ def test_sigterm_is_taken_for_an_interruption(invoke, monkeypatch, tmp_path):
     def run(scenario, folder, progress, view_port):
         signal.raise_signal(signal.SIGTERM)
 
-    monkeypatch.setattr(demo_run, 'run', run)
+    monkeypatch.setattr(demo, 'run', run)
     assert invoke('demo', '--output', tmp_path / 'run').exit_code == 130
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.verify.case import Draft, Program, Rng
-from benchmarks.verify.programs.scenario import Maker, Scenario
+from benchmarks.verify.programs.scenario import Maker, RobotScenario
 from benchmarks.verify.references import clarabel_solve
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance import GuidanceSettings, Horizon, remaining, shift, to_nanoseconds
@@ -65,7 +65,7 @@ def penalties(subproblem: Subproblem, weights: Weights) -> Penalties:
     return Penalties(np.full(len(subproblem.linearisation.output_error), weights.goal), path)
 
 
-def _loop(scenario: Scenario, rng: Rng) -> Iterator[Draft]:
+def _loop(scenario: RobotScenario, rng: Rng) -> Iterator[Draft]:
     for about, subproblem, before in _visits(scenario, rng):
         small = SMALL[rng.integers(len(SMALL))]
         weights = LARGE if rng.random() < 0.6 else small
@@ -77,7 +77,7 @@ def _loop(scenario: Scenario, rng: Rng) -> Iterator[Draft]:
         yield Draft(f'{about}, relaxed at {weights.goal:g}', relaxed, earlier)
 
 
-def _visits(scenario: Scenario, rng: Rng) -> Iterator[Visit]:
+def _visits(scenario: RobotScenario, rng: Rng) -> Iterator[Visit]:
     """A few control steps of one loop, each with its iterations."""
     settings, pose = scenario.settings, scenario.pose
     period, final = to_nanoseconds(settings.control_period), to_nanoseconds(settings.final_time)

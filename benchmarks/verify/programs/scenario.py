@@ -24,7 +24,7 @@ _HORIZONS: Final = ((0.55, 1, 30), (0.35, 30, 60), (0.1, 60, 200))
 
 
 @dataclass(frozen=True)
-class Scenario:
+class RobotScenario:
     """A task and where the robot stands.
 
     Attributes:
@@ -38,10 +38,10 @@ class Scenario:
     pose: Array
 
 
-Maker = Callable[[Rng], Scenario]
+Maker = Callable[[Rng], RobotScenario]
 
 
-def ordinary(rng: Rng) -> Scenario:
+def ordinary(rng: Rng) -> RobotScenario:
     """A preset or a run of the paper, mostly with something changed about it."""
     presets, paper = _bases()
     bases = presets if rng.random() < 0.75 else paper
@@ -56,10 +56,10 @@ def ordinary(rng: Rng) -> Scenario:
         settings, pose = _elsewhere(rng, settings, pose)
     if rng.random() < 0.3:
         pose = pose + np.array([0.15, 0.15, 0.5]) * rng.normal(size=3)
-    return Scenario(base.name, _varied(rng, _with_horizon(settings, draw_horizon(rng))), pose)
+    return RobotScenario(base.name, _varied(rng, _with_horizon(settings, draw_horizon(rng))), pose)
 
 
-def crowded(rng: Rng) -> Scenario:
+def crowded(rng: Rng) -> RobotScenario:
     """Wheels hardly fast enough, a road hardly wide enough, a long horizon: many active rows."""
     base = ordinary(rng)
     settings, road = base.settings, base.settings.world.annulus
@@ -89,10 +89,10 @@ def crowded(rng: Rng) -> Scenario:
         limit = rng.uniform(1.0, 1.05) * pace / settings.robot.wheel_radius
         settings = replace(settings, robot=replace(settings.robot, max_wheel_speed=limit))
     horizon = int(rng.integers(30, 120)) if rng.random() < 0.85 else int(rng.integers(120, 201))
-    return Scenario(f'crowded {base.name}', _with_horizon(settings, horizon), pose)
+    return RobotScenario(f'crowded {base.name}', _with_horizon(settings, horizon), pose)
 
 
-def blocked(rng: Rng) -> Scenario:
+def blocked(rng: Rng) -> RobotScenario:
     """A goal out of reach, an obstacle across the road, or both."""
     base = ordinary(rng)
     settings = base.settings
@@ -108,10 +108,10 @@ def blocked(rng: Rng) -> Scenario:
         enough = _arc(settings, base.pose) / settings.final_time / settings.robot.wheel_radius
         robot = replace(settings.robot, max_wheel_speed=max(1.0, rng.uniform(0.3, 0.95) * enough))
         settings = replace(settings, robot=robot)
-    return Scenario(f'blocked {base.name}', settings, base.pose)
+    return RobotScenario(f'blocked {base.name}', settings, base.pose)
 
 
-def tangent(rng: Rng) -> Scenario:
+def tangent(rng: Rng) -> RobotScenario:
     """Obstacles that touch the road's edges from either side, or one another, exactly."""
     base = ordinary(rng)
     road = base.settings.world.annulus
@@ -127,16 +127,16 @@ def tangent(rng: Rng) -> Scenario:
         obstacles.append(replace(obstacles[0], name='the same again'))
     safety = replace(base.settings.safety, between_samples=False)
     settings = replace(base.settings, obstacles=tuple(obstacles), safety=safety)
-    return Scenario(f'tangent {base.name}', settings, base.pose)
+    return RobotScenario(f'tangent {base.name}', settings, base.pose)
 
 
-def flat(rng: Rng) -> Scenario:
+def flat(rng: Rng) -> RobotScenario:
     """Control weights that all but vanish beside that of the road."""
     base = ordinary(rng)
     scale = base.settings.weights.road_center * 10.0 ** rng.uniform(-10.0, -6.0)
     effort = scale if rng.random() < 0.5 else 0.0
     weights = replace(base.settings.weights, control_change=scale, control_effort=effort)
-    return Scenario(f'flat {base.name}', replace(base.settings, weights=weights), base.pose)
+    return RobotScenario(f'flat {base.name}', replace(base.settings, weights=weights), base.pose)
 
 
 def draw_horizon(rng: Rng) -> int:
@@ -150,16 +150,16 @@ def draw_horizon(rng: Rng) -> int:
 
 
 @cache
-def _bases() -> tuple[tuple[Scenario, ...], tuple[Scenario, ...]]:
+def _bases() -> tuple[tuple[RobotScenario, ...], tuple[RobotScenario, ...]]:
     """The presets, and the paper's obstacle fields."""
     config = config_directory()
     presets = tuple(_base(config / f'{name}.yaml') for name in _PRESETS)
     return presets, tuple(_base(path) for path in sorted((config / 'paper').glob('*.yaml')))
 
 
-def _base(path: Path) -> Scenario:
+def _base(path: Path) -> RobotScenario:
     values = TABLE.resolve(load_parameter_file(path))
-    return Scenario(path.stem, guidance_settings(values), np.array(values['initial_pose']))
+    return RobotScenario(path.stem, guidance_settings(values), np.array(values['initial_pose']))
 
 
 def _with_horizon(settings: GuidanceSettings, steps: int) -> GuidanceSettings:

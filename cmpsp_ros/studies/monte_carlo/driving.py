@@ -22,7 +22,7 @@ from cmpsp_ros.simulator import Motion, OdometrySchedule, Plant, PlantSettings
 from cmpsp_ros.studies.monte_carlo.foreign_robot import ForeignDrive, ForeignRobot
 from cmpsp_ros.studies.monte_carlo.guesses import shortest_length
 from cmpsp_ros.studies.monte_carlo.outcome import StudyOutcome
-from cmpsp_ros.studies.monte_carlo.study import Task
+from cmpsp_ros.studies.monte_carlo.study import RunTask
 
 _LAGS_TO_REST = 20.0
 _ROUNDING = 1e-9
@@ -30,7 +30,7 @@ _EDGES = 2
 
 
 @dataclass
-class Driven:
+class DrivenRun:
     """A completed run.
 
     Attributes:
@@ -41,7 +41,7 @@ class Driven:
         end: The final time, which the law may have put off [ns].
     """
 
-    task: Task
+    task: RunTask
     motions: list[Motion] = field(default_factory=list)
     decisions: list[Decision] = field(default_factory=list)
     exception: str = ''
@@ -80,7 +80,7 @@ class Computer:
         decision: Result of that step, until the robot receives it.
     """
 
-    def __init__(self, task: Task) -> None:
+    def __init__(self, task: RunTask) -> None:
         """Idle computer, its times drawn from the seed of the run."""
         self._period, self._lateness = task.settings.control_period, task.lateness
         self._random = np.random.default_rng([task.scenario.seed, task.scenario.number])
@@ -100,14 +100,14 @@ class Computer:
         self.decision = recorded if is_late else decision
 
 
-def drive(task: Task) -> Driven:
+def drive(task: RunTask) -> DrivenRun:
     """Make a run: odometry at its rate, commands of the law until the final time, then to rest.
 
     An exception in the law ends its part as in the node: the robot is stopped.
     """
     if task.foreign is not None:
         return _drive_foreign(task, task.foreign)
-    driven, plant = Driven(task), Plant(task.plant)
+    driven, plant = DrivenRun(task), Plant(task.plant)
     driven.motions.append(plant.motion)
     driven.end = to_nanoseconds(task.settings.final_time)
     instants, noted = OdometrySchedule(task.plant, 0), 0
@@ -149,9 +149,9 @@ def drive(task: Task) -> Driven:
     return driven
 
 
-def _drive_foreign(task: Task, foreign: ForeignRobot) -> Driven:
+def _drive_foreign(task: RunTask, foreign: ForeignRobot) -> DrivenRun:
     drive = ForeignDrive(foreign, task.settings.robot, task.scenario.pose)
-    driven = Driven(task, drive.motions, drive.decisions)
+    driven = DrivenRun(task, drive.motions, drive.decisions)
     try:
         drive.run(GuidanceLaw(task.settings, task.settings.world), task.settings.control_period)
     except Exception as error:
@@ -164,7 +164,7 @@ def _in_words(error: Exception) -> str:
     return f'{type(error).__name__}: {" ".join(str(error).split())}'
 
 
-def _brake(plant: Plant, driven: Driven, law: GuidanceLaw, period: int) -> None:
+def _brake(plant: Plant, driven: DrivenRun, law: GuidanceLaw, period: int) -> None:
     """Let the law bring the robot to rest after the final time."""
     moves = True
     while moves:
@@ -176,7 +176,7 @@ def _brake(plant: Plant, driven: Driven, law: GuidanceLaw, period: int) -> None:
         _advance(plant, driven, plant.stamp_ns + period)
 
 
-def outcome(driven: Driven) -> StudyOutcome:
+def outcome(driven: DrivenRun) -> StudyOutcome:
     """The figures of a run."""
     task, settings = driven.task, driven.task.settings
     space = task.truth.world.free_space(task.truth)
@@ -217,7 +217,7 @@ def outcome(driven: Driven) -> StudyOutcome:
     )
 
 
-def _over_limit(driven: Driven) -> int:
+def _over_limit(driven: DrivenRun) -> int:
     """Commands that change more than the robot can, or steer too far."""
     settings, controls = driven.task.settings, driven.controls
     if not np.isfinite(controls).all():
@@ -229,13 +229,13 @@ def _over_limit(driven: Driven) -> int:
     return int(sum(sudden | [bool(robot.over_limit(each[None])) for each in controls]))
 
 
-def _pace(driven: Driven) -> float:
+def _pace(driven: DrivenRun) -> float:
     task = driven.task
     length = shortest_length(task.truth, np.array(task.scenario.pose))
     return length / (driven.end / NANOSECONDS) / task.settings.pace
 
 
-def farthest(task: Task) -> float:
+def farthest(task: RunTask) -> float:
     """Distance that the robot drives from rest until the final time at its limit [m].
 
     Random slip is ignored, because it may happen to be zero.
@@ -254,12 +254,12 @@ def farthest(task: Task) -> float:
     return plant.robot.max_speed * grip * (obeyed - behind)
 
 
-def _advance(plant: Plant, driven: Driven, stamp: int) -> None:
+def _advance(plant: Plant, driven: DrivenRun, stamp: int) -> None:
     driven.motions += plant.advance(stamp)
     driven.motions.append(plant.motion)
 
 
-def _hand_over(plant: Plant, driven: Driven, computer: Computer, stamp: int) -> None:
+def _hand_over(plant: Plant, driven: DrivenRun, computer: Computer, stamp: int) -> None:
     """Let the plant have the decision that the computer has made until an instant [ns]."""
     decision = computer.decision
     if decision is None or computer.busy_until > stamp:
@@ -281,7 +281,7 @@ def _to_rest(plant: PlantSettings) -> float:
     return delay + lag + 1.0 / plant.odom_rate
 
 
-def _instants(driven: Driven, final: int) -> tuple[tuple[float, ...], tuple[float, ...]]:
+def _instants(driven: DrivenRun, final: int) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Positions at the beginning of each control period, and at the final time [m]."""
     period = to_nanoseconds(driven.task.settings.control_period)
     chosen, due = [], driven.motions[0].stamp_ns

@@ -25,7 +25,7 @@ from cmpsp_ros.robots import Robot
 from cmpsp_ros.studies.common import StudyError
 from cmpsp_ros.studies.monte_carlo.driving import drive, farthest
 from cmpsp_ros.studies.monte_carlo.guesses import at_constant_speed, grid_path, slalom
-from cmpsp_ros.studies.monte_carlo.study import Task
+from cmpsp_ros.studies.monte_carlo.study import RunTask
 from cmpsp_ros.studies.paper import Path, reference_solution
 from cmpsp_ros.world.roads import Annulus
 
@@ -46,7 +46,7 @@ _SPARE: Final = (0.15, 0.3, 0.08, 0.02)
 _MISS, _ROUNDING, _UNGUARDED_MARGIN = 1e-4, 1e-6, 0.02
 
 
-def judge_failure(task: Task) -> dict[str, Any]:
+def judge_failure(task: RunTask) -> dict[str, Any]:
     """Solve a failed run with IPOPT; noise and delay of its plant are ignored.
 
     Returns:
@@ -75,7 +75,7 @@ def judge_failure(task: Task) -> dict[str, Any]:
     return {'answer': NOT_FOUND}
 
 
-def compare_cost(task: Task) -> dict[str, Any]:
+def compare_cost(task: RunTask) -> dict[str, Any]:
     """Solve a run that arrived, of a robot as modelled, with IPOPT from the path driven.
 
     Returns:
@@ -135,7 +135,7 @@ def _swept_angle(path: Array, center: Array) -> float:
     return float(bearings[-1] - bearings[0])
 
 
-def _slowed(task: Task) -> Robot:
+def _slowed(task: RunTask) -> Robot:
     """The robot slowed down by unmodelled effects; the solver keeps its limits of acceleration."""
     robot = task.settings.robot
     at_once = replace(robot, max_wheel_acceleration=math.inf)

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from cmpsp_ros.guidance import NANOSECONDS, Decision, GuidanceSettings
 from cmpsp_ros.studies.common import WIDTH, plot_style
-from cmpsp_ros.studies.monte_carlo.driving import Driven
+from cmpsp_ros.studies.monte_carlo.driving import DrivenRun
 from cmpsp_ros.studies.monte_carlo.outcome import RunVerdict, StudyOutcome
 from cmpsp_ros.view import LEVEL_COLORS, PER_ARC, along, draw_obstacles, draw_road, show
 
@@ -48,7 +48,7 @@ def draw_study(
         ]
 
 
-def draw_run(path: Path, title: str, driven: Driven) -> Path:
+def draw_run(path: Path, title: str, driven: DrivenRun) -> Path:
     """Draw one run: its path by fallback level, and its clearance over time."""
     with plot_style():
         figure = Figure(figsize=(WIDTH, 0.55 * WIDTH), layout='constrained')
@@ -109,7 +109,7 @@ def _draw_place(axes: Axes, settings: GuidanceSettings) -> None:
     axes.set_aspect('equal')
 
 
-def _draw_way(axes: Axes, driven: Driven) -> None:
+def _draw_way(axes: Axes, driven: DrivenRun) -> None:
     """The exact arcs, each in the colour of the latest fallback level."""
     settings = driven.task.truth
     _draw_place(axes, settings)
@@ -134,7 +134,7 @@ def _spans(decisions: Sequence[Decision]) -> list[tuple[Decision, float]]:
     return list(zip(decisions, ends, strict=True))
 
 
-def _draw_clearance(axes: Axes, driven: Driven) -> None:
+def _draw_clearance(axes: Axes, driven: DrivenRun) -> None:
     clearance = driven.clearance()
     times = np.array([each.stamp_ns for each in driven.motions[:-1]]) / NANOSECONDS
     settings = driven.task.truth

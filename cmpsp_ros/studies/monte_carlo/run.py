@@ -16,7 +16,7 @@ from typing import Any, Final
 from cmpsp_ros.guidance import NANOSECONDS
 from cmpsp_ros.studies.common import StudyError
 from cmpsp_ros.studies.monte_carlo import pictures, results_log
-from cmpsp_ros.studies.monte_carlo.driving import Driven, drive, outcome
+from cmpsp_ros.studies.monte_carlo.driving import DrivenRun, drive, outcome
 from cmpsp_ros.studies.monte_carlo.judging import (
     COSTS,
     JUDGED,
@@ -26,7 +26,7 @@ from cmpsp_ros.studies.monte_carlo.judging import (
     write_answers,
 )
 from cmpsp_ros.studies.monte_carlo.outcome import StudyOutcome
-from cmpsp_ros.studies.monte_carlo.study import Study, Task
+from cmpsp_ros.studies.monte_carlo.study import RunTask, Study
 from cmpsp_ros.studies.monte_carlo.summary import figures, to_json, write_parquet
 from cmpsp_ros.warmup import new_pool
 
@@ -227,7 +227,7 @@ def _solved(
     part: str,
     numbers: list[int],
     name: str,
-    solve: Callable[[Task], dict[str, Any]],
+    solve: Callable[[RunTask], dict[str, Any]],
 ) -> dict[int, dict[str, Any]]:
     """IPOPT's answers on some runs, and those found before."""
     path = order.folder / name
@@ -263,7 +263,7 @@ def _draw(
         advance(1)
 
 
-def _draw_one(folder: Path, study: Study, driven: Driven) -> Path:
+def _draw_one(folder: Path, study: Study, driven: DrivenRun) -> Path:
     number = driven.task.scenario.number
     made = outcome(driven)
     title = f'{study.command(number)}\n{made.verdict(study.tolerance).value}, '
@@ -271,7 +271,7 @@ def _draw_one(folder: Path, study: Study, driven: Driven) -> Path:
     return pictures.draw_run(folder / f'run_{number:05d}.png', title, driven)
 
 
-def _changes(driven: Driven) -> list[str]:
+def _changes(driven: DrivenRun) -> list[str]:
     texts, before = [], None
     for each in driven.decisions:
         if each.level != before:

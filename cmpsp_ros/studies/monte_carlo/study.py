@@ -75,7 +75,7 @@ _WITH_A_BODY: Final = {'robot.radius': 0.1, 'safety.margin': 0.02}
 
 
 @dataclass(frozen=True)
-class Kind:
+class StudyKind:
     """The properties of one kind of study.
 
     Attributes:
@@ -110,10 +110,10 @@ class Kind:
         return self.draw not in {scenario, paper_scenario}
 
 
-KINDS: Final[Mapping[str, Kind]] = MappingProxyType(
+KINDS: Final[Mapping[str, StudyKind]] = MappingProxyType(
     {
-        'nominal': Kind({}, 1e-3),
-        'disturbed': Kind(
+        'nominal': StudyKind({}, 1e-3),
+        'disturbed': StudyKind(
             {
                 'noise.position_stddev': 0.005,
                 'noise.heading_stddev': math.radians(0.5),
@@ -128,30 +128,30 @@ KINDS: Final[Mapping[str, Kind]] = MappingProxyType(
             0.05,
         ),
         # Steps take between nothing and the longest time, and the delay is known on the average.
-        'realtime': Kind(
+        'realtime': StudyKind(
             {'command_delay': 0.1, 'max_command_delay': 0.3, 'safety.margin': 0.05},
             0.05,
             lateness=1.5,
         ),
         # The law is told how much the wheels lag at most, and estimates by how much they do.
-        'heavy': Kind(
+        'heavy': StudyKind(
             {'robot.max_wheel_acceleration': 60.0, 'max_wheel_lag': 0.3, 'safety.margin': 0.05},
             0.05,
             lag=(0.1, 0.3),
         ),
         # A robot without shared code, and a delay that is told wrong by up to 100 ms. The weight
         # keeps plans from commands that a robot which lags cannot follow.
-        'told_wrong': Kind(
+        'told_wrong': StudyKind(
             {'safety.margin': 0.05, 'weights.control_rate': 0.01},
             0.05,
             paper_scenario,
             is_foreign=True,
         ),
-        'corridors': Kind(_WITH_A_BODY, 1e-3, corridor_scenario),
-        'floor': Kind(_WITH_A_BODY, 1e-3, floor_scenario),
-        'sight': Kind(_SEEING, 0.05, room_scenario, preset='unknown', sees=True),
-        'mapped': Kind(_SEEING, 0.05, room_scenario, preset='unknown', has_map=True),
-        'clutter': Kind(
+        'corridors': StudyKind(_WITH_A_BODY, 1e-3, corridor_scenario),
+        'floor': StudyKind(_WITH_A_BODY, 1e-3, floor_scenario),
+        'sight': StudyKind(_SEEING, 0.05, room_scenario, preset='unknown', sees=True),
+        'mapped': StudyKind(_SEEING, 0.05, room_scenario, preset='unknown', has_map=True),
+        'clutter': StudyKind(
             _CLUTTERED, 0.1, field_scenario, preset='unknown', sees=True, score_speed=2.0
         ),
     }
@@ -197,7 +197,7 @@ class Study:
         return self.kind.tolerance
 
     @property
-    def kind(self) -> Kind:
+    def kind(self) -> StudyKind:
         """What makes it differ from other studies."""
         return KINDS[self.name]
 
@@ -247,7 +247,7 @@ class Study:
         """Settings of law and plant in every run, but for start, obstacles and seed."""
         return _setup(self)
 
-    def run(self, number: int) -> Task:
+    def run(self, number: int) -> RunTask:
         """What the run of that number is."""
         settings, plant = self.setup()
         draw = robot_scenario if self.robot else self.kind.draw
@@ -269,7 +269,7 @@ class Study:
             periods = math.ceil(time / settings.control_period)
             changes = {**changes, 'final_time': periods * settings.control_period}
             known = (map_of(drawn.obstacles),)
-        return Task(
+        return RunTask(
             drawn,
             replace(settings, obstacles=known, **changes),
             replace(plant, initial_pose=drawn.pose, seed=drawn.seed),
@@ -291,7 +291,7 @@ class Study:
 
 
 @dataclass(frozen=True)
-class Task:
+class RunTask:
     """Everything that one run depends on.
 
     Attributes:
@@ -302,7 +302,7 @@ class Task:
         lateness: Longest time that a control step takes, in control periods.
         scanner: Of a robot that knows nothing of the obstacles but what it sees.
         patience: Time after which a run that is put off again and again ends [s].
-        has_map: As of `Kind`.
+        has_map: As of `StudyKind`.
     """
 
     scenario: Scenario

@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks.verify.case import Program, contestant
 from benchmarks.verify.compare import compare
-from benchmarks.verify.references import Verdict
+from benchmarks.verify.references import ReferenceVerdict
 from benchmarks.verify.run import FAMILIES, cases, verify_case
 from cmpsp_ros.mpsp.qp import Penalties, QPStatus, Row
 
@@ -33,7 +33,7 @@ def test_daqp_is_right_about_hard_programs(family):
         # With many active rows its own tolerance of 1e-6 shows.
         assert checks(comparison) <= {'residual'}, comparison
         assert comparison.accuracy.residual < 1e-6 or comparison.status is QPStatus.INFEASIBLE
-        assert comparison.verdict in {Verdict.SOLVED, Verdict.INFEASIBLE}
+        assert comparison.verdict in {ReferenceVerdict.SOLVED, ReferenceVerdict.INFEASIBLE}
 
 
 @pytest.mark.parametrize('family', ['loop', 'crowded', 'infeasible'])
@@ -72,11 +72,11 @@ def test_a_solution_claimed_where_there_is_none_is_found(scalar, case_of, erring
         return replace(answer, status=QPStatus.SOLVED)
 
     comparison = compare(case_of(scalar(limit=0.5)), erring(claim))
-    assert comparison.verdict is Verdict.INFEASIBLE
+    assert comparison.verdict is ReferenceVerdict.INFEASIBLE
     assert checks(comparison) >= {'status', 'residual'}
     for each in hard_cases('infeasible', 0):
         comparison = compare(each, erring(claim))
-        if comparison.verdict is Verdict.INFEASIBLE:
+        if comparison.verdict is ReferenceVerdict.INFEASIBLE:
             assert 'status' in checks(comparison)
 
 

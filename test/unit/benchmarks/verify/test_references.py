@@ -9,7 +9,7 @@ import pytest
 from benchmarks.verify.case import Program
 from benchmarks.verify.programs.general import random_program
 from benchmarks.verify.references import (
-    Verdict,
+    ReferenceVerdict,
     accuracy,
     clarabel_solve,
     cost,
@@ -76,7 +76,7 @@ def test_contradiction_is_named_and_measured(scalar):
     assert daqp(program).status is QPStatus.INFEASIBLE
     # x_1 = 2 and x_1 <= 0.5.
     assert least_violation(program) == pytest.approx(1.5, abs=1e-8)
-    assert verdict(references(program)) is Verdict.INFEASIBLE
+    assert verdict(references(program)) is ReferenceVerdict.INFEASIBLE
     assert not nearly_feasible(program)
 
 
@@ -134,7 +134,7 @@ def test_references_agree_on_random_programs(seed):
         assert abs(each.accuracy.gap) < 1e-8
     theirs = cost(program, second.solution.dU)
     assert abs(cost(program, first.solution.dU).value - theirs.value) < 1e-8 * theirs.size
-    assert verdict([first, second]) is Verdict.SOLVED
+    assert verdict([first, second]) is ReferenceVerdict.SOLVED
     # Known controls are feasible, and no better.
     size = cost(program, known.dU).size
     best = cost(program, first.solution.dU).value

@@ -23,6 +23,7 @@ from cmpsp_ros.guidance.decision_entries import (
 )
 from cmpsp_ros.guidance.goals import Goal
 from cmpsp_ros.guidance.messages.tracks import MovingObject
+from cmpsp_ros.guidance.times import Horizon
 
 if TYPE_CHECKING:
     from cmpsp_ros.guidance.horizon import Horizon

@@ -59,7 +59,7 @@ class DecisionRecord:
 
     @classmethod
     def of(cls, source: str, received: int, message: Any) -> DecisionRecord:
-        """A message of `~/decision`, without what else was published.
+        """A message of `~/decision`, without command and path.
 
         Raises:
             BagError: It is none.
@@ -110,7 +110,7 @@ class DecisionRecord:
 
     @property
     def wheel_speeds(self) -> Array:
-        """Of right and left wheel, or of all there are and the steering [rad], ``(W,)`` [rad/s]."""
+        """Right and left wheel, or all wheels and the steering angle [rad], ``(W,)`` [rad/s]."""
         speeds, steering = self._read('wheel_speeds'), self._read('steering_angle')
         return np.array([*speeds, *(() if steering is None else (steering,))])
 
@@ -152,7 +152,7 @@ def read_decisions(bag: Bag, topic: str) -> tuple[DecisionRecord, ...]:
 
 
 def wheel_speeds(decisions: Iterable[DecisionRecord]) -> Array:
-    """Of each, shape ``(D, W)`` [rad/s]."""
+    """Wheel speeds of each decision, shape ``(D, W)`` [rad/s]."""
     speeds = [each.wheel_speeds for each in decisions]
     return np.array(speeds) if speeds else np.empty((0, 2))
 

@@ -91,7 +91,7 @@ def scene(
 
 
 def has_wheels(settings: GuidanceSettings) -> bool:
-    """Whether the robot is shown with its two wheels, and not as its footprint."""
+    """True if the robot is shown with its two wheels, not as its footprint."""
     return isinstance(settings.robot, DifferentialDrive) and not settings.footprint.corners
 
 

@@ -1,41 +1,15 @@
-"""The horizon of a plan, and plans on a later horizon.
+"""The horizon to the final time, and plans on a later horizon.
 
 The final time is fixed, and control instants are on a fixed grid before it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
-
 import numpy as np
 
 from cmpsp_ros.arrays import Array, IntArray
-from cmpsp_ros.guidance.times import NANOSECONDS
+from cmpsp_ros.guidance.times import NANOSECONDS, Horizon
 from cmpsp_ros.mpsp.jit import allocation_free
-
-
-class Horizon(NamedTuple):
-    """Instants between which each control of a plan is held.
-
-    Attributes:
-        edges: The present, the control instants to come and the end [ns], shape ``(N + 1,)``.
-        durations: Length of each step, shape ``(N,)`` [s].
-    """
-
-    edges: IntArray
-    durations: Array
-
-    @classmethod
-    def between(cls, instants: Sequence[int]) -> Horizon:
-        """The horizon of these instants [ns]."""
-        edges = np.array(instants, dtype=np.int64)
-        return cls(edges, np.diff(edges) / NANOSECONDS)
-
-    @property
-    def next_instant(self) -> int:
-        """When the next control step falls due [ns]."""
-        return int(self.edges[1])
 
 
 def remaining(now: int, period: int, final: int) -> Horizon:

@@ -1,12 +1,17 @@
-"""Times: integer nanoseconds since time 0, so that a run repeats exactly.
+"""Times and horizons: integer nanoseconds since time 0, so that a run repeats exactly.
 
-Apart from horizons, whose compiled code a reader of messages need not load.
+Without compiled code, which a reader of messages and decisions need not load.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Final
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from cmpsp_ros.arrays import Array, IntArray
 
 NANOSECONDS = 1_000_000_000
 
@@ -17,3 +22,26 @@ NEVER: Final = 2**62
 def to_nanoseconds(seconds: float) -> int:
     """Seconds as a whole number of nanoseconds, to the nearest; infinite ones are `NEVER`."""
     return round(seconds * NANOSECONDS) if seconds < math.inf else NEVER
+
+
+class Horizon(NamedTuple):
+    """Instants between which each control of a plan is held.
+
+    Attributes:
+        edges: The present, the control instants to come and the end [ns], shape ``(N + 1,)``.
+        durations: Length of each step, shape ``(N,)`` [s].
+    """
+
+    edges: IntArray
+    durations: Array
+
+    @classmethod
+    def between(cls, instants: Sequence[int]) -> Horizon:
+        """The horizon of these instants [ns]."""
+        edges = np.array(instants, dtype=np.int64)
+        return cls(edges, np.diff(edges) / NANOSECONDS)
+
+    @property
+    def next_instant(self) -> int:
+        """When the next control step falls due [ns]."""
+        return int(self.edges[1])

@@ -1,4 +1,4 @@
-"""What moves when wheels are commanded: the seam between a plant and its mechanics."""
+"""The mechanics of a plant, and a robot without mass: wheels with a lag, and exact arcs."""
 
 from __future__ import annotations
 
@@ -39,12 +39,9 @@ class Body(Protocol):
         """Go on as another robot, or with another lag of its wheels [s]."""
 
     def follow(self, stamp_ns: int, control: Array, grip: Array, /) -> None:
-        """Obey from an instant on, which has been reached by `drive`.
+        """Obey a control ``(r,)`` from an instant on that has been reached by `drive`.
 
-        Args:
-            stamp_ns: The instant [ns].
-            control: Commanded, shape ``(r,)``.
-            grip: Part of its turning by which a wheel moves the robot, right and left.
+        `grip` is the fraction of its turning by which a wheel moves the robot, right and left.
         """
 
     def drive(self, stamp_ns: int) -> list[Motion]:
@@ -75,13 +72,7 @@ class LaggedWheels:
     """
 
     def __init__(self, speeds: Array, target: Array, time_constant: float) -> None:
-        """Begin a change.
-
-        Args:
-            speeds: Control in effect at this instant, shape ``(r,)``.
-            target: Command from now on, shape ``(2,)`` [rad/s].
-            time_constant: ``T``; 0 is no lag [s].
-        """
+        """Begin a change from the control in effect to another ``(r,)``; ``T`` is 0 for no lag."""
         self.target = target
         self._gap = speeds - target
         self._rate = 1.0 / time_constant if time_constant > 0.0 else math.inf
@@ -92,26 +83,14 @@ class LaggedWheels:
         self.slices = math.ceil(slices) if self._rate < math.inf else 0
 
     def at(self, elapsed: float) -> Array:
-        """Control in effect at an instant, shape ``(r,)``.
-
-        Args:
-            elapsed: Time since the change [s].
-        """
+        """Control in effect ``(r,)`` some time after the change [s]."""
         if self.slices == 0:
             return self.target
         speeds: Array = self.target + self._gap * math.exp(-elapsed * self._rate)
         return speeds
 
     def means(self, first: int, end: int) -> Array:
-        """Mean speeds in some slices.
-
-        Args:
-            first: The first of them.
-            end: The one after the last; there is no change after slice number `slices`.
-
-        Returns:
-            Shape ``(end - first, r)``.
-        """
+        """Mean controls in some slices, ``(end - first, r)``; they change up to number `slices`."""
         means = np.repeat(self.target[None], end - first, axis=0)
         if self.slices == 0:
             return means
@@ -130,12 +109,7 @@ class ArcBody:
     """Wheels that follow a command with a lag, and move the robot less than they turn."""
 
     def __init__(self, robot: Robot, wheel_lag: float) -> None:
-        """A robot that has not been placed yet.
-
-        Args:
-            robot: Its kinematics.
-            wheel_lag: Time constant with which the wheels follow a command; 0 for none [s].
-        """
+        """A robot that has not been placed yet; the lag of its wheels is 0 for none [s]."""
         self._robot, self._wheel_lag = robot, wheel_lag
         self._slice = 0
 

@@ -1,4 +1,4 @@
-"""What odometry makes of the true pose: noise, bias, drift, and messages that never come."""
+"""Measured odometry: noise, bias, drift, losses, instants, and the random streams of a run."""
 
 from __future__ import annotations
 
@@ -24,16 +24,7 @@ class Measurement:
         self._dropout = generator(seed, Stream.DROPOUT)
 
     def measure(self, errors: OdometryErrors, elapsed: float, pose: Array) -> Array | None:
-        """One message.
-
-        Args:
-            errors: How it differs from the truth.
-            elapsed: Time since the start [s].
-            pose: True pose, shape ``(3,)`` [m, m, rad].
-
-        Returns:
-            The pose measured, shape ``(3,)``, or None if the message is lost.
-        """
+        """The pose measured ``(3,)`` after a time [s], or None if the message is lost."""
         measured = np.array(pose, dtype=float)
         if errors.position_stddev:
             measured[:2] += errors.position_stddev * self._position.standard_normal(2)
@@ -64,12 +55,7 @@ class Stream(IntEnum):
 
 
 def generator(seed: int, stream: Stream) -> np.random.Generator:
-    """The random numbers of one stream, from its beginning.
-
-    Args:
-        seed: Of the whole run.
-        stream: Which of its streams.
-    """
+    """The random numbers of one stream of a run, from its beginning."""
     # The same child as `SeedSequence(seed).spawn(n)[stream]`, whatever n is.
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(int(stream),)))
 
@@ -86,12 +72,7 @@ class OdometrySchedule:
     """
 
     def __init__(self, settings: PlantSettings, start_ns: int) -> None:
-        """Begin the grid.
-
-        Args:
-            settings: Rate, jitter and seed; a jitter shorter than the period keeps the order.
-            start_ns: First point of the grid [ns].
-        """
+        """Begin the grid at an instant [ns]; a jitter shorter than the period keeps the order."""
         self.period_ns = round(_NS / settings.odom_rate)
         self._jitter = settings.odom_jitter
         self._random = generator(settings.seed, Stream.ODOMETRY)

@@ -37,13 +37,7 @@ class PhysicsBody:
     """
 
     def __init__(self, robot: Robot, wheel_lag: float, physics: Physics) -> None:
-        """A robot that has not been placed yet.
-
-        Args:
-            robot: Wheel radius and half track.
-            wheel_lag: Time constant with which the motors hear of a command; 0 for none [s].
-            physics: Mass, friction, motors, and where odometry comes from.
-        """
+        """A robot that has not been placed yet; the lag of its motors is 0 for none [s]."""
         self._physics = physics
         self._build(robot, wheel_lag)
 

@@ -77,7 +77,7 @@ class Look:
 
     @property
     def of_names(self) -> tuple[str, str]:
-        """Colour of names, and of what is around their letters."""
+        """Colour of names, and of the glow around their letters."""
         return ('#ffffff', self.color) if self.fill == self.color else (self.color, '#ffffff')
 
 

@@ -35,7 +35,7 @@ _COOKIE: Final = 'cmpsp_view_token'
 
 
 class ViewError(ValueError):
-    """The view cannot be served; the message says where, what was found and what was expected."""
+    """The view cannot be served; names the address, the found and the expected value."""
 
 
 class Access:
@@ -58,11 +58,11 @@ class Access:
         self.token = '' if is_loopback else _token()
 
     def is_by_name(self, host: str) -> bool:
-        """Whether the header `Host` names a machine by which this one may be asked."""
+        """True if the header `Host` names this machine."""
         return self._names is None or urlsplit(f'//{host}').hostname in self._names
 
     def knows(self, cookies: str) -> bool:
-        """Whether the header `Cookie` has the token, or none is needed."""
+        """True if the header `Cookie` has the token, or none is needed."""
         try:
             kept = SimpleCookie(cookies).get(_COOKIE)
         except CookieError:
@@ -70,7 +70,7 @@ class Access:
         return not self.token or (kept is not None and self._is_token(kept.value))
 
     def enters(self, query: str) -> bool:
-        """Whether the query of an address has the token."""
+        """True if the query of an address has the token."""
         return bool(self.token) and self._is_token(parse_qs(query).get('token', [''])[-1])
 
     def cookie(self) -> str:
@@ -143,7 +143,7 @@ class ViewServer:
 
     @property
     def address(self) -> str:
-        """Where a browser finds the page, with the token where there is one."""
+        """Address of the page, with the token if there is one."""
         host, port = self._server.server_address[:2]
         token = self._access.token
         return f'http://{host!s}:{port}/' + (f'?token={token}' if token else '')
@@ -214,7 +214,7 @@ class _Handler(BaseHTTPRequestHandler):
 
 
 def _client_state(query: str) -> ClientState:
-    """What a browser says it has.
+    """State that a browser reports to have.
 
     Raises:
         ValueError: It says something else than whole numbers from -1 on.

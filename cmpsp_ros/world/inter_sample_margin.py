@@ -118,15 +118,6 @@ def outside_moving(distance: Array, speeds: Array, limits: TwistLimits, period: 
     more than ``v w T^2 / 8``, and the chord is no longer than ``(v + u) T`` with the point's speed
     ``u``. Over each of a few ranges of ``w`` the greatest of each counts: a little more than is
     needed.
-
-    Args:
-        distance: What the robot must keep meanwhile from each of several points, ``(..., M)`` [m].
-        speeds: Of the points, shape ``(M,)`` or that of the distances [m/s].
-        limits: What the robot can drive.
-        period: Time between two samples, ``T`` [s].
-
-    Returns:
-        Distances to keep at the samples, shape ``(..., M)`` [m].
     """
     twists, beyond = _ranges(limits)
     grown = _outside_moving(distance[..., None], speeds[..., None], twists, beyond, period)

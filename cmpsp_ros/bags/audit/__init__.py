@@ -1,4 +1,4 @@
-"""The audit of a bag: what the robot did, from odometry and parameters alone."""
+"""Audit of a bag: judges a drive by odometry and parameters alone."""
 
 from cmpsp_ros.bags.audit.checks import CHECKS, audit, audit_record
 from cmpsp_ros.bags.audit.finding import CheckOutcome, Finding, overall

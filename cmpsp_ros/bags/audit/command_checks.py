@@ -213,7 +213,7 @@ def _held(leg: Leg, settings: GuidanceSettings) -> tuple[IntArray, IntArray, Arr
 
 
 def _changing(record: AuditRecord) -> Array:
-    """Wheel speeds, or what else is limited of each command, shape ``(C, q)`` [rad/s].
+    """Quantities of each command whose change is limited, shape ``(C, q)`` [rad/s].
 
     At rest, when a twist says nothing of angles, it is as decided.
     """

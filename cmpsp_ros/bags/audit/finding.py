@@ -117,7 +117,7 @@ class Sample:
 
     @classmethod
     def count(cls, count: int, at: int | None, **words: Any) -> Sample:
-        """How many are wrong, and when the first was."""
+        """Number of wrong values, with the time of the first."""
         return cls(float(count), 0.0, at if count else None, float(count), words=words)
 
     @classmethod

@@ -62,7 +62,7 @@ class Commands:
 
     @property
     def moving(self) -> Flags:
-        """Whether each is anything but a stop, shape ``(C,)``."""
+        """True for commands other than a stop, shape ``(C,)``."""
         moving: Flags = np.any(self.twists != 0.0, axis=1)
         return moving
 
@@ -120,7 +120,7 @@ def pair(commands: Commands, decided: Array) -> Pairs:
 
 
 def agreeing(commands: Commands, decided: Array, pairs: Pairs) -> Flags:
-    """Whether each command equals that of its decision, shape ``(count,)``."""
+    """True for commands that equal those of their decisions, shape ``(count,)``."""
     sent = with_side(commands.twists)[pairs.commands :][: pairs.count]
     wanted = with_side(decided)[pairs.decisions :][: pairs.count]
     agree: Flags = np.all(np.abs(sent - wanted) <= _SAME, axis=1)

@@ -45,7 +45,7 @@ class Sweep:
         clearance: From both road edges and each obstacle, shape ``(K, 2 + M)`` [m].
         names: Of its columns, in messages.
         by: Source of the path, if it is not odometry.
-        tolerance: What the clearance may be off by; less than that is no proof of a contact [m].
+        tolerance: Error of the clearance [m]; less is no proof of a contact.
     """
 
     settings: GuidanceSettings
@@ -57,7 +57,7 @@ class Sweep:
 
     @classmethod
     def of_seen(cls, settings: GuidanceSettings, seen: SensorClearance) -> Sweep:
-        """The distance from what sensors saw, which know no road."""
+        """Distance from sightings of sensors, which know no road."""
         clearance = np.full((len(seen.stamps), EDGES + 1), FAR)
         np.minimum(seen.clearance, FAR, out=clearance[:, EDGES])
         names = (*settings.road.edge_names, 'what the sensors saw')
@@ -164,7 +164,7 @@ class AuditRecord:
         return f'No sensor saw anything {in_words(blind, self.start)}.' if blind else ''
 
     def knowledge(self) -> Iterator[Callable[[GuidanceSettings, int], GuidanceSettings]]:
-        """For each leg: settings with what sensors had shown by a time [ns], for rising times."""
+        """For each leg: settings with the sightings by a time [ns], for rising times."""
         with Bag(self.path) as bag:
             for leg in self.legs:
                 yield Knowledge(sightings(bag, self.places.sighting, leg.window)).of
@@ -210,7 +210,7 @@ class AuditRecord:
                 yield from sweep(path, self.history, each.by, each.tolerance, each.off)
 
     def _met(self, found_along: Callable[[DrivenPath], Iterable[Encounter]]) -> Iterator[Encounter]:
-        """Encounters on every known part of the path, less what its source may be off by."""
+        """Encounters on every known part of the path, with the tolerance of its source."""
         for known in (each for leg in self.legs for each in leg.known):
             for each in (one for path in known.pieces for one in found_along(path)):
                 yield replace(each, clearance=each.clearance + known.tolerance)

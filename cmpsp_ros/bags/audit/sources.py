@@ -1,4 +1,4 @@
-"""Reading of a bag for its audit: parameters of which node, which topics, and what they hold."""
+"""Read a bag for its audit: choice of node and topics, and their messages."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def find(bag: Bag, sources: Sources) -> Names:
 
 
 def read_record(path: Path, sources: Sources | None = None) -> AuditRecord:
-    """Read what is audited.
+    """Read the data of an audit.
 
     Raises:
         BagError: Not a bag, a topic is missing, or what is in it cannot be used.

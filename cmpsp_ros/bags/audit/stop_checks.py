@@ -238,7 +238,7 @@ def goal(record: AuditRecord) -> Iterator[Sample]:
 
 
 def _passings(record: AuditRecord) -> tuple[list[tuple[Passing, GuidanceSettings]], str]:
-    """Where the robot was at the times of its goals, and a sentence on what is not known."""
+    """Positions at the times of goals, and a sentence on missing ones."""
     passings, missing = [], ''
     for leg in record.legs:
         for run in leg.runs:
@@ -307,7 +307,7 @@ def _lost(record: AuditRecord, leg: Leg) -> list[Hole]:
 
 
 def _drops_out(leg: Leg, begin: int, gap: float, limit: float) -> bool:
-    """Whether odometry is missing in a gap for as long as makes a command late."""
+    """True if odometry is missing in a gap for as long as makes a command late."""
     end = begin + round(gap * NANOSECONDS)
     stamps = leg.odometry.stamps
     inside = stamps[(stamps > begin) & (stamps < end)]

@@ -33,7 +33,7 @@ class Interval:
     high: float
 
     def shifted(self, by: float) -> Interval:
-        """The interval of what is larger by so much."""
+        """The interval moved up."""
         return Interval(self.value + by, self.low + by, self.high + by)
 
     def __str__(self) -> str:
@@ -152,7 +152,7 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Identification:
-    """A robot that was identified: drives, model, estimates by key, and what was known before."""
+    """An identified robot: drives, model, estimates by key, and earlier parameters."""
 
     drives: Sequence[Drive]
     fit: Fit

@@ -139,7 +139,7 @@ class Fit:
         return found
 
     def steps(self, axis: int, steady: float = 1.0) -> Steps:
-        """Residuals of the steps along an axis, with flags of what seems to be jumps.
+        """Residuals of the steps along an axis, with flags of apparent jumps.
 
         Args:
             axis: The axis.

@@ -98,7 +98,7 @@ def _at(piece: tuple[float, ...], now: float, first: float, second: float) -> li
 def _advance(
     since: Any, slow: Any, fast: Any, piece: Sequence[Any], first: float, second: float
 ) -> tuple[Any, Any]:
-    """Distance and speed on a piece; ``slow`` and ``fast`` are what is left of both transients."""
+    """Distance and speed on a piece; ``slow`` and ``fast`` remain of both transients."""
     c, b, g, distance, speed = piece
     g = g / (1.0 - second / first)
     h = speed - c + b * second - g
@@ -120,7 +120,7 @@ _JUMP: Final = 1e6
 
 @dataclass(frozen=True)
 class Noise:
-    """Standard deviations of a pose [m] or [rad], and of what a second adds to it."""
+    """Standard deviations of a pose [m] or [rad], and of its growth in a second."""
 
     pose: float
     walk: float

@@ -19,7 +19,7 @@ from cmpsp_ros.view import BAGS, EDGE, GRID, TEXT
 
 
 def write_parameters(path: Path, robot: Identification) -> None:
-    """Write what is known; what is not is a comment.
+    """Write identified parameters; the others are comments.
 
     Raises:
         BagError: The file cannot be written.
@@ -50,7 +50,7 @@ def _lines(robot: Identification) -> Iterator[str]:
 def _parameters(
     robot: Identification,
 ) -> tuple[dict[str, tuple[str, float]], dict[str, tuple[str, ...]]]:
-    """Parameters and values, and what is said of them, by the key of the estimate."""
+    """Parameters and values with remarks, by the key of the estimate."""
     known = {key: each.interval.value for key, each in robot.estimates.items() if each.interval}
     values: dict[str, tuple[str, float]] = {}
     hints: dict[str, tuple[str, ...]] = {}

@@ -147,7 +147,7 @@ def step_times(views: Sequence[View]) -> Figure:
 
 
 def step_histogram(views: Sequence[View]) -> Figure:
-    """How often a control step took how long."""
+    """Histogram of the computing time of control steps."""
     everything = np.concatenate([view.steps[1] for view in views])
     positive = everything[(everything > 0.0) & np.isfinite(everything)]
     traces: list[Figure] = []
@@ -183,7 +183,7 @@ def escaped(text: str) -> str:
 
 
 def layout() -> Figure:
-    """What all charts share."""
+    """Layout that all charts share."""
     return {
         'font': {'family': 'system-ui, sans-serif', 'size': 13, 'color': TEXT},
         'paper_bgcolor': '#ffffff',

@@ -46,7 +46,7 @@ def summary(views: Sequence[View]) -> str:
 
 
 def findings(view: View) -> str:
-    """What the audit says."""
+    """Table of the audit's findings."""
     rows = [
         [
             f'<span class="{each.outcome.name.lower()}">{each.outcome.value}</span>',

@@ -1,4 +1,4 @@
-"""The chart of the path, and what its slider moves."""
+"""Chart of the path, and the data that its slider moves."""
 
 from __future__ import annotations
 

@@ -62,7 +62,7 @@ class View:
         decisions: All decisions, those whose command came too late to be sent among them.
         findings: Results of the audit.
         plans: Some of the plans, in order of time; none if they were not recorded.
-        grids: Some of what sensors had shown, with the times at which it was known [ns].
+        grids: Some of the grids that sensors had shown, with their times [ns].
         hidden: Obstacles that only the simulator knows; none without our simulator.
         version: Version of this package that recorded it, or empty.
     """
@@ -78,7 +78,7 @@ class View:
 
     @property
     def settings(self) -> GuidanceSettings:
-        """What was in force at the beginning."""
+        """Settings in force at the beginning."""
         return self.record.history.at(self.record.start)
 
     @property
@@ -148,7 +148,7 @@ class View:
 
     @cached_property
     def commands(self) -> tuple[Array, list[Signal]]:
-        """When each command counts from [s], and what it commands."""
+        """Times of the commands [s], and their signals."""
         commands = self.record.commands
         chosen = thinned(np.arange(len(commands.stamps)), MOST_POINTS)
         signals = self.settings.robot.signals(commands.twists[chosen])
@@ -258,7 +258,7 @@ def view(path: Path, label: str, record: AuditRecord) -> View:
 
 
 def _grids(bag: Bag, topic: str) -> Iterator[tuple[int, OccupancyGrid]]:
-    """What sensors had shown, as far as it is a grid.
+    """Grids that sensors had shown.
 
     Raises:
         BagError: The bag cannot be read.

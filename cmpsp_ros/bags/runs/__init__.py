@@ -1,4 +1,4 @@
-"""A recorded run as arrays: decisions, goals, moving obstacles and what they came near."""
+"""A recorded run as arrays: decisions, goals, moving obstacles and encounters."""
 
 from cmpsp_ros.bags.runs.encounters import encounters, robot_encounters
 from cmpsp_ros.bags.runs.goals import Passing, mean_speed

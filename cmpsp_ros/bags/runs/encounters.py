@@ -76,7 +76,7 @@ def read_others(bag: Bag, namespaces: Iterable[str], own: str) -> dict[str, Driv
 
 
 def _is_recorded(bag: Bag, namespace: str) -> bool:
-    """Whether a bag has the path of a robot."""
+    """True if a bag has the path of a robot."""
     topics = (f'{namespace}/{topic}' for topic in ('sim/truth', 'odom'))
     return any(topic in bag.topics and bag.topics[topic].count > 1 for topic in topics)
 

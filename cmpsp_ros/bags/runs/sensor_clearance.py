@@ -1,4 +1,4 @@
-"""Clearance from what sensors saw beside a path, before the robot came there and after."""
+"""Clearance from sightings beside a path, before the robot came there and after."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ _BLOCK: Final = 600
 
 @dataclass(frozen=True, eq=False)
 class SensorClearance:
-    """Distance of a robot from what its sensors saw.
+    """Distance of a robot from the sightings of its sensors.
 
     Attributes:
         stamps: Times of poses, in order, shape ``(K,)`` [ns].
@@ -48,7 +48,7 @@ class SensorClearance:
         clearance: Of the robot's outline at each from the nearest spot that a beam met and no later
             beam (before: no earlier one) passed, negative inside, shape ``(K,)`` [m].
         looks: Times of the messages that showed anything, in order, shape ``(L,)`` [ns].
-        tolerance: What the clearance may be off by [m].
+        tolerance: Error of the clearance [m].
     """
 
     stamps: IntArray

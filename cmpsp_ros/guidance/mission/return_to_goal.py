@@ -14,9 +14,9 @@ import numpy as np
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.goals import Target
-from cmpsp_ros.guidance.horizon import Horizon
 from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.settings import LawSettings
+from cmpsp_ros.guidance.times import Horizon
 
 _TURN_RATE: Final = 1.0
 _FRACTION_OF_LIMIT: Final = 0.5

@@ -11,11 +11,11 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.decision import Plan
-from cmpsp_ros.guidance.horizon import Horizon, shift
+from cmpsp_ros.guidance.horizon import shift
 from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.safety.audit import Audit, Verdict
 from cmpsp_ros.guidance.settings import LawSettings
-from cmpsp_ros.guidance.times import NANOSECONDS
+from cmpsp_ros.guidance.times import NANOSECONDS, Horizon
 from cmpsp_ros.robots import within_ramp
 
 _SPEEDS: Final = (1.0, 0.75, 0.5, 0.25, 0.125)

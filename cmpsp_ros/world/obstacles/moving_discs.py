@@ -106,20 +106,11 @@ class MovingDiscs:
         start: Array,
         reach: float = 0.0,
     ) -> tuple[Array, Array]:
-        """Where they will be at the samples of a plan, and what to keep from their centres there.
+        """Centres at the samples of a plan and distances to keep from them there, see `at_times`.
 
-        With that any path between two samples is clear. Where the robot cannot be by then a disc
-        asks for nothing: its radius there is ``-inf``.
-
-        Args:
-            times: Of the samples, shape ``(N + 1,)`` [s].
-            limits: What the robot can drive; None where only the samples count.
-            period: Longest time between two samples [s].
-            start: Where the robot is at first, shape ``(2,)`` or more [m].
-            reach: How far from there its discs may be [m].
-
-        Returns:
-            As from `at_times`, for each sample.
+        With those any path between two samples, at most a period apart, is clear; without limits of
+        twists only the samples are. Where the robot, its discs within reach [m] of the start,
+        cannot be by then, a disc asks for nothing: its radius there is ``-inf``.
         """
         centers, radii = self.at_times(times)
         if limits is None:
@@ -230,17 +221,8 @@ def sweep_moving(
     """Least distance, in time, of an arc from a point that moves, less a radius that grows from 0.
 
     Seen from the point the robot does not drive an arc. It strays from a chord of that path as far
-    as the arc does from its own, timed alike, since the point's speed is constant.
-
-    Args:
-        arc: What the robot drives, at constant speed.
-        duration: Time that it takes [s].
-        x: Where the point is at its beginning [m].
-        y: See `x`.
-        velocity_x: Of the point [m/s].
-        velocity_y: See `velocity_x`.
-        growth: Of the radius [m/s].
-        enough: As of `sweep`.
+    as the arc does from its own, timed alike, since the point's speed is constant. The place of
+    the point is that at the beginning; a distance above `enough` need not be known more exactly.
     """
     astray = abs(arc.length * arc.turn) / 8.0
     away_x, away_y = arc.x - x, arc.y - y

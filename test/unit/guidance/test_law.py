@@ -263,3 +263,17 @@ def test_shortest_final_times(final_time):
     assert clearance(run.path, given) >= 0.0
     if final_time >= 0.1:
         assert run.miss() < 1e-2
+
+
+def test_a_live_change_keeps_the_planner_where_the_number_of_constraints_stays():
+    given = settings((FIRST, SECOND), 51.0, ROAD)
+    law = GuidanceLaw(given, given.world)
+    run = drive(law, given, ON_TIME[:10])
+    other = replace(given, weights=replace(given.weights, road_center=14.0))
+    moved = replace(other, obstacles=(replace(FIRST, center=(8.1, -6.0)), SECOND))
+    more = replace(moved, obstacles=(*moved.obstacles, replace(SECOND, center=(-8.0, 8.0))))
+    planner = law._selector._pool.followed
+    for changed, is_kept in ((other, True), (moved, True), (more, False)):
+        reconfigure(law, changed)
+        assert (law._selector._pool.followed is planner) == is_kept
+    assert law.step(Observation(ON_TIME[10], run.pose)).level in SETTLED

@@ -203,19 +203,6 @@ def test_paths_clear_at_samples_are_clear_between_them(name, known):
     assert cut, 'keeping clear at the samples alone must be seen not to be enough'
 
 
-def test_clearance_is_never_more_than_the_distance_to_an_edge():
-    road, rng = ROADS['widening'], np.random.default_rng(3)
-    space = FreeSpace.of(road, (), 0.0)
-    for _ in range(200):
-        part = rng.random()
-        x, y, progress, _ = place(road, part, rng.uniform(-0.9, 0.9))
-        found = functions.lateral_error(space.road, 0, x, y, progress)
-        branch = int(part * len(road._samples.x)) + np.arange(-60, 61)
-        for edge, over in zip(road.edges(), found[2:], strict=True):
-            near = edge[:-1].take(branch, axis=0, mode='wrap')
-            assert -over <= np.hypot(*(near - (x, y)).T).min() + 1e-3
-
-
 def test_pictures_show_the_whole_road():
     road = ROADS['open']
     left, right = road.edges()

@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 from dense_drives import PIECES, error_of, integrated
+from geometry import from_line, from_polygon
 from hypothesis import assume, given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
@@ -51,16 +52,10 @@ shapes = st.one_of(capsules, polygons())
 
 
 def signed(shape, point):
-    """Distance of points ``(K, 2)`` from a shape's corners, edge by edge, negative inside."""
-    corners = np.array(shape.corners)
-    least, inside = np.full(len(point), np.inf), np.full(len(point), len(corners) > 2)
-    for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-        along = b - a
-        part = np.clip((point - a) @ along / max(along @ along, 1e-300), 0.0, 1.0)
-        away = np.linalg.norm(point - a - part[:, None] * along, axis=1)
-        least = np.minimum(least, away)
-        inside &= along[0] * (point - a)[:, 1] - along[1] * (point - a)[:, 0] >= 0.0
-    return np.where(inside, -least, least)
+    """Distance of points ``(K, 2)`` from a shape without its radius, negative inside."""
+    if len(shape.corners) > 2:
+        return from_polygon(point, shape.corners)
+    return from_line(point, shape.corners, closed=True)
 
 
 def clear_of(shape, distance=0.0):

@@ -34,7 +34,7 @@ ODOMETRY_TIMEOUT = 0.5
 """Age of odometry at which the robot is stopped [s]."""
 
 WAIT = 10.0
-"""Longest wait for odometry and for somebody who hears commands [s]."""
+"""Longest wait for odometry and for a subscriber to commands [s]."""
 
 REST = 1.0
 """Time for which the robot is recorded before and after the drive [s]."""

@@ -1,4 +1,4 @@
-"""Messages to what a page draws: plain numbers and text, of bounded size.
+"""Messages as a page draws them: plain numbers and text, of bounded size.
 
 Anybody may publish on these topics: whatever is in a message, the page stays small and quick.
 """
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from visualization_msgs.msg import MarkerArray
 
 SERIES: Final = ('path', 'steps')
-"""What is kept row by row: (x, y); and `step_of` each decision."""
+"""Series kept row by row: (x, y); and `step_of` each decision."""
 _SHOWN: Final = {**DECISION_KEYS, 'step_ms': Key(float)}
 _MOST_MARKERS: Final = 500
 _MOST_POINTS: Final = 2000
@@ -117,7 +117,7 @@ def course_of(message: MarkerArray) -> list[dict[str, Any]]:
 
 
 def moving_of(message: MarkerArray) -> list[dict[str, Any]]:
-    """What moves, of the markers of a plan: where each is, its diameter, and where it goes."""
+    """Moving obstacles among the markers of a plan: position, diameter and destination."""
     there = [each for each in message.markers[:_MOST_MARKERS] if each.action == Marker.ADD]
     ways = {each.id: each.points[-1] for each in there if each.type == Marker.ARROW and each.points}
     return [

@@ -30,11 +30,7 @@ _ANGLES: Final = (
 
 
 def plausibility_warnings(values: Values) -> Iterator[str]:
-    """What looks like millimetres or degrees, or stops the robot between commands, in sentences.
-
-    Args:
-        values: A set resolved by the table.
-    """
+    """Warnings about values that look like millimetres or degrees, or cannot fit together."""
     for key, largest in _LARGEST_LENGTHS.items():
         if values[key] > largest:
             yield f'{key} = {values[key]:g} looks like millimetres: it is in metres.'

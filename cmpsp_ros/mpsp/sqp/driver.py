@@ -29,6 +29,7 @@ from cmpsp_ros.mpsp.qp.active_set.state import (
     empty_warm_start,
 )
 from cmpsp_ros.mpsp.qp.curvature import convexify
+from cmpsp_ros.mpsp.qp.dense.clarabel_backend import load_proof
 from cmpsp_ros.mpsp.qp.dense.closed_form import has_closed_form, solve_closed_form
 from cmpsp_ros.mpsp.qp.riccati.program import Outcome
 from cmpsp_ros.mpsp.qp.subproblem import Subproblem
@@ -48,6 +49,8 @@ class BackEnd:
         self._name = name
         self._is_exact = hessian == 'exact'
         self._space = space
+        # Seldom needed, and never to be waited for.
+        load_proof(space)
         self._activate = entry_for(activate, space.program, space.active)
         self.begin()
 

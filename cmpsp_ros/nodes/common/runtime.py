@@ -177,7 +177,7 @@ def _log_fatal(logger: RcutilsLogger, error: Exception, *, typed: bool = True) -
 
 
 def overrides(node: Node) -> dict[str, Any]:
-    """What the node was started with, by key."""
+    """Values that the node was started with, by key."""
     # ROS drops what is misspelt without a word, and rclpy has no public way to see it.
     given = node._parameter_overrides  # noqa: SLF001
     return {key: each.value for key, each in given.items()}

@@ -144,7 +144,7 @@ TOPICS = tuple(value for value in list(globals().values()) if isinstance(value, 
 
 
 def plans_of(namespace: str) -> Topic:
-    """Where another robot publishes its plans."""
+    """Topic of the plans of another robot."""
     return replace(OTHER_PLANS, name=PeerTrajectory.topic(namespace))
 
 

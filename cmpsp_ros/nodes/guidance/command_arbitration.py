@@ -1,8 +1,8 @@
-"""Two guidance nodes must not command one robot: how they learn of each other.
+"""Arbitration of commands: two guidance nodes must not command one robot.
 
-The graph alone does not tell. A node that waits to be activated has the same publishers as one
-that drives, and one that was killed stays in the graph for as long as the middleware believes in
-it. So a node says that it guides, for as long as it does, on a topic beside the command's.
+The graph alone does not tell them apart. A node that waits to be activated has the same publishers
+as one that drives, and one that was killed stays in the graph until the middleware drops it. So a
+node announces that it guides, for as long as it does, on a topic beside that of the commands.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ TRUST = 4 * PERIOD
 
 
 class CommandArbiter:
-    """Who else guides this robot, or at least publishes commands to it."""
+    """Other nodes that guide this robot, or at least publish commands to it."""
 
     def __init__(self, node: Node, give_way: Callable[[str], None]) -> None:
         """Listen; `give_way` is called with the name of a node that began to guide before."""
@@ -64,7 +64,7 @@ class CommandArbiter:
         return self._others
 
     def warnings(self) -> list[str]:
-        """What is to be said of others that publish commands, in sentences."""
+        """Warnings about others that publish commands, in sentences."""
         if not self._others:
             return []
         return [f'Others publish on {self._commands}, too: {", ".join(self._others)}.']
@@ -103,5 +103,5 @@ class CommandArbiter:
 
 
 def _order(claim: KeyValue) -> tuple[int, str]:
-    """Who began before; both nodes must see the same order."""
+    """Order of beginning; both nodes must see the same."""
     return (int(claim.value) if claim.value.isdecimal() else 0, claim.key)

@@ -60,7 +60,7 @@ class LateCompilations:
         self._watch.close()
 
     def errors(self) -> list[str]:
-        """What has been compiled, in a sentence; nothing if all was there."""
+        """Sentence on kernels that were compiled; nothing without any."""
         if not self._names:
             return []
         return [f'A control step had to wait for a compiler: {", ".join(self._names)}.']

@@ -136,8 +136,8 @@ class SimNode(Node):
     def publish(self, message: Odometry | None) -> None:
         """Publish odometry of this instant if it is not lost.
 
-        Time, what moves and scans come before it, for who decides on it must know them; the truth
-        after.
+        Time, moving obstacles and scans come before it, since decisions on it use them; the truth
+        after it.
         """
         stamp_ns = self.plant.stamp_ns
         if self._clock_out is not None:
@@ -237,7 +237,7 @@ def _transform(odometry: Odometry) -> TransformStamped:
 
 
 def main() -> None:
-    """Run the simulator until it is told to stop."""
+    """Run the simulator until a signal."""
     quick_exit(run(SimNode, name='sim', outlasts=1.0))
 
 

@@ -49,7 +49,7 @@ def with_road_file(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _replaced(road: Mapping[str, Any]) -> list[str]:
-    """What a road in a file takes the place of: widths only by widths."""
+    """Parameters that a road in a file replaces: widths only by widths."""
     keys = ['points', 'closed', *(_WIDTHS if set(_WIDTHS) & set(road) else ())]
     return [f'road.{key}' for key in keys]
 

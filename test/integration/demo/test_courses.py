@@ -1,11 +1,13 @@
-"""Roads, goals and obstacles of every kind by `cmpsp demo`."""
+"""Roads, goals and obstacles of every kind by `cmpsp demo`, a custom model among them."""
 
 from __future__ import annotations
 
 import csv
 import json
 import math
+import os
 import re
+from pathlib import Path
 
 import pytest
 from demo_folder import LIMIT
@@ -150,3 +152,36 @@ def distances(driven, tracks):
         known = nearest.get(each.name, math.inf)
         nearest[each.name] = min(known, float(each.clearance.min()))
     return nearest
+
+
+@pytest.mark.parametrize('preset', ['unknown', 'clutter'])
+def test_obstacles_that_only_a_scanner_sees_in_lockstep(start_demo, judge, tmp_path, preset):
+    folder = tmp_path / 'run'
+    running = start_demo(preset, '--lockstep', '--output', folder)
+    assert running.wait(LIMIT) == 0, running.stdout + running.stderr
+    summary = json.loads((folder / 'summary.json').read_text())
+    # By all that stands there.
+    assert 0.0 < summary['clearance_m'] < 0.3
+    assert summary['miss_m'] < 0.01
+    with Bag(folder / 'bag') as bag:
+        assert bag.topics['/scan'].count > 250
+        assert bag.topics['/guidance/sighting'].count >= 130
+    judge(folder / 'bag')
+
+
+ROOT = Path(__file__).parents[3]
+
+
+def test_the_fork_lift_of_the_page_in_lockstep(start_demo, judge, tmp_path, monkeypatch):
+    page = (ROOT / 'doc' / 'user' / 'your_model.md').read_text(encoding='utf-8')
+    code = re.search(r'^```python\n(.*?)^```$', page, re.MULTILINE | re.DOTALL)[1]
+    (tmp_path / 'forklift.py').write_text(code)
+    given = re.search(r'cmpsp demo (case3_wide .*?)\n```', page, re.DOTALL)[1]
+    monkeypatch.setenv('PYTHONPATH', f'{tmp_path}{os.pathsep}{os.environ.get("PYTHONPATH", "")}')
+    folder = tmp_path / 'run'
+    running = start_demo(*given.replace('\\', '').split(), '--output', folder)
+    assert running.wait(LIMIT) == 0, running.stdout + running.stderr
+    summary = json.loads((folder / 'summary.json').read_text())
+    assert summary['miss_m'] < 1e-3
+    assert summary['clearance_m'] > 0.0
+    judge(folder / 'bag')

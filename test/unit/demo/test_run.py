@@ -1,15 +1,129 @@
-"""Getting the nodes of a run ready, with nodes that are not there."""
+"""The start of a run: its folder, its domain, its processes, and nodes that are not there."""
 
 from __future__ import annotations
 
+import os
+import signal
+import socket
 import subprocess
 import sys
 
 import pytest
 
-from cmpsp_ros.demo import Child, DemoError, load_scenario
+from cmpsp_ros.demo import Child, DemoError, load_scenario, make_folder, processes
 from cmpsp_ros.demo.runner import _get_ready
 from cmpsp_ros.nodes import LifecycleClient
+
+
+def test_a_new_folder_is_made_with_its_parents(tmp_path):
+    folder = tmp_path / 'a' / 'b'
+    assert make_folder(folder, force=False) == folder
+    assert folder.is_dir()
+
+
+def test_an_existing_folder_is_refused_and_left_alone(tmp_path):
+    (tmp_path / 'summary.json').write_text('{}')
+    with pytest.raises(DemoError, match='found an existing folder, wanted a new one; --force'):
+        make_folder(tmp_path, force=False)
+    assert (tmp_path / 'summary.json').exists()
+
+
+def test_force_removes_an_earlier_run_and_nothing_else(tmp_path):
+    (tmp_path / 'bag').mkdir()
+    for name in ('bag/bag.mcap', 'summary.json', 'trajectory.png', 'sim_node.log', 'mine.txt'):
+        (tmp_path / name).write_text('x')
+    (tmp_path / 'bags').mkdir()
+    make_folder(tmp_path, force=True)
+    assert {each.name for each in tmp_path.iterdir()} == {'mine.txt', 'bags'}
+    make_folder(tmp_path / 'new', force=True)
+    assert (tmp_path / 'new').is_dir()
+
+
+@pytest.mark.parametrize('force', [True, False])
+@pytest.mark.parametrize('inside', [True, False])
+def test_a_file_in_the_way_is_told_and_stays(tmp_path, force, inside):
+    file = tmp_path / 'file'
+    file.write_text('mine')
+    with pytest.raises(DemoError, match=str(file)):
+        make_folder(file / 'run' if inside else file, force=force)
+    assert file.read_text() == 'mine'
+
+
+def test_without_a_name_it_is_the_time_and_latest_points_at_it(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / 'runs' / 'old').mkdir(parents=True)
+    (tmp_path / 'runs' / 'latest').symlink_to('old')
+    folder = make_folder(None, force=False)
+    assert folder.parent.name == 'runs'
+    assert folder.is_dir()
+    latest = tmp_path / 'runs' / 'latest'
+    assert latest.is_symlink()
+    assert latest.resolve() == folder.resolve()
+
+
+@pytest.fixture
+def environment(monkeypatch):
+    """The two variables, put back at the end, and a process number that chooses domain 7."""
+    monkeypatch.setenv('ROS_DOMAIN_ID', '0')
+    monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'SUBNET')
+    monkeypatch.setattr(os, 'getpid', lambda: 206)
+    return monkeypatch
+
+
+def test_the_choice_is_left_to_the_children_and_stays_on_this_machine(environment):
+    environment.setattr(processes, '_is_free', lambda domain: True)
+    assert processes.use_free_domain() == 7
+    assert os.environ['ROS_DOMAIN_ID'] == '7'
+    assert os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] == 'LOCALHOST'
+
+
+def test_domains_in_use_are_passed_over_round_the_end(environment):
+    tried = []
+    environment.setattr(processes, '_is_free', lambda domain: tried.append(domain) or domain == 3)
+    assert processes.use_free_domain() == 3
+    assert tried == [*range(7, 101), 1, 2, 3]
+
+
+def test_no_domain_left(environment):
+    environment.setattr(processes, '_is_free', lambda domain: False)
+    with pytest.raises(DemoError, match='ROS domains 1 to 100 are all in use'):
+        processes.use_free_domain()
+    assert os.environ['ROS_DOMAIN_ID'] == '0'
+
+
+def test_a_domain_is_in_use_when_its_first_participant_s_port_is():
+    with socket.socket(type=socket.SOCK_DGRAM) as taken:
+        for domain in range(60, 0, -1):
+            try:
+                taken.bind(('127.0.0.1', 7400 + 250 * domain + 10))
+            except OSError:
+                continue
+            break
+        assert not processes._is_free(domain)
+
+
+# What is registered for a fork stays for the life of a process.
+INTERRUPTED = """
+import os, pathlib, signal, sys
+from cmpsp_ros.demo.processes import Child
+number = signal.Signals(int(sys.argv[1]))
+def interrupt(number, frame):
+    raise KeyboardInterrupt
+signal.signal(number, interrupt)
+os.register_at_fork(after_in_parent=lambda: signal.raise_signal(number))
+try:
+    Child.start('recorder', [], pathlib.Path(sys.argv[2]))
+except KeyboardInterrupt:
+    print('interrupted', signal.getsignal(number) is interrupt)
+"""
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_an_interruption_while_a_node_is_started_is_not_forgotten(tmp_path, number):
+    command = [sys.executable, '-c', INTERRUPTED, str(int(number)), str(tmp_path)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
+    assert (done.stdout, done.stderr) == ('interrupted True\n', '')
+
 
 CASE3 = load_scenario('case3', [], lockstep=True)
 WORDS = 'compiling, once; `cmpsp warmup` does it beforehand'

@@ -1,4 +1,4 @@
-"""Figures of runs whose figures are known."""
+"""Figures of runs whose figures are known, from bags of runs that never happened."""
 
 from __future__ import annotations
 
@@ -8,13 +8,42 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from bag_messages import JOINTS, ODOMETRY, PLAIN_DECISION, STATUS, joints, odometry, raw, status
 
-from cmpsp_ros.bags import BagError
+from cmpsp_ros.bags import BagError, BagWriter
 from cmpsp_ros.bags.runs import read_run
 from cmpsp_ros.demo import Summary
 from cmpsp_ros.demo.results import draw_controls, draw_trajectory
 from cmpsp_ros.demo.summary import summarise, window
 from cmpsp_ros.parameters import TABLE, guidance_settings
+
+
+def decision(stamp, level='nominal', finished=False, step_ms=None, **more):
+    told = {'stamp': stamp, 'fallback_level': level, 'finished': str(finished).lower()}
+    timed = {} if step_ms is None else {'step_ms': repr(step_ms)}
+    return status(f'It is {level}.', **PLAIN_DECISION | told | more | timed)
+
+
+@pytest.fixture
+def write_bag(tmp_path):
+    """Write a bag of `truth` (stamp, pose, twist), `wheels` (stamp, speeds) and `decisions`."""
+
+    def write(truth, wheels=((0, (0.0, 0.0)),), decisions=({'stamp': 0},), name='bag'):
+        path = tmp_path / name
+        with BagWriter(path) as bag:
+            bag.topic('/sim/truth', ODOMETRY)
+            bag.topic('/sim/wheel_speeds', JOINTS)
+            bag.topic('/guidance/decision', STATUS)
+            for stamp, pose, twist in truth:
+                bag.write('/sim/truth', stamp, raw(odometry(stamp, pose, twist)))
+            for stamp, speeds in wheels:
+                bag.write('/sim/wheel_speeds', stamp, raw(joints(stamp, speeds)))
+            for each in decisions:
+                bag.write('/guidance/decision', each['stamp'], raw(decision(**each)))
+        return path
+
+    return write
+
 
 SECOND = 1_000_000_000
 RADIUS, SPEED = 10.0, 1.0

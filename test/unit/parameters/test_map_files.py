@@ -1,6 +1,5 @@
 """Maps of map_server become parameters, and what is no map is refused with the key at fault."""
 
-import math
 import runpy
 from pathlib import Path
 
@@ -58,7 +57,6 @@ def grid_of(settings) -> OccupancyGrid:
 )
 def test_shades_are_read_as_map_server_does(tmp_path, more, wanted):
     grid = read_map(written(tmp_path, YAML + more))
-
     assert grid.cells.tolist() == wanted
     assert (grid.origin, grid.resolution) == ((1.0, 2.0, 0.5), 0.1)
 
@@ -67,10 +65,8 @@ def test_what_is_transparent_is_unknown_in_scale_mode_only(tmp_path):
     shades = np.zeros((1, 2, 4), np.uint8)
     shades[..., :3], shades[0, 0, 3] = 254, 255
     text = YAML.replace('pgm', 'png')
-
     scaled = read_map(written(tmp_path, f'{text}mode: scale\n', shades, 'map.png'))
     plain = read_map(written(tmp_path, text, shades, 'map.png'))
-
     assert scaled.cells.tolist() == [[FREE, UNKNOWN]]
     assert plain.cells.tolist() == [[FREE, FREE]]
 
@@ -82,9 +78,7 @@ def test_a_map_beside_its_parameter_file_is_one_more_obstacle(tmp_path, monkeypa
     course.write_text(
         '/**:\n  ros__parameters:\n    map: {file: map.yaml, unknown_is_free: true}\n'
     )
-
     settings = guidance_settings(TABLE.resolve(load_parameter_file(course)))
-
     (only,) = settings.obstacles
     assert (only.name, only.unknown_is_free) == (MAP, True)
     assert grid_of(settings).origin == (1.0, 2.0, 0.5)
@@ -93,10 +87,8 @@ def test_a_map_beside_its_parameter_file_is_one_more_obstacle(tmp_path, monkeypa
 def test_parameters_hold_the_map_itself(tmp_path):
     values = TABLE.resolve(with_files({'map.file': str(written(tmp_path))}))
     (tmp_path / 'map.pgm').unlink()
-
     # As a bag has them.
     again = map_of(TABLE.resolve(values))
-
     assert again is map_of(values)
     assert again.grid.cells.tolist() == [
         [FREE, FREE, OCCUPIED, OCCUPIED],
@@ -125,28 +117,21 @@ def test_parameters_hold_the_map_itself(tmp_path):
 )
 def test_a_file_that_is_no_map_is_refused(tmp_path, text, where):
     path = written(tmp_path, text)
-
     with pytest.raises(ParameterError) as caught:
         with_files({'map.file': str(path)})
-
     (problem,) = caught.value.problems
     assert where in problem.where
 
 
-def test_a_picture_that_is_cut_off_is_refused(tmp_path):
-    path = written(tmp_path)
-    picture = tmp_path / 'map.pgm'
-    picture.write_bytes(picture.read_bytes()[:-3])
-
-    with pytest.raises(ParameterError, match=r'map\.pgm'):
-        with_files({'map.file': str(path)})
-
-
-def test_a_picture_of_too_many_cells_is_refused_unread(tmp_path):
-    path = written(tmp_path)
-    (tmp_path / 'map.pgm').write_bytes(b'P5 40000 30000 255\n')
-
-    with pytest.raises(ParameterError, match='pixels'):
+@pytest.mark.parametrize(
+    ('damage', 'said'),
+    [(lambda data: data[:-3], r'map\.pgm'), (lambda _: b'P5 40000 30000 255\n', 'pixels')],
+    ids=['cut off', 'too many cells'],
+)
+def test_a_picture_that_is_none_is_refused(tmp_path, damage, said):
+    path, picture = written(tmp_path), tmp_path / 'map.pgm'
+    picture.write_bytes(damage(picture.read_bytes()))
+    with pytest.raises(ParameterError, match=said):
         with_files({'map.file': str(path)})
 
 
@@ -185,7 +170,6 @@ WALL = text_of(np.array([[FREE, OCCUPIED]], np.uint8))
 def test_cells_that_are_no_map_are_refused(values, where):
     with pytest.raises(ParameterError) as caught:
         guidance_settings(TABLE.resolve(values))
-
     assert where in {problem.where for problem in caught.value.problems}
 
 
@@ -193,26 +177,16 @@ def test_a_goal_in_a_wall_is_refused():
     cells = np.zeros((40, 40), np.uint8)
     cells[:, 20] = OCCUPIED
     values = {'map.cells': text_of(cells), 'map.resolution': 0.1, 'road.type': 'none'}
-
     with pytest.raises(ParameterError, match='obstacle map'):
         guidance_settings(TABLE.resolve({**values, 'goal.position': [2.05, 2.0]}))
-
-    assert (
-        math.dist(
-            (1.0, 2.0),
-            guidance_settings(TABLE.resolve({**values, 'goal.position': [1.0, 2.0]})).goal,
-        )
-        == 0.0
-    )
+    guidance_settings(TABLE.resolve({**values, 'goal.position': [1.0, 2.0]}))
 
 
 @pytest.mark.parametrize('name', ['warehouse', 'door', 'dead_end'])
 def test_the_maps_of_presets_are_what_their_script_draws(name):
     folder = config_directory() / 'maps'
     script = runpy.run_path(str(folder / 'draw.py'))
-
     drawn = script['shades'](*script[name.upper()])
-
     grid = read_map(folder / f'{name}.yaml')
     assert np.array_equal(grid.cells == Cell.OCCUPIED, drawn[::-1] == 0)
     assert grid.resolution == script['RESOLUTION']

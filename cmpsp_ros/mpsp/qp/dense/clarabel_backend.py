@@ -12,9 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.arrays import Array
+from cmpsp_ros.mpsp.jit.compiled import entry_for
 from cmpsp_ros.mpsp.qp.active_set.farkas import proves
 from cmpsp_ros.mpsp.qp.active_set.fixed_bounds import free_all, recover_bound_multipliers
 from cmpsp_ros.mpsp.qp.active_set.records import (
+    Space,
     borrowed_space,
     conflict_in,
     fill,
@@ -236,6 +238,12 @@ def contradicting_rows(
             if proves(space.program, space.active, threshold):
                 return conflict_in(space)
     return ()
+
+
+def load_proof(space: Space) -> None:
+    """Load the machine code of `contradicting_rows` for programs of these sizes."""
+    entry_for(recover_bound_multipliers, space.program, 0.0)
+    entry_for(proves, space.program, space.active, 0.0)
 
 
 def _row_lengths(program: SparseQP) -> Array:

@@ -1,1 +1,1 @@
-"""What the guidance node receives."""
+"""Inputs of the guidance node."""

@@ -1,1 +1,1 @@
-"""What the guidance node publishes."""
+"""Outputs of the guidance node."""

@@ -1,4 +1,4 @@
-"""Who must listen before a run begins: the robot, and the recorder where one is asked for.
+"""Subscribers that a run waits for: the robot, and a recorder where one is asked for.
 
 A robot that listens for another type of command, or has not found this node yet, would stand while
 the time of its task runs; a recorder that comes late has a bag that cannot be replayed.
@@ -36,13 +36,9 @@ class Listeners:
         reports: tuple[Publisher, ...],
         recorder_timeout: float,
     ) -> None:
-        """Wait for the robot, and for a recorder.
+        """Wait for the robot, and for a recorder that hears commands and reports.
 
-        Args:
-            node: The node that guides.
-            command: Its publisher of commands.
-            reports: Its publishers of what a bag must have beside.
-            recorder_timeout: How long to wait for a recorder [s]; 0 where none is asked for.
+        The time to wait for a recorder is in seconds; 0 where none is asked for.
         """
         self._node, self._command, self._reports = node, command, reports
         self._recorder_timeout = recorder_timeout
@@ -55,11 +51,11 @@ class Listeners:
         self._is_alone = False
 
     def lacking(self) -> str:
-        """What must still come before a run begins, in a sentence; empty when all is there."""
+        """Sentence on what a run still waits for; empty for nothing."""
         return self._robot() or self._recorder()
 
     def warnings(self) -> list[str]:
-        """What is to be said of listeners while the robot is guided, in sentences."""
+        """Warnings about missing listeners while the robot is guided, in sentences."""
         if self._command.get_subscription_count():
             return []
         return [f'Nobody listens to {self._command.topic_name}.']

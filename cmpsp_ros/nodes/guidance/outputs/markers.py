@@ -48,7 +48,7 @@ _RING: Final = 0.02
 _TEXT_HEIGHT: Final = 0.25
 _ABOVE: Final = 0.6
 _AHEAD: Final = 1.0
-"""How far ahead what moves is foreseen in the picture [s]."""
+"""Time ahead for which positions of moving obstacles are shown [s]."""
 
 
 def marker_array(

@@ -22,7 +22,7 @@ from cmpsp_ros.guidance import (
 )
 from cmpsp_ros.guidance.formulation import OcpFormulation
 from cmpsp_ros.guidance.planning import FUNCTIONS, Planner, PlanningContext
-from cmpsp_ros.guidance.safety import Audit
+from cmpsp_ros.guidance.safety import Validator
 from cmpsp_ros.mpsp import SLACK_TOLERANCE, Options
 from cmpsp_ros.mpsp.qp.riccati import Outcome
 from cmpsp_ros.mpsp.sqp import CMPSP, Driver
@@ -155,7 +155,7 @@ class _Parts(NamedTuple):
 
     settings: GuidanceSettings
     planner: Planner
-    audit: Audit
+    validator: Validator
     period: int
     final: int
 
@@ -189,7 +189,7 @@ class FullStep:
             self._made[steps] = _Parts(
                 settings,
                 Planner(OcpFormulation(settings, settings.world)),
-                Audit(settings),
+                Validator(settings),
                 period,
                 final,
             )
@@ -201,13 +201,13 @@ class FullStep:
 
     def step(self, pose: Array, U: Array, durations: Array) -> Array:  # noqa: ARG002 (by the clock)
         """Shift, improve, audit."""
-        settings, planner, audit, period, final = self._parts
+        settings, planner, validator, period, final = self._parts
         horizon = remaining(self._now, period, final)
         guess = U if self._plan is None else shift(self._plan.controls, self._plan.horizon, horizon)
         context = PlanningContext.at_pose(settings, settings.world, pose, horizon, self._held)
         result = planner.improve(context, guess)
         plan = result.plan
-        verdict = audit.check(context.start, plan.controls, horizon.durations)
+        verdict = validator.check(context.start, plan.controls, horizon.durations)
         if not result.solved:
             raise BenchError(result.reason)
         if not verdict.passed:

@@ -19,7 +19,7 @@ from cmpsp_ros.guidance.planning.grid_path_memory import search_ahead
 from cmpsp_ros.guidance.planning.plan_selector import PlanSelector
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 from cmpsp_ros.guidance.prediction.estimator import Estimate, Observation
-from cmpsp_ros.guidance.safety.audit import Audit, Verdict
+from cmpsp_ros.guidance.safety.validation import Validation, Validator
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.state import LawState
 from cmpsp_ros.guidance.times import NEVER, Horizon, to_nanoseconds
@@ -64,9 +64,9 @@ class GuidanceLaw:
         """
         self._timer, self._settings = timer, settings
         self._state = LawState.begin(settings, world, run=0, revision=0)
-        self._audit = Audit(settings)
-        self._selector = PlanSelector(settings, world, self._audit, timer)
-        self._supervisor = Supervisor(settings, self._audit, self._selector)
+        self._validator = Validator(settings)
+        self._selector = PlanSelector(settings, world, self._validator, timer)
+        self._supervisor = Supervisor(settings, self._validator, self._selector)
         self._prepare_search()
 
     def _prepare_search(self) -> None:
@@ -86,9 +86,9 @@ class GuidanceLaw:
         """Take new settings and another world, from the next control step on."""
         self._state.reconfigure(settings, world)
         if settings != self._settings:
-            self._settings, self._audit = settings, Audit(settings)
-            self._supervisor = Supervisor(settings, self._audit, self._selector)
-        self._selector.reconfigure(settings, self.world, self._audit)
+            self._settings, self._validator = settings, Validator(settings)
+            self._supervisor = Supervisor(settings, self._validator, self._selector)
+        self._selector.reconfigure(settings, self.world, self._validator)
         self._prepare_search()
 
     def is_due(self, stamp: int) -> bool:
@@ -156,7 +156,7 @@ class GuidanceLaw:
         if estimate.model_changed:
             self._selector.restart()
         if late:
-            state.following.ramp = self._audit.braking_from(estimate.start)
+            state.following.ramp = self._validator.braking_from(estimate.start)
         return estimate
 
     def _update_task(self, observation: Observation, estimate: Estimate) -> Task:
@@ -232,12 +232,12 @@ class GuidanceLaw:
         selected = self._selector.best(context)
         return supervisor.choose(state, observation, estimate, context, selected)
 
-    def _pending(self, estimate: Estimate) -> Verdict | None:
-        """Verdict on the path under commands given before, if there is one."""
+    def _pending(self, estimate: Estimate) -> Validation | None:
+        """Validation on the path under commands given before, if there is one."""
         controls, durations = estimate.under_way
         if not len(durations):
             return None
-        return self._audit.check_pending(estimate.here, controls, durations)
+        return self._validator.check_pending(estimate.here, controls, durations)
 
     def _decide_in_time(self, estimate: Estimate, decision: Decision) -> None:
         """Decide once more if the last command on the way to a goal may not outlast its time."""
@@ -300,7 +300,7 @@ class GuidanceLaw:
         """
         state = self._state
         latest = None if state.clock.start is None else state.clock.start + state.clock.now
-        state.mission.goals.receive(stamp, goal, state.world, self._audit, latest)
+        state.mission.goals.receive(stamp, goal, state.world, self._validator, latest)
 
     def halt(self, stamp: int, reason: str, **flags: Any) -> Decision:
         """Stop for a reason that odometry does not show.

@@ -21,7 +21,7 @@ from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 from cmpsp_ros.guidance.prediction.estimator import Observation, PlanStart
 from cmpsp_ros.guidance.prediction.pending_commands import PendingCommands
 from cmpsp_ros.guidance.prediction.response_estimate import ResponseEstimate
-from cmpsp_ros.guidance.safety.audit import Audit
+from cmpsp_ros.guidance.safety.validation import Validator
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.times import NANOSECONDS, to_nanoseconds
 from cmpsp_ros.guidance.world import MAP, GuidanceSettings, World
@@ -123,7 +123,7 @@ def run_kernels(settings: LawSettings) -> None:
     space.along(pose[None], twists, durations)
     _A_DISC.along(pose[None], twists, durations, durations)
     start = PlanStart(pose, on_road.robot, World(_A_ROAD), _A_DISC, previous_control=controls[0])
-    Audit(on_road).check(start, controls, durations)
+    Validator(on_road).check(start, controls, durations)
     along_road(on_road, start, on_road.target, durations)
     remaining_arc_length(_A_ROAD, pose[None], on_road.goal, None)
     arc_length_to(_A_ROAD, pose, on_road.goal)

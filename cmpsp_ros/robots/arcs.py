@@ -96,7 +96,7 @@ def arc_under(poses: Array, twists: Array, k: int, duration: float) -> Arc:
 
 @allocation_free
 def point_of(x: float, y: float, heading: float, points: Array, i: int) -> Any:
-    """Where a point of the robot is: one of some, shape ``(D, 2)``, in the robot's frame [m]."""
+    """Position of one of some points of the robot, ``(D, 2)`` in the robot's frame [m]."""
     ahead, left = points[i, 0], points[i, 1]
     if ahead == 0.0 and left == 0.0:
         return x, y
@@ -121,7 +121,7 @@ def arc_of_point(arc: Arc, heading: float, points: Array, i: int) -> Arc:
 
 @allocation_free
 def arc_part(arc: Arc, part: float) -> Any:
-    """Where an arc leads after a part of it: x, y [m], cosine and sine of the heading there."""
+    """Position x, y [m] after a part of an arc, cosine and sine of the course there."""
     half = arc.turn * part / 2.0
     chord = arc.length * part
     chord *= math.sin(half) / half if abs(half) > 1e-4 else 1.0 - half * half / 6.0

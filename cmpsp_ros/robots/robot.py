@@ -1,4 +1,4 @@
-"""What every model of a robot offers: motion, limits, slowing down."""
+"""Models of robots: motion, limits, slowing down."""
 
 from __future__ import annotations
 
@@ -160,7 +160,7 @@ class Robot(ABC):
 
     @property
     def time_scaling(self) -> TimeScaling:
-        """How its controls are slowed down along a path."""
+        """Time scaling of its controls along a path."""
         return TimeScaling(self.wheels, self.n_speeds)
 
     @property
@@ -174,7 +174,7 @@ class Robot(ABC):
 
     @property
     def limit_rows(self) -> int:
-        """How many constraints of a stage limit the wheel speeds, beyond bounds of the controls."""
+        """Number of constraints of a stage on wheel speeds, beyond bounds of the controls."""
         return 0
 
     @property

@@ -14,7 +14,7 @@ from cmpsp_ros.robots import Robot
 
 @dataclass(frozen=True)
 class Motion:
-    """Where the robot is at an instant, and how it moves from there on.
+    """Pose of the robot at an instant, and its motion from there on.
 
     Attributes:
         stamp_ns: The instant [ns].

@@ -62,7 +62,7 @@ class Laser:
             self._motions.popleft()
 
     def is_due(self, stamp_ns: int) -> bool:
-        """Whether a scan has been completed by an instant [ns]."""
+        """True once a scan has been completed by an instant [ns]."""
         return bool(self._motions) and self.next_ns + self._beams_ns[-1] <= stamp_ns
 
     def scan(self, edges: Array, discs: Array) -> Scan:

@@ -42,7 +42,7 @@ class Measurement:
 
 
 class Stream(IntEnum):
-    """What is random; a number is never given twice, for runs of before must repeat."""
+    """Random streams; a number is never used twice, since earlier runs must repeat."""
 
     JITTER = 0
     SLIP = 1

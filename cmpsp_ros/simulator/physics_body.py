@@ -91,7 +91,7 @@ class PhysicsBody:
         return Motion(stamp_ns, pose, self._data.qvel[6:8].copy(), twist)
 
     def odometry(self, stamp_ns: int) -> Array:
-        """What the encoders make of the way, or the true pose."""
+        """Dead reckoning by the encoders, or the true pose."""
         return (
             self._reckoned.copy()
             if self._physics.odometry == 'encoders'

@@ -23,7 +23,7 @@ _NS = 1_000_000_000
 
 
 class TwistError(ValueError):
-    """A commanded twist that no wheel can follow because it is not a number."""
+    """A commanded twist that no wheel can follow: not finite, or too large."""
 
 
 @dataclass(frozen=True)

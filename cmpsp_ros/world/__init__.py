@@ -1,4 +1,4 @@
-"""Where a robot may be: roads, obstacles, free space, and the margin between samples."""
+"""The space of a robot: roads, obstacles, free space, and the margin between samples."""
 
 from typing import TYPE_CHECKING
 

@@ -1,4 +1,4 @@
-"""Where the discs of a robot may be: the road shrunk and the obstacles grown by what they need."""
+"""Free space of a robot's discs: the road shrunk and the obstacles grown by their distance."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ class FreeSpace:
 
     @property
     def centers(self) -> Array:
-        """Of the corners of each shape, as at first, NaN without any, shape ``(M, 2)`` [m]."""
+        """Centres of the shapes at first, NaN for one without corners, shape ``(M, 2)`` [m]."""
         if self._are_points:
             return np.asarray(self.corners[0])
         parts = self._parts
@@ -93,12 +93,12 @@ class FreeSpace:
 
     @property
     def islands(self) -> Array:
-        """See `GridObstacle.islands`."""
+        """Islands of all grids, see `GridObstacle.islands`."""
         return np.concatenate([np.empty((0, 2)), *(each.islands for each in self.grids)])
 
     @property
     def fields(self) -> Fields:
-        """Of the grids, and ones that are never asked where there are none."""
+        """Fields of the grids, and ones that are never used where there are none."""
         first, second, *_ = *(each.field for each in self.grids), NO_FIELD, NO_FIELD
         return first, second
 

@@ -1,4 +1,4 @@
-"""How much wider to keep clear at the samples so that the arcs between them are clear as well.
+"""Margins at the samples that keep the arcs between them clear as well.
 
 Between two control steps the robot drives an arc of speed ``v`` and turn rate ``w``. Over a period
 ``T`` it has radius ``R = v / |w|`` and half angle ``a = |w| T / 2``. If its two ends are at least

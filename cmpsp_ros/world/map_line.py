@@ -43,7 +43,7 @@ class KeptLine:
 
 @dataclass(frozen=True)
 class MapSearch:
-    """What lines across a map keep away from. One search is for all lines to a goal.
+    """A search for lines across a map, one for all lines to a goal.
 
     Attributes:
         obstacles: At least one of them is a grid.
@@ -93,7 +93,7 @@ class MapSearch:
 
 
 def is_beside(line: Array, other: Array) -> bool:
-    """Whether a line nowhere strays from another one; points of shape ``(K, 2)`` each [m]."""
+    """True for a line that nowhere strays from another; points of shape ``(K, 2)`` each [m]."""
     away = np.hypot(*(line[:, None] - other).T).min(axis=0, initial=math.inf)
     return bool((away <= _BESIDE).all())
 

@@ -11,7 +11,7 @@ import numpy as np
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.decision import UNTIMED, Decision, FallbackLevel, Plan
 from cmpsp_ros.guidance.planning.candidate import SolveResult
-from cmpsp_ros.guidance.safety.audit import Audit, Verdict
+from cmpsp_ros.guidance.safety.validation import Validation, Validator
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.state import LawState
 from cmpsp_ros.guidance.times import NANOSECONDS, NEVER, to_nanoseconds
@@ -22,10 +22,10 @@ from cmpsp_ros.world.obstacles import NOTHING_MOVES, MovingDiscs
 class DecisionBuilder:
     """Gives the command of a plan or of a stop, and says so."""
 
-    def __init__(self, settings: LawSettings, audit: Audit) -> None:
+    def __init__(self, settings: LawSettings, validator: Validator) -> None:
         """Take the robot from the settings; the check knows the clearance where it stops."""
         self._robot, self._period = settings.robot, to_nanoseconds(settings.control_period)
-        self._audit = audit
+        self._validator = validator
 
     def follow(
         self,
@@ -34,7 +34,7 @@ class DecisionBuilder:
         level: FallbackLevel,
         reason: str,
         plan: Plan,
-        verdict: Verdict,
+        verdict: Validation,
         errors: tuple[float, float | None],
         result: SolveResult | None = None,
         phases: Mapping[str, float] = UNTIMED,
@@ -76,7 +76,7 @@ class DecisionBuilder:
         twist = self._robot.twist(following.previous_control)
         if np.any(twist) and 'halted' not in flags:
             reason += f' It brakes to {abs(speeds_and_turns(twist)[0]):.3g} m/s.'
-        clearance = float(self._audit.clearance_at(state.world, pose, moving, progress).min())
+        clearance = float(self._validator.clearance_at(state.world, pose, moving, progress).min())
         errors = state.mission.goals.target.errors(pose)
         flags.setdefault('iterations', 0 if result is None else result.iterations)
         elapsed, clearances = state.clock.elapsed(stamp), (clearance, clearance)

@@ -13,8 +13,8 @@ from cmpsp_ros.guidance.planning.plan_selector import PlanSelector
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 from cmpsp_ros.guidance.prediction.estimator import Estimate, Observation, PlanStart
 from cmpsp_ros.guidance.safety.approach import STANDSTILL, Approach, Contact
-from cmpsp_ros.guidance.safety.audit import TOUCHING, Audit, Verdict
 from cmpsp_ros.guidance.safety.fallback import Fallback, clear_fraction
+from cmpsp_ros.guidance.safety.validation import TOUCHING, Validation, Validator
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.state import LawState
 from cmpsp_ros.guidance.times import NANOSECONDS, to_nanoseconds
@@ -40,26 +40,26 @@ class Choice(NamedTuple):
     level: FallbackLevel
     reason: str
     plan: Plan
-    verdict: Verdict
+    verdict: Validation
     ahead: Contact | None
 
 
 class Supervisor:
     """Decides what is followed, how fast, and when to stop instead."""
 
-    def __init__(self, settings: LawSettings, audit: Audit, selector: PlanSelector) -> None:
+    def __init__(self, settings: LawSettings, validator: Validator, selector: PlanSelector) -> None:
         """Take limits and times from the settings."""
-        self._settings, self._audit, self._selector = settings, audit, selector
+        self._settings, self._validator, self._selector = settings, validator, selector
         self._period = to_nanoseconds(settings.control_period)
-        self._fallback = Fallback(settings, audit)
-        self._approach = Approach(settings, audit)
-        self.decisions = DecisionBuilder(settings, audit)
+        self._fallback = Fallback(settings, validator)
+        self._approach = Approach(settings, validator)
+        self.decisions = DecisionBuilder(settings, validator)
 
     def reason_not_to_begin(self, state: LawState, estimate: Estimate) -> str:
         """Why no plan begins where the robot is, in a sentence; empty for no reason."""
         if state.following.plan is not None:
             return ''
-        return self._audit.why_no_start(estimate.start.world, estimate.here.pose)
+        return self._validator.why_no_start(estimate.start.world, estimate.here.pose)
 
     def reason_to_stand(self, state: LawState, estimate: Estimate) -> str:
         """Why not even to plan, in a sentence; empty for no reason."""
@@ -119,7 +119,7 @@ class Supervisor:
         verdict, plan = selected.verdict, selected.plan
         following.failures = 0
         level = FallbackLevel.ELASTIC if selected.is_relaxed else FallbackLevel.NOMINAL
-        reason = selected.describe(self._audit, self._settings, start) + self._selector.remark
+        reason = selected.describe(self._validator, self._settings, start) + self._selector.remark
         ahead = self._approach.contact(plan, start, verdict.worst_margin)
         if selected.is_relaxed:
             following.end_speed = math.inf
@@ -161,7 +161,7 @@ class Supervisor:
         reason += ' The last audited plan goes on.'
         return Choice(FallbackLevel.PREVIOUS_PLAN, reason, plan, verdict, ahead)
 
-    def _shifted(self, state: LawState, context: PlanningContext) -> tuple[Plan, Verdict] | None:
+    def _shifted(self, state: LawState, context: PlanningContext) -> tuple[Plan, Validation] | None:
         return self._fallback.shifted(
             state.following.plan, context.start, context.horizon, context.delay, context.pending
         )
@@ -225,7 +225,7 @@ class Supervisor:
 
         Where no slower one is clear, with a ramp behind it, the robot stops by `ramp_before`.
         """
-        settings, audit, following = self._settings, self._audit, state.following
+        settings, validator, following = self._settings, self._validator, state.following
         here, start, plan = estimate.here, estimate.start, decision.plan
         latest = max(state.lateness.expected, settings.max_command_delay)
         if plan is None or latest <= settings.command_delay:
@@ -233,11 +233,11 @@ class Supervisor:
         previous = state.estimator.latest_command
         next_step = (state.clock.due - state.clock.now) / NANOSECONDS
         commanded = following.previous_control
-        fraction = clear_fraction(audit, here, previous, commanded, next_step, latest)
+        fraction = clear_fraction(validator, here, previous, commanded, next_step, latest)
         if fraction == 1.0:
             return decision
         controls = settings.robot.slowed(plan.controls, fraction)
-        checked = audit.check(start, controls, plan.horizon.durations)
+        checked = validator.check(start, controls, plan.horizon.durations)
         if not checked.passed:
             following.previous_control, following.ramp = previous, ramp_before
             reason = f'The robot stops: no slower command is clear if it is late. {decision.reason}'

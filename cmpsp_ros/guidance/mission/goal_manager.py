@@ -12,7 +12,7 @@ from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.goals import Goal, GoalError, Target
 from cmpsp_ros.guidance.mission.return_to_goal import is_away, return_time, turn_rate
 from cmpsp_ros.guidance.prediction.estimator import PlanStart
-from cmpsp_ros.guidance.safety.audit import Audit
+from cmpsp_ros.guidance.safety.validation import Validator
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.times import NANOSECONDS, to_nanoseconds
 from cmpsp_ros.guidance.world import World
@@ -77,7 +77,7 @@ class GoalManager:
         return [self.target.position, *(each.position for each in (*goals, *waiting))]
 
     def receive(
-        self, stamp: int, goal: Goal, world: World, audit: Audit, latest: int | None
+        self, stamp: int, goal: Goal, world: World, validator: Validator, latest: int | None
     ) -> None:
         """Take another goal instead of all others, from the first control step that is not older.
 
@@ -87,7 +87,7 @@ class GoalManager:
             GoalError: It is refused, and nothing changes.
         """
         self.goals_received += 1
-        _check_goal(self._settings, world, audit, goal)
+        _check_goal(self._settings, world, validator, goal)
         timeout = to_nanoseconds(self._settings.odom_timeout)
         if latest is not None and stamp - latest > timeout:
             ahead = (stamp - latest) / NANOSECONDS
@@ -224,7 +224,7 @@ class GoalManager:
         self.target = Target(place, direction, is_line=True)
 
 
-def _check_goal(settings: LawSettings, world: World, audit: Audit, goal: Goal) -> None:
+def _check_goal(settings: LawSettings, world: World, validator: Validator, goal: Goal) -> None:
     """Refuse a goal that the robot cannot stand at.
 
     Raises:
@@ -233,10 +233,10 @@ def _check_goal(settings: LawSettings, world: World, audit: Audit, goal: Goal) -
     if settings.follow is not None:
         raise GoalError('The robot follows the road without end (follow.speed): it takes no goal.')
     x, y = goal.position
-    away = audit.clearance_at(world, np.array([x, y, math.nan]))
+    away = validator.clearance_at(world, np.array([x, y, math.nan]))
     nearest = int(away.argmin())
     if away[nearest] < -_ROUNDING:
-        name = audit.names([nearest], world)
+        name = validator.names([nearest], world)
         raise GoalError(f'The goal is {-away[nearest]:.3g} m inside or beyond {name}.')
     beyond = world.road.beyond(goal.position)
     if beyond > _ROUNDING:

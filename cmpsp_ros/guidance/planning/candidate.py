@@ -13,7 +13,7 @@ from cmpsp_ros.guidance.formulation.ocp_formulation import BY_PRIORITY
 from cmpsp_ros.guidance.goals import Target
 from cmpsp_ros.guidance.planning.homotopy.road_frame import wrapped
 from cmpsp_ros.guidance.prediction.estimator import PlanStart
-from cmpsp_ros.guidance.safety.audit import TOUCHING, Audit, Verdict
+from cmpsp_ros.guidance.safety.validation import TOUCHING, Validation, Validator
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.times import NANOSECONDS
 from cmpsp_ros.mpsp.jit import allocation_free
@@ -71,7 +71,7 @@ class Candidate(NamedTuple):
     Attributes:
         plan: The plan.
         result: Result of its iterations.
-        verdict: Verdict on it and on the path to its beginning.
+        verdict: Validation on it and on the path to its beginning.
         admissible: Whether it may be followed at all.
         feasible: Whether it meets every constraint, too.
         is_relaxed: Whether some constraint is not met, now or in the linearised plan.
@@ -81,7 +81,7 @@ class Candidate(NamedTuple):
 
     plan: Plan
     result: SolveResult
-    verdict: Verdict
+    verdict: Validation
     admissible: bool
     feasible: bool
     is_relaxed: bool
@@ -89,19 +89,19 @@ class Candidate(NamedTuple):
     heading_error: float | None
 
     @classmethod
-    def of(cls, result: SolveResult, verdict: Verdict, target: Target) -> Candidate:
+    def of(cls, result: SolveResult, verdict: Validation, target: Target) -> Candidate:
         """The candidate that a checked result is."""
         plan, elastic = result.plan, result.elastic
         admissible = result.solved and verdict.passed
         flags = admissible, admissible and not elastic, elastic or verdict.margin < -TOUCHING
         return cls(plan, result, verdict, *flags, *target.errors(plan.poses[-1]))
 
-    def describe(self, audit: Audit, settings: LawSettings, start: PlanStart) -> str:
+    def describe(self, validator: Validator, settings: LawSettings, start: PlanStart) -> str:
         """Sentence on it for when it is followed."""
         result, verdict, error = self.result, self.verdict, self.terminal_error
         off = self.heading_error or 0.0
         if result.elastic:
-            where = audit.names(result.slack_where, start.world, start.moving)
+            where = validator.names(result.slack_where, start.world, start.moving)
             parts, ending = [where] if where else [], ''
             if result.slack_terminal:
                 parts.append('the goal')

@@ -20,7 +20,7 @@ from cmpsp_ros.guidance.planning.candidate import Candidate, Ranking
 from cmpsp_ros.guidance.planning.homotopy.path_search import class_of, in_words
 from cmpsp_ros.guidance.planning.planner import Planner
 from cmpsp_ros.guidance.planning.planning_context import Guesses, PlanningContext
-from cmpsp_ros.guidance.safety.audit import Audit
+from cmpsp_ros.guidance.safety.validation import Validator
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.solver_settings import SCREENING
 from cmpsp_ros.guidance.world import MAP, SEEN, World
@@ -46,11 +46,11 @@ class PlanSelector:
     """
 
     def __init__(
-        self, settings: LawSettings, world: World, audit: Audit, timer: Callable[[], int]
+        self, settings: LawSettings, world: World, validator: Validator, timer: Callable[[], int]
     ) -> None:
         """Start without a plan; the timer gives monotonic time [ns]."""
         self._timer = timer
-        self._take(settings, audit)
+        self._take(settings, validator)
         self.phases: dict[str, float] = {}
         # Road coordinates of all obstacles in the control step.
         self._places = np.empty(0), np.empty(0)
@@ -58,20 +58,20 @@ class PlanSelector:
         self._formulate(OcpFormulation(settings, world), max(1, self._limit - 1))
         self.forget()
 
-    def reconfigure(self, settings: LawSettings, world: World, audit: Audit) -> None:
+    def reconfigure(self, settings: LawSettings, world: World, validator: Validator) -> None:
         """Take other settings and another world, so that the next step need not.
 
         The plan that is followed keeps its memory and its warm start where it can.
         """
         if settings != self._settings:
-            self._take(settings, audit)
+            self._take(settings, validator)
             self._formulate_again(OcpFormulation(settings, self._world))
         if world is not self._world:
             self._update_world(world)
         self._formulation.prepare(world)
 
-    def _take(self, settings: LawSettings, audit: Audit) -> None:
-        self._settings, self._audit = settings, audit
+    def _take(self, settings: LawSettings, validator: Validator) -> None:
+        self._settings, self._validator = settings, validator
         # A road without end has no goal that guide paths could lead to.
         self._limit = settings.solver.candidates if settings.follow is None else 1
         self._work_limit = settings.solver.work_limit(settings.control_period)
@@ -318,7 +318,7 @@ class PlanSelector:
         result = planner.improve(context, guess, iterations, work_limit)
         solved = self._timer()
         plan, durations = result.plan, context.horizon.durations
-        verdict = self._audit.check(context.start, plan.controls, durations, context.pending)
+        verdict = self._validator.check(context.start, plan.controls, durations, context.pending)
         self.phases['solve'] += (solved - began) * _MILLISECONDS
         self.phases['audit'] += (self._timer() - solved) * _MILLISECONDS
         self._work_left -= result.work

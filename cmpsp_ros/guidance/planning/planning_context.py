@@ -26,7 +26,7 @@ from cmpsp_ros.guidance.planning.homotopy.road_frame import RoadFrame, road_fram
 from cmpsp_ros.guidance.planning.initial_trajectories import along_road, initial_guess
 from cmpsp_ros.guidance.planning.reeds_shepp import has_to_turn, manoeuvres
 from cmpsp_ros.guidance.prediction.estimator import PlanStart
-from cmpsp_ros.guidance.safety.audit import Verdict
+from cmpsp_ros.guidance.safety.validation import Validation
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.times import NANOSECONDS, Horizon
 from cmpsp_ros.guidance.world import World
@@ -76,7 +76,7 @@ class PlanningContext:
         goal: Goal of the robot.
         horizon: Horizon of the plans.
         plan: The plan followed until now, if any.
-        pending: Verdict on the path to the start, if there is one.
+        pending: Validation on the path to the start, if there is one.
         halvings: Number of times that the work of the step is halved.
         delay: Time from a command to its effect [ns].
         end_speed: Largest speed of a car at the end of a plan; infinite for none [m/s].
@@ -87,7 +87,7 @@ class PlanningContext:
     goal: Target
     horizon: Horizon
     plan: Plan | None = None
-    pending: Verdict | None = None
+    pending: Validation | None = None
     halvings: int = 0
     delay: int = 0
     end_speed: float = math.inf

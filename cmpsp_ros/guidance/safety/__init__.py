@@ -1,4 +1,4 @@
-"""What no command leaves without."""
+"""Safety checks on every command."""
 
-from cmpsp_ros.guidance.safety.audit import CHANGE_ROUNDING, Audit
 from cmpsp_ros.guidance.safety.plan_clearance import plan_clearance
+from cmpsp_ros.guidance.safety.validation import CHANGE_ROUNDING, Validator

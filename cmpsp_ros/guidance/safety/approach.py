@@ -17,8 +17,8 @@ from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.prediction.response import Risk
-from cmpsp_ros.guidance.safety.audit import TOUCHING, Audit, Verdict
 from cmpsp_ros.guidance.safety.road_braking import brakings_on_road
+from cmpsp_ros.guidance.safety.validation import TOUCHING, Validation, Validator
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.world import World
 from cmpsp_ros.robots import braking, least_scale, speeds_and_turns
@@ -64,11 +64,11 @@ class Contact(NamedTuple):
 class Approach:
     """Slows plans down before what they lead into."""
 
-    def __init__(self, settings: LawSettings, audit: Audit) -> None:
+    def __init__(self, settings: LawSettings, validator: Validator) -> None:
         """Take limits from the settings."""
-        self._audit = audit
+        self._validator = validator
         part = replace(settings.safety, margin=_OF_MARGIN * settings.safety.margin)
-        self._lag_audit = Audit(replace(settings, safety=part), with_margin=True)
+        self._lag_validator = Validator(replace(settings, safety=part), with_margin=True)
         self._settings, self._max_change = settings, settings.max_wheel_change
 
     def contact(
@@ -155,13 +155,13 @@ class Approach:
     def limited(
         self,
         plan: Plan,
-        verdict: Verdict,
+        verdict: Validation,
         ahead: Contact | None,
         start: PlanStart,
-        pending: Verdict | None,
+        pending: Validation | None,
         here: PlanStart,
         risk: Risk,
-    ) -> tuple[Plan, Verdict, str] | None:
+    ) -> tuple[Plan, Validation, str] | None:
         """A plan no faster than is safe before what it leads into, however the robot responds.
 
         Returns:
@@ -171,7 +171,7 @@ class Approach:
         slowed = None if ahead is None else self.slowed(plan, start, ahead.speed)
         if slowed is not None:
             durations = slowed.horizon.durations
-            checked = self._audit.check(start, slowed.controls, durations, pending)
+            checked = self._validator.check(start, slowed.controls, durations, pending)
             if checked.passed:
                 plan, verdict = slowed, checked
                 remark = f' Slows down to {self._speed_of(plan):.3g} m/s: {ahead}'
@@ -205,12 +205,12 @@ class Approach:
     def calmed(
         self,
         plan: Plan,
-        verdict: Verdict,
+        verdict: Validation,
         start: PlanStart,
-        pending: Verdict | None,
+        pending: Validation | None,
         here: PlanStart,
         risk: Risk,
-    ) -> tuple[Plan, Verdict] | None:
+    ) -> tuple[Plan, Validation] | None:
         """A plan so slow that its first command and a stop are clear however the robot responds.
 
         Returns:
@@ -225,9 +225,11 @@ class Approach:
             if fraction < 1.0:
                 slower = self.scaled(plan, start, fraction)
                 durations = plan.horizon.durations
-                checked = self._audit.check(start, slower.controls, durations, pending)
+                checked = self._validator.check(start, slower.controls, durations, pending)
             if checked.passed and all(
-                self._lag_audit.is_clear_with(each, here, slower, checked.ramp, fraction * error)
+                self._lag_validator.is_clear_with(
+                    each, here, slower, checked.ramp, fraction * error
+                )
                 for each in risk.responses
             ):
                 return slower, checked

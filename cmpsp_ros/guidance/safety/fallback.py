@@ -13,7 +13,7 @@ from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.horizon import shift
 from cmpsp_ros.guidance.prediction.estimator import PlanStart
-from cmpsp_ros.guidance.safety.audit import Audit, Verdict
+from cmpsp_ros.guidance.safety.validation import Validation, Validator
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.times import NANOSECONDS, Horizon
 from cmpsp_ros.robots import within_ramp
@@ -25,10 +25,10 @@ _INSTANTS: Final = 5
 class Fallback:
     """The last audited plan on a later horizon, and how long its last command may go on."""
 
-    def __init__(self, settings: LawSettings, audit: Audit) -> None:
+    def __init__(self, settings: LawSettings, validator: Validator) -> None:
         """Take what a plan must pass."""
-        self._audit, self._max_change = audit, settings.max_wheel_change
-        self._margin_audit = Audit(settings, with_margin=True)
+        self._validator, self._max_change = validator, settings.max_wheel_change
+        self._margin_validator = Validator(settings, with_margin=True)
 
     def shifted(
         self,
@@ -36,8 +36,8 @@ class Fallback:
         start: PlanStart,
         horizon: Horizon,
         delay: int,
-        pending: Verdict | None,
-    ) -> tuple[Plan, Verdict] | None:
+        pending: Validation | None,
+    ) -> tuple[Plan, Validation] | None:
         """The last plan, shifted by the time that has passed, if it is still clear.
 
         `delay` [ns].
@@ -52,7 +52,7 @@ class Fallback:
             self._max_change,
             start.robot.time_scaling,
         )
-        verdict = self._audit.check(start, controls, horizon.durations, pending)
+        verdict = self._validator.check(start, controls, horizon.durations, pending)
         if not verdict.passed:
             return None
         poses = start.robot.roll_out(start.pose, controls, horizon.durations)
@@ -65,11 +65,16 @@ class Fallback:
         not driven.
         """
         outlasting = np.array([nanoseconds / NANOSECONDS])
-        return self._margin_audit.check(start, controls[:1], outlasting).passed
+        return self._margin_validator.check(start, controls[:1], outlasting).passed
 
 
 def clear_fraction(
-    audit: Audit, here: PlanStart, previous: Array, control: Array, next_step: float, latest: float
+    validator: Validator,
+    here: PlanStart,
+    previous: Array,
+    control: Array,
+    next_step: float,
+    latest: float,
 ) -> float:
     """Largest tried fraction of a command that is clear whenever it comes into effect.
 
@@ -83,6 +88,6 @@ def clear_fraction(
     held = np.stack([instants, next_step + latest - instants], axis=1)
     for fraction in _SPEEDS:
         commands = np.stack([previous, here.robot.slowed(control, fraction)])
-        if all(audit.check_pending(here, commands, each).passed for each in held):
+        if all(validator.check_pending(here, commands, each).passed for each in held):
             return fraction
     return 0.0

@@ -39,7 +39,7 @@ FRAME: Final = np.dtype(
         ('is_free_beyond', np.bool_),
     ]
 )
-"""Where the nodes of a field are."""
+"""Positions of the nodes of a field."""
 
 _MOST_PIECES = 512
 # Pieces of a path in a cell: what is lost along each is second order in its length.
@@ -65,7 +65,7 @@ NO_FIELD: Final = DistanceField(np.ones(1, FRAME), np.full((4, 4), math.inf))
 """Stands where there is none."""
 
 Fields = tuple[DistanceField, DistanceField]
-"""Of a map, and of what sensors see."""
+"""The fields of a map and of what sensors see."""
 
 
 @allocation_free

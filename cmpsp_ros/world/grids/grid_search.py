@@ -28,7 +28,7 @@ _STEPS: Final = np.hypot(*_NEIGHBOURS.T)
 
 
 def costs_of(clearance: Array) -> Array:
-    """What each cell costs, infinite where it is not clear, by its clearance [m]."""
+    """Cost of each cell by its clearance [m], infinite where it is not clear."""
     costs = 1.0 + NARROW * np.clip(1.0 - clearance / ROOM, 0.0, 1.0)
     return np.where(clearance < 0.0, math.inf, costs)
 

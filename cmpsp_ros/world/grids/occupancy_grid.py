@@ -20,7 +20,7 @@ MOST_CELLS: Final = 100_000_000
 
 
 class Cell(IntEnum):
-    """What is known of a cell."""
+    """State of a cell."""
 
     FREE = 0
     OCCUPIED = 1
@@ -111,13 +111,13 @@ class OccupancyGrid:
         return rows, columns
 
     def contains(self, rows: Indices, columns: Indices) -> BoolArray:
-        """Whether cells are in the grid."""
+        """True for cells in the grid."""
         high, wide = self.cells.shape
         inside: BoolArray = (rows >= 0) & (rows < high) & (columns >= 0) & (columns < wide)
         return inside
 
     def at(self, points: Array) -> Cells:
-        """What is known where points are: nothing outside the grid.
+        """State of the cells that points are in, unknown outside the grid.
 
         Args:
             points: Shape ``(..., 2)`` [m].

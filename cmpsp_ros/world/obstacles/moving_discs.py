@@ -44,7 +44,7 @@ class MovingDiscs:
     ways: Mapping[int, Array] = field(default_factory=dict)
 
     def __len__(self) -> int:
-        """How many there are."""
+        """The number of discs."""
         return len(self.names)
 
     def after(self, seconds: float) -> MovingDiscs:
@@ -167,7 +167,7 @@ def _on(way: Array, times: Array) -> Array:
 
 
 def _astray(way: Array, times: Array, places: Array) -> Array:
-    """How far a way strays from the straight lines between some of its places."""
+    """Distance by which a way strays from straight lines between some of its places."""
     step = np.searchsorted(times, way[:, 0], side='right') - 1
     inside = (step >= 0) & (step < len(times) - 1)
     knots, found = way[inside], np.zeros(len(times) - 1)

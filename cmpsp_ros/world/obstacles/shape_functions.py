@@ -21,7 +21,7 @@ from cmpsp_ros.world.grids.field_functions import DistanceField, Fields
 Indices = IntArray
 
 ROUGHNESS = 1e-5
-"""How much nearer than it is a path may be taken to come to what is no point [m]."""
+"""Error, on the safe side, of the distance of a path from a shape that is no point [m]."""
 
 _MOST_PIECES = 256
 
@@ -134,7 +134,7 @@ def _deepest(corners: Array, k: int, begin: int, end: int, x: float, y: float) -
         length = math.sqrt(along_x * along_x + along_y * along_y)
         normal_x, normal_y = along_y / length, -along_x / length
         outward = normal_x * (x - corners[k, i, 0]) + normal_y * (y - corners[k, i, 1])
-        # A number that is not one is carried on.
+        # NaN is carried on.
         if not outward <= deepest:
             deepest, x_out, y_out = outward, normal_x, normal_y
     return deepest, x_out, y_out
@@ -181,7 +181,7 @@ def _least_on_chord(
 def _cross(
     x: float, y: float, to_x: float, to_y: float, a_x: float, a_y: float, b_x: float, b_y: float
 ) -> bool:
-    """Whether two lines cross properly; where they only touch, an end is at distance 0."""
+    """Proper crossing of two lines; where they only touch, an end is at distance 0."""
     way_x, way_y, along_x, along_y = to_x - x, to_y - y, b_x - a_x, b_y - a_y
     one = way_x * (a_y - y) - way_y * (a_x - x)
     two = way_x * (b_y - y) - way_y * (b_x - x)

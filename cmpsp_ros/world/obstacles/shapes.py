@@ -42,7 +42,7 @@ class Shape(ABC):
 
     @property
     def is_disc(self) -> bool:
-        """Whether it has one corner."""
+        """True for a shape with one corner."""
         return len(self.corners) == 1
 
     def outlines(self, distance: float) -> list[Array]:
@@ -83,7 +83,7 @@ class Capsule(Shape):
 
     @property
     def center(self) -> Point:
-        """Its middle (x, y) [m]."""
+        """The middle (x, y) [m]."""
         return _middle(self.corners)
 
 

@@ -131,12 +131,12 @@ class Annulus(Road):
         return np.array([[self.outer_radius - distance, self.inner_radius + distance]], dtype=float)
 
     def kept_at_samples(self, kept: Array, limits: TwistLimits, period: float) -> Array:
-        """See `Road.kept_at_samples`."""
+        """Bounds with the inter-sample margin, see `Road.kept_at_samples`."""
         outer, inner_ = kept[0].tolist()
         return np.array([[inside(outer, limits, period), outside(inner_, limits, period)]])
 
     def kept_for(self, kept: Array, twists: Array, period: float) -> Array:
-        """See `Road.kept_for`."""
+        """Bounds for the arcs of one plan, see `Road.kept_for`."""
         outer = inside_known(float(kept[0, 0]), twists, period)
         inner_ = outside_known(kept[:, 1], twists, period)[:, 0]
         return np.column_stack([at_ends(np.minimum, outer), at_ends(np.maximum, inner_)])

@@ -87,7 +87,7 @@ class Corridor(Road):
 
     @property
     def length(self) -> float:
-        """Of the centre line [m]."""
+        """Length of the centre line [m]."""
         return self._line.length
 
     @property
@@ -101,12 +101,12 @@ class Corridor(Road):
         return np.array([scale for scale, _ in self._bounds])
 
     def kept_at_samples(self, kept: Array, limits: TwistLimits, period: float) -> Array:
-        """See `Road.kept_at_samples`."""
+        """Bounds with the inter-sample margin, see `Road.kept_at_samples`."""
         margins = [bent_edge_margin(bend, limits, period) for _, bend in self._bounds]
         return np.asarray(kept + np.array([margins]))
 
     def kept_for(self, kept: Array, twists: Array, period: float) -> Array:
-        """See `Road.kept_for`."""
+        """Bounds for the arcs of one plan, see `Road.kept_for`."""
         bends = np.array([bend for _, bend in self._bounds])
         return kept + at_ends(np.maximum, bent_edge_margin_known(bends, twists, period))
 
@@ -140,7 +140,7 @@ class Corridor(Road):
         )
 
     def beyond(self, point: tuple[float, float]) -> float:
-        """How far a point lies beyond an end of the road, 0 where it does not [m]."""
+        """Distance of a point beyond an end of the road, 0 where it is not [m]."""
         at = self._drawn
         if self.closed:
             return 0.0
@@ -199,7 +199,7 @@ class Corridor(Road):
 
     @cached_property
     def numbers(self) -> Array:
-        """See `corridor_functions`."""
+        """Scalars and stations, see `corridor_functions`."""
         line, at = self._line, self._samples
         radius = 1.0 / max(float(np.abs(at.curvature).max()), 1e-9)
         spacing = min(float(at.widths[:, 0].min()), radius) / _IN_A_WIDTH

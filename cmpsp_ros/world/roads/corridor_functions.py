@@ -91,7 +91,7 @@ def lateral_error(road: RoadSpace, k: int, x: float, y: float, progress: float) 
 
 @inner
 def gradients(road: RoadSpace, x: float, y: float, progress: float) -> None:
-    """See `_gradients`."""
+    """Exact derivatives at a projection, see `_gradients`."""
     slopes = _gradients(road, x, y, progress)
     for i in range(7):
         road.found[i] = slopes[i]
@@ -99,7 +99,7 @@ def gradients(road: RoadSpace, x: float, y: float, progress: float) -> None:
 
 @inner
 def sweep(road: RoadSpace, arc: Arc, progress: float, enough: float, enough_other: float) -> None:
-    """See `_sweep`."""
+    """Least clearance of an arc, see `_sweep`."""
     least = _sweep(road, arc, progress, enough, enough_other)
     road.found[0], road.found[1], road.found[2] = least
 
@@ -198,7 +198,7 @@ def _sweep(road: RoadSpace, arc: Arc, progress: float, enough: float, enough_oth
         else:
             i *= 2
             depth += 1
-    # Not a number if the arc's end is none.
+    # NaN if the arc's end is.
     nothing = 0.0 * (arc.end_x + arc.end_y)
     return here[0], least + nothing, other + nothing
 
@@ -210,7 +210,7 @@ def _nearly(clearance: float) -> float:
 
 @allocation_free
 def _lowest(here: float, slope: float, there: float, slope_there: float, bound: float) -> float:
-    """What a function on [0, 1] cannot fall below if its second derivative stays within a bound.
+    """Lower bound of a function on [0, 1] whose second derivative is bounded.
 
     Two parabolas lie below it, one from each end; where they cross is the lowest of the greater.
     """

@@ -20,7 +20,7 @@ Point = tuple[float, float]
 
 
 class Road(ABC):
-    """What the robot stays inside, and whose centre line it keeps to.
+    """A road: the robot stays inside, and keeps to its centre line.
 
     A kind of road is a frozen dataclass, equal to another one of the same values, and compiled
     functions of its `numbers`.
@@ -30,22 +30,22 @@ class Road(ABC):
     """Names of the first and the second edge in messages."""
 
     has_center_line: ClassVar[bool] = True
-    """Whether there are edges and a line between them."""
+    """True for a road with edges and a line between them."""
 
     has_progress: ClassVar[bool] = False
-    """Whether a point can be on it in two places, which the progress tells apart."""
+    """True where a point can be on it in two places, which the progress tells apart."""
 
     functions: ClassVar[tuple[Callable[..., None], ...]]
-    """Its compiled functions, in the order of `road_functions.addresses`."""
+    """Compiled functions, in the order of `road_functions.addresses`."""
 
     @property
     @abstractmethod
     def numbers(self) -> Array:
-        """What its compiled functions know of it."""
+        """Numbers that its compiled functions use."""
 
     @property
     def table(self) -> Array:
-        """More that they know, in rows."""
+        """More numbers, in rows."""
         return np.zeros((1, 1))
 
     @property
@@ -76,7 +76,7 @@ class Road(ABC):
         return kept
 
     def space(self, distance: float) -> RoadSpace:
-        """Where the robot's centre is at least so far from both edges [m]."""
+        """The road at a distance [m] from both edges, for compiled code."""
         return self._space._replace(kept=self.kept(distance))
 
     @classmethod
@@ -174,7 +174,7 @@ class OpenFloor(Road):
 
     @property
     def width(self) -> float:
-        """What a picture should show around a path [m]."""
+        """Width of a picture around a path [m]."""
         return 2.0
 
     def kept(self, distance: float) -> Array:  # noqa: ARG002

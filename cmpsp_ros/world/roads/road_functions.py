@@ -26,7 +26,7 @@ _PROJECT, _LATERAL_ERROR, _GRADIENTS, _SWEEP, _ARC_LENGTH_TO, _POINT_AHEAD = ran
 
 
 class RoadSpace(NamedTuple):
-    """Where on a road the robot's centre may be.
+    """The part of a road where the robot's centre may be.
 
     The first edge is the outer one of an annulus and the left one of a corridor.
 

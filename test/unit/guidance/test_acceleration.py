@@ -29,7 +29,7 @@ from cmpsp_ros.guidance import (
 )
 from cmpsp_ros.guidance.formulation import OcpFormulation
 from cmpsp_ros.guidance.planning import Planner
-from cmpsp_ros.guidance.safety import CHANGE_ROUNDING, Audit
+from cmpsp_ros.guidance.safety import CHANGE_ROUNDING, Validator
 from cmpsp_ros.mpsp.qp import CLARABEL
 from cmpsp_ros.world.obstacles import Obstacle
 
@@ -75,10 +75,10 @@ def test_the_robot_sets_out_arrives_and_brakes_gently(name, acceleration):
 def test_after_every_command_there_is_a_clear_way_to_stop():
     given = limited(CASES['case 3'])
     run, previous, pose = closed_loop(given, steps=STEPS), np.zeros(2), np.array(START)
-    audit, durations = Audit(given), np.full(40, 0.2)
+    validator, durations = Validator(given), np.full(40, 0.2)
     for decision in run.moves:
         start = start_of(given, pose, previous_control=previous)
-        verdict = audit.check(start, decision.plan.controls, decision.plan.horizon.durations)
+        verdict = validator.check(start, decision.plan.controls, decision.plan.horizon.durations)
         assert verdict.passed
         ramp = verdict.ramp
         assert np.abs(np.diff(ramp, axis=0, prepend=decision.wheel_speeds[None])).max() < 6.0 + 1e-6

@@ -9,7 +9,7 @@ from scenarios import assert_is
 
 from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw
 from cmpsp_ros.guidance.prediction import PlanStart
-from cmpsp_ros.guidance.safety import CHANGE_ROUNDING, Audit
+from cmpsp_ros.guidance.safety import CHANGE_ROUNDING, Validator
 
 # What they call takes long to compile: by one worker.
 pytestmark = pytest.mark.xdist_group('cars')
@@ -131,7 +131,7 @@ def test_a_plan_that_steers_too_far_is_refused():
     plan = max((each.plan for each in decisions if each.plan), key=lambda p: abs(p.controls).max())
     robot = replace(settings.robot, max_steering_angle=1e-6)
     start = PlanStart(plan.poses[0], robot, settings.world, previous_control=plan.controls[0])
-    audit = Audit(replace(settings, robot=robot))
-    verdict = audit.check(start, plan.controls, plan.horizon.durations)
+    validator = Validator(replace(settings, robot=robot))
+    verdict = validator.check(start, plan.controls, plan.horizon.durations)
     assert not verdict.passed
     assert 'rad, the limit is 1e-06 rad' in verdict.reason

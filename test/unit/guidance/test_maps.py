@@ -20,7 +20,7 @@ from cmpsp_ros.guidance import (
 from cmpsp_ros.guidance.formulation import N_EDGE_CONSTRAINTS
 from cmpsp_ros.guidance.mission import infeasibility_warnings
 from cmpsp_ros.guidance.prediction import PlanStart
-from cmpsp_ros.guidance.safety import Audit
+from cmpsp_ros.guidance.safety import Validator
 from cmpsp_ros.mpsp.jit import compilations
 from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 from cmpsp_ros.robots import DifferentialDrive
@@ -104,20 +104,20 @@ WALL = (0, 60, 58, 60)
 
 def test_the_audit_refuses_to_drive_into_the_map_and_names_it():
     given, pose = course(WALL), np.array([2.6, 2.0, 0.0])
-    audit, start = Audit(given), PlanStart(pose, given.robot, given.world)
+    validator, start = Validator(given), PlanStart(pose, given.robot, given.world)
     straight = np.full((3, 2), 20.0)
 
-    verdict = audit.check(start, straight, np.full(2, 0.2))
+    verdict = validator.check(start, straight, np.full(2, 0.2))
 
     assert not verdict.passed
     assert 'too close to obstacle map' in verdict.reason
-    away = audit.check(start, -straight, np.full(2, 0.2))
+    away = validator.check(start, -straight, np.full(2, 0.2))
     assert away.passed
     assert away.nearest == 'obstacle map'
-    assert audit.clearance_at(given.world, pose)[N_EDGE_CONSTRAINTS] == pytest.approx(
+    assert validator.clearance_at(given.world, pose)[N_EDGE_CONSTRAINTS] == pytest.approx(
         0.3 - 0.2, abs=5e-3
     )
-    assert 'inside obstacle map' in audit.why_no_start(given.world, np.array([2.8, 2.0, 0.0]))
+    assert 'inside obstacle map' in validator.why_no_start(given.world, np.array([2.8, 2.0, 0.0]))
 
 
 def test_homotopy_classes_are_told_by_what_stands_alone_on_the_map():
@@ -173,12 +173,12 @@ def random_map(random):
 def way_on(given, random):
     """A start and a goal with a way between them that plans may keep to, and its length [m]."""
     search = given.world.map_search(given)
-    audit = Audit(given, with_margin=True)
+    validator = Validator(given, with_margin=True)
     while True:
         start, goal = random.uniform([0.5, 0.5], [9.5, 7.5], (2, 2))
         line = search.line(start, tuple(goal.tolist()), 0.1)
         clear = len(line) and min(
-            audit.clearance_at(given.world, np.array([*each, 0.0])).min() for each in line
+            validator.clearance_at(given.world, np.array([*each, 0.0])).min() for each in line
         )
         if clear > search.wanted - given.kept and math.dist(start, goal) > 4.0:
             return start, tuple(goal.tolist()), float(np.hypot(*np.diff(line, axis=0).T).sum())

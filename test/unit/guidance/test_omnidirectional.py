@@ -9,7 +9,7 @@ from models import assert_arrives, assert_the_same, drive
 from cmpsp_ros.demo import load_scenario
 from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw, Observation
 from cmpsp_ros.guidance.prediction import PlanStart
-from cmpsp_ros.guidance.safety import CHANGE_ROUNDING, Audit
+from cmpsp_ros.guidance.safety import CHANGE_ROUNDING, Validator
 
 # What they call takes long to compile: by one worker.
 pytestmark = pytest.mark.xdist_group('omnidirectional')
@@ -85,7 +85,7 @@ def test_a_plan_that_a_wheel_cannot_follow_is_refused():
     plan = decisions[0].plan
     robot = replace(settings.robot, max_wheel_speed=1.0)
     start = PlanStart(plan.poses[0], robot, settings.world, previous_control=robot.at_rest)
-    audit = Audit(replace(settings, robot=robot))
-    verdict = audit.check(start, plan.controls, plan.horizon.durations)
+    validator = Validator(replace(settings, robot=robot))
+    verdict = validator.check(start, plan.controls, plan.horizon.durations)
     assert not verdict.passed
     assert 'rad/s, the limit is 1.0 rad/s' in verdict.reason

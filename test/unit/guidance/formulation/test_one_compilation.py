@@ -29,7 +29,7 @@ from numba.core.dispatcher import Dispatcher
 
 from cmpsp_ros.guidance.planning import along_road
 from cmpsp_ros.guidance.prediction import PlanStart
-from cmpsp_ros.guidance.safety import Audit
+from cmpsp_ros.guidance.safety import Validator
 from cmpsp_ros.guidance.warmup import run_kernels
 from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 from cmpsp_ros.world import FreeSpace
@@ -69,9 +69,9 @@ for road in (Annulus(), line, OpenFloor()):
         space.along(poses[:3], controls[:3], durations)
         discs.along(poses[:3], controls[:3], durations, times)
         start = PlanStart(pose, given.robot, given.world)
-        Audit(given).check(start, controls, durations)
+        Validator(given).check(start, controls, durations)
         beside = PlanStart(pose, given.robot, given.world, discs, 1.0)
-        Audit(given).check(beside, controls, durations)
+        Validator(given).check(beside, controls, durations)
         along_road(given, start, given.target, durations)
         remaining_arc_length(road, poses, given.goal, None)
         arc_length_to(road, pose, given.goal, 0.5)

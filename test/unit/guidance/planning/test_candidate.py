@@ -11,7 +11,7 @@ from cmpsp_ros.guidance import Safety, remaining
 from cmpsp_ros.guidance.formulation import OcpFormulation
 from cmpsp_ros.guidance.planning import Planner
 from cmpsp_ros.guidance.planning.candidate import Candidate, Ranking, Score
-from cmpsp_ros.guidance.safety import Audit
+from cmpsp_ros.guidance.safety import Validator
 
 BOTH = (FIRST, SECOND)
 
@@ -22,7 +22,7 @@ def improved(given):
     planner = Planner(OcpFormulation(given, given.world))
     result = planner.improve(context, context.center_line_guess, 6)
     durations = context.horizon.durations
-    return context, result, Audit(given).check(context.start, result.plan.controls, durations)
+    return (context, result, Validator(given).check(context.start, result.plan.controls, durations))
 
 
 def test_change_over_needs_a_clear_advantage():

@@ -39,7 +39,7 @@ from cmpsp_ros.guidance.formulation import OcpFormulation
 from cmpsp_ros.guidance.planning import Planner, along_road, initial_guess
 from cmpsp_ros.guidance.planning.candidate import Candidate, Ranking
 from cmpsp_ros.guidance.planning.homotopy.path_search import guide_paths
-from cmpsp_ros.guidance.safety import Audit
+from cmpsp_ros.guidance.safety import Validator
 from cmpsp_ros.world.obstacles import Obstacle
 
 BOTH = (FIRST, SECOND)
@@ -234,7 +234,7 @@ def test_one_candidate_is_the_warm_plan_or_a_fresh_one_along_the_road(name):
     """The same loop in a few lines, bit for bit."""
     given = replace(CASES[name], robot=replace(CASES[name].robot, max_wheel_speed=51.0))
     given = with_plans(given, 1, 2)
-    law, audit = GuidanceLaw(given, given.world), Audit(given)
+    law, validator = GuidanceLaw(given, given.world), Validator(given)
     formulation = OcpFormulation(given, given.world)
     warm, second = Planner(formulation), Planner(formulation)
     ranking = Ranking(given, compares=False)
@@ -243,7 +243,7 @@ def test_one_candidate_is_the_warm_plan_or_a_fresh_one_along_the_road(name):
     def improved(planner, guess):
         context = context_of(given, pose, horizon, held)
         result = planner.improve(context, guess)
-        verdict = audit.check(context.start, result.plan.controls, horizon.durations)
+        verdict = validator.check(context.start, result.plan.controls, horizon.durations)
         return Candidate.of(result, verdict, given.target)
 
     for now in ON_TIME[:-1]:

@@ -14,7 +14,7 @@ from scenarios import CASES, PERIOD, ROAD, START, assert_is, settings, start_of
 
 from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw, MovingObstacles, Observation
 from cmpsp_ros.guidance.messages import Track, Tracks
-from cmpsp_ros.guidance.safety import Audit
+from cmpsp_ros.guidance.safety import Validator
 from cmpsp_ros.world.obstacles import ROUGHNESS, Capsule, MovingDiscs, Obstacle, convex
 from cmpsp_ros.world.roads import OpenFloor
 
@@ -205,7 +205,9 @@ def test_no_plan_that_passes_comes_closer_than_it_may(obstacles, discs, wheels, 
     moving = MovingDiscs(names, states, growth, np.full(len(discs), -1))
     controls = 51.0 * np.tile(wheels, (3, 1))
     durations = np.array([0.2, 0.2])
-    verdict = Audit(floor).check(start_of(floor, np.zeros(3), moving=moving), controls, durations)
+    verdict = Validator(floor).check(
+        start_of(floor, np.zeros(3), moving=moving), controls, durations
+    )
     parts = np.full(PIECES, 0.2 / PIECES)
     path = floor.robot.roll_out(np.zeros(3), np.tile(controls[0], (PIECES, 1)), parts)[:, :2]
     times = np.linspace(0.0, 0.2, PIECES + 1)

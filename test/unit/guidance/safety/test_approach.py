@@ -9,7 +9,7 @@ from scenarios import FIRST, MS, PERIOD, ROAD, closed_loop, drive, settings, sta
 
 from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw, Horizon, Observation, Plan, Safety
 from cmpsp_ros.guidance.prediction.response import Response, Risk
-from cmpsp_ros.guidance.safety import Audit
+from cmpsp_ros.guidance.safety import Validator
 from cmpsp_ros.guidance.safety.approach import Approach
 from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file, plant_settings
 from cmpsp_ros.simulator import Plant
@@ -35,7 +35,7 @@ def given_with(time, acceleration=math.inf, margin=0.0, obstacles=(ROCK,)):
 
 
 def approach(given):
-    return Approach(given, Audit(given))
+    return Approach(given, Validator(given))
 
 
 @pytest.mark.parametrize('speed', [0.5, 1.0, 1.7])
@@ -185,12 +185,12 @@ def test_what_lies_between_the_paths_of_less_lag_and_more():
     wheels, plan = np.array([30.0, 20.0]), plan_of(given, 0.0)
     plan = plan._replace(controls=np.tile([18.0, 30.0], (11, 1)))
     start = start_of(given, HERE, previous_control=wheels)
-    audit = Audit(given)
-    verdict = audit.check(start, plan.controls, plan.horizon.durations)
+    validator = Validator(given)
+    verdict = validator.check(start, plan.controls, plan.horizon.durations)
     assert verdict.passed
     nothing = np.empty((0, 2)), np.empty(0)
     lags = [Response(0.0, lag, wheels, *nothing) for lag in (0.1, 0.2, 0.3)]
-    clear = [audit.is_clear_with(lag, start, plan, verdict.ramp, 0.0) for lag in lags]
+    clear = [validator.is_clear_with(lag, start, plan, verdict.ramp, 0.0) for lag in lags]
     assert clear == [True, False, True]
     known = Risk(lags, 0.0, 'its wheels may lag.')
     assert approach(given).calmed(plan, verdict, start, None, start, known) is None

@@ -8,7 +8,7 @@ import pytest
 from cmpsp_ros.guidance import GuidanceLaw, Observation
 from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.guidance.prediction import PlanStart
-from cmpsp_ros.guidance.safety import Audit, plan_clearance
+from cmpsp_ros.guidance.safety import Validator, plan_clearance
 from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 
 
@@ -38,7 +38,7 @@ def test_the_robot_and_its_slip_count():
     plan, slipping = decision.plan, settings.robot.slipping(0.1)
     durations = plan.horizon.durations
     poses = slipping.roll_out(plan.poses[0], plan.controls, durations)
-    found = Audit(settings).check(
+    found = Validator(settings).check(
         PlanStart(poses[0], slipping, settings.world), plan.controls, durations
     )
     decision = decision._replace(wheel_slip=0.1, plan=plan._replace(poses=poses))

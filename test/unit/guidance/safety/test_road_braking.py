@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cmpsp_ros.guidance.prediction import PlanStart
-from cmpsp_ros.guidance.safety import Audit
+from cmpsp_ros.guidance.safety import Validator
 from cmpsp_ros.guidance.safety.road_braking import braking_on_road
 from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 from cmpsp_ros.parameters.files import load_robot
@@ -56,6 +56,6 @@ def test_a_command_is_sent_whose_arc_could_not_be_held(settings):
     held = np.vstack([np.linspace(1.0, 0.0, 16)[:, None] * [12.0, 0.0] + [0.0, 0.1]])
     assert driven(settings, start, held) < -0.5
     plan = np.vstack([command, command])
-    verdict = Audit(settings).check(start, plan, np.array([PERIOD]))
+    verdict = Validator(settings).check(start, plan, np.array([PERIOD]))
     assert verdict.passed, verdict.reason
     assert driven(settings, start, np.vstack([command, verdict.ramp])) >= 0.0

@@ -8,7 +8,7 @@ import pytest
 from scenarios import start_of
 
 from cmpsp_ros.guidance import GuidanceSettings, MovingObstacles, Safety
-from cmpsp_ros.guidance.safety import Audit
+from cmpsp_ros.guidance.safety import Validator
 from cmpsp_ros.robots import Ackermann, DifferentialDrive, covered, mecanum, placed
 from cmpsp_ros.world.obstacles import Capsule, MovingDiscs, Obstacle
 from cmpsp_ros.world.obstacles.shapes import Polygon
@@ -66,16 +66,16 @@ def test_margins_are_those_of_a_fine_sampling_of_every_disc(name, bent):
     points, width = ((-3.0, 0.0), (0.0, 0.0), (3.0, 0.5), (5.0, 2.0)), (2.0,) * 4
     road = Corridor(points, width, width) if bent else None
     given, rng, seen = given_for(robot, road=road), np.random.default_rng(3), set()
-    audit = Audit(given)
+    validator = Validator(given)
     for _ in range(25):
         pose = np.array([*rng.uniform(-0.4, 0.4, 2), rng.uniform(-0.5, 0.5)])
         plan = rng.uniform(-1.0, 1.0, (5, len(spread))) * spread
         start = start_of(given, pose, moving=CART, previous_control=np.zeros(len(spread)))
-        verdict, least = audit.check(start, plan, TIMES), sampled(given, pose, plan, CART)
+        verdict, least = validator.check(start, plan, TIMES), sampled(given, pose, plan, CART)
         gap = 5e-3 + 0.01 * abs(least.min())
         assert least[0].min() - gap <= verdict.margin <= least[0].min() + gap
         assert least.min() - gap <= verdict.worst_margin <= least.min() + gap
-        at_rest = audit.clearance_at(given.world, pose, CART).min()
+        at_rest = validator.clearance_at(given.world, pose, CART).min()
         if at_rest >= 0.0 and abs(least[0].min()) > gap:
             assert verdict.passed == (least[0].min() > 0.0), verdict.reason
             seen.add(verdict.passed)
@@ -88,11 +88,11 @@ def test_a_turn_on_the_spot_that_swings_the_front_into_something_is_refused():
     given = given_for(robot, (Obstacle('pole', (0.6, 0.75), 0.1),))
     plan = np.tile([10.0, -10.0], (5, 1))
     start = start_of(given, np.zeros(3))
-    assert Audit(replace(given, footprint=type(FOOTPRINT)())).check(start, plan, TIMES).passed
-    verdict = Audit(given).check(start, plan, TIMES)
+    assert Validator(replace(given, footprint=type(FOOTPRINT)())).check(start, plan, TIMES).passed
+    verdict = Validator(given).check(start, plan, TIMES)
     assert not verdict.passed
     assert 'too close to obstacle pole' in verdict.reason
-    assert Audit(given).check(start, -plan, TIMES).passed
+    assert Validator(given).check(start, -plan, TIMES).passed
 
 
 def test_between_samples_the_front_is_nearest_in_the_middle_of_a_turn():
@@ -104,23 +104,23 @@ def test_between_samples_the_front_is_nearest_in_the_middle_of_a_turn():
     plan = np.tile([7.0, -7.0], (5, 1))
     turn = float(robot.twist(plan[0])[1]) * 0.2
     start = start_of(given, np.array([0.0, 0.0, -turn / 2.0]))
-    assert Audit(given).clearance_at(given.world, start.pose).min() > 0.01
-    assert 'too close to obstacle pole' in Audit(given).check(start, plan, TIMES).reason
+    assert Validator(given).clearance_at(given.world, start.pose).min() > 0.01
+    assert 'too close to obstacle pole' in Validator(given).check(start, plan, TIMES).reason
     samples = replace(given, safety=Safety(between_samples=False))
-    assert Audit(samples).check(start, plan, TIMES).passed
+    assert Validator(samples).check(start, plan, TIMES).passed
 
 
 def test_a_robot_whose_front_is_in_an_obstacle_may_leave_it_and_not_go_deeper():
     robot, _ = ROBOTS['differential']
     given = given_for(robot, (Obstacle('pole', (1.3, 0.0), 0.1),))
     start, plan = start_of(given, np.zeros(3)), np.tile([10.0, 10.0], (5, 1))
-    audit = Audit(given)
-    assert audit.clearance_at(given.world, start.pose).min() < -0.05
-    assert audit.why_no_start(given.world, start.pose).endswith(
+    validator = Validator(given)
+    assert validator.clearance_at(given.world, start.pose).min() < -0.05
+    assert validator.why_no_start(given.world, start.pose).endswith(
         'inside obstacle pole: nothing is begun there.'
     )
-    assert audit.check(start, -plan, TIMES).passed
-    assert not audit.check(start, plan, TIMES).passed
+    assert validator.check(start, -plan, TIMES).passed
+    assert not validator.check(start, plan, TIMES).passed
 
 
 def test_a_stop_must_be_clear_for_every_disc():
@@ -130,17 +130,17 @@ def test_a_stop_must_be_clear_for_every_disc():
     given, held = given_for(robot), np.array([30.0, 30.0])
     plan = np.tile(held, (5, 1))
     start = start_of(given, np.array([0.85, -0.2, 0.0]), previous_control=held)
-    verdict = Audit(given).check(start, plan, TIMES)
+    verdict = Validator(given).check(start, plan, TIMES)
     assert verdict.reason.startswith('To stop after the next 0.2 s leads ')
     assert verdict.reason.endswith(' into obstacle box.')
     back = start_of(given, np.array([0.2, -0.2, 0.0]), previous_control=held)
-    assert Audit(given).check(back, plan, TIMES).passed
+    assert Validator(given).check(back, plan, TIMES).passed
 
 
 def test_rows_of_every_disc_have_the_same_names():
     given = given_for(ROBOTS['differential'][0])
-    audit = Audit(given)
+    validator = Validator(given)
     rows = 2 + len(SHAPES) + 1
     names = 'obstacle pole, obstacle box, cart'
-    assert audit.names([2, 4, rows + 2, rows + 4, rows + 5], given.world, CART) == names
-    assert not math.isnan(audit.clearance_at(given.world, np.zeros(3)).min())
+    assert validator.names([2, 4, rows + 2, rows + 4, rows + 5], given.world, CART) == names
+    assert not math.isnan(validator.clearance_at(given.world, np.zeros(3)).min())

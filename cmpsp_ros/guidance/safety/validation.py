@@ -38,7 +38,7 @@ CHANGE_ROUNDING: Final = 1e-6
 """What a solver may leave over of a limit on the change of a wheel's speed [rad/s]."""
 
 
-class Verdict(NamedTuple):
+class Validation(NamedTuple):
     """Outcome of an audit.
 
     Attributes:
@@ -62,14 +62,14 @@ class Verdict(NamedTuple):
     obstacle_margin: float
     ramp: Array = NO_RAMP
 
-    def followed_by(self, later: Verdict) -> Verdict:
+    def followed_by(self, later: Validation) -> Validation:
         """The verdict on this path and the one that follows it: both must pass.
 
         Margins from edges and from obstacles are of the later one, which can still be changed.
         """
         first = self if not self.passed or later.passed else later
         nearer = self if self.worst_margin < later.worst_margin else later
-        return Verdict(
+        return Validation(
             self.passed and later.passed,
             first.reason,
             min(self.margin, later.margin),
@@ -81,7 +81,7 @@ class Verdict(NamedTuple):
         )
 
 
-class Audit:
+class Validator:
     """Checks plans: finite, within the wheel limits, clear for the first control period.
 
     With a limit of acceleration it must be clear from there until at rest, too, for a robot that
@@ -106,8 +106,8 @@ class Audit:
         return world.free_space(self._settings, self._margin)
 
     def check(
-        self, start: PlanStart, controls: Array, durations: Array, pending: Verdict | None = None
-    ) -> Verdict:
+        self, start: PlanStart, controls: Array, durations: Array, pending: Validation | None = None
+    ) -> Validation:
         """Roll a plan out afresh and say whether its first command may be sent.
 
         A robot that is already outside the road, or inside an obstacle, may only be commanded not
@@ -118,7 +118,7 @@ class Audit:
         verdict = self._check(start, controls, durations)
         return verdict if pending is None else pending.followed_by(verdict)
 
-    def _check(self, start: PlanStart, controls: Array, durations: Array) -> Verdict:
+    def _check(self, start: PlanStart, controls: Array, durations: Array) -> Validation:
         limit = start.robot.max_wheel_speed
         found = self._swept(start, controls, durations)
         if not math.isfinite(found.fastest):
@@ -140,7 +140,7 @@ class Audit:
             reason, ramp = self._ramp(start, controls, durations)
         name, edges = _name_of(found.nearest, start), found.edges
         margins = found.committed, found.worst
-        return Verdict(not reason, reason, *margins, name, edges, found.others, ramp)
+        return Validation(not reason, reason, *margins, name, edges, found.others, ramp)
 
     def _ramp(self, start: PlanStart, controls: Array, durations: Array) -> tuple[str, Array]:
         """How the robot can stop after the first command; or why not, or why not even follow."""
@@ -211,7 +211,7 @@ class Audit:
             )
         return found.committed >= error
 
-    def check_pending(self, start: PlanStart, controls: Array, durations: Array) -> Verdict:
+    def check_pending(self, start: PlanStart, controls: Array, durations: Array) -> Validation:
         """Say whether the path is clear along which commands given before will lead.
 
         All of it is swept like the first command of a plan; wheel speeds are not checked again.
@@ -224,9 +224,9 @@ class Audit:
         for k, begin in enumerate(begins.tolist()):
             at = start._replace(pose=poses[k], moving=start.moving.after(begin))
             arcs.append(self._check_arc(at, controls[k : k + 1], durations[k : k + 1]))
-        return reduce(Verdict.followed_by, arcs)
+        return reduce(Validation.followed_by, arcs)
 
-    def _check_arc(self, start: PlanStart, controls: Array, duration: Array) -> Verdict:
+    def _check_arc(self, start: PlanStart, controls: Array, duration: Array) -> Validation:
         found = self._swept(start, controls, duration)
         if not math.isfinite(found.committed):
             return _refused('The way under the commands given before is not finite.')
@@ -236,7 +236,7 @@ class Audit:
             reason = f'The commands given before come {close}.'
         name = _name_of(found.nearest, start)
         margin = found.committed
-        return Verdict(not reason, reason, margin, margin, name, found.edges, found.others)
+        return Validation(not reason, reason, margin, margin, name, found.edges, found.others)
 
     def _swept(
         self, start: PlanStart, controls: Array, durations: Array, committed: int = 1
@@ -328,5 +328,5 @@ def _name_of(number: float, start: PlanStart) -> str:
     return names[int(number)]
 
 
-def _refused(reason: str) -> Verdict:
-    return Verdict(False, reason, -math.inf, -math.inf, 'nothing', -math.inf, -math.inf)
+def _refused(reason: str) -> Validation:
+    return Validation(False, reason, -math.inf, -math.inf, 'nothing', -math.inf, -math.inf)

@@ -9,7 +9,7 @@ from scenarios import FIRST, PERIOD, SECOND, clearance, settings, start_of
 
 from cmpsp_ros.guidance import Horizon, Plan, Safety
 from cmpsp_ros.guidance.prediction.response import Response
-from cmpsp_ros.guidance.safety import Audit
+from cmpsp_ros.guidance.safety import Validator
 from cmpsp_ros.world.obstacles import MovingDiscs, Obstacle
 
 HERE = np.array([0.0, -10.0, 0.0])
@@ -22,7 +22,7 @@ def controls(right, left, steps=5):
 
 
 def test_a_clear_plan_passes():
-    verdict = Audit(GIVEN).check(start_of(GIVEN, HERE), controls(45, 44.5), TIMES)
+    verdict = Validator(GIVEN).check(start_of(GIVEN, HERE), controls(45, 44.5), TIMES)
     assert verdict.passed
     assert verdict.reason == ''
     path = GIVEN.robot.roll_out(HERE, controls(45, 44.5, 1000), np.full(1000, 1e-3))
@@ -37,7 +37,7 @@ def test_not_finite(bad, place):
     plan = controls(45, 45)
     plan[place] = bad
     for given in (GIVEN, replace(GIVEN, robot=settings().robot)):
-        verdict = Audit(given).check(start_of(given, HERE), plan, TIMES)
+        verdict = Validator(given).check(start_of(given, HERE), plan, TIMES)
         assert not verdict.passed
         assert 'not a finite number' in verdict.reason
 
@@ -45,7 +45,7 @@ def test_not_finite(bad, place):
 @pytest.mark.parametrize('pose', [[math.nan, -10.0, 0.0], [0.0, -10.0, math.inf]])
 def test_a_pose_that_is_not_finite(pose):
     with np.errstate(invalid='ignore'):
-        verdict = Audit(GIVEN).check(start_of(GIVEN, np.array(pose)), controls(45, 45), TIMES)
+        verdict = Validator(GIVEN).check(start_of(GIVEN, np.array(pose)), controls(45, 45), TIMES)
     assert not verdict.passed
 
 
@@ -58,15 +58,15 @@ def accelerating(limit, obstacles=(FIRST, SECOND)):
 def test_a_plan_that_the_wheels_cannot_follow(place):
     given, plan = accelerating(10.0), controls(30, 30)
     start = start_of(given, HERE, previous_control=np.array([29.0, 31.0]))
-    assert Audit(given).check(start, plan, TIMES).passed
+    assert Validator(given).check(start, plan, TIMES).passed
     plan[place] = 27.0 if place[1] == 0 else 34.0
-    verdict = Audit(given).check(start, plan, TIMES)
+    verdict = Validator(given).check(start, plan, TIMES)
     assert not verdict.passed
     assert 'rad/s from one command to the next, the limit is 2.0 rad/s' in verdict.reason
     # The last control moves nothing.
     plan = controls(30, 30)
     plan[5] = 0.0
-    assert Audit(given).check(start, plan, TIMES).passed
+    assert Validator(given).check(start, plan, TIMES).passed
 
 
 @pytest.mark.parametrize(('limit', 'passed'), [(15.0, False), (60.0, True), (math.inf, True)])
@@ -75,7 +75,7 @@ def test_a_plan_after_whose_first_command_the_robot_cannot_stop(limit, passed):
     given = accelerating(limit, (Obstacle('rock', (2.0, -10.0), 1.0),))
     held = np.array([30.0, 30.0])
     start, plan = start_of(given, HERE, previous_control=held), controls(30, 30)
-    verdict = Audit(given).check(start, plan, TIMES)
+    verdict = Validator(given).check(start, plan, TIMES)
     assert verdict.margin == pytest.approx(1.0 - 0.21, abs=2e-3)
     assert verdict.passed == passed
     if passed:
@@ -91,7 +91,7 @@ def test_a_robot_brakes_along_its_plan_where_its_curvature_leads_into_something(
     given = accelerating(60.0, (Obstacle('rock', (1.2, -10.0), 0.3),))
     plan = np.array([[36, 36], [40, 26], [40, 26], [40, 26], [36, 36], [0, 0]], dtype=float)
     start = start_of(given, HERE, previous_control=plan[0])
-    verdict = Audit(given).check(start, plan, TIMES)
+    verdict = Validator(given).check(start, plan, TIMES)
     assert verdict.passed
     assert np.ptp(verdict.ramp[0]) > 1.0
 
@@ -99,9 +99,9 @@ def test_a_robot_brakes_along_its_plan_where_its_curvature_leads_into_something(
 def test_wheel_limits():
     for place in ((0, 0), (4, 1), (5, 1)):
         plan = controls(51, -51)
-        assert 'limit' not in Audit(GIVEN).check(start_of(GIVEN, HERE), plan, TIMES).reason
+        assert 'limit' not in Validator(GIVEN).check(start_of(GIVEN, HERE), plan, TIMES).reason
         plan[place] = -np.nextafter(51.0, 52.0)
-        verdict = Audit(GIVEN).check(start_of(GIVEN, HERE), plan, TIMES)
+        verdict = Validator(GIVEN).check(start_of(GIVEN, HERE), plan, TIMES)
         assert not verdict.passed
         assert '51.00000000000001 rad/s, the limit is 51.0 rad/s' in verdict.reason
 
@@ -116,7 +116,7 @@ def test_wheel_limits():
     ],
 )
 def test_what_the_next_period_would_hit_is_named(pose, named):
-    verdict = Audit(GIVEN).check(start_of(GIVEN, np.array(pose)), controls(45, 45), TIMES)
+    verdict = Validator(GIVEN).check(start_of(GIVEN, np.array(pose)), controls(45, 45), TIMES)
     assert not verdict.passed
     assert named in verdict.reason
     assert 'next 0.2 s' in verdict.reason
@@ -126,7 +126,7 @@ def test_what_the_next_period_would_hit_is_named(pose, named):
 def test_what_comes_later_is_reported_but_not_refused():
     pose = np.array([7.3 - 0.4, -6.0, 0.0])
     assert 45.0 * 0.035 * 0.2 < 0.4
-    verdict = Audit(GIVEN).check(start_of(GIVEN, pose), controls(45, 45), TIMES)
+    verdict = Validator(GIVEN).check(start_of(GIVEN, pose), controls(45, 45), TIMES)
     assert verdict.passed
     assert verdict.margin > 0.0
     assert verdict.worst_margin < -0.5
@@ -138,10 +138,10 @@ def test_path_is_swept_between_samples():
     pole = Obstacle('pole', (0.1575, -10.0), 0.1)
     given = replace(GIVEN, obstacles=(pole,))
     plan = controls(45, 45)
-    swept = Audit(given).check(start_of(given, HERE), plan, TIMES)
+    swept = Validator(given).check(start_of(given, HERE), plan, TIMES)
     assert not swept.passed
     assert swept.margin == pytest.approx(-0.1, abs=1e-9)
-    sampled = Audit(replace(given, safety=Safety(between_samples=False))).check(
+    sampled = Validator(replace(given, safety=Safety(between_samples=False))).check(
         start_of(given, HERE), plan, TIMES
     )
     assert sampled.passed
@@ -150,10 +150,12 @@ def test_path_is_swept_between_samples():
 def test_duration_of_the_first_period_counts():
     given = replace(GIVEN, obstacles=(Obstacle('ahead', (0.6, -10.0), 0.2),))
     assert (
-        Audit(given).check(start_of(given, HERE), controls(45, 45, 2), np.array([0.2, 0.2])).passed
+        Validator(given)
+        .check(start_of(given, HERE), controls(45, 45, 2), np.array([0.2, 0.2]))
+        .passed
     )
     assert (
-        not Audit(given)
+        not Validator(given)
         .check(start_of(given, HERE), controls(45, 45, 2), np.array([0.29, 0.2]))
         .passed
     )
@@ -162,58 +164,59 @@ def test_duration_of_the_first_period_counts():
 def test_radius_of_the_robot_counts_and_the_margin_does_not():
     pose = np.array([0.0, -10.85, 0.0])
     wide = replace(GIVEN, robot_radius=0.2)
-    assert Audit(GIVEN).check(start_of(GIVEN, pose), controls(1, 1), TIMES).passed
-    assert Audit(GIVEN).clearance_at(GIVEN.world, pose)[0] == pytest.approx(0.15)
-    assert Audit(wide).clearance_at(wide.world, pose)[0] == pytest.approx(-0.05)
+    assert Validator(GIVEN).check(start_of(GIVEN, pose), controls(1, 1), TIMES).passed
+    assert Validator(GIVEN).clearance_at(GIVEN.world, pose)[0] == pytest.approx(0.15)
+    assert Validator(wide).clearance_at(wide.world, pose)[0] == pytest.approx(-0.05)
     careful = replace(GIVEN, safety=Safety(margin=0.2))
-    assert Audit(careful).check(start_of(GIVEN, pose), controls(1, 1), TIMES).passed
+    assert Validator(careful).check(start_of(GIVEN, pose), controls(1, 1), TIMES).passed
 
 
 @pytest.mark.parametrize('between', [True, False])
 def test_outside_the_road_it_may_come_back_but_not_get_further_out(between):
     given = replace(GIVEN, safety=Safety(between_samples=between))
-    audit = Audit(given)
+    validator = Validator(given)
     out = np.array([0.0, -11.3, math.pi / 2])
-    assert audit.check(start_of(given, out), controls(20, 20), TIMES).passed
-    assert not audit.check(start_of(given, out), controls(-20, -20), TIMES).passed
-    assert audit.check(start_of(given, out), controls(0, 0), TIMES).passed
-    assert audit.check(start_of(given, out), controls(5, -5), TIMES).passed
+    assert validator.check(start_of(given, out), controls(20, 20), TIMES).passed
+    assert not validator.check(start_of(given, out), controls(-20, -20), TIMES).passed
+    assert validator.check(start_of(given, out), controls(0, 0), TIMES).passed
+    assert validator.check(start_of(given, out), controls(5, -5), TIMES).passed
     assert (
-        'the outer road edge' in audit.check(start_of(given, out), controls(-20, -20), TIMES).reason
+        'the outer road edge'
+        in validator.check(start_of(given, out), controls(-20, -20), TIMES).reason
     )
 
 
 def test_inside_an_obstacle_it_may_come_out_but_not_get_deeper():
-    audit = Audit(GIVEN)
+    validator = Validator(GIVEN)
     inside = np.array([7.5, -6.0, 0.0])
-    assert audit.clearance_at(GIVEN.world, inside)[2] == pytest.approx(-0.2)
-    assert audit.check(start_of(GIVEN, inside), controls(-20, -20), TIMES).passed
-    assert not audit.check(start_of(GIVEN, inside), controls(20, 20), TIMES).passed
+    assert validator.clearance_at(GIVEN.world, inside)[2] == pytest.approx(-0.2)
+    assert validator.check(start_of(GIVEN, inside), controls(-20, -20), TIMES).passed
+    assert not validator.check(start_of(GIVEN, inside), controls(20, 20), TIMES).passed
     # What it is not inside of may still not be touched on the way out.
     pole = Obstacle('pole', (7.35, -6.0), 0.05)
     hemmed = replace(GIVEN, obstacles=(FIRST, pole))
-    assert not audit.check(start_of(hemmed, inside), controls(-20, -20), TIMES).passed
+    assert not validator.check(start_of(hemmed, inside), controls(-20, -20), TIMES).passed
 
 
 def test_at_gives_every_clearance_and_names_go_with_them():
-    audit = Audit(GIVEN)
+    validator = Validator(GIVEN)
     np.testing.assert_allclose(
-        audit.clearance_at(GIVEN.world, HERE),
+        validator.clearance_at(GIVEN.world, HERE),
         [1.0, 1.0, math.hypot(8, 4) - 0.7, math.hypot(10, 8) - 0.5],
     )
-    assert audit.names([0, 3], GIVEN.world) == 'the outer road edge, obstacle second'
-    assert audit.names([], GIVEN.world) == ''
+    assert validator.names([0, 3], GIVEN.world) == 'the outer road edge, obstacle second'
+    assert validator.names([], GIVEN.world) == ''
 
 
 def test_standing_still_always_passes():
     for pose in ([0.0, -10.0, 0.3], [0.0, -11.5, 0.3], [8.0, -6.0, 1.0], [0.0, 0.0, 0.0]):
-        assert Audit(GIVEN).check(start_of(GIVEN, np.array(pose)), controls(0, 0), TIMES).passed, (
-            pose
-        )
+        assert (
+            Validator(GIVEN).check(start_of(GIVEN, np.array(pose)), controls(0, 0), TIMES).passed
+        ), pose
 
 
 def test_no_obstacles_and_a_single_step():
-    verdict = Audit(settings()).check(
+    verdict = Validator(settings()).check(
         start_of(settings(), HERE), controls(45, 45, 1), np.array([0.2])
     )
     assert verdict.passed
@@ -228,10 +231,10 @@ def test_a_stop_that_wheels_which_lag_come_to_too_late(lag, clear):
     held = np.array([40.0, 40.0])
     start = start_of(given, HERE, previous_control=held)
     plan = Plan(Horizon.between([k * PERIOD for k in range(6)]), controls(40, 40), np.zeros((6, 3)))
-    verdict = Audit(given).check(start, plan.controls, TIMES)
+    verdict = Validator(given).check(start, plan.controls, TIMES)
     assert verdict.passed
     response = Response(0.0, lag, held, np.empty((0, 2)), np.empty(0))
-    assert Audit(given).is_clear_with(response, start, plan, verdict.ramp, 0.0) == clear
+    assert Validator(given).is_clear_with(response, start, plan, verdict.ramp, 0.0) == clear
 
 
 def test_a_response_without_a_lag_is_clear_beside_what_moves():
@@ -241,6 +244,6 @@ def test_a_response_without_a_lag_is_clear_beside_what_moves():
     )
     start = start_of(given, HERE)._replace(moving=away)
     plan = Plan(Horizon.between([k * PERIOD for k in range(6)]), controls(20, 20), np.zeros((6, 3)))
-    ramp = Audit(given).check(start, plan.controls, TIMES).ramp
+    ramp = Validator(given).check(start, plan.controls, TIMES).ramp
     response = Response(0.0, 0.0, np.zeros(2), np.empty((0, 2)), np.empty(0))
-    assert Audit(given).is_clear_with(response, start, plan, ramp, 0.1)
+    assert Validator(given).is_clear_with(response, start, plan, ramp, 0.1)

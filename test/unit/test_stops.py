@@ -46,7 +46,12 @@ SOURCES = [
     ROOT / 'cmpsp_ros/sensing/surroundings.py',
     ROOT / 'cmpsp_ros/nodes/common/health.py',
 ]
-SENTENCES = sorted({text for path in SOURCES for text in said(path)})
+# Of the checks before a run one is an answer: that the robot is too far away.
+PRECHECK = said(ROOT / 'cmpsp_ros/guidance/mission/feasibility_precheck.py')
+SENTENCES = sorted(
+    {text for path in SOURCES for text in said(path)}
+    | {text for text in PRECHECK if 'start.tolerance' in text}
+)
 
 
 def on_page(sentence):

@@ -22,7 +22,7 @@ from cmpsp_ros.guidance.prediction.estimator import Estimate, Observation
 from cmpsp_ros.guidance.safety.validation import Validation, Validator
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.state import LawState
-from cmpsp_ros.guidance.times import NEVER, Horizon, to_nanoseconds
+from cmpsp_ros.guidance.times import NEVER, Horizon
 from cmpsp_ros.guidance.world import NOT_SEARCHED, World
 from cmpsp_ros.world.roads import arc_length_to
 
@@ -121,9 +121,9 @@ class GuidanceLaw:
             decision = self._plan(observation, estimate, context)
         decision = supervisor.slowed(state, decision, estimate, ramp)
         decision = decision._replace(reason=task.note + decision.reason)
+        state.estimator.begin_period(observation, state.following.previous_control)
         self._decide_in_time(estimate, decision)
         state.clock.step += 1
-        state.estimator.begin_period(observation, state.following.previous_control)
         return self._record(observation, decision)
 
     def _observe(self, observation: Observation) -> float:
@@ -173,13 +173,13 @@ class GuidanceLaw:
                 mission.idle_steps = 0
                 note = f'The final time is put off by {by:.3g} s'
                 note += ': the path to the goal takes longer. '
-        period = to_nanoseconds(settings.control_period)
+        period = goals.period
         if now >= goals.end:
             clock.due = now + period
             return Task(is_new, True, Horizon.between([now, clock.due]), False, note)
         mission.final_pose = None
         horizon = remaining(now, period, goals.final)
-        clock.due = horizon.next_instant
+        clock.due = horizon.edges.item(1)
         # A command that is given later takes effect after the final time.
         last = goals.final - delay
         is_settled = delay > 0 and state.following.plan is not None and last - now < period // 2

@@ -68,16 +68,15 @@ class ClosedRoad:
 
     def update(
         self, settings: LawSettings, approach: Approach, start: PlanStart, now: int
-    ) -> Contact | None:
-        """Record how near the robot has come to what closes the road, where that is known.
+    ) -> Contact:
+        """Record how near the robot has come to what closes the road, which is known.
 
         `now` [ns].
 
         Returns:
             The nearest of it.
         """
-        if self.goal is None or not self.obstacles:
-            return None
+        assert self.goal is not None  # noqa: S101 (something closes the road to it)
         road, pose, progress = start.world.road, start.pose, start.progress
         sense = math.copysign(1.0, arc_length_to(road, pose, self.goal, progress=progress))
         away = {}

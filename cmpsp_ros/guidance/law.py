@@ -85,8 +85,9 @@ class GuidanceLaw:
     def reconfigure(self, settings: LawSettings, world: World) -> None:
         """Take new settings and another world, from the next control step on."""
         self._state.reconfigure(settings, world)
-        if settings != self._settings:
-            self._settings, self._validator = settings, Validator(settings)
+        known, self._settings = self._settings, settings
+        if not settings.has_numbers_of(known):
+            self._validator = Validator(settings)
             self._supervisor = Supervisor(settings, self._validator, self._selector)
         self._selector.reconfigure(settings, self.world, self._validator)
         self._prepare_search()

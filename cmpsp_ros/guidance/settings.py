@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Final, Self
 
 from cmpsp_ros.guidance.goals import Follow, Goal, Target
@@ -93,6 +93,11 @@ class LawSettings(TaskSettings):
         return self.nominal_speed or (
             _FRACTION_OF_TOP_SPEED * top if math.isfinite(top) else _WITHOUT_LIMIT
         )
+
+    def has_numbers_of(self, other: LawSettings) -> bool:
+        """Whether all numbers are the same, in whatever world."""
+        names = (each.name for each in fields(LawSettings))
+        return all(getattr(self, name) == getattr(other, name) for name in names)
 
     def towards(self, goal: Goal, begin: float = 0.0) -> Self:
         """The same with one goal alone.

@@ -95,7 +95,7 @@ class LawSettings(TaskSettings):
         )
 
     def has_numbers_of(self, other: LawSettings) -> bool:
-        """Whether all numbers are the same, in whatever world."""
+        """True if all numbers are the same, in any world."""
         names = (each.name for each in fields(LawSettings))
         return all(getattr(self, name) == getattr(other, name) for name in names)
 

@@ -84,12 +84,12 @@ class Parameter:
 
     @property
     def is_block(self) -> bool:
-        """Whether there is one such parameter for each name that the user lists."""
+        """True if there is one such parameter for each name that the user lists."""
         return NAME in self.name
 
     @property
     def is_array(self) -> bool:
-        """Whether its values are lists."""
+        """True if its values are lists."""
         return self.type.item is not self.type
 
     @property
@@ -137,11 +137,7 @@ class Parameter:
         return result
 
     def read_default(self, key: str) -> Any:
-        """A copy of the default.
-
-        Raises:
-            ParameterError: If there is none.
-        """
+        """Copy of the default; raises ParameterError if there is none."""
         if self.default is REQUIRED:
             raise ParameterError(Problem(key, 'nothing', self.wanted))
         return list(self.default) if isinstance(self.default, (list, tuple)) else self.default

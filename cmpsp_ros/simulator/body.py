@@ -120,7 +120,7 @@ class ArcBody:
         self._turn(self._robot.at_rest, self._robot.at_rest)
 
     def reconfigure(self, stamp_ns: int, robot: Robot, wheel_lag: float) -> None:
-        """Go on as another robot: wheels keep their speeds and what was commanded."""
+        """Continue as another robot; wheels keep their speeds and commands."""
         self._begin_arc(stamp_ns)
         controls = self._controls(stamp_ns)
         self._robot, self._wheel_lag = robot, wheel_lag

@@ -57,10 +57,9 @@ def lookahead_points(
 def project_on_path(road: Road, pose: Array, before: float) -> float:
     """Arc length of a pose, on the branch of the road along which the robot has come.
 
-    A robot that avoids something where the road crosses itself may turn towards the other branch:
-    its heading does not say then where it is, but the arc length when that was last known, NaN at
-    first. A pose far beside the road there has been moved, and is projected afresh. NaN for kinds
-    of road that cannot cross themselves.
+    `before` is its last known value, NaN at first: near a crossing the heading may point along the
+    other branch. A pose far beside the road there is projected afresh. NaN for roads that cannot
+    cross themselves.
     """
     if not road.has_progress:
         return math.nan

@@ -290,27 +290,19 @@ class GuidanceLaw:
         mission.searched = search_ahead(self._settings, world, observation.pose[:2], places)
 
     def set_goal(self, stamp: int, goal: Goal) -> None:
-        """Replace all goals by another, at the first control step that is not older.
+        """Replace all goals, at the first control step not older than `stamp` [ns]; 0 for at once.
 
-        Args:
-            stamp: Its time stamp [ns]; 0 for at once.
-            goal: The goal; its time follows from distance and nominal speed.
-
-        Raises:
-            GoalError: It is refused, and nothing changes.
+        Raises GoalError if the goal is refused; nothing changes then.
         """
         state = self._state
         latest = None if state.clock.start is None else state.clock.start + state.clock.now
         state.mission.goals.receive(stamp, goal, state.world, self._validator, latest)
 
     def halt(self, stamp: int, reason: str, **flags: Any) -> Decision:
-        """Stop for a reason not seen in odometry; the next newer odometry is decided on at once.
+        """Stop at `stamp` [ns] for a reason not seen in odometry; decide on newer odometry at once.
 
-        Args:
-            stamp: Present time [ns].
-            reason: A sentence.
-            flags: Of `Decision`: `finished`, which the next odometry is to judge, `cancelled`, or
-                `braking`. With one of them it brakes along the checked path.
+        With a flag of `Decision` (`finished`, which the next odometry is to judge, `cancelled`,
+        `braking`) it brakes along the checked path.
         """
         state, nowhere = self._state, np.full(3, math.nan)
         self._supervisor.drop_plan(state)

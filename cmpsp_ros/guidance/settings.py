@@ -62,10 +62,7 @@ class LawSettings(TaskSettings):
 
     @property
     def max_wheel_change(self) -> float:
-        """Largest change of a wheel speed between commands [rad/s], infinite for no limit.
-
-        A step of another length has it too: otherwise no plan could be shifted.
-        """
+        """Maximum wheel-speed change between commands, for any step [rad/s]; may be infinite."""
         return self.robot.max_wheel_acceleration * self.control_period
 
     @property

@@ -118,17 +118,9 @@ class Parameter:
         }[self.type]
 
     def read(self, key: str, value: object) -> Any:
-        """The value as plain Python of the parameter's type: an int is taken for a float.
+        """Convert a value of YAML, Python or rclpy to the parameter's type; ints pass as floats.
 
-        Args:
-            key: The parameter's key, for the message.
-            value: Anything: from YAML, from Python or as rclpy returns it.
-
-        Returns:
-            A bool, int, float, str, ``list[float]`` or ``list[str]``.
-
-        Raises:
-            ParameterError: If the value is not accepted.
+        Raises ParameterError, with the key, if it is not accepted.
         """
         plain = _plain(value)
         result = self._list(plain) if self.is_array else self._item(plain)

@@ -127,9 +127,7 @@ def plant_settings(values: Values) -> PlantSettings:
 def laser_settings(values: Values) -> LaserSettings:
     """Settings of the simulated laser scanner.
 
-    Raises:
-        ParameterError: Its angles, ranges or times do not fit together, or one of the simulator's
-            own obstacles cannot be made.
+    Raises ParameterError for inconsistent angles, ranges or times, and invalid own obstacles.
     """
     problems = Problems(_scan_problems(values))
     problems.attempt(partial(shapes_of, values))

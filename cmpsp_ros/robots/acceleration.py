@@ -100,8 +100,8 @@ def with_lag(
 ) -> tuple[Array, Array]:
     """Controls of wheels that follow commands with a first-order lag, in slices of constant speed.
 
-    `controls` ``(r,)`` are in effect at first, and overwritten by those in the end. Each of the
-    `commands` ``(K, r)`` is held for `held` ``(K,)`` [s] in some slices.
+    `controls` ``(r,)`` are in effect at first, and overwritten by the last. Each of the `commands`
+    ``(K, r)`` lasts `held` ``(K,)`` [s]; `time_constant` > 0 [s].
 
     Returns:
         Controls in effect, shape ``(K * slices, r)``, and their durations [s].

@@ -235,7 +235,7 @@ class Robot(ABC):
         ]
 
     def with_slip(self, controls: Array, grip: Array) -> Array:
-        """Controls that move a robot without slip as these ``(..., r)`` move it with slip.
+        """Controls ``(..., r)`` that without slip move a robot as these do with slip.
 
         `grip` is the fraction of its turning by which a wheel moves the robot, right and left.
         """

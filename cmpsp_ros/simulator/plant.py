@@ -93,8 +93,8 @@ class Plant:
     def reconfigure(self, settings: PlantSettings) -> None:
         """Continue under other settings.
 
-        Commands in effect keep wheel speeds, slip and times. Initial pose, seed and physics count
-        from the next reset on.
+        Earlier commands keep wheel speeds, slip and time of effect, those in effect also their end.
+        Initial pose, seed and physics count from the next reset on.
         """
         self._settings = settings
         self._body.reconfigure(self._now_ns, settings.robot, settings.wheel_lag)

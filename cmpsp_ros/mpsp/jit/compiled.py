@@ -45,31 +45,22 @@ def _compile(function: Callable[_P, _R], **options: Any) -> Callable[_P, _R]:
 
 
 def compiled(function: Callable[_P, _R]) -> Callable[_P, _R]:
-    """Compile ``function`` with numba, cached on disk, keeping its type for the type checker.
-
-    No fast-math: a replay gives the same bits also on processors with other vector lengths.
-    """
+    """Compile with numba, cached on disk; no fast-math, for the same bits on all processors."""
     return _compile(function)
 
 
 def allocation_free(function: Callable[_P, _R]) -> Callable[_P, _R]:
-    """Compile a function that makes no array, else it is an error.
-
-    Without reference counts, small functions on named tuples of arrays take a fraction of the time.
-    """
+    """Compile a function that makes no array, else an error, without slow reference counts."""
     return _compile(function, **ALLOCATION_FREE)
 
 
 def inlined(function: Callable[_P, _R]) -> Callable[_P, _R]:
-    """Compile an `allocation_free` function that is always made part of its callers.
-
-    A call passes all members of named tuples of arrays, which takes longer than a short function.
-    """
+    """Compile an `allocation_free` function into its callers: passing arguments takes longer."""
     return _compile(function, forceinline=True, **ALLOCATION_FREE)
 
 
 def inner(function: Callable[_P, _R]) -> Callable[_P, _R]:
-    """Compile an `allocation_free` function without an entry for Python, a third of the time."""
+    """Compile an `allocation_free` function without an entry for Python, which takes a third."""
     return _compile(function, no_cpython_wrapper=True, **ALLOCATION_FREE)
 
 

@@ -24,8 +24,8 @@ def arc_length_to(
 ) -> float:
     """Arc length of the centre line from a pose to a goal, negative against its direction [m].
 
-    The heading at the goal [rad] selects the branch where the road crosses itself; the progress
-    [m] is the arc length of a place near the pose, NaN if unknown.
+    Where the road crosses itself, the heading at the goal [rad] and the progress [m] near the pose
+    select the branch; None or NaN if unknown.
     """
     there = math.nan if heading is None else heading
     return _length_to(road.space(0.0), pose[0], pose[1], pose[2], *goal, there, float(progress))
@@ -34,10 +34,7 @@ def arc_length_to(
 def lookahead_point(
     road: Road, pose: Array, length: float, progress: float = math.nan
 ) -> tuple[Point, float]:
-    """Point (x, y) [m] of the centre line some arc length [m] ahead of a pose, or behind it.
-
-    With it comes the direction in which the road is driven there [rad].
-    """
+    """Point (x, y) [m] an arc length ahead of a pose, negative behind, and direction there."""
     x, y, direction = _ahead(road.space(0.0), pose[0], pose[1], pose[2], length, float(progress))
     return (x, y), direction
 

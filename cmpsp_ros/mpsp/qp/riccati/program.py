@@ -76,11 +76,10 @@ def stage_type(n: int, r: int) -> RecordType:
 
 @cache
 def row_type(n: int, r: int) -> RecordType:
-    """A linearised constraint ``value + X' dX + U' dU``, not positive (path) or 0 (terminal).
+    """Linearised constraint ``value + X' dX + U' dU``, not positive (path) or 0 (terminal).
 
-    A path constraint that does not apply has the value ``-inf``. `penalty` is the largest
-    multiplier in force, infinite where the row is hard; `weight` that of the relaxation, and
-    `merit` the weight in the merit function.
+    `value` is ``-inf`` where it does not apply; `penalty` the largest multiplier in force, infinite
+    for a hard row; `weight` that of the relaxation, `merit` that in the merit function.
     """
     return _record(value=(), X=(n,), U=(r,), multiplier=(), penalty=(), weight=(), merit=())
 

@@ -64,7 +64,7 @@ class Acados:
         """Two real-time iterations from the path rolled out."""
         steps = len(durations)
         solver = self._solvers[steps]
-        # As a rule they are what they were in the run before.
+        # Usually they equal those of the previous run.
         if not np.array_equal(self._durations.get(steps, ()), durations):
             solver.set_flat('p', np.append(durations, durations[-1]))
             self._durations[steps] = durations

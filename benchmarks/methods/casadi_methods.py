@@ -251,6 +251,6 @@ class Converged(_CasadiSolver):
         """Multipliers for a horizon that begins one stage later."""
         bounds, rows = (answer[name].full().ravel() for name in ('lam_x', 'lam_g'))
         gap = rows[2 * STATES : 3 * STATES]
-        # What the next stage had of constraints of its own, it has to be where the robot is now.
+        # The constraints of the next stage are replaced by the current pose of the robot.
         rest = rows[3 * STATES + 1 + len(self._task.space.centers) :]
         return {'lam_x0': bounds[STAGE:], 'lam_g0': np.concatenate([gap, np.zeros(STATES), rest])}

@@ -79,7 +79,7 @@ class LatencyProbe(Node):
     def _publish_due(self) -> None:
         while self._next_ns <= self._clock_ns():
             self._plant.advance(self._next_ns)
-            # Bytes, both ways: what Python objects take here no robot's driver would.
+            # Bytes, both ways: conversion to Python objects is no cost of a robot's driver.
             data = serialize_message(self._measure(self._next_ns))
             x, y, _ = self._plant.pose.tolist()
             self._sent[self._next_ns] = _Sent(time.monotonic_ns(), (x, y))

@@ -31,7 +31,7 @@ Progress = Callable[[str, int], Callable[[], None]]
 
 
 def run(order: Order, progress: Progress = lambda _part, _pieces: lambda: None) -> Results:
-    """Measure what is asked, and write it where it is asked."""
+    """Make the ordered measurements, and write the output."""
     presets = drives.chosen(order.presets)
     if order.output is not None:
         check_output(order.output)

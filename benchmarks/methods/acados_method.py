@@ -25,9 +25,9 @@ _FREE = 1e6
 class Acados:
     """Real-time iterations of acados, two a control step.
 
-    The Hessian is given to it: Gauss-Newton and the weight of the proximal term, whose gradient is
-    0 at every iterate, as with `Sqp`. All horizons share one set of generated code. What is timed
-    is two solutions and the handing over of arrays, all stages at once.
+    The Hessian is given: Gauss-Newton and the weight of the proximal term, whose gradient is 0 at
+    every iterate, as with `Sqp`. All horizons share one set of generated code. Timed are two
+    solutions and the transfer of arrays, all stages at once.
     """
 
     largest = 400

@@ -35,8 +35,8 @@ class _Sent(NamedTuple):
 class LatencyProbe(Node):
     """Publishes odometry on an exact time grid, obeys the commands, and notes when they came.
 
-    It does no more than that, so that it is free to hear a command the moment it comes. When the
-    guidance node says that the run is over it writes what it has measured, and stands by.
+    It does no more than that, so that it receives each command at once. When the guidance node
+    reports the end of the run, it writes its measurements and idles.
 
     Raises:
         ParameterError: `parameters` is no preset and no good file.

@@ -20,7 +20,7 @@ from cmpsp_ros.world.grids import OccupancyGrid
 _MOST: Final = 256
 """Pixels along a side at most."""
 
-# Free, unknown and occupied cells, in drawing order.
+# Free, unknown and occupied cells by rank: the highest in a pixel is drawn.
 _RANKS: Final = np.array([0, 2, 1], dtype=np.uint8)
 _COLORS: Final = bytes.fromhex(''.join(each[1:] for each in ('#ffffff', UNSEEN, SEEN)))
 _OPACITY: Final = bytes([0, 255, 255])

@@ -15,7 +15,7 @@ import numpy as np
 from cmpsp_ros.guidance import GOAL, Follow, Goal
 from cmpsp_ros.parameters.errors import Problem, Problems, describe
 from cmpsp_ros.parameters.obstacles import obstacles_of
-from cmpsp_ros.parameters.roads import lacks_road, road_of, road_problems
+from cmpsp_ros.parameters.roads import ROAD_TYPES, lacks_road, road_of, road_problems
 from cmpsp_ros.parameters.robots import FOOTPRINT, footprint_of
 from cmpsp_ros.parameters.table import Values
 from cmpsp_ros.robots import Footprint
@@ -101,7 +101,8 @@ def course_problems(values: Values, given: Collection[str]) -> Iterator[Problem]
         given: Keys given by the user; all others are defaults.
     """
     if not any(key.startswith('road.') for key in given):
-        wanted = 'the road of the course: annulus, corridor or none, with what belongs to it'
+        types = f'{", ".join(ROAD_TYPES[:-1])} or {ROAD_TYPES[-1]}'
+        wanted = f'the road of the course: {types}, with what belongs to it'
         yield Problem('road.type', 'nothing', wanted)
     if not values['follow.speed'] and 'goal.position' not in given:
         yield Problem('goal.position', 'nothing', 'the goal of the course, or follow.speed')

@@ -170,3 +170,6 @@ _KINDS: Final = {
     'none': _Kind(lambda _: roads.OpenFloor(), ('road.type',), lambda *_: iter(())),
 }
 """Types of roads, by their names in `road.type`."""
+
+ROAD_TYPES: Final = tuple(_KINDS)
+"""Values of `road.type`."""

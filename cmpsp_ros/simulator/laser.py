@@ -122,7 +122,10 @@ def edges_of(shapes: Sequence[Shape], lines: Iterable[Array] = ()) -> Array:
     for shape in shapes:
         ring = [*shape.corners, shape.corners[0]] if len(shape.corners) > 1 else []
         for (ax, ay), (bx, by) in pairwise(ring):
-            outward = shape.radius / math.hypot(bx - ax, by - ay)
+            length = math.hypot(bx - ax, by - ay)
+            if length == 0.0:
+                continue
+            outward = shape.radius / length
             dx, dy = outward * (by - ay), outward * (ax - bx)
             edges.append((ax + dx, ay + dy, bx + dx, by + dy))
     maps = [each for each in shapes if isinstance(each, GridObstacle)]

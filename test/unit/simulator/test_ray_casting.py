@@ -55,6 +55,12 @@ def test_rays_end_on_the_first_shape(seed):
         assert clearance(part * reach).min() > -1e-4
 
 
+def test_a_capsule_without_a_length_is_a_disc():
+    rays = [(-3.0, y, 0.0) for y in np.linspace(-0.6, 0.6, 13)]
+    point = Capsule('point', (1.0, 0.0), (1.0, 0.0), 0.5)
+    assert np.array_equal(ranges([point], rays), ranges([Obstacle('disc', (1.0, 0.0), 0.5)], rays))
+
+
 def test_no_ray_slips_through_a_corner():
     # From afar, exactly through corners, where rounding may favour neither edge.
     random = np.random.default_rng(0)

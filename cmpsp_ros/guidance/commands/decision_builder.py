@@ -1,4 +1,4 @@
-"""Decisions, made from what the law remembers and what it has found."""
+"""Decisions, built from the state of the law and its plan."""
 
 from __future__ import annotations
 

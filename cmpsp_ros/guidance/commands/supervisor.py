@@ -45,7 +45,7 @@ class Choice(NamedTuple):
 
 
 class Supervisor:
-    """Decides what is followed, how fast, and when to stop instead."""
+    """Selects the plan to follow and its speed, or stops the robot."""
 
     def __init__(self, settings: LawSettings, validator: Validator, selector: PlanSelector) -> None:
         """Take limits and times from the settings."""
@@ -90,7 +90,7 @@ class Supervisor:
         level, reason, plan, verdict, ahead = choice
         if closed is not None and (ahead is None or closed.speed < ahead.speed):
             ahead = closed
-        # It is improved as it is: what slows it down may be wrong about what it leads into.
+        # It is improved unslowed: the contact that slows it down may be an error.
         state.following.plan = plan
         self._drop_plan_after_failures(state)
         estimator, here = state.estimator, estimate.here
@@ -175,7 +175,7 @@ class Supervisor:
     def _closed_ahead(
         self, state: LawState, context: PlanningContext, selected: Candidate
     ) -> Contact | None:
-        """What closes the road; it is not looked for while plans lead to the goal."""
+        """Obstacles that close the road; not checked while plans lead to the goal."""
         settings, closed_road, start = self._settings, state.mission.closed_road, context.start
         if start.moving.names:
             return None
@@ -193,7 +193,7 @@ class Supervisor:
         ahead: Contact | None,
         closed: Contact | None,
     ) -> str:
-        """Count what leads nowhere; why to stop rather than follow a plan, empty for no reason."""
+        """Count steps without progress; reason to stop rather than follow a plan, '' if none."""
         mission, why = state.mission, ''
         is_near = closed is not None and closed.speed < self._settings.robot.max_speed
         # Before a moving obstacle it is not safe to wait.
@@ -278,7 +278,7 @@ class Supervisor:
         return self.decisions.follow(state, seen.stamp, level, reason, *shifted, errors)
 
     def may_outlast(self, start: PlanStart, plan: Plan, nanoseconds: int) -> bool:
-        """Whether the first command of a plan may go on for so long."""
+        """True if the first command of a plan may go on for so long."""
         return self._fallback.may_outlast(start, plan.controls, nanoseconds)
 
     def finish(self, state: LawState, seen: Observation, estimate: Estimate) -> Decision:
@@ -318,13 +318,11 @@ class Supervisor:
 def _reason_to_wait(
     idle_steps: int, context: PlanningContext, selected: Candidate
 ) -> tuple[str, int]:
-    """Reason to wait rather than follow a plan that soon gets no nearer to the goal, or empty.
+    """Reason to wait rather than follow a plan that makes no progress, '' if none, and idle steps.
 
-    A closed road leaves time over. Nothing in the cost keeps a robot from spending it on the move,
-    to and fro before what is in its way, clear of everything and to no end.
-
-    Returned with the idle steps, this one included: those that brought the goal no nearer, since
-    a plan could reach it.
+    A closed road leaves time over, and nothing in the cost keeps a robot from driving to and fro
+    before it. Idle steps, this one included, are those without progress since a plan could reach
+    the goal.
     """
     if not (selected.result.elastic and selected.result.slack_terminal):
         return '', 0
@@ -339,6 +337,6 @@ def _reason_to_wait(
 
 
 def _turns(plan: Plan) -> bool:
-    """Whether a plan begins with a turn on the spot: nothing comes nearer, and more is seen."""
+    """True if a plan begins with a turn on the spot: no progress, but more is seen."""
     along = math.dist(plan.poses[0, :2], plan.poses[1, :2])
     return along < _TINY < abs(float(plan.poses[1, 2] - plan.poses[0, 2]))

@@ -1,4 +1,4 @@
-"""Which goal the law drives to: one after another, one that is received, or a road without end."""
+"""Selection of the present goal: from a list, received on a topic, or along a road without end."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ class GoalManager:
 
     Attributes:
         goal: That goal; None where a road is followed.
-        target: What plans are to meet at their end.
-        final: When to be there, or how far plans look ahead along a road [ns].
-        end: When the last goal is to be passed, or the road to be left [ns].
-        is_return: Whether it leads back to a goal that was reached before.
-        goals_received: How many goals were received since the run began.
+        target: Terminal target of plans.
+        final: Time to reach it, or the end of the horizon along a road [ns].
+        end: Time to pass the last goal, or to leave the road [ns].
+        is_return: True if it leads back to a goal that was reached before.
+        goals_received: Number of goals received since the run began.
     """
 
     goal: Goal | None
@@ -66,7 +66,7 @@ class GoalManager:
 
     @property
     def next_positions(self) -> list[Point]:
-        """Where the present goal is, and where the next may be (x, y) [m]."""
+        """Positions of the present goal and of possible next ones (x, y) [m]."""
         goals = [] if self._received else self._settings.goals[self._index + 1 : self._index + 2]
         waiting = [] if self._waiting is None else [self._waiting[1]]
         return [self.target.position, *(each.position for each in (*goals, *waiting))]
@@ -151,7 +151,7 @@ class GoalManager:
         return by / NANOSECONDS
 
     def _time_to(self, goal: Goal, start: PlanStart) -> float:
-        """How long the way to a goal takes, with turns at its beginning and its end [s]."""
+        """Nominal time to a goal, with turns at its beginning and its end [s]."""
         settings, (x, y) = self._settings, goal.position
         world, pose, progress = start.world, start.pose, start.progress
         road, search = world.road, world.map_search(settings)

@@ -105,8 +105,8 @@ class Planner:
         self._inner: IntArray | None = None
         period = to_nanoseconds(settings.control_period)
         longest = remaining(0, period, to_nanoseconds(settings.longest_horizon))
-        # By the number of outputs, kept for when they are needed again; the second are for what the
-        # compiled solver cannot do.
+        # By the number of outputs, kept for reuse; the second are the fallback of the compiled
+        # solver.
         self._drivers: dict[int, Driver] = {}
         self._others: dict[int, Driver] = {}
         self._target = settings.target

@@ -29,13 +29,13 @@ _NOTHING: Final = np.empty((0, 0)), np.empty(0)
 
 
 class Observation(NamedTuple):
-    """All that one moment brings.
+    """Inputs of one control step.
 
     Attributes:
         stamp: Time stamp of the odometry [ns].
         pose: Pose ``(x, y, heading)`` [m, m, rad], finite; the heading may be wrapped.
-        tracks: Moving obstacles, and trajectories of other robots, as they are known, each once.
-        sighting: What is known of the surroundings, where there are sensors.
+        tracks: Latest moving obstacles and trajectories of other robots, each once.
+        sighting: Grid of the surroundings, if there are sensors.
     """
 
     stamp: int
@@ -165,7 +165,7 @@ class Estimator:
         return False
 
     def lose_period(self) -> None:
-        """Leave the present control period out of the estimates: what happens is unknown."""
+        """Leave the present control period out of the estimates: its motion is unknown."""
         self._slip.lose()
         self.response.lose()
 
@@ -201,10 +201,7 @@ class ObstacleTracker:
     def update(
         self, stamp: int, pose: Array, tracks: Sequence[MovingObject], settings: MovingObstacles
     ) -> MovingDiscs:
-        """Where moving obstacles are at an instant.
-
-        `stamp` [ns], `pose` ``(3,)`` [m, m, rad].
-        """
+        """Moving obstacles at `stamp` [ns], for a robot at `pose` ``(3,)`` [m, m, rad]."""
         if not tracks:
             self.new_obstacle_seen = False
             if self._numbers:
@@ -235,7 +232,7 @@ class ObstacleTracker:
 
 
 def _state(seen: MovingObject, stamp: int, settings: MovingObstacles) -> tuple[float, ...]:
-    """Centre, velocity and radius of what was seen, at an instant [ns]."""
+    """Centre, velocity and radius of a moving object at an instant [ns]."""
     age = (stamp - seen.stamp) / NANOSECONDS
     if isinstance(seen, PeerTrajectory):
         # A robot that stands is where it said, however long ago.

@@ -1,1 +1,1 @@
-"""How long things take: control steps, beside other solvers, over horizons and over DDS."""
+"""Computing times: control steps, beside other solvers, over horizons and over DDS."""

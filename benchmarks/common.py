@@ -26,14 +26,14 @@ _Result = TypeVar('_Result')
 
 
 class BenchError(RuntimeError):
-    """A benchmark that cannot be made as asked; the message says what was found and wanted."""
+    """A benchmark cannot be run as requested; the message names finding and requirement."""
 
 
 @contextmanager
 def collector_off() -> Iterator[None]:
-    """Keep the garbage collector from running, as the guidance node does, and let it catch up.
+    """Disable the garbage collector, as the guidance node does, after a full collection.
 
-    What exists by then is not looked at again, so that inside another one it catches up quickly.
+    Objects that exist by then are not examined again, so that a nested collection is quick.
     """
     was_on = gc.isenabled()
     gc.collect()
@@ -69,7 +69,7 @@ def timed(call: Callable[..., object], *args: object) -> float:
 
 @contextmanager
 def unheard() -> Iterator[None]:
-    """Swallow what a solver prints: one that fails may print its whole problem."""
+    """Suppress the output of a solver: one that fails may print its whole problem."""
     with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
         yield
 
@@ -114,14 +114,14 @@ def _process(pid: int | None) -> psutil.Process:
 
 @dataclass(frozen=True)
 class Spread:
-    """What there is to say about a sample, in its own unit.
+    """Statistics of a sample, in its own unit.
 
     Attributes:
-        count: Its size.
-        median: Half of it is below.
-        p99: 99th percentile; None below 100 values, where it would be the largest by another name.
+        count: Size.
+        median: Median.
+        p99: 99th percentile; None below 100 values, where it would be the maximum.
         p999: 99.9th percentile; None below 1000 values.
-        largest: Its maximum.
+        largest: Maximum.
     """
 
     count: int
@@ -132,7 +132,7 @@ class Spread:
 
     @classmethod
     def of(cls, values: ArrayLike) -> Spread:
-        """Of at least one value, in any shape."""
+        """Statistics of at least one value, in any shape."""
         sample = np.asarray(values, float).ravel()
         return cls(
             sample.size,
@@ -148,11 +148,11 @@ class Table:
     """A part of the results.
 
     Attributes:
-        title: Its heading.
-        columns: Their names.
+        title: Heading.
+        columns: Names of the columns.
         rows: Cells as text.
-        note: What a reader has to know.
-        words: How many columns, from the first on, hold words and not numbers.
+        note: Note to the reader.
+        words: Number of leading columns that hold words and not numbers.
     """
 
     title: str

@@ -256,7 +256,7 @@ def measure_sensors(
 
 
 def _sensor_steps(preset: str) -> Iterator[tuple[float, ...]]:
-    """Of each control step: its time, those of scan, field, search [ms], and the grid's cells."""
+    """Times of each control step and its scan, field and search [ms], and the cells of the grid."""
     values = TABLE.resolve(load_parameter_file(preset))
     settings, of_plant = guidance_settings(values), plant_settings(values)
     law, plant = GuidanceLaw(settings, settings.world), Plant(of_plant)

@@ -114,16 +114,16 @@ def drive(
     clock: Callable[[], int] = time.perf_counter_ns,
     tracks: Callable[[int], tuple[Track, ...]] = lambda _: (),
 ) -> Iterator[tuple[float, Decision, Array]]:
-    """One run by the exact model, commands held for a control period.
+    """Drive by the exact model from ``pose (3,)``, commands held for a control period.
 
     Args:
-        settings: Of the guidance law.
-        pose: Where the robot starts, shape ``(3,)`` [m, m, rad].
-        clock: What the steps are timed with [ns].
+        settings: Settings of the guidance law.
+        pose: Start pose [m, m, rad].
+        clock: Clock that times the steps [ns].
         tracks: Moving obstacles at a time [ns].
 
     Yields:
-        Of each control step the computing time [ms], the decision, and the pose that it leads to.
+        Computing time of a control step [ms], its decision, and the resulting pose.
     """
     law, period = GuidanceLaw(settings, settings.world), to_nanoseconds(settings.control_period)
     held = np.array([settings.control_period])

@@ -1,4 +1,4 @@
-"""The solver on programs of other sizes than the robot's, beside what its work predicts."""
+"""The solver on programs of other sizes than the robot's, beside its predicted work."""
 
 from __future__ import annotations
 
@@ -104,12 +104,12 @@ def flops(N: int, n: int, r: int, l: int, k: int, c: int) -> float:  # noqa: E74
       ``2 n^3 + 2 n^2 r``, the controls' elimination ``2 n^2 r + 3 n r^2 + 2/3 r^3``, the closed
       loop ``2 n^2 r + n r^2``, the cost to go ``n^3 + n^2 r``, the covariance ``3 n^3 + n^2 r``.
     - An iteration makes one row, which is a sweep over half of the stages on average,
-      ``N (n^2 + n r)``; takes it apart into what ``j`` active rows span and the rest, ``3 j N r``;
-      solves a triangular system, ``j^2``; and looks at all rows once, which is a sweep over the
-      stages for the states, ``2 n^2 + 4 n r`` each, and one for the rows, ``2 l (n + r)`` each.
+      ``N (n^2 + n r)``; projects it on the span of ``j`` active rows, ``3 j N r``; solves a
+      triangular system, ``j^2``; and evaluates all rows once, by a sweep over the stages for the
+      states, ``2 n^2 + 4 n r`` each, and one for the rows, ``2 l (n + r)`` each.
 
-    The number of active rows grows evenly to ``c``. Rows that leave are not counted, nor are the
-    further factorisations in which bounds are held, nor the check of the answer.
+    The number of active rows grows evenly to ``c``. Rows that leave are not counted, nor further
+    factorisations with active bounds, nor the check of the answer.
     """
     factorisation = N * (6 * n**3 + 8 * n**2 * r + 4 * n * r**2 + 2 / 3 * r**3)
     row, look = N * (n**2 + n * r), N * (2 * n**2 + 4 * n * r + 2 * l * (n + r))

@@ -80,7 +80,7 @@ def grow(
 
 
 def _tries(task: Task, method: Method, steps: int) -> bool:
-    """Prepare a method, and see whether its step does what it should."""
+    """Prepare a method; True if its step reduces the terminal error."""
     try:
         with unheard():
             method.prepare(steps)

@@ -45,12 +45,12 @@ class Timed:
 
     @property
     def first(self) -> Spread:
-        """Of the first step, with the full horizon and the preset's guess [us]."""
+        """Times of the first step, with the full horizon and the preset's guess [us]."""
         return Spread.of(self.times[:, 0])
 
     @property
     def loop(self) -> Spread:
-        """Of all steps of the shrinking horizon [us]."""
+        """Times of all steps of the shrinking horizon [us]."""
         return Spread.of(self.times)
 
 
@@ -75,13 +75,13 @@ class Ratios:
 
 @dataclass(frozen=True)
 class MethodComparison:
-    """What came of comparing methods.
+    """Results of comparing methods.
 
     Attributes:
         steps: Steps of the full horizon.
         runs: Closed loops of each method.
         timed: Methods that solve the task; the first is the baseline.
-        left_out: Why the others were not timed, by name.
+        left_out: Reasons why the others were not timed, by name.
     """
 
     steps: int
@@ -90,7 +90,7 @@ class MethodComparison:
     left_out: dict[str, str]
 
     def ratios(self, name: str, below: str) -> Ratios | None:
-        """How long a method takes beside another one; None if either was not timed."""
+        """Time ratios of two methods; None if either was not timed."""
         times = {each.name: each.times for each in self.timed}
         if name not in times or below not in times:
             return None
@@ -100,13 +100,8 @@ class MethodComparison:
 def close_loop(task: Task, method: Method, steps: int) -> Loop:
     """Let a method drive the exact model from start to end, with a horizon that shrinks.
 
-    One step that does not count goes before, so that what others have left in the processor's
-    caches does not count either.
-
-    Args:
-        task: The task.
-        method: Prepared for all horizons of ``steps`` steps and fewer.
-        steps: Steps of the full horizon.
+    One untimed step goes before, to warm the processor's caches. The method must be prepared for
+    all horizons up to ``steps``.
     """
     robot, durations = task.settings.robot, task.durations(steps)
     pose, U = task.pose, task.guess(steps)
@@ -154,7 +149,7 @@ def compare(
 
 
 def _try(task: Task, method: Method, steps: int) -> TaskOutcome | str:
-    """What a method's closed loop comes to, or why it does not solve the task."""
+    """Outcome of a method's closed loop, or the reason why it does not solve the task."""
     try:
         with unheard():
             for left in range(steps, 0, -1):
@@ -181,7 +176,7 @@ class Tail:
 
     @property
     def spread(self) -> Spread:
-        """Of the times [us]."""
+        """Statistics of the times [us]."""
         return Spread.of(self.times)
 
     @property
@@ -191,7 +186,7 @@ class Tail:
 
     @property
     def spread_again(self) -> Spread:
-        """Of one and the same step [us]."""
+        """Statistics of the repeated step [us]."""
         return Spread.of(self.again)
 
     @property

@@ -126,7 +126,7 @@ Absolute times differ from machine to machine and from day to day; ratios are st
 
 
 def check_output(output: Path) -> None:
-    """See beforehand whether results can be written there, for they take long to come by."""
+    """Check that results can be written there, before the long measurements."""
     try:
         if output.suffix == _SUFFIX:
             if output.exists():
@@ -161,14 +161,14 @@ def write(results: Results, output: Path) -> None:
 
 
 def content(results: Results) -> dict[str, Any]:
-    """Results as JSON has them: what is in the tables, and all samples.
+    """Results as JSON: the content of the tables, and all samples.
 
     Returns:
         - `command`: command line that was given.
-        - `targets`: a list of `what`, `at_most`, `found` and `holds`; the last two are null where
+        - `targets`: a list of `what`, `at_most`, `found` and `holds`; the last two are null if
           nothing was measured.
         - `tables`: a list of `title`, `columns` and `rows`, whose cells are text.
-        - The fields of `Results`; what is one or more values of a kind there is a list here.
+        - The fields of `Results`; sequences are lists.
     """
     shown = [
         {'title': each.title, 'columns': each.columns, 'rows': each.rows}

@@ -27,20 +27,20 @@ COMPARED_STEPS = 50
 
 @dataclass(frozen=True)
 class Order:
-    """What to measure, and where to write it.
+    """Measurements to make, and their output.
 
     Attributes:
-        presets: Names of presets or parameter files whose control steps are timed; none for all
-            presets and the runs of the paper's tables.
+        presets: Presets or parameter files whose control steps are timed; none for all presets and
+            the runs of the paper's tables.
         runs: Runs of each of them, and of each method.
-        tail: Control steps of which the longest are looked at.
-        peers: Whether other people's solvers take part.
-        latency: Whether the node is timed over DDS.
+        tail: Number of control steps for tail latency.
+        peers: True to compare with third-party solvers.
+        latency: True to time the node over DDS.
         output: A file that ends in `.json`, or a folder; None to write nothing.
-        steps: Steps of the full horizon where methods are compared.
-        horizons: Numbers of steps over which their growth is measured.
+        steps: Steps of the full horizon for comparing methods.
+        horizons: Horizons [steps] for the growth of methods.
         robots: Robots that drive on long horizons.
-        long_horizons: Numbers of steps over which one plan's control step is measured.
+        long_horizons: Horizons [steps] for the control step of one plan.
     """
 
     presets: Sequence[str]
@@ -71,8 +71,8 @@ class Results:
     """All that was measured.
 
     Attributes:
-        order: What was asked.
-        machine: What it was measured on.
+        order: The order.
+        machine: Machine of the measurements.
         robots: Robots on long horizons.
         models: A differential drive and a car on one course.
         long_horizons: One plan's control steps over long horizons.
@@ -83,8 +83,8 @@ class Results:
         plans: Control steps with several plans side by side.
         growth: Methods over horizons.
         general: Programs of other sizes than the robot's.
-        missing: Why other methods took no part, by name.
-        latency: Over DDS; None if it was not asked.
+        missing: Reasons why other methods are missing, by name.
+        latency: Latency over DDS; None if not requested.
         resident: Resident set of this process at the end [MB].
     """
 

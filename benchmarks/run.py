@@ -31,12 +31,12 @@ Progress = Callable[[str, int], Callable[[], None]]
 
 
 def run(order: Order, progress: Progress = lambda _part, _pieces: lambda: None) -> Results:
-    """Measure what is asked, and write it where it is asked."""
+    """Make the ordered measurements, and write the output."""
     presets = drives.chosen(order.presets)
     if order.output is not None:
         check_output(order.output)
     found, runs = machine(), order.runs
-    # First what needs more than this process, so that what fails there fails soon.
+    # Measurements that need other processes come first, so that their failures show soon.
     latency = _latency(order, progress) if order.latency else None
     robots, models = drives.of_robots(order.robots), drives.of_models()
     of_robots = drives.time_robots(robots, runs, progress('robots', runs * len(robots)))

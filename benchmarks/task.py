@@ -1,4 +1,4 @@
-"""What methods are asked to solve: Case 3 or another preset, cut into any number of steps."""
+"""The task for all methods: Case 3 or another preset, with any number of steps."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ _LARGEST_VIOLATION = 1e-3
 
 @dataclass(frozen=True)
 class TaskOutcome:
-    """What a control history leads to, by the project's own model.
+    """Outcome of a control history, by the project's own model.
 
     Attributes:
         cost: First term of (95), at every sample.
         miss: Distance of the end from the goal [m].
-        violation: Largest violation of road edges and obstacles at the samples [m]; negative is
-            room left.
-        wheel_speed: Largest wheel speed [rad/s].
+        violation: Maximum violation of road edges and obstacles at the samples [m]; negative if
+            clear.
+        wheel_speed: Maximum wheel speed [rad/s].
     """
 
     cost: float
@@ -112,11 +112,7 @@ class Task:
         return guidance_data(settings.robot, self.space, settings.weights, pose, goal, durations)
 
     def outcome(self, U: Array) -> TaskOutcome:
-        """What a control history over the whole time leads to.
-
-        Args:
-            U: Shape ``(N + 1, 2)`` [rad/s].
-        """
+        """Outcome of a control history ``U (N + 1, 2)`` [rad/s] over the whole time."""
         problem = self.problem(self.pose, self.durations(len(U) - 1))
         evaluation = problem.evaluate(problem.predict(U), U)
         return TaskOutcome(

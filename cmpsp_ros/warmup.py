@@ -1,4 +1,4 @@
-"""Compiles what nodes and commands run, for all processes to come, and measures the work rate."""
+"""Compilation of all kernels for later processes, and the work rate of the machine."""
 
 from __future__ import annotations
 
@@ -72,8 +72,8 @@ class Part:
     """One part of the work.
 
     Attributes:
-        name: What was run.
-        kernels: How many kernels had to be compiled for it.
+        name: Name of the part.
+        kernels: Number of kernels compiled for it.
         seconds: Time it took [s].
     """
 
@@ -87,9 +87,9 @@ class Outcome:
     """Result of a warm-up.
 
     Attributes:
-        folder: Where the machine code is; None when there is no place for it.
-        parts: What was run, as it was done.
-        removed: Files that were not used for long and are gone.
+        folder: Folder of the machine code; None if there is none.
+        parts: Parts in the order run.
+        removed: Stale files removed.
     """
 
     folder: Path | None
@@ -113,14 +113,14 @@ class Outcome:
 def warm_up_all(
     progress: Callable[[int, str], None] = lambda _count, _name: None, presets: Sequence[str] = ()
 ) -> Outcome:
-    """Run everything that is compiled, and remove machine code that was not used for long.
+    """Run everything that is compiled, and remove machine code unused for long.
 
-    Kinds of roads and obstacles have code of their own, and processes share them. Nothing is run
-    where there is no folder to keep machine code in.
+    Kinds of roads and obstacles have code of their own, shared by processes. Without a folder for
+    machine code nothing is run.
 
     Args:
         progress: Called with the number of kernels begun, and the one being compiled.
-        presets: Only what these need, presets or paths of parameter files; everything without.
+        presets: Presets or parameter files to compile for; all presets if empty.
 
     Raises:
         ParameterError: The presets cannot be read.
@@ -165,7 +165,7 @@ def _workers() -> int:
 
 
 def _kinds(presets: Sequence[str]) -> dict[str, tuple[GuidanceSettings, ...]]:
-    """Presets, all without any named, by what decides on the code that they need."""
+    """Presets (all by default), grouped by the code that they need."""
     found: dict[str, tuple[GuidanceSettings, ...]] = {}
     for preset in presets or preset_names():
         for robot in robots_in(preset) or (None,):
@@ -186,7 +186,7 @@ def _do(name: str, task: Callable[[], None]) -> Part:
 
 
 def _solver() -> None:
-    """Compile what solves the programs of the guidance law; horizon and rows do not matter."""
+    """Compile the QP solver of the guidance law; horizon and rows do not matter."""
     sizes = 1, 3, 2, 2, 2
     program, active = empty_program(*sizes), empty_active_set(*sizes)
     entry_for(solve_program, program, active, empty_warm_start(*sizes))

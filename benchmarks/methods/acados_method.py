@@ -25,9 +25,9 @@ _FREE = 1e6
 class Acados:
     """Real-time iterations of acados, two a control step.
 
-    The Hessian is given to it: Gauss-Newton and the weight of the proximal term, whose gradient is
-    0 at every iterate, as with `Sqp`. All horizons share one set of generated code. What is timed
-    is two solutions and the handing over of arrays, all stages at once.
+    The Hessian is given: Gauss-Newton and the weight of the proximal term, whose gradient is 0 at
+    every iterate, as with `Sqp`. All horizons share one set of generated code. Timed are two
+    solutions and the transfer of arrays, all stages at once.
     """
 
     largest = 400
@@ -64,7 +64,7 @@ class Acados:
         """Two real-time iterations from the path rolled out."""
         steps = len(durations)
         solver = self._solvers[steps]
-        # As a rule they are what they were in the run before.
+        # Usually they equal those of the previous run.
         if not np.array_equal(self._durations.get(steps, ()), durations):
             solver.set_flat('p', np.append(durations, durations[-1]))
             self._durations[steps] = durations

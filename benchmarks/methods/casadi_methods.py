@@ -194,7 +194,7 @@ class Sqp(_CasadiSolver):
         }
 
     def qp_time(self, steps: int) -> float:
-        """What the quadratic programs of the last step of so many took, as CasADi says [us]."""
+        """Time of the quadratic programs in the last step of that horizon, by CasADi [us]."""
         return float(self._solvers[steps].stats()['t_proc_QP']) * 1e6
 
     def _made(self, made: Program) -> Any:
@@ -215,7 +215,7 @@ class Converged(_CasadiSolver):
     """A solver for nonlinear programs, run until it has converged.
 
     The proximal term is measured from the warm start: without it the speeds along the road would
-    be free, and the program be harder for the solver than what it is compared with.
+    be free, and the program harder to solve than those of the other methods.
     """
 
     def __init__(
@@ -251,6 +251,6 @@ class Converged(_CasadiSolver):
         """Multipliers for a horizon that begins one stage later."""
         bounds, rows = (answer[name].full().ravel() for name in ('lam_x', 'lam_g'))
         gap = rows[2 * STATES : 3 * STATES]
-        # What the next stage had of constraints of its own, it has to be where the robot is now.
+        # The constraints of the next stage give way to the fixed initial pose.
         rest = rows[3 * STATES + 1 + len(self._task.space.centers) :]
         return {'lam_x0': bounds[STAGE:], 'lam_g0': np.concatenate([gap, np.zeros(STATES), rest])}

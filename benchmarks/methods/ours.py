@@ -46,10 +46,10 @@ class Method(Protocol):
     largest: int
 
     def prepare(self, steps: int) -> None:
-        """Do once what can be done before a horizon of so many steps is known any better."""
+        """Do the offline work for horizons of that many steps."""
 
     def begin(self, steps: int) -> None:
-        """Forget what earlier steps have left behind: a new run of so many steps begins."""
+        """Reset: a new run of that many steps begins."""
 
     def step(self, pose: Array, U: Array, durations: Array) -> Array:
         """Improve a control history; this alone is timed.
@@ -151,7 +151,7 @@ class RiccatiActiveSet:
 
 
 class _Parts(NamedTuple):
-    """What a step is put together from, for one control period [ns] and final time [ns]."""
+    """Components of a step, for one control period [ns] and final time [ns]."""
 
     settings: GuidanceSettings
     planner: Planner

@@ -1,1 +1,1 @@
-"""What is timed with the real nodes, in processes of their own."""
+"""Timings with the real nodes, in processes of their own."""

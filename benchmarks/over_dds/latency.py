@@ -28,19 +28,19 @@ _OVERTIME = 20.0
 
 @dataclass(frozen=True)
 class Latency:
-    """What was measured in some runs of one preset.
+    """Measurements of some runs of one preset.
 
     Attributes:
-        runs: How many there were.
-        total: From just before odometry is published to the callback with the command that answers
-            it, of every control step [ms].
-        own: Of that, from the guidance node's callback to its publishing, by its own clock [ms].
-        first: Which of the steps are the first of their run, when the robot stands and plans are
-            made from nothing, shape of `total`.
+        runs: Number of runs.
+        total: Time from just before odometry is published to the callback with its command, of
+            every control step [ms].
+        own: Part of it from the guidance node's callback to its publishing, by its own clock [ms].
+        first: True for the first step of each run, at rest and without a previous plan, shape of
+            `total`.
         jitter: Change of the total from one control step of a run to the next [ms].
-        miss: Largest distance from the goal at the final time, of all runs [m].
-        starts: From the start of the guidance node's process to its being active, once for each
-            run; it is configured and activated from outside as soon as it answers [s].
+        miss: Maximum distance from the goal at the final time, of all runs [m].
+        starts: Time from the start of the guidance node's process to its activation, of each run;
+            it is configured and activated from outside as soon as it answers [s].
         resident_active: Resident set of the guidance node when it becomes active [MB].
         resident_end: The same at the end of the last run [MB].
     """
@@ -62,7 +62,7 @@ class Latency:
 
     @property
     def rest(self) -> Spread:
-        """What is not the node's own: middleware, executor, scheduler [ms]."""
+        """Time outside of the node: middleware, executor, scheduler [ms]."""
         return Spread.of(self.total - self.own)
 
 

@@ -35,8 +35,8 @@ class _Sent(NamedTuple):
 class LatencyProbe(Node):
     """Publishes odometry on an exact time grid, obeys the commands, and notes when they came.
 
-    It does no more than that, so that it is free to hear a command the moment it comes. When the
-    guidance node says that the run is over it writes what it has measured, and stands by.
+    It does no more than that, so that it receives each command at once. When the guidance node
+    reports the end of the run, it writes its measurements and idles.
 
     Raises:
         ParameterError: `parameters` is no preset and no good file.
@@ -79,7 +79,7 @@ class LatencyProbe(Node):
     def _publish_due(self) -> None:
         while self._next_ns <= self._clock_ns():
             self._plant.advance(self._next_ns)
-            # Bytes, both ways: what Python objects take here no robot's driver would.
+            # Bytes, both ways: conversion to Python objects is no cost of a robot's driver.
             data = serialize_message(self._measure(self._next_ns))
             x, y, _ = self._plant.pose.tolist()
             self._sent[self._next_ns] = _Sent(time.monotonic_ns(), (x, y))

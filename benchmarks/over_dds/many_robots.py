@@ -93,7 +93,7 @@ def measure(count: int, progress: Callable[[float], None] = lambda _: None) -> C
 
 
 def table(crowd: Crowd) -> Table:
-    """What was measured, for the terminal."""
+    """Table of the measurements."""
     delays, own = (np.percentile(each, [50, 99, 100]) * 1e3 for each in (crowd.delays, crowd.own))
     rows = [
         ['start-up', f'{crowd.start_up:.0f} s'],

@@ -23,12 +23,12 @@ Rng = np.random.Generator
 
 
 class Origin(NamedTuple):
-    """Where a program comes from; written ``family/seed/number``.
+    """Origin of a program; written ``family/seed/number``.
 
     Attributes:
         family: Name of its family.
         seed: Seed of the family's generator.
-        number: Which of the programs of that seed it is, from 0.
+        number: Index among the programs of that seed, from 0.
     """
 
     family: str

@@ -40,13 +40,13 @@ _MOSTLY = 0.3
 
 
 class Finding(NamedTuple):
-    """Something that is not as it should be.
+    """An unexpected result.
 
     Attributes:
-        check: What was checked: ``status``, ``residual``, ``gap``, ``objective``, ``conflict`` (the
-            rows named as contradicting) or ``warm start``.
-        found: What was found, in a sentence.
-        explanation: Why it is not the back end's mistake; empty where nothing excuses it.
+        check: Check made: ``status``, ``residual``, ``gap``, ``objective``, ``conflict`` (the rows
+            named as contradicting) or ``warm start``.
+        found: Finding, in a sentence.
+        explanation: Reason why the back end is not at fault; '' if it is.
     """
 
     check: str
@@ -56,18 +56,18 @@ class Finding(NamedTuple):
 
 @dataclass(frozen=True)
 class Comparison:
-    """What became of one case.
+    """Result of one case.
 
     Attributes:
         origin: Name of the case.
         about: Description.
-        verdict: What the references say.
-        status: What the back end says, cold.
-        accuracy: How good its answer is; ``inf`` where it claims no solution.
-        difference: Relative difference of the objective from that of the best reference; 0 where
-            there are not two to compare.
-        iterations: Of the back end, cold and with a warm start; the latter 0 where there is none.
-        findings: What is not as it should be.
+        verdict: Verdict of the references.
+        status: Status of the back end, cold.
+        accuracy: Accuracy of its answer; ``inf`` if it claims no solution.
+        difference: Relative difference of the objective from that of the best reference; 0 unless
+            there are two to compare.
+        iterations: Iterations of the back end, cold and with a warm start (0 if there is none).
+        findings: Unexpected results.
     """
 
     origin: Origin
@@ -81,7 +81,7 @@ class Comparison:
 
     @property
     def is_mismatch(self) -> bool:
-        """Whether something is wrong that nothing explains."""
+        """True if there is an unexplained finding."""
         return any(not finding.explanation for finding in self.findings)
 
 
@@ -157,7 +157,7 @@ def _status_findings(
 
 
 def _settled(program: Program, status: QPStatus) -> str:
-    """Whether the back end is right where references contradict each other."""
+    """Reason why the back end is right although references disagree, '' if it is not."""
     exists = nearly_feasible(program)
     right = status is (QPStatus.SOLVED if exists else QPStatus.INFEASIBLE)
     return 'references contradict each other, and the least violation agrees' if right else ''

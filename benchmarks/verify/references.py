@@ -24,8 +24,8 @@ class Cost(NamedTuple):
     """Objective of a program at a point.
 
     Attributes:
-        value: With the penalties of rows that are violated.
-        size: 1 plus the sum of the magnitudes of its terms: what rounding is relative to.
+        value: Value with the penalties of violated rows.
+        size: 1 plus the sum of the magnitudes of its terms: the scale of rounding.
     """
 
     value: float
@@ -33,10 +33,10 @@ class Cost(NamedTuple):
 
 
 class Accuracy(NamedTuple):
-    """How good an answer is, measured without any other; both ``inf`` where it is no point.
+    """Accuracy of an answer, measured without any other; both ``inf`` without a solution.
 
     Attributes:
-        residual: Largest violation of the optimality conditions, relative to the data.
+        residual: Maximum violation of the optimality conditions, relative to the data.
         gap: Its `duality_gap`.
     """
 
@@ -55,10 +55,10 @@ def accuracy(program: Program, solution: QPSolution) -> Accuracy:
 
 
 def last_bit(program: Program, solution: QPSolution) -> float:
-    """How much the residual of an answer changes with the last bit of its controls.
+    """Change of the residual of an answer with the last bit of its controls.
 
-    Where unstable dynamics carry rounding along, no answer in doubles has a smaller residual but
-    by luck.
+    With unstable dynamics, which amplify rounding, no answer in doubles has a smaller residual
+    except by chance.
     """
     rng = np.random.default_rng(0)
     residual = accuracy(program, solution).residual
@@ -109,7 +109,7 @@ def duality_gap(program: Program, solution: QPSolution) -> float:
 
 
 def _least(qp: SparseQP, gradient: Array) -> Array:
-    """Where a program's cost, with this gradient at 0, is least along the dynamics."""
+    """Minimiser of a program's cost, with this gradient at 0, along the dynamics."""
     hessian = qp.P + sparse.triu(qp.P, 1).T
     matrix = sparse.block_array([[hessian, qp.D.T], [qp.D, None]], format='csc')
     right = np.concatenate([-gradient, np.zeros(qp.D.shape[0])])
@@ -126,8 +126,7 @@ _ENDED_AT_A_POINT = ('Solved', 'AlmostSolved', 'InsufficientProgress')
 def clarabel_solve(program: Program) -> QPSolution:
     """Solve, with slack variables for relaxed rows.
 
-    The point is what Clarabel came to, also where it fell short of its tolerances: how good it is
-    must be measured.
+    The point may fall short of Clarabel's tolerances: its accuracy must be measured.
     """
     qp = program.subproblem
     matrices = sparse_qp(qp, program.penalties)
@@ -163,12 +162,12 @@ _NOTICED = 0.1
 
 
 def nearly_feasible(program: Program) -> bool:
-    """Whether an infeasible program misses feasibility by rounding alone."""
+    """True if an infeasible program misses feasibility by rounding alone."""
     return least_violation(program) < ROUNDING
 
 
 def nearly_infeasible(program: Program) -> bool:
-    """Whether limits that are tighter by rounding leave no feasible point."""
+    """True if limits tightened by rounding leave no feasible point."""
     moved = (_tightened(program, side) for side in (1.0, -1.0))
     return any(least_violation(each) > _NOTICED * ROUNDING for each in moved)
 
@@ -191,7 +190,7 @@ def _tightened(program: Program, side: float) -> Program:
 
 
 def contradict(program: Program, rows: Sequence[Row]) -> bool:
-    """Whether the named rows alone have no solution, or the whole program all but has one."""
+    """True if the named rows alone have no solution, or the whole program nearly has one."""
     alone, outputs = (
         program.subproblem.only(rows),
         [row.index for row in rows if row.kind == 'terminal'],
@@ -215,7 +214,7 @@ _SOLVED = 1e-6
 
 
 class ReferenceVerdict(Enum):
-    """Whether a program has a solution; the value is a sentence about the references."""
+    """Existence of a solution; the value is a sentence about the references."""
 
     SOLVED = 'A reference has a solution, and none denies it.'
     INFEASIBLE = 'A reference proves that there is none, and no other has one.'
@@ -227,9 +226,9 @@ class Reference(NamedTuple):
     """An answer.
 
     Attributes:
-        name: Of the solver.
+        name: Name of the solver.
         solution: The answer.
-        accuracy: How good it is.
+        accuracy: Accuracy of the answer.
     """
 
     name: str
@@ -252,7 +251,7 @@ def references(program: Program) -> list[Reference]:
 
 
 def verdict(answers: list[Reference]) -> ReferenceVerdict:
-    """What the references come to together."""
+    """Joint verdict of the references."""
     solved = any(each.accuracy.residual <= _SOLVED for each in answers)
     denied = any(each.solution.status is QPStatus.INFEASIBLE for each in answers)
     if solved:

@@ -1,4 +1,4 @@
-"""What many comparisons came to: a line for each family, and all findings by name."""
+"""Report on many comparisons: a line for each family, and all findings by name."""
 
 from __future__ import annotations
 
@@ -47,15 +47,15 @@ def lines(comparisons: Sequence[Comparison]) -> list[Line]:
 
 
 def mismatches(comparisons: Sequence[Comparison]) -> list[Comparison]:
-    """Those with a finding that nothing explains."""
+    """Comparisons with an unexplained finding."""
     return [each for each in comparisons if each.is_mismatch]
 
 
 def to_json(comparisons: Sequence[Comparison], qp: str) -> str:
     """Everything as JSON: ``qp``, ``families`` (the lines) and ``findings``.
 
-    Each finding has the ``case`` by which it can be made again, ``about``, ``references`` (what
-    they say of it), ``check``, ``found`` and ``explanation``, empty for a mismatch.
+    Each finding has the ``case`` that reproduces it, ``about``, ``references`` (their verdict),
+    ``check``, ``found`` and ``explanation``, empty for a mismatch.
     """
     findings = [
         {

@@ -88,7 +88,7 @@ def verify_case(name: str, qp: str) -> Comparison:
 
 
 def batches(count: int) -> list[Batch]:
-    """What ``count`` programs are made of, all families advancing together."""
+    """Batches of ``count`` programs, all families advancing together."""
     ends, spent = [], 0.0
     for share in SHARES.values():
         spent += share

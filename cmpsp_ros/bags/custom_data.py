@@ -23,7 +23,7 @@ VERSION_KEY = 'cmpsp_ros.version'
 SOFTWARE_KEY = 'cmpsp_ros.software'
 """Key in the bag's custom data: JSON text `{name: version}`."""
 
-# What decides the last bits of a decision, and who wrote the file.
+# Versions that determine the last bits of a decision, and the writer of the file.
 _PACKAGES = ('numpy', 'scipy', 'numba', 'llvmlite', 'daqp', 'qpsolvers', 'rosbags', 'rclpy')
 
 
@@ -68,7 +68,7 @@ def software_versions() -> dict[str, str]:
 
 
 def plain(value: object) -> object:
-    """Reduce a parameter's value to what JSON has, or raise a `TypeError`."""
+    """Convert a parameter's value to JSON types, or raise a `TypeError`."""
     if value is None or isinstance(value, (bool, int, float, str)):
         return value
     if isinstance(value, (Sequence, array)):

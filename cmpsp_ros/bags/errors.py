@@ -2,7 +2,7 @@
 
 
 class BagError(Exception):
-    """A bag cannot be read or written; the message names the file, what was found and wanted."""
+    """A bag cannot be read or written; the message names file, finding and requirement."""
 
 
 class UnknownTypeError(BagError):

@@ -75,7 +75,7 @@ def export(bag_path: Path, folder: Path, form: Format = 'csv') -> dict[Path, int
 
     A CSV file names its columns with their units, as in `x [m]`, and writes floats so that they
     read back bit for bit. A Parquet file keeps the unit of a column in its field's metadata, under
-    `unit`. What is missing in a row is empty.
+    `unit`. Missing values are empty.
 
     Args:
         bag_path: The bag.

@@ -180,7 +180,7 @@ _USUAL_RADIUS = 0.15
 
 
 def film(bag: Path, output: Path, seconds: Sequence[float]) -> int:
-    """Draw the robot in its scene; the number of frames.
+    """Draw the robot in its scene; return the number of frames.
 
     Args:
         bag: Bag of one run.
@@ -188,8 +188,8 @@ def film(bag: Path, output: Path, seconds: Sequence[float]) -> int:
         seconds: Times of the frames [s]; by default four, or ten a second for a `.gif`.
 
     Raises:
-        BagError: The bag cannot be used, a time is not in it, MuJoCo or what it draws with is
-            missing, or the picture cannot be written.
+        BagError: The bag cannot be used, a time is not in it, MuJoCo or its renderer is missing,
+            or the picture cannot be written.
         ParameterError: The bag's parameters cannot be used.
     """
     moving = output.suffix == '.gif'
@@ -295,7 +295,7 @@ def _arrange(world: Any, state: Any, moment: _Moment) -> None:
 
 def _mujoco() -> Any:
     if 'DISPLAY' not in os.environ:
-        # Read when it is imported; what it draws with by itself wants a screen.
+        # Read on import; the default renderer needs a screen.
         os.environ.setdefault('MUJOCO_GL', 'egl')
     try:
         import mujoco  # noqa: PLC0415 (an option of its own to install)

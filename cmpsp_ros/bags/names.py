@@ -39,7 +39,7 @@ class Names:
 
     @property
     def sighting(self) -> str:
-        """Topic of what was known of the surroundings."""
+        """Topic of the known surroundings."""
         return f'{self.node}/sighting'
 
     @property

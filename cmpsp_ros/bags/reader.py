@@ -42,7 +42,7 @@ class BagTopic:
     Attributes:
         msgtype: Type, as in `nav_msgs/msg/Odometry`.
         count: Number of messages.
-        qos_profiles: What the publishers offered when recording began.
+        qos_profiles: QoS offered by the publishers when recording began.
     """
 
     msgtype: str
@@ -157,7 +157,7 @@ class Bag:
             with self._readable(f'damaged in topic {" or ".join(topics)}'):
                 record = next(records, None)
                 if record is None and count < promised:
-                    # rosbags passes over what its index has elsewhere, and says nothing.
+                    # rosbags silently skips messages that its index places elsewhere.
                     msg = f'found {count} messages, wanted the {promised} that it says it has'
                     raise ReaderError(msg)
             if record is None:
@@ -203,7 +203,7 @@ class Bag:
                 if message.node not in self.parameters:
                     values = plain_values(message.new_parameters)
                     since = message.stamp.sec * 10**9 + message.stamp.nanosec
-                    # What was changed since the recording began was something else before.
+                    # Parameters changed since the recording began had other values before.
                     for each in message.changed_parameters if since >= self.start else ():
                         values.pop(each.name, None)
                     self.parameters[message.node] = values
@@ -213,7 +213,7 @@ class Bag:
 
     @contextmanager
     def _readable(self, what: str) -> Iterator[None]:
-        # What parsers raise on hostile files cannot be listed.
+        # Exceptions of parsers on hostile files cannot be listed.
         try:
             yield
         except BagError:

@@ -26,7 +26,7 @@ from cmpsp_ros.bags.writer import BagWriter
 
 @dataclass(frozen=True)
 class Recovery:
-    """The new bag, numbers of messages and topics in it, and what was left out and why."""
+    """The new bag, its numbers of messages and topics, and omissions with reasons."""
 
     path: Path
     messages: int

@@ -125,9 +125,9 @@ class BagWriter:
             self._files.write(connection, stamp_ns, raw)
 
     def flush(self) -> None:
-        """Have everything written so far survive the end of the process, and a loss of power.
+        """Make everything written so far survive the end of the process, and a loss of power.
 
-        What has been flushed can be recovered from a bag that was never closed.
+        Flushed messages can be recovered from a bag that was never closed.
 
         Raises:
             BagError: The bag is closed, or the disk refuses.
@@ -197,7 +197,7 @@ class BagWriter:
         try:
             self.close()
         except BagError:
-            # What went wrong inside the block is the cause and must not be hidden.
+            # The error inside the block is the cause and must not be hidden.
             if kind is None:
                 raise
 

@@ -21,7 +21,7 @@ _OBJECTS_BEFORE_COLLECTION: Final = 100_000
 app = typer.Typer(
     help='Guidance of a differential-drive robot by C-MPSP.',
     no_args_is_help=True,
-    # Plain help: what draws boxes around it takes longer to import than all the rest.
+    # Plain help: rich, which draws boxes, takes longer to import than all the rest.
     rich_markup_mode=None,
     add_completion=False,
     pretty_exceptions_enable=False,

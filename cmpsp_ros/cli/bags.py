@@ -37,10 +37,10 @@ def audit(
 ) -> None:
     """Check a drive: road, obstacles, limits, goal, timing and fallback levels.
 
-    Judged by all that the bag holds: odometry, the true path, parameters and what sensors saw.
+    Uses all data of the bag: odometry, the true path, parameters and sensor data.
 
-    Exit code 0 without a fault, 1 with one, 2 if the bag cannot be audited, 3 if data are missing
-    by which a check could be judged.
+    Exit code 0 without a fault, 1 with one, 2 if the bag cannot be audited, 3 if data needed for a
+    check are missing.
     """
     from cmpsp_ros.bags import audit as auditing  # noqa: PLC0415 (starts faster without)
 
@@ -147,10 +147,10 @@ def replay(
     odom: Odom = None,
     cmd_vel: CmdVel = None,
 ) -> None:
-    """Decide again on recorded odometry, and compare the decisions.
+    """Recompute the decisions from recorded odometry, and compare them.
 
     Exit code 0 if all are identical, 1 if any differs, 2 if the bag cannot be used. With --set or
-    --params-file it shows what a changed guidance law decides instead.
+    --params-file it shows the decisions of a changed guidance law.
     """
     from cmpsp_ros.bags import Names  # noqa: PLC0415 (starts faster without)
 
@@ -170,7 +170,7 @@ def replay(
 def _what_if(
     bag: Path, names: Names, assignments: list[str], params_file: str | None, output: Path | None
 ) -> None:
-    """Show what a changed guidance law decides."""
+    """Show the decisions of a changed guidance law."""
     from cmpsp_ros.bags.replay import Change, draw_what_if, what_if  # noqa: PLC0415 (loads kernels)
     from cmpsp_ros.parameters import load_parameter_file  # noqa: PLC0415 (starts faster without)
     from cmpsp_ros.parameters.files import parse_assignment  # noqa: PLC0415 (starts faster without)

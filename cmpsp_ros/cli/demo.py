@@ -80,7 +80,7 @@ def demo(
 def _loaded(
     preset: str, assignments: list[str], robot: str | None, *, lockstep: bool
 ) -> tuple[Scenario, ...]:
-    """The robots of a preset; what there is to say of them is said."""
+    """Load the robots of a preset, and print remarks on them."""
     from cmpsp_ros.demo import load_fleet, load_scenario  # noqa: PLC0415 (loads kernels)
     from cmpsp_ros.parameters.files import robots_in  # noqa: PLC0415 (starts faster without)
 

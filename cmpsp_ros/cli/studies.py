@@ -24,9 +24,9 @@ from cmpsp_ros.parameters import ParameterError
 
 
 def bench(context: typer.Context) -> None:
-    """Time control steps, alone and beside other solvers; from a clone of the repository.
+    """Time control steps, alone and beside other solvers; needs a clone of the repository.
 
-    Exit code 2 without a clone, or without what `make setup` installs.
+    Exit code 2 without a clone, or without the packages of `make setup`.
     """
     root = Path(__file__).parents[2]
     if not (root / 'benchmarks' / '__main__.py').is_file():
@@ -113,7 +113,7 @@ def study(
     ] = '',
     assignments: Assignments = None,
 ) -> None:
-    """Drive many random courses and count what happens.
+    """Drive many random courses and count the outcomes.
 
     No ROS is needed. After an interruption the same command continues.
     """

@@ -54,17 +54,17 @@ def progress_bar() -> Progress:
 
 
 def complain(problem: object) -> None:
-    """Say what is wrong, as it is: paths and messages are neither markup nor wrapped."""
+    """Print an error verbatim: paths and messages are neither markup nor wrapped."""
     errors().print(str(problem), style='red', markup=False, highlight=False, soft_wrap=True)
 
 
 def remark(text: object) -> None:
-    """Say on standard error what a user may want to know, as it is."""
+    """Print a remark verbatim on standard error."""
     errors().print(str(text), markup=False, highlight=False, soft_wrap=True)
 
 
 def say(text: object) -> None:
-    """Say what was found or written, as it is."""
+    """Print a result verbatim."""
     console().print(str(text), markup=False, highlight=False, soft_wrap=True)
 
 

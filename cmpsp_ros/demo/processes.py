@@ -54,7 +54,7 @@ def use_free_domain() -> int:
 
 
 def _is_free(domain: int) -> bool:
-    """Whether no DDS participant has the first unicast port of a domain, and nobody a claim."""
+    """True if no DDS participant has the first unicast port of a domain, and nobody a claim."""
     for port in (_first_port(domain), _last_port(domain)):
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
             try:
@@ -140,11 +140,11 @@ class Child:
             raise DemoError(f'{self.name} ended with exit code {code}:\n{self.last_words()}')
 
     def ask(self, refusal: str, change: Callable[[], bool]) -> None:
-        """Have a guidance node change its state.
+        """Request a state change of a guidance node.
 
         Args:
-            refusal: What it does if it refuses, in words.
-            change: Asks it; returns whether it agreed.
+            refusal: Words for its refusal.
+            change: Sends the request; returns True if accepted.
 
         Raises:
             DemoError: It refused, did not answer, or has ended.
@@ -172,7 +172,7 @@ class Child:
             return self.process.wait()
 
     def still_compiles(self) -> bool:
-        """Whether a node that has not answered in time is compiling its kernels, which it says."""
+        """True if a node that has not answered in time reports that it is compiling kernels."""
         said = [each for each in self.last_words().splitlines() if _COMPILES in each]
         if self.process.poll() is not None or not said:
             return False
@@ -185,7 +185,7 @@ class Child:
         return [each.partition(']: ')[2] for each in lines if each.startswith('[WARN]')]
 
     def last_words(self) -> str:
-        """The last lines of its log, and what it lacks if the disk is full."""
+        """Last lines of its log, and the space it lacks if the disk is full."""
         lines = self.log.read_text(errors='replace').splitlines()[-5:]
         if shutil.disk_usage(self.log).free < _LEAST_SPACE:
             lines.append(f'{self.log.parent}: no space is left on this disk')

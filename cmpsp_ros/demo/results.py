@@ -43,7 +43,7 @@ _PLANS = 4
 
 _ROOM = 0.8
 
-# Width of the picture, and what is below the course: the axis, and rows of the legend [in].
+# Width of the picture, and heights below the course: the axis, and rows of the legend [in].
 _WIDTH, _BELOW, _ROW, _COLUMNS = 8.0, 0.7, 0.25, 3
 
 _DRIVEN = 'black'

@@ -43,14 +43,14 @@ def guide(
     notice: Callable[[Scenario, GuidanceStatus], None],
     apart: float = 0.0,
 ) -> None:
-    """Have the robots set out, and follow them up to the decisions that their time has passed.
+    """Activate the robots, and follow them up to the decisions after their final times.
 
     Args:
-        observer: As from `started`.
-        children: As from `started`.
-        robots: What runs.
+        observer: From `started`.
+        children: From `started`.
+        robots: Robots of the run.
         notice: Called with each decision.
-        apart: Time between one robot's setting out and the next one's [s].
+        apart: Time between the starts of two robots [s].
 
     Raises:
         DemoError: A node cannot be activated, has ended, or decides no more.
@@ -130,7 +130,7 @@ def run(
     """Make one run and keep all its results in a folder.
 
     Args:
-        scenario: What to run.
+        scenario: Scenario of the run.
         folder: Existing folder for bag, pictures, figures and logs.
         progress: Called with the time of the run so far [s].
         view_port: Port of a page that shows the run live; None: no page.
@@ -288,7 +288,7 @@ def _wait_for_the_end(
         )
     }
     driven = {topic: Written(1, published=now) for topic in _driven(robots)}
-    # What was lost does not come any more. Whether the run can be judged, the bag will show.
+    # Lost messages do not arrive any more. The bag shows if the run can still be judged.
     if lacking := _wait_for_bag(observer, children, decided | driven):
         sys.stderr.write(f'{lacking}\n')
 
@@ -316,7 +316,7 @@ def _wait_for_bag(
 
 
 def _driven(robots: Sequence[Scenario]) -> Iterator[str]:
-    """What the simulators publish again and again."""
+    """Topics that the simulators publish periodically."""
     for each in robots:
         yield from (f'{each.namespace}{topic}' for topic in _DRIVEN)
         if each.values['moving_obstacles.names']:

@@ -48,7 +48,7 @@ class Scenario:
 
     @property
     def lockstep(self) -> bool:
-        """Whether the simulator waits for the answer to its odometry."""
+        """True if the simulator waits for the answer to its odometry."""
         return bool(self.values['lockstep'])
 
     @property
@@ -58,7 +58,7 @@ class Scenario:
 
     @property
     def truth(self) -> GuidanceSettings:
-        """The settings with all that stands on the course, what guidance is not told of too."""
+        """The settings with all static obstacles, also those unknown to guidance."""
         return replace(self.settings, obstacles=self.settings.obstacles + self.hidden)
 
     @property
@@ -80,13 +80,13 @@ def load_scenario(
     Args:
         preset: Name of a preset, or path of a parameter file.
         assignments: Changes, each as `key=value`.
-        lockstep: Whether to run in lockstep, overriding the file.
+        lockstep: True to run in lockstep, overriding the file.
         robot: Name of a robot, or path of its file, applied on top of the preset. A final time that
             is too short for it is increased, unless an assignment sets it.
-        namespace: Of the robot, if the file has several.
+        namespace: Namespace of the robot, if the file has several.
 
     Raises:
-        ParameterError: A key or value is wrong; names the key, what was found and what was
+        ParameterError: A key or value is wrong; names the key, the value found and the one
             expected.
     """
     changes = dict(parse_assignment(each) for each in assignments)

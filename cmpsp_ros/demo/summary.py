@@ -36,8 +36,8 @@ class Summary:
 
     Attributes:
         preset: Name of the preset or parameter file.
-        reached: Whether every goal was passed within its tolerances at its time; for a followed
-            road, whether the mean speed was reached.
+        reached: True if every goal was passed within its tolerances at its time; for a followed
+            road, if the mean speed was reached.
         miss: Distance from the goal at the final time [m]; None for a followed road.
         clearance: Least clearance of the driven path, also between samples, from road edges and
             obstacles, and while the robot moves from moving obstacles, less the robot's radius [m].
@@ -47,10 +47,10 @@ class Summary:
         deadline_misses: Control steps whose command was sent too late, or not at all.
         levels: Control steps at each fallback level.
         control_steps: Number of control steps.
-        passings: How each goal was passed, in order, if there is more than one point to pass.
+        passings: Passing of each goal, in order, if there are several.
         speed: Mean speed along a followed road [m/s].
-        reason: Of the first step at the worst fallback level; empty where all were nominal.
-        not_judged: What is not recorded, in words; empty if all is.
+        reason: Reason of the first step at the worst fallback level; '' if all were nominal.
+        not_judged: Missing recordings, in words; '' if none.
     """
 
     preset: str

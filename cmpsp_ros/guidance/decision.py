@@ -201,7 +201,7 @@ def decision_to_key_values(decision: Decision) -> dict[str, str]:
 
 
 def is_at_rest(values: Mapping[str, str], robot: Robot) -> bool:
-    """Whether key values of a decision are those of one that stops the robot."""
+    """True if the key values are of a decision that stops the robot."""
     keys = *FIELDS['wheel_speeds'].keys, 'steering_angle'
     wheels = ' '.join(values[key] for key in keys if key in values).split()
     return not robot.twist_of_wheels(np.array(wheels, dtype=float)).any()
@@ -210,10 +210,7 @@ def is_at_rest(values: Mapping[str, str], robot: Robot) -> bool:
 def response_ms(step_ms: float, odometry_to_command_ms: float, command_delay: float) -> float:
     """Response time of a control step [ms]: beyond the control period its deadline is missed.
 
-    Args:
-        step_ms: Computing time, by the clock of the computer [ms].
-        odometry_to_command_ms: From the stamp of the odometry to the command, in ROS time [ms].
-        command_delay: Part of the latter that the prediction includes [s].
+    Computing time, or time from odometry to command beyond `command_delay` [s], if that is longer.
     """
     return max(step_ms, odometry_to_command_ms - 1e3 * command_delay)
 

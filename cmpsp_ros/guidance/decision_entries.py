@@ -61,15 +61,11 @@ class Entry:
         return {self.key: Key(self.parse, self.unit)}
 
     def write(self, value: Any) -> Mapping[str, object]:
-        """Its values by key."""
+        """Values of the field by key."""
         return {self.key: value}
 
     def read(self, found: Mapping[str, Any]) -> Any:
-        """The field, of those values that were found.
-
-        Raises:
-            KeyError: The argument is a required key.
-        """
+        """Value of the field; raises KeyError for a required key that is missing."""
         return found[self.key]
 
 
@@ -159,11 +155,7 @@ def exact_repr(value: object) -> str:
 
 
 def truth(text: str) -> bool:
-    """Value of `true` or `false`.
-
-    Raises:
-        ValueError: It is neither.
-    """
+    """Value of `true` or `false`; raises ValueError for anything else."""
     if text not in {'true', 'false'}:
         raise ValueError(f'found {text!r}, wanted true or false')
     return text == 'true'

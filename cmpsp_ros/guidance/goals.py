@@ -1,4 +1,4 @@
-"""Where to be and when; and following a road that has no end."""
+"""Goals with times, terminal targets, and settings to follow a road without end."""
 
 from __future__ import annotations
 
@@ -52,13 +52,13 @@ class Follow:
 
 
 class Target(NamedTuple):
-    """What a plan is to meet at its end.
+    """Terminal target of a plan.
 
     Attributes:
         position: A point (x, y) [m].
-        heading: Heading wanted there, or the road's direction for a line [rad]; None for any.
-        is_line: Whether it is the line through the point across the heading, which is free then.
-        drives_on: Whether another goal comes after this one.
+        heading: Heading required there, or the road's direction for a line [rad]; None for any.
+        is_line: True for the line through the point across the heading, which is free then.
+        drives_on: True if another goal comes after this one.
     """
 
     position: Point

@@ -13,17 +13,11 @@ from cmpsp_ros.mpsp.jit import allocation_free
 
 
 def remaining(now: int, period: int, final: int) -> Horizon:
-    """The horizon from now to the final time.
+    """Horizon from `now` to the final time; edges at multiples of the period, all in [ns].
 
-    Control instants are whole multiples of the period. One that is nearer than half a period to
-    the present or to the final time is left out, so that late odometry never makes a step so
-    short that it asks for a violent command; for the same reason a horizon is never shorter than
-    half a period, even if it then ends after the final time.
-
-    Args:
-        now: Present time [ns], before the final time.
-        period: Control period [ns].
-        final: Final time [ns].
+    An instant nearer than half a period to the present or the final time is left out, so that late
+    odometry never makes a step so short that it asks for a violent command. A horizon is at least
+    half a period long, even if it then ends after the final time.
     """
     half = period // 2
     first = -(-(now + half) // period)
@@ -34,25 +28,13 @@ def remaining(now: int, period: int, final: int) -> Horizon:
 
 
 def shift(controls: Array, old: Horizon, new: Horizon) -> Array:
-    """A plan's controls on a later horizon: what it holds at the middle of each new step.
+    """Controls ``(M + 1, r)`` of a plan ``(N + 1, r)`` on a later horizon, read at mid-step.
 
-    Args:
-        controls: Plan on the old horizon, shape ``(N + 1, r)``.
-        old: Its horizon.
-        new: The horizon wanted, of ``M`` steps.
-
-    Returns:
-        Shape ``(M + 1, r)``; beyond the old horizon's end its last step is continued, and the last
-        row, which moves nothing, is the same.
+    Beyond the old horizon its last step is continued; the last row, which moves nothing, is kept.
     """
     shifted = np.empty((len(new.edges), controls.shape[1]))
     _shift(shifted, controls, old.edges, new.edges)
     return shifted
-
-
-def steps_over(old: Horizon, new: Horizon) -> int:
-    """How many steps of a horizon are over when a later one begins."""
-    return _steps_over(old.edges, new.edges)
 
 
 @allocation_free
@@ -66,14 +48,6 @@ def _shift(shifted: Array, controls: Array, old: IntArray, new: IntArray) -> Non
             shifted[k, a] = controls[held, a]
     for a in range(controls.shape[1]):
         shifted[-1, a] = controls[-1, a]
-
-
-@allocation_free
-def _steps_over(old: IntArray, new: IntArray) -> int:
-    over = 0
-    while over < old.shape[0] and old[over] <= new[0]:
-        over += 1
-    return over - 1
 
 
 @allocation_free

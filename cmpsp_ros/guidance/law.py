@@ -22,7 +22,7 @@ from cmpsp_ros.guidance.prediction.estimator import Estimate, Observation
 from cmpsp_ros.guidance.safety.validation import Validation, Validator
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.state import LawState
-from cmpsp_ros.guidance.times import NEVER, Horizon, to_nanoseconds
+from cmpsp_ros.guidance.times import NEVER, Horizon
 from cmpsp_ros.guidance.world import NOT_SEARCHED, World
 from cmpsp_ros.world.roads import arc_length_to
 
@@ -48,10 +48,10 @@ class Task(NamedTuple):
 class GuidanceLaw:
     """Observe, predict, plan, check, select a plan or fall back, record.
 
-    It reads no clock and no file: the same observations give the same decisions, bit for bit. What
-    a command of now cannot change any more, since it takes effect after `command_delay`, is
-    predicted from the commands that the law itself has given. For each observation there is a
-    `step`, and where that has decided, `after_step` once the command is out.
+    It reads no clock and no file: the same observations give the same decisions, bit for bit.
+    Motion before the next command takes effect, after `command_delay`, is predicted from the
+    commands already issued. Each observation has a `step`, and where that has decided,
+    `after_step` once the command is out.
     """
 
     def __init__(self, settings: LawSettings, world: World, timer: Callable[[], int] = int) -> None:
@@ -85,14 +85,15 @@ class GuidanceLaw:
     def reconfigure(self, settings: LawSettings, world: World) -> None:
         """Take new settings and another world, from the next control step on."""
         self._state.reconfigure(settings, world)
-        if settings != self._settings:
-            self._settings, self._validator = settings, Validator(settings)
+        known, self._settings = self._settings, settings
+        if not settings.has_numbers_of(known):
+            self._validator = Validator(settings)
             self._supervisor = Supervisor(settings, self._validator, self._selector)
         self._selector.reconfigure(settings, self.world, self._validator)
         self._prepare_search()
 
     def is_due(self, stamp: int) -> bool:
-        """Whether odometry of this time [ns] is one to decide on."""
+        """True if odometry of this time [ns] calls for a decision."""
         clock = self._state.clock
         return clock.start is None or stamp - clock.start >= clock.due
 
@@ -120,13 +121,13 @@ class GuidanceLaw:
             decision = self._plan(observation, estimate, context)
         decision = supervisor.slowed(state, decision, estimate, ramp)
         decision = decision._replace(reason=task.note + decision.reason)
+        state.estimator.begin_period(observation, state.following.previous_control)
         self._decide_in_time(estimate, decision)
         state.clock.step += 1
-        state.estimator.begin_period(observation, state.following.previous_control)
         return self._record(observation, decision)
 
     def _observe(self, observation: Observation) -> float:
-        """Take in what has been seen and searched; how late the last command was [s]."""
+        """Take in sightings and search results; delay of the last command [s]."""
         self._see(observation)
         if observation.sighting is not None and self._state.clock.start is None:
             # Before time 0 there is time for it.
@@ -149,7 +150,7 @@ class GuidanceLaw:
         state.world = replace(seen, searched=state.mission.searched)
 
     def _predict(self, observation: Observation, late: float) -> Estimate:
-        """Where the robot is, and where the command of now takes effect; brake there if late."""
+        """Estimate the pose where the next command takes effect; brake there if late."""
         state = self._state
         previous = state.following.previous_control
         estimate = state.estimator.update(observation, state.world, previous)
@@ -172,13 +173,13 @@ class GuidanceLaw:
                 mission.idle_steps = 0
                 note = f'The final time is put off by {by:.3g} s'
                 note += ': the path to the goal takes longer. '
-        period = to_nanoseconds(settings.control_period)
+        period = goals.period
         if now >= goals.end:
             clock.due = now + period
             return Task(is_new, True, Horizon.between([now, clock.due]), False, note)
         mission.final_pose = None
         horizon = remaining(now, period, goals.final)
-        clock.due = horizon.next_instant
+        clock.due = horizon.edges.item(1)
         # A command that is given later takes effect after the final time.
         last = goals.final - delay
         is_settled = delay > 0 and state.following.plan is not None and last - now < period // 2
@@ -255,13 +256,13 @@ class GuidanceLaw:
         return decision
 
     def after_step(self, late: float = 0.0) -> Decision:
-        """Do what may take longer than a control step, once the command is out.
+        """Run the slow tasks of a step, once the command is out.
 
-        It warns of what no plan can do, and searches grids for the paths to the next goals.
+        Adds feasibility warnings, and searches grids for the paths to the next goals.
 
         Args:
-            late: How long the step took, where its command came too late to be sent [s]: it is
-                taken back, and its plan goes on; 0 where it was sent.
+            late: Duration of the step if its command came too late to be sent [s]: it is withdrawn,
+                and the previous plan continues; 0 if it was sent.
 
         Returns:
             The decision of the last `step`, as it is to be recorded.
@@ -289,29 +290,19 @@ class GuidanceLaw:
         mission.searched = search_ahead(self._settings, world, observation.pose[:2], places)
 
     def set_goal(self, stamp: int, goal: Goal) -> None:
-        """Take another goal instead of all others, at the first control step that is not older.
+        """Replace all goals, at the first control step not older than `stamp` [ns]; 0 for at once.
 
-        Args:
-            stamp: Its time stamp [ns]; 0 for at once.
-            goal: The goal; when to pass it follows from its distance and the nominal speed.
-
-        Raises:
-            GoalError: It is refused, and nothing changes.
+        Raises GoalError if the goal is refused; nothing changes then.
         """
         state = self._state
         latest = None if state.clock.start is None else state.clock.start + state.clock.now
         state.mission.goals.receive(stamp, goal, state.world, self._validator, latest)
 
     def halt(self, stamp: int, reason: str, **flags: Any) -> Decision:
-        """Stop for a reason that odometry does not show.
+        """Stop at `stamp` [ns] for a reason not seen in odometry; decide on newer odometry at once.
 
-        The plan is dropped, and the next newer odometry is decided on at once.
-
-        Args:
-            stamp: Present time [ns].
-            reason: Why, in a sentence.
-            flags: Of `Decision`: `finished`, which the next odometry is to judge, `cancelled`, or
-                `braking`. With one of them it brakes along the checked path.
+        With a flag of `Decision` (`finished`, which the next odometry is to judge, `cancelled`,
+        `braking`) it brakes along the checked path.
         """
         state, nowhere = self._state, np.full(3, math.nan)
         self._supervisor.drop_plan(state)
@@ -332,7 +323,7 @@ class GuidanceLaw:
 
     @property
     def world(self) -> World:
-        """Road and static obstacles, with what is seen."""
+        """Road and static obstacles, with the seen grid."""
         return self._state.world
 
     @property

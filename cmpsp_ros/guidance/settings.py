@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Final, Self
 
 from cmpsp_ros.guidance.goals import Follow, Goal, Target
@@ -26,22 +26,22 @@ _FRACTION_OF_TOP_SPEED, _WITHOUT_LIMIT = 0.8, 1.0
 
 @dataclass(frozen=True)
 class LawSettings(TaskSettings):
-    """All numbers that the law depends on; what the robot drives in is the `World`.
+    """Numbers that the law depends on; road and obstacles are the `World`.
 
     Attributes:
         robot: Kinematics and limits.
         goal: Point to pass at the final time (x, y) [m].
         goal_heading: Heading to pass it with [rad]; None for any.
-        final_time: Time at which to pass the goal, from the first odometry [s]. Where a road is
-            followed it is when to stop, infinite for never.
-        waypoints: What to pass before it, by increasing times.
-        follow: How to follow the road, where that is the task; there is no goal then.
-        moving_obstacles: How moving ones are considered.
-        sight: What sees obstacles, and how that is remembered.
+        final_time: Time at which to pass the goal, from the first odometry [s]. On a road
+            that is followed, time to stop; infinite for never.
+        waypoints: Goals before it, by increasing times.
+        follow: Settings to follow a road, where that is the task; there is no goal then.
+        moving_obstacles: Settings for moving obstacles.
+        sight: Sensors, and the memory of their sightings.
         robot_radius: Radius of the robot's footprint, or of each disc that covers it, kept from
             obstacles and road edges [m].
         footprint: Its corners, if it has any, and the discs that cover it.
-        start_pose: Where a run is to begin [m, m, rad]; its place counts. None for the road.
+        start_pose: Start pose of a run [m, m, rad]; its position counts. None for the road.
     """
 
     robot: Robot
@@ -62,16 +62,12 @@ class LawSettings(TaskSettings):
 
     @property
     def max_wheel_change(self) -> float:
-        """Largest change of a wheel from one command to the next; infinite for none [rad/s].
-
-        It is that of a control period, also where late odometry makes a step shorter or longer:
-        else no plan could be shifted.
-        """
+        """Maximum wheel-speed change between commands, for any step [rad/s]; may be infinite."""
         return self.robot.max_wheel_acceleration * self.control_period
 
     @property
     def target(self) -> Target:
-        """What a plan for the last goal alone is to meet at its end."""
+        """Terminal target of a plan for the last goal alone."""
         return Target(self.goal, self.goal_heading, is_line=self.follow is not None)
 
     @property
@@ -94,6 +90,11 @@ class LawSettings(TaskSettings):
         return self.nominal_speed or (
             _FRACTION_OF_TOP_SPEED * top if math.isfinite(top) else _WITHOUT_LIMIT
         )
+
+    def has_numbers_of(self, other: LawSettings) -> bool:
+        """True if all numbers are the same, in any world."""
+        names = (each.name for each in fields(LawSettings))
+        return all(getattr(self, name) == getattr(other, name) for name in names)
 
     def towards(self, goal: Goal, begin: float = 0.0) -> Self:
         """The same with one goal alone.
@@ -127,9 +128,6 @@ class LawSettings(TaskSettings):
 
     @property
     def bodies(self) -> Bodies:
-        """What the robot's outline is certainly in: it has the clearance of the clearest.
-
-        The discs that cover it, and of a robot with corners those around its outline.
-        """
+        """Disc covers of the robot's outline; its clearance is the largest of theirs."""
         discs = self.footprint.discs, self.robot_radius
         return (discs, self.footprint.outline) if self.footprint.corners else (discs,)

@@ -62,10 +62,7 @@ class SolverSettings:
         'Maximum change of heading at any stage in one iteration; 0: no limit.', NOT_NEGATIVE)
 
     def work_limit(self, period: float) -> int:
-        """Work of a control step of this period [s], in visits of a stage.
-
-        It is counted, not timed: a replay does just as much.
-        """
+        """Work limit of a control step [visits of a stage], counted so that a replay repeats it."""
         return int(self.work_share * self.work_rate * period) or UNLIMITED
 
 
@@ -82,7 +79,7 @@ class InitialGuess:
 
 @dataclass(frozen=True)
 class MovingObstacles:
-    """How moving obstacles and other robots are considered."""
+    """Settings for moving obstacles and other robots."""
 
     capacity: int = setting(0, '',
         'Maximum number of moving obstacles considered; they arrive on `moving_obstacles`. 0: the '
@@ -107,7 +104,7 @@ class MovingObstacles:
 
 @dataclass(frozen=True)
 class Safety:
-    """Clearances, and what stops the robot."""
+    """Required clearances, and conditions to stop the robot."""
 
     margin: float = setting(0.0, 'm',
         "Clearance from obstacles and road edges, beyond the robot's own radius.", NOT_NEGATIVE)

@@ -1,4 +1,4 @@
-"""What the guidance law remembers from one control step to the next, grouped by who writes it."""
+"""State of the guidance law between control steps, grouped by the part that writes it."""
 
 from __future__ import annotations
 
@@ -48,30 +48,26 @@ class Clock:
 
 @dataclass
 class Lateness:
-    """How late commands are in a run.
+    """Delays of commands in a run.
 
     Attributes:
-        last: How long the last step took, if its command came too late to be sent; else 0 [s].
-        expected: The longest that a step took of those not yet forgiven [s].
-        late_steps: Late steps not yet forgiven, as far as they count.
-        steps_in_time: Steps in time since the last of them.
+        last: Duration of the last step, if its command came too late to be sent; else 0 [s].
+        expected: Longest duration of the late steps not yet forgiven [s].
+        late_steps: Number of late steps not yet forgiven, as far as they count.
+        steps_in_time: Number of steps in time since the last of them.
+        halvings: Number of times the work of a step is halved: a single late step may be chance.
     """
 
     last: float = 0.0
     expected: float = 0.0
     late_steps: int = 0
     steps_in_time: int = 0
-
-    @property
-    def halvings(self) -> int:
-        """How often the work of a step is halved: a single late step may be chance."""
-        return max(self.late_steps - 1, 0)
+    halvings: int = 0
 
     def add(self, took: float) -> None:
         """Count a late step that took so long [s]."""
         self.last, self.expected = took, max(self.expected, took)
-        self.late_steps = min(self.late_steps + 1, _MOST_HALVINGS + 1)
-        self.steps_in_time = 0
+        self._count(min(self.late_steps + 1, _MOST_HALVINGS + 1))
 
     def begin_step(self) -> float:
         """Begin the next step; how long the last one took, if it was too late, else 0 [s]."""
@@ -79,9 +75,13 @@ class Lateness:
         if last == 0.0 and self.late_steps:
             self.steps_in_time += 1
             if self.steps_in_time >= _FORGIVEN:
-                self.late_steps, self.steps_in_time = self.late_steps - 1, 0
+                self._count(self.late_steps - 1)
                 self.expected = self.expected if self.late_steps else 0.0
         return last
+
+    def _count(self, late_steps: int) -> None:
+        self.late_steps, self.steps_in_time = late_steps, 0
+        self.halvings = max(late_steps - 1, 0)
 
 
 @dataclass
@@ -90,10 +90,10 @@ class Mission:
 
     Attributes:
         goals: The present goal, and those to come.
-        closed_road: What closes the road to it.
+        closed_road: Obstacles that close the road to it.
         searched: Inputs of the search for the next control step.
-        idle_steps: Control steps that brought the goal no nearer, since a plan could reach it.
-        reaches_goal: Whether the last plan ended within the tolerance of the goal.
+        idle_steps: Number of control steps without progress, since a plan could reach the goal.
+        reaches_goal: True if the last plan ended within the tolerance of the goal.
         final_pose: Pose at the final time, shape ``(3,)`` [m, m, rad]; None before.
         warnings: Tasks that no plan of the run can fulfil, in sentences.
     """
@@ -160,12 +160,12 @@ class LawState:
     """One run of the law; a new run begins with a new state.
 
     Attributes:
-        run: How many runs there were before.
-        revision: How often the law had been given new settings before.
-        world: Road and static obstacles, with what is seen.
-        sighted: Time stamp of what is seen [ns]; None without sensors.
+        run: Number of runs before.
+        revision: Number of changes of settings before.
+        world: Road and static obstacles, with the seen grid.
+        sighted: Time stamp of the seen grid [ns]; None without sensors.
         clock: Time of the run.
-        estimator: Slip, response and place of the robot, and the commands under way.
+        estimator: Slip, response and position of the robot, and pending commands.
         mission: The way to the goal.
         following: The plan that is followed, and the commands.
         lateness: Control steps that took too long.
@@ -192,7 +192,7 @@ class LawState:
         return cls(run, revision, world, estimator, mission, following)
 
     def reconfigure(self, settings: LawSettings, world: World) -> None:
-        """Go on with other settings, in another world; what is seen stays."""
+        """Continue with other settings, in another world; the seen grid stays."""
         known = self.world
         if world.road != known.road:
             self.estimator.progress = math.nan
@@ -220,7 +220,7 @@ class LawState:
         self.interrupt(is_lost=True)
 
     def record(self, decision: Decision, tracks: tuple[MovingObject, ...] = ()) -> Decision:
-        """Note a command, and add what was known of slip, lag and surroundings."""
+        """Record a decision, completed with slip, lag and surroundings."""
         estimator, response = self.estimator, self.estimator.response
         estimator.note_command(decision.stamp, self.following.previous_control, decision.twist)
         self.following.commanded_at = decision.stamp

@@ -76,7 +76,7 @@ def prepare(settings: GuidanceSettings) -> None:
 
 
 def _see_something(settings: GuidanceSettings) -> None:
-    """Make an obstacle of what a sensor shows."""
+    """Run the kernels of sensing on one beam."""
     sensor, nowhere = settings.sight.sensors[0], np.zeros(3)
     stamps, is_hit = np.zeros(2, np.int64), np.ones(2, dtype=bool)
     surroundings = Surroundings(settings.sight, settings.robot_radius, settings.footprint)
@@ -89,11 +89,7 @@ def _see_something(settings: GuidanceSettings) -> None:
 
 
 def warm_up(settings: GuidanceSettings) -> None:
-    """Decide once, far from any run, so that all compiled code is loaded.
-
-    Raises:
-        ValueError: The settings cannot be worked with.
-    """
+    """Decide once, outside any run, to load all compiled code; ValueError for invalid settings."""
     GuidanceLaw(settings, settings.world).step(Observation(0, settings.road.middle()))
 
 
@@ -111,7 +107,7 @@ def run_kernels(settings: LawSettings) -> None:
     with_lag(controls[0].copy(), controls, np.ones(2), 1.0, 1)
     commands, response = PendingCommands(len(controls[0])), ResponseEstimate(on_road)
     for stamp in (0, NANOSECONDS):
-        # Off by what the wheels could have done.
+        # Off by a motion that the wheels can make.
         response.update(stamp, pose + stamp * _OFF, commands, on_road.robot, 0.0)
     response.response(0, commands, 0.0, 1.0)
     space = FreeSpace.of(_A_ROAD, (), 0.0)
@@ -175,7 +171,7 @@ def _meet_trouble(settings: GuidanceSettings) -> None:
 
 
 def _meet_difficulties(settings: GuidanceSettings) -> None:
-    """Run what is seldom needed: Clarabel, which is imported when it is first asked."""
+    """Run the rarely used fallback: Clarabel, which is imported on first use."""
     by_name = replace(settings, solver=replace(settings.solver, qp=CLARABEL))
     period, final = to_nanoseconds(settings.control_period), to_nanoseconds(settings.final_time)
     horizon, pose = remaining(0, period, final), settings.road.middle()

@@ -24,13 +24,13 @@ MAP: Final = 'map'
 
 
 class Searched(NamedTuple):
-    """Inputs of the last search for a path across a grid, beside what is known beforehand.
+    """Inputs of the last search for a path across a grid, besides the known map.
 
     Attributes:
-        seen: What was seen then; None for nothing.
+        seen: Grid seen then; None for none.
         kept: The path before, while that is open; of a map none.
         hysteresis: Relative improvement required of another path while the present one is open.
-        is_another: Whether the path that was found leads another way than the one before.
+        is_another: True if the path found differs from the one before.
     """
 
     seen: GridObstacle | None = None
@@ -44,14 +44,14 @@ NOT_SEARCHED: Final = Searched()
 
 @dataclass(frozen=True)
 class World:
-    """Road and static obstacles; replaced as a whole when something is seen, told or received.
+    """Road and static obstacles; replaced as a whole by sightings and messages.
 
-    It caches what is derived from it for a robot: free spaces and the search of the map.
+    It caches free spaces and the search of the map.
 
     Attributes:
         road: The road to stay inside.
         obstacles: Static obstacles that are known, a map included.
-        seen: All that sensors have seen; None before the first sighting.
+        seen: Grid seen by the sensors; None before the first sighting.
         searched: Inputs of the last search for a path across a grid.
     """
 
@@ -62,7 +62,7 @@ class World:
 
     @cached_property
     def shapes(self) -> tuple[Shape, ...]:
-        """All static obstacles: those that are known, and what is seen."""
+        """All static obstacles: the known ones, and the seen grid."""
         return self.obstacles if self.seen is None else (*self.obstacles, self.seen)
 
     @cached_property
@@ -94,7 +94,7 @@ class World:
         return self.road
 
     def seeing(self, grid: OccupancyGrid) -> World:
-        """The world with a grid as what is seen; what is not seen yet is free for plans."""
+        """Copy with a seen grid; cells not seen yet are free for plans."""
         return replace(self, seen=GridObstacle(SEEN, grid, unknown_is_free=True))
 
     def free_space(self, settings: LawSettings, margin: float = 0.0) -> FreeSpace:
@@ -116,10 +116,7 @@ class World:
         return np.asarray(np.max([each.along(poses, twists, durations) for each in spaces], axis=0))
 
     def map_search(self, settings: LawSettings) -> MapSearch | None:
-        """The search of a grid for the path to a goal, where no road gives it.
-
-        None before there is a map, or before the first search of what is seen.
-        """
+        """Search of a grid for the path to a goal; None on a road, and without a grid."""
         if self.road.has_center_line or all(each.corners for each in self._searchable):
             return None
         wanted = settings.kept

@@ -136,7 +136,7 @@ class Excitation(Node):
             self._timer.cancel()
             self.problem = problem
             self._command(0.0, 0.0)
-            # The way out that delivers what was published last.
+            # This exit delivers the last published messages.
             signal.raise_signal(signal.SIGINT)
 
 

@@ -204,7 +204,7 @@ class Player(Node):
             self._schedule(0)
         else:
             self._timer.cancel()
-            # Shutting down by a signal delivers what was published last.
+            # Shutting down by a signal delivers the last published messages.
             signal.raise_signal(signal.SIGINT)
 
     def _schedule(self, wait: int) -> None:

@@ -163,7 +163,7 @@ class Viewer(Node):
             self._state.show('seen', seen_of(message))
 
     def _ask(self) -> None:
-        """Ask the guidance node for what no topic says."""
+        """Ask the guidance node for data that no topic carries."""
         if self._robot is None and self._client.service_is_ready():
             self._robot = self._client.call_async(GetParameters.Request(names=list(_ASKED)))
             self._robot.add_done_callback(self._on_parameters)

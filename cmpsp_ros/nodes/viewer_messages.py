@@ -1,6 +1,6 @@
-"""Messages as a page draws them: plain numbers and text, of bounded size.
+"""Messages prepared for the page: plain numbers and text, of bounded size.
 
-Anybody may publish on these topics: whatever is in a message, the page stays small and quick.
+Anybody may publish on these topics: no message can make the page large or slow.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def place_of(message: Odometry) -> tuple[float, float, float] | None:
 
 
 def decision_of(message: DiagnosticArray) -> dict[str, Any]:
-    """A decision by key; what it lacks, or has no sense, is None.
+    """A decision by key; missing or meaningless values are None.
 
     The level of one after the final time is `arrived`, unless the goal was missed.
     """

@@ -37,12 +37,12 @@ _STYLE: Final[Any] = {
 
 
 class StudyError(ValueError):
-    """A study cannot be run as requested; the message says what was found and what was expected."""
+    """A study cannot be run as requested; the message names finding and expectation."""
 
 
 @contextmanager
 def plot_style() -> Iterator[None]:
-    """Draw and save in the style of a journal, whatever the user's matplotlib settings are."""
+    """Draw and save in the style of a journal, independent of the user's matplotlib settings."""
     with mpl.rc_context():
         mpl.rcdefaults()
         mpl.rcParams.update(_STYLE)

@@ -20,7 +20,7 @@ from cmpsp_ros.world.grids import OccupancyGrid
 _MOST: Final = 256
 """Pixels along a side at most."""
 
-# Of free, unknown and occupied cells, from the least to what hides the others.
+# Free, unknown and occupied cells by rank: the highest in a pixel is drawn.
 _RANKS: Final = np.array([0, 2, 1], dtype=np.uint8)
 _COLORS: Final = bytes.fromhex(''.join(each[1:] for each in ('#ffffff', UNSEEN, SEEN)))
 _OPACITY: Final = bytes([0, 255, 255])
@@ -63,12 +63,7 @@ _NONE: Final = np.zeros(0)
 
 
 def traces(parts: Iterable[Part], color: str) -> list[Trace]:
-    """Lines of each part as a trace, and its names as another.
-
-    Args:
-        parts: What to show.
-        color: Of kinds that have the colour of their run.
-    """
+    """Lines of each part as a trace, and its names as another, with the color of the run."""
     found = []
     for part in parts:
         look = part.look

@@ -235,7 +235,7 @@ def held_controls(known: Known, rng: Rng) -> Subproblem:
 
 
 def narrow_trust_region(known: Known, rng: Rng) -> Subproblem:
-    """A trust region much too small for what the terminal rows want."""
+    """A trust region much too small for the terminal rows."""
     radius = np.full(known.subproblem.trust_radius.shape, 10.0 ** rng.uniform(-4.0, -1.0))
     miss = known.subproblem.linearisation.output_error + 1.0
     lin = replace(known.subproblem.linearisation, output_error=miss)

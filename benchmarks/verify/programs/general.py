@@ -114,7 +114,7 @@ def row_values(subproblem: Subproblem, dU: Array) -> tuple[Array, Array]:
 
 
 def _dynamics(rng: Rng, N: int, n: int) -> Array:
-    """Stable and unstable steps; what is unstable grows a thousandfold at most."""
+    """Stable and unstable steps; unstable modes grow a thousandfold at most."""
     A = rng.normal(size=(n, n)) + 0.1 * rng.normal(size=(N, n, n))
     radius = np.abs(np.linalg.eigvals(A)).max(axis=1)[:, None, None]
     fastest = min(1.5, _MAX_GROWTH ** (1.0 / N))

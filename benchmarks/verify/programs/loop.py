@@ -72,7 +72,7 @@ def _loop(scenario: RobotScenario, rng: Rng) -> Iterator[Draft]:
         hard = Program(subproblem)
         relaxed = Program(subproblem, penalties(subproblem, weights))
         yield Draft(f'{about}, hard', hard, Program(before))
-        # What the guidance law does: the relaxed program after the hard one that it is made of.
+        # As in the guidance law: the relaxed program after the hard one it is made of.
         earlier = hard if rng.random() < 0.5 else Program(before, relaxed.penalties)
         yield Draft(f'{about}, relaxed at {weights.goal:g}', relaxed, earlier)
 

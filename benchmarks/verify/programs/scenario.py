@@ -79,7 +79,7 @@ def crowded(rng: Rng) -> RobotScenario:
         settings,
         final_time=_arc(settings, pose) / pace,
         road=replace(road, inner_radius=middle - half, outer_radius=middle + half),
-        # What is left of a narrow road beside an obstacle is none.
+        # A narrow road leaves no gap beside an obstacle.
         obstacles=(),
         weights=weights,
         safety=replace(settings.safety, between_samples=bool(rng.random() < 0.2)),

@@ -211,7 +211,7 @@ class Leg:
     def by_odometry(self) -> KnownPath:
         """The path by odometry.
 
-        Where the true path is known too, what odometry itself says of its errors is no contact.
+        With a true path recorded, the covariance of odometry is not counted as contact.
         """
         off, stamps = 0.0, self.path.stamps
         for part in () if self.true is None else self.true.pieces:

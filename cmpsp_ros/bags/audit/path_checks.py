@@ -78,7 +78,7 @@ def _doubtful(record: AuditRecord, worst: Sample) -> str:
     gaps=(_doubtful, _unseen, path_gap), **_CLEAR,
 )  # fmt: skip
 def obstacles(record: AuditRecord) -> Iterator[Sample]:
-    """Clearance from all obstacles: of parameters and simulator, and from what sensors saw."""
+    """Clearance from all obstacles: configured, simulated and sensed."""
     if not any(each.settings.obstacles for each in record.evidence) and not any(record.seen):
         if record.unseen:
             raise NotJudgedError(record.unseen)

@@ -118,7 +118,7 @@ class AuditRecord:
     def sweeps(self) -> tuple[Sweep, ...]:
         """The path by odometry since the beginning of each leg's first run, with its clearance.
 
-        That is from what guidance was told of, and infinite in holes.
+        Clearance is from the obstacles known to guidance, infinite inside holes.
         """
         epochs = tuple(replace(each, hidden=()) for each in self.history.epochs)
         told = replace(self.history, epochs=epochs)

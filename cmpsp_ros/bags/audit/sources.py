@@ -56,7 +56,7 @@ def read_record(path: Path, sources: Sources | None = None) -> AuditRecord:
     """Read the data of an audit.
 
     Raises:
-        BagError: Not a bag, a topic is missing, or what is in it cannot be used.
+        BagError: Not a bag, or a topic is missing or unusable.
         ParameterError: The parameters cannot be used.
     """
     sources = sources or Sources()

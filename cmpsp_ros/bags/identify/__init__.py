@@ -22,7 +22,7 @@ def identify(
     Args:
         paths: Bags of odometry and commands, of any program.
         sources: Topics, where they cannot be found.
-        robot: Name or file of the robot with what was known of it before.
+        robot: Name or file of the robot, with its prior values.
 
     Raises:
         BagError: A bag cannot be used.

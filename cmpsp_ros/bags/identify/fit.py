@@ -152,7 +152,7 @@ class Fit:
             if each.axis == axis:
                 jumps = jumps_in(factor)
                 off = np.abs(whitened(factor, residuals)) > _JUMP
-                # What follows a jump seems to be one as long as the jump counts.
+                # Samples after a jump look like jumps too as long as the jump counts.
                 jumps[off.argmax()] |= off.any()
                 rates = np.abs(self._rates(each))
                 jumps |= rates > steady * rates.max()

@@ -1,4 +1,4 @@
-"""What if: a changed guidance law on recorded odometry beside the recorded law, as bag and picture.
+"""Replay with a changed guidance law beside the recorded decisions, as bag and picture.
 
 It is open-loop: the robot followed the recorded commands, not those of the changed law.
 """
@@ -102,7 +102,7 @@ def what_if(path: Path, names: Names, change: Change, output: Path) -> WhatIf:
     """Run the changed law, and write a new bag with the recording and its decisions.
 
     Raises:
-        BagError: The bag lacks what is needed, or the new one cannot be written.
+        BagError: The bag lacks required data, or the new one cannot be written.
         ParameterError: The changed parameters cannot be used.
     """
 

@@ -32,10 +32,10 @@ class Follower:
         self._settings_of = settings_of
 
     def follow(self, event: Input) -> Decision | None:
-        """Take one input; the decision on it, if there is one.
+        """Process one input; return the resulting decision, if any.
 
         Raises:
-            Exception: Whatever the law raises on odometry.
+            Exception: Any error of the law on odometry.
         """
         match event:
             case RunStarted(values):

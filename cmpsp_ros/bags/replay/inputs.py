@@ -56,7 +56,7 @@ class GoalReceived:
 
 @dataclass(frozen=True)
 class OdometryReceived:
-    """Odometry was received, with its decision, if any, and what was known around it then."""
+    """Odometry was received, with its decision, if any, and the surroundings known then."""
 
     odometry: OdometrySample
     decision: DecisionRecord | None

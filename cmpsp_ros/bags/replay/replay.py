@@ -178,7 +178,7 @@ def replay(path: Path, names: Names, tolerance: float | None = None) -> ReplayOu
     """Replay a bag, and compare, with a tolerance as in `Comparison`.
 
     Raises:
-        BagError: Not a bag, or it does not hold what a replay needs.
+        BagError: Not a bag, or data needed for a replay are missing.
     """
 
     def settings_of(values: Values) -> GuidanceSettings:
@@ -216,7 +216,7 @@ def _take(event: Input, follower: Follower, comparison: Comparison, outcome: Rep
     number = outcome.decisions + 1
     match event:
         case OdometryReceived(odometry, None):
-            # It is not fed, so that what follows can still be compared.
+            # It is not fed, so that later decisions can still be compared.
             if follower.law.is_due(odometry.stamp):
                 due = Difference(number, odometry.stamp, 'decision', 'nothing', 'one is due')
                 outcome.add(None, [due])

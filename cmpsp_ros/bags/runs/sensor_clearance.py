@@ -125,7 +125,7 @@ def look(
         judge, looks = _ClearanceTracker(settings, best), list[int]()
         scans = _scans(bag, topic, settings, best, window)
         while block := list(islice(scans, _BLOCK)):
-            # Beams that end at what moves have met nothing that stays.
+            # Beams that end at moving obstacles have hit nothing static.
             block = [
                 replace(each, hits=each.hits & ~_in_discs(each.ends, moving(each.stamp)))
                 for each in sorted(block, key=lambda each: each.stamp)
@@ -176,7 +176,7 @@ class _ClearanceTracker:
             self.near(spots, *sorted((before, stamp)))
             pose = self._poses[np.searchsorted(self._stamps, stamp).clip(max=len(self._poses) - 1)]
             grid.center_on(float(pose[0]), float(pose[1]))
-            # The robot sees parts of itself, and what it touches: the others tell of that.
+            # The robot sees parts of itself, and objects that it touches: other checks cover these.
             of_itself = each.hits & (self._away(each.ends, pose[None])[0] < 0.0)
             ends = np.where(of_itself[:, None], each.starts, each.ends)
             grid.see(replace(each, ends=ends, hits=each.hits & ~of_itself))

@@ -65,7 +65,7 @@ def check_bag(path: Path) -> dict[str, Any]:
         The metadata of its folder; empty for a single storage file.
 
     Raises:
-        ReaderError: Damaged, or beyond what is read.
+        ReaderError: Damaged, or beyond the supported limits.
     """
     if not path.is_dir():
         _check_storage(path, SUFFIXES.get(path.suffix, ''))
@@ -90,9 +90,9 @@ def check_bag(path: Path) -> dict[str, Any]:
 
 
 def salvage(path: Path, folder: Path, remark: Remark) -> Iterator[Found]:
-    """Iterate over what is left of a storage file, each topic before its messages.
+    """Iterate over the readable remains of a storage file, each topic before its messages.
 
-    Temporary files go to `folder`; `remark` is called with each reason for leaving out.
+    Temporary files go to `folder`; `remark` is called with each reason for an omission.
     """
     try:
         check_file(path)

@@ -91,8 +91,8 @@ class ChunkHead(NamedTuple):
 def records(file: BinaryIO, start: int, end: int) -> Iterator[McapRecord]:
     """Iterate over records between two offsets, without reading their content.
 
-    The last may be cut off. The iteration ends at what is no record. The file may be moved
-    between two records.
+    The last may be truncated. Iteration ends at invalid data. The file may be moved between
+    two records.
     """
     while start + _RECORD.size <= end:
         file.seek(start)
@@ -165,7 +165,7 @@ def check_mcap(path: Path) -> None:
     """Check that rosbags can read a file in bounded memory and time.
 
     Raises:
-        ReaderError: Not an mcap file, cut off, damaged, or beyond what is read.
+        ReaderError: Not an mcap file, truncated, damaged, or beyond the supported limits.
     """
     size = path.stat().st_size
     with path.open('rb') as file:
@@ -248,13 +248,13 @@ class _Checker:
 
 
 def _check_chunks(file: BinaryIO, chunks: Mapping[int, ChunkHead], size: int) -> None:
-    """Check that each chunk is the one that was indexed, and what must be held at a time."""
+    """Check each chunk against the index, and the memory needed at a time."""
     _check_overlap(chunks.values())
     for offset, head in chunks.items():
         record = next(records(file, offset, size), None)
         if record is None or record.opcode != CHUNK:
             raise ReaderError(f'no chunk at offset {offset}')
-        # What is not compressed is as large as it says, and need not be read twice.
+        # Uncompressed chunks are as large as declared, and need not be read twice.
         if head.compression:
             found, _ = read_chunk(content(file, record, size))
         else:

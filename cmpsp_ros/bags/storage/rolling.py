@@ -58,7 +58,7 @@ class FileSummary:
 class RollingFiles:
     """Storage files, each with all topics, and the metadata of all.
 
-    Every method raises one of `REFUSALS` when the disk refuses; what has been written stays valid.
+    Every method raises one of `REFUSALS` when the disk refuses; data already written stay valid.
     Custom data are written when a file is closed.
     """
 
@@ -100,7 +100,7 @@ class RollingFiles:
         write_atomically(self._folder / METADATA, text)
 
     def make_room(self) -> int:
-        """Drop what the disk refused, and as much more as index and metadata need; count it."""
+        """Drop refused messages, and more for index and metadata; return the number dropped."""
         if self._storage is None:
             return 0
         before = self.message_count

@@ -208,7 +208,7 @@ class SqliteStorage(Sqlite3Writer):
             # SQLite may have taken back by itself all that came since the last flush.
             raise OSError('messages were refused')
         self.flush()
-        # A second attempt writes over what the first one did.
+        # A second attempt overwrites the first one.
         self.conn.execute('INSERT OR REPLACE INTO metadata VALUES (1, ?, ?)', (version, metadata))
         self.conn.commit()
         self.conn.execute('PRAGMA journal_mode=DELETE')

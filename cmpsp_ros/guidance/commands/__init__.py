@@ -1,1 +1,1 @@
-"""What becomes of a plan: commands, slower ones, stops."""
+"""From the selected plan to the decision: commands, slower ones, stops."""

@@ -1,4 +1,4 @@
-"""Decisions, made from what the law remembers and what it has found."""
+"""Decisions, built from the state of the law and its plan."""
 
 from __future__ import annotations
 
@@ -105,8 +105,8 @@ class DecisionBuilder:
             level=level,
             reason=reason,
             wheel_speeds=self._robot.speeds_of(control),
-            steering_angle=self._robot.steering_of(control),
             twist=self._robot.twist(control),
+            steering_angle=self._robot.steering_of(control),
             time_left=left,
             plan=plan,
             terminal_error=errors[0],

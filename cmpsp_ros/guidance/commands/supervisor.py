@@ -45,7 +45,7 @@ class Choice(NamedTuple):
 
 
 class Supervisor:
-    """Decides what is followed, how fast, and when to stop instead."""
+    """Selects the plan to follow and its speed, or stops the robot."""
 
     def __init__(self, settings: LawSettings, validator: Validator, selector: PlanSelector) -> None:
         """Take limits and times from the settings."""
@@ -63,8 +63,13 @@ class Supervisor:
 
     def reason_to_stand(self, state: LawState, estimate: Estimate) -> str:
         """Why not even to plan, in a sentence; empty for no reason."""
-        waits = '' if estimate.start.moving.names else state.mission.closed_road.wait_reason
-        return state.estimator.response.reason_to_stop(self._settings) or waits
+        error, allowed = state.estimator.response.error, self._settings.safety.max_prediction_error
+        if error > allowed > 0.0:
+            return (
+                f'Odometry is {error:.2g} m from where the commands lead, more than {allowed} m'
+                ' (safety.max_prediction_error).'
+            )
+        return '' if estimate.start.moving.names else state.mission.closed_road.wait_reason
 
     def choose(
         self,
@@ -85,10 +90,11 @@ class Supervisor:
         level, reason, plan, verdict, ahead = choice
         if closed is not None and (ahead is None or closed.speed < ahead.speed):
             ahead = closed
-        # It is improved as it is: what slows it down may be wrong about what it leads into.
+        # It is improved unslowed: the contact that slows it down may be an error.
         state.following.plan = plan
         self._drop_plan_after_failures(state)
-        risk, here = state.estimator.risk(seen.stamp), estimate.here
+        estimator, here = state.estimator, estimate.here
+        risk = estimator.response.risk(seen.stamp, estimator.commands)
         limited = self._approach.limited(plan, verdict, ahead, start, context.pending, here, risk)
         if limited is None:
             reason = f'The robot stops: no speed is clear of what its response may be. {reason}'
@@ -96,11 +102,11 @@ class Supervisor:
                 state, seen.stamp, seen.pose, reason, result, moving=start.moving
             )
         slower, verdict, remark = limited
-        error = context.goal.errors(slower.poses[-1])[0]
-        mission.reaches_goal = error <= self._settings.goal_tolerance
         errors = selected.terminal_error, selected.heading_error
         if not selected.admissible:
             errors = context.goal.errors(plan.poses[-1])
+        error = errors[0] if slower is plan else context.goal.errors(slower.poses[-1])[0]
+        mission.reaches_goal = error <= self._settings.goal_tolerance
         reason, phases = reason + remark, self._selector.phases
         return self.decisions.follow(
             state, seen.stamp, level, reason, slower, verdict, errors, result, phases
@@ -169,12 +175,14 @@ class Supervisor:
     def _closed_ahead(
         self, state: LawState, context: PlanningContext, selected: Candidate
     ) -> Contact | None:
-        """What closes the road; it is not looked for while plans lead to the goal."""
+        """Obstacles that close the road; not checked while plans lead to the goal."""
         settings, closed_road, start = self._settings, state.mission.closed_road, context.start
         if start.moving.names:
             return None
         if not selected.feasible or selected.verdict.worst_margin < -TOUCHING:
             closed_road.look(settings, start, context.goal)
+        if not closed_road.obstacles:
+            return None
         return closed_road.update(settings, self._approach, start, state.clock.now)
 
     def _stop_reason(
@@ -185,7 +193,7 @@ class Supervisor:
         ahead: Contact | None,
         closed: Contact | None,
     ) -> str:
-        """Count what leads nowhere; why to stop rather than follow a plan, empty for no reason."""
+        """Count steps without progress; reason to stop rather than follow a plan, '' if none."""
         mission, why = state.mission, ''
         is_near = closed is not None and closed.speed < self._settings.robot.max_speed
         # Before a moving obstacle it is not safe to wait.
@@ -270,7 +278,7 @@ class Supervisor:
         return self.decisions.follow(state, seen.stamp, level, reason, *shifted, errors)
 
     def may_outlast(self, start: PlanStart, plan: Plan, nanoseconds: int) -> bool:
-        """Whether the first command of a plan may go on for so long."""
+        """True if the first command of a plan may go on for so long."""
         return self._fallback.may_outlast(start, plan.controls, nanoseconds)
 
     def finish(self, state: LawState, seen: Observation, estimate: Estimate) -> Decision:
@@ -310,13 +318,11 @@ class Supervisor:
 def _reason_to_wait(
     idle_steps: int, context: PlanningContext, selected: Candidate
 ) -> tuple[str, int]:
-    """Reason to wait rather than follow a plan that soon gets no nearer to the goal, or empty.
+    """Reason to wait rather than follow a plan that makes no progress, '' if none, and idle steps.
 
-    A closed road leaves time over. Nothing in the cost keeps a robot from spending it on the move,
-    to and fro before what is in its way, clear of everything and to no end.
-
-    Returned with the idle steps, this one included: those that brought the goal no nearer, since
-    a plan could reach it.
+    A closed road leaves time over, and nothing in the cost keeps a robot from driving to and fro
+    before it. Idle steps, this one included, are those without progress since a plan could reach
+    the goal.
     """
     if not (selected.result.elastic and selected.result.slack_terminal):
         return '', 0
@@ -331,6 +337,6 @@ def _reason_to_wait(
 
 
 def _turns(plan: Plan) -> bool:
-    """Whether a plan begins with a turn on the spot: nothing comes nearer, and more is seen."""
+    """True if a plan begins with a turn on the spot: no progress, but more is seen."""
     along = math.dist(plan.poses[0, :2], plan.poses[1, :2])
     return along < _TINY < abs(float(plan.poses[1, 2] - plan.poses[0, 2]))

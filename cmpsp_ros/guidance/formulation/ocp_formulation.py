@@ -52,7 +52,8 @@ class OcpFormulation:
         heading_trust_region: Largest change of heading in one iteration, infinite for none [rad].
         remembers_control: Whether the previous control is part of the state: it has a cost, or a
             limit.
-        layout: All that the memory of a planner depends on.
+        kind: All that the types of a planner's memory and functions depend on.
+        layout: All that its memory depends on: the kind, and the weights of path constraints.
     """
 
     def __init__(self, settings: LawSettings, world: World) -> None:
@@ -69,15 +70,15 @@ class OcpFormulation:
         )
         self.heading_trust_region = settings.solver.heading_trust_region or math.inf
         self.remembers_control = settings.weights.control_rate > 0.0 or changes > 0
-        self.layout = (
+        self.kind = (
             settings.robot,
             settings.solver.qp,
             settings.solver.hessian,
             settings.weights.control_rate,
             settings.max_wheel_change,
             self.heading_trust_region,
-            self.penalty_path.tobytes(),
         )
+        self.layout = self.kind, self.penalty_path.tobytes()
         is_unlimited = math.isinf(settings.robot.max_wheel_speed)
         self._by_guess = settings.safety.between_samples and is_unlimited
         self._use(world)
@@ -150,7 +151,7 @@ class OcpFormulation:
         if key not in self._ends:
             if len(self._ends) >= _MAX_ENDS:
                 self._ends.clear()
-            self._ends[key] = goal_space(self.settings, world, *key)
+            self._ends[key] = goal_space(self.settings, world, target, self._samples(key[1]))
         end = self._ends[key]
         return space if end is None else space.with_some(_is_last(durations), end)
 
@@ -206,7 +207,7 @@ def sample_space(settings: LawSettings, world: World, longest: float = 0.0) -> F
 
 
 def goal_space(
-    settings: LawSettings, world: World, target: Target, longest: float = 0.0
+    settings: LawSettings, world: World, target: Target, samples: FreeSpace | None = None
 ) -> FreeSpace | None:
     """Free space of the last sample of a plan, for a goal nearer to something than samples may be.
 
@@ -215,13 +216,15 @@ def goal_space(
     of `path_space` from that thing. A robot that drives on needs time to turn, and keeps more.
 
     None for a goal as far from everything as samples must be, nearer than the path may be, or not
-    the last. The longest time is that between the last two samples [s].
+    the last. The space of samples is that for the time between the last two; `sample_space` without
+    one.
     """
     if target.drives_on or target.is_line:
         return None
     heading = math.nan if target.heading is None else target.heading
     goal = np.array([[*target.position, heading]])
-    samples, path = sample_space(settings, world, longest), path_space(settings, world)
+    samples = sample_space(settings, world) if samples is None else samples
+    path = path_space(settings, world)
     # NaN where a disc is beside the reference point, and the heading may be any.
     near = ~(samples.at(goal)[0] >= 0.0)
     if not near.any() or path.at(goal).min() < 0.0:

@@ -1,4 +1,4 @@
-"""Plausibility of odometry: in the order of time, and within what the wheels allow."""
+"""Plausibility of odometry: in the order of time, and within the limits of the wheels."""
 
 from __future__ import annotations
 
@@ -109,12 +109,9 @@ class OdometryGate:
 
 
 def motion_limits(robot: Robot, duration: Any, max_jump: float) -> tuple[Any, Any]:
-    """Distance and turn that odometry may show within a time, of any shape [m, rad].
+    """Distance and turn that odometry may show within a duration [s], of any shape [m, rad].
 
-    Args:
-        robot: A robot with a limit of its wheel speeds.
-        duration: Time between the messages [s].
-        max_jump: Tolerated jump, `safety.max_odom_jump` [m].
+    `max_jump` is `safety.max_odom_jump` [m]; the robot must have a wheel-speed limit.
     """
     distance = _OVERSPEED * robot.max_speed * duration
     return distance + max_jump, distance / robot.half_track + _TURN_PER_METER * max_jump

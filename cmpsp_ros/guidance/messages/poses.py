@@ -109,15 +109,9 @@ def check_frame(subject: str, found: str, wanted: str, error: type[ValueError]) 
 def check_age(
     subject: str, key: str, stamp: int, now: int, timeout: float, error: type[ValueError]
 ) -> None:
-    """Raise an error for a message whose stamp does not fit the clock.
+    """Raise `error` if a stamp [ns] differs from the clock by more than the time-out [s].
 
-    Args:
-        subject: Subject of the sentence, with its verb.
-        key: Parameter that is the time-out.
-        stamp: Time stamp [ns].
-        now: Present time [ns]; 0 in simulated time until the first /clock comes.
-        timeout: Largest age, and distance into the future [s].
-        error: Class of the error.
+    `subject` has its verb, `key` names the time-out; `now` is 0 before the first /clock.
     """
     age = (now - stamp) / NANOSECONDS
     if age > timeout:

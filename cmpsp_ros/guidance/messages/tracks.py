@@ -70,7 +70,7 @@ class Track:
         return self.id, self.stamp
 
     def is_older(self, stamp: int) -> bool:
-        """Whether it was seen before a time [ns]."""
+        """True if it was seen before a time [ns]."""
         return self.stamp < stamp
 
 
@@ -139,11 +139,11 @@ class PeerTrajectory:
 
     @property
     def at_rest(self) -> bool:
-        """Whether the robot reports that it is at rest."""
+        """True if the robot reports that it is at rest."""
         return len(self.places) == 1
 
     def is_older(self, stamp: int) -> bool:
-        """Whether it was made before a time [ns]; a robot at rest stays so until it reports."""
+        """True if it was made before a time [ns]; a robot at rest stays so until it reports."""
         return not self.at_rest and self.stamp < stamp
 
     def path(self, stamp: int) -> Array:

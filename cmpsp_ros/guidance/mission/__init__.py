@@ -1,4 +1,4 @@
-"""Where to drive to, and when to be there."""
+"""Goals of the run and their times."""
 
 from typing import TYPE_CHECKING
 

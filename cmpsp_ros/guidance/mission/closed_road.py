@@ -41,14 +41,14 @@ _SOON = 3 * NANOSECONDS
 
 @dataclass
 class ClosedRoad:
-    """What closes the road to the present goal, as far as it has been looked at.
+    """Obstacles that close the road to the present goal, as far as it has been checked.
 
     Attributes:
-        obstacles: Names of the obstacles between which nothing gets through.
-        goal: The goal to which it has been looked at (x, y) [m]; None for not at all.
-        wait_reason: Why the robot waits before them, in a sentence; empty where it does not.
-        nearest: How near it has come to them [m].
-        nearest_at: When that was [ns].
+        obstacles: Names of the obstacles between which there is no passage.
+        goal: Goal to which the road was checked (x, y) [m]; None for not at all.
+        wait_reason: Reason to wait before them, a sentence; '' if none.
+        nearest: Least distance from them so far [m].
+        nearest_at: Time of that [ns].
     """
 
     obstacles: frozenset[str] = frozenset()
@@ -68,16 +68,13 @@ class ClosedRoad:
 
     def update(
         self, settings: LawSettings, approach: Approach, start: PlanStart, now: int
-    ) -> Contact | None:
-        """Record how near the robot has come to what closes the road, where that is known.
-
-        `now` [ns].
+    ) -> Contact:
+        """Record the robot's distance at `now` [ns] from obstacles that close the road.
 
         Returns:
-            The nearest of it.
+            Contact with the nearest of them.
         """
-        if self.goal is None or not self.obstacles:
-            return None
+        assert self.goal is not None  # noqa: S101 (something closes the road to it)
         road, pose, progress = start.world.road, start.pose, start.progress
         sense = math.copysign(1.0, arc_length_to(road, pose, self.goal, progress=progress))
         away = {}
@@ -94,10 +91,7 @@ class ClosedRoad:
         return contact
 
     def comes_no_nearer(self, contact: Contact, now: int) -> bool:
-        """Whether the robot stands before it, or has not come nearer for a while by now [ns].
-
-        A plan that does not get it any nearer to what closes the road only spends its time.
-        """
+        """True if the robot stands before it, or has not come nearer for a while at `now` [ns]."""
         return contact.speed < STANDSTILL or now - self.nearest_at > _SOON
 
     def wait_before(self, contact: Contact) -> str:

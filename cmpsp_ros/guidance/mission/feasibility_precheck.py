@@ -1,4 +1,4 @@
-"""What no plan can do, checked before a run: a goal too far, a road that is closed, or too fast.
+"""Infeasible tasks, found before a run: a goal too far, a closed road, too high a speed.
 
 All checks are conservative, a warning is never wrong: the shortest path is one without obstacles,
 and of a gap only its width counts. On open floor gaps are not checked, nor beside moving obstacles.
@@ -21,18 +21,12 @@ from cmpsp_ros.world.roads import Point, Road
 
 
 def shortest_time(settings: LawSettings, road: Road, start: Point) -> float:
-    """Time in which the goal can be reached at best, obstacles left aside [s].
-
-    Args:
-        settings: Goal and robot; without a wheel limit it is 0.
-        road: The road.
-        start: Where the robot stands (x, y) [m].
-    """
+    """Least time to the goal without obstacles [s]; 0 without a wheel limit."""
     return _way(settings, road, start) / settings.robot.max_speed
 
 
 def infeasibility_warnings(settings: LawSettings, world: World, start: Point) -> list[str]:
-    """Sentences about what cannot be done, from a start (x, y) [m]; none where all may be well."""
+    """Warnings about an infeasible task, from a start (x, y) [m]; empty if none."""
     if settings.follow is not None:
         return list(_too_fast(settings, world.road, settings.follow))
     said: list[str] = []
@@ -138,7 +132,7 @@ def reason_not_to_begin(settings: GuidanceSettings, pose: Array) -> str:
 
 
 def _distance_from_road(settings: GuidanceSettings, pose: Array) -> float:
-    """How far beyond the edges or the ends of the road [m]; 0 on it."""
+    """Distance beyond the edges or the ends of the road [m]; 0 on it."""
     road = settings.road
     beside = (-FreeSpace.of(road, (), 0.0).at(pose[None])[0]).tolist()
     return float(max(0.0, road.beyond((float(pose[0]), float(pose[1]))), *beside))

@@ -31,7 +31,7 @@ def turn_rate(settings: LawSettings) -> float:
 
 
 def is_away(settings: LawSettings, target: Target, pose: Array) -> bool:
-    """Whether a robot that holds its position at the goal has been moved away from it."""
+    """True if a robot that holds its position at the goal has been moved away from it."""
     error, heading_error = target.errors(pose)
     return error > _AWAY * settings.goal_tolerance or (
         heading_error is not None and heading_error > _AWAY * settings.heading_tolerance
@@ -39,7 +39,7 @@ def is_away(settings: LawSettings, target: Target, pose: Array) -> bool:
 
 
 def return_time(settings: LawSettings, target: Target, pose: Array) -> float:
-    """How long the return takes, at a walk [s]."""
+    """Duration of the return at walking speed [s]."""
     return sum(steps for steps, _, _ in _parts(settings, target, pose)) * settings.control_period
 
 

@@ -46,12 +46,18 @@ class AlternativePool:
         self._formulation = formulation
         self.followed = Planner(formulation)
         self.alternatives: list[Alternative] = []
-        self.free = [Planner(formulation) for _ in range(count)]
+        self.free = [Planner(formulation, self.followed.compiled) for _ in range(count)]
 
     def reformulate(self, formulation: OcpFormulation) -> None:
-        """Take another formulation with the same layout; alternatives were of the one before."""
+        """Take another formulation; alternatives were of the one before.
+
+        With the same layout the planner that is followed keeps its warm start.
+        """
         self.forget()
-        self._formulation = formulation
+        known, self._formulation = self._formulation, formulation
+        if formulation.layout != known.layout:
+            self.followed, self.free = Planner(formulation, self.followed.compiled), []
+            return
         for planner in (self.followed, *self.free):
             planner.reformulate(formulation)
 
@@ -62,7 +68,9 @@ class AlternativePool:
 
     def take(self) -> Planner:
         """A planner without a warm start."""
-        planner = self.free.pop() if self.free else Planner(self._formulation)
+        if not self.free:
+            self.free.append(Planner(self._formulation, self.followed.compiled))
+        planner = self.free.pop()
         planner.forget()
         return planner
 

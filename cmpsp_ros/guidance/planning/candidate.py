@@ -153,12 +153,12 @@ class Score(NamedTuple):
 
     @property
     def flawed(self) -> bool:
-        """Whether another plan should be looked for."""
+        """True if another plan should be looked for."""
         misses = self.obstacle > 0.0 or self.edge > 0.0 or self.terminal_error > 0.0
         return not self.admissible or self.elastic or misses or self.turns > 0
 
     def beats(self, other: Score) -> bool:
-        """Whether to replace another plan: only by one that is clearly better."""
+        """True if it is clearly better than another plan, and should replace it."""
         if self.admissible != other.admissible:
             return self.admissible
         for each in BY_PRIORITY:
@@ -178,11 +178,11 @@ class Score(NamedTuple):
         return self.cost < _CLEARLY_CHEAPER * other.cost
 
     def is_worse_than(self, other: Score) -> bool:
-        """Whether it has no advantage over the plan followed at present."""
+        """True if it has no advantage over the plan followed at present."""
         return self.flawed or self.cost > other.cost
 
     def outclasses(self, other: Score) -> bool:
-        """Whether the other plan is not worth being kept beside this one."""
+        """True if the other plan is not worth keeping as an alternative."""
         return not self.flawed and (other.flawed or other.cost > _HOPELESSLY_DEAR * self.cost)
 
 
@@ -214,7 +214,7 @@ class Ranking:
         )
 
     def needs_replanning(self, candidate: Candidate, start: PlanStart) -> bool:
-        """Whether a candidate has a flaw, or hardly anything in reserve."""
+        """True if a candidate has a flaw, or hardly any reserve."""
         if not self._compares or not candidate.feasible:
             return not candidate.feasible
         plan = candidate.plan

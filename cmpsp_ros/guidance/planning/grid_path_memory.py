@@ -1,4 +1,4 @@
-"""Memory of the path across a grid: what sensors see opens and blocks paths from scan to scan."""
+"""Memory of the path across a grid: scans open and block paths."""
 
 from __future__ import annotations
 
@@ -36,11 +36,11 @@ def search_ahead(
 
 
 def searched_with(settings: LawSettings, world: World, place: Array, goal: Point) -> Searched:
-    """Inputs of the search for the path from a place to the goal at the next control step.
+    """Inputs of the path search of the next control step; takes as long as one grid search.
 
     Another path is taken if the present one is blocked, or if it is shorter by more than the
-    hysteresis, which doubles each time: where noise opens and closes a gap, the robot would
-    otherwise drive to and fro. It takes as long as a search of the grid.
+    hysteresis. That doubles each time, since noise that opens and closes a gap would otherwise make
+    the robot drive to and fro.
     """
     if world.seen is None:
         return world.searched
@@ -51,7 +51,7 @@ def searched_with(settings: LawSettings, world: World, place: Array, goal: Point
 def _by_sight(
     settings: LawSettings, world: World, seen: GridObstacle, place: Array, goal: Point
 ) -> Searched:
-    """Search what is seen now; the path is kept while it is open."""
+    """Search the seen grid; the path is kept while it is open."""
     before, line = world.searched, _line(settings, world, place, goal)
     if not len(line):
         return before._replace(seen=seen, kept=None, is_another=False)
@@ -68,10 +68,10 @@ def _by_sight(
 def _with_a_map(
     settings: LawSettings, world: World, seen: GridObstacle, place: Array, goal: Point
 ) -> Searched:
-    """Search the map alone, or with what blocked its path.
+    """Search the map alone, or with the obstacles that blocked its path.
 
-    The path of the map alone counts again once all that blocked it is seen to be free: an obstacle
-    that is only forgotten may still be there.
+    The path of the map alone counts again once all of them are seen to be free: an obstacle that is
+    only forgotten may still be there.
     """
     before, line = world.searched, _line(settings, world, place, goal)
     if _is_blocked(settings, seen, line).any():

@@ -50,14 +50,7 @@ class Pursuit(NamedTuple):
 def initial_guess(
     settings: LawSettings, start: PlanStart, target: Target, durations: Array
 ) -> Array:
-    """The first control history ``(N + 1, r)``, as `settings.initial_guess` says.
-
-    Args:
-        settings: All settings of the guidance law.
-        start: Where it begins.
-        target: Where it leads.
-        durations: Length of every step, shape ``(N,)`` [s].
-    """
+    """First control history ``(N + 1, r)`` for steps ``(N,)`` [s], by `settings.initial_guess`."""
     if settings.initial_guess.type == 'constant':
         controls = np.empty((len(durations) + 1, 2))
         controls[:] = settings.initial_guess.wheel_speeds

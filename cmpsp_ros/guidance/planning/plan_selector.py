@@ -55,7 +55,9 @@ class PlanSelector:
         # Road coordinates of all obstacles in the control step.
         self._places = np.empty(0), np.empty(0)
         self._work_left = 1
-        self._formulate(OcpFormulation(settings, world), max(1, self._limit - 1))
+        formulation = OcpFormulation(settings, world)
+        self._pool = AlternativePool(formulation, max(1, self._limit - 1))
+        self._formulate(formulation)
         self.forget()
 
     def reconfigure(self, settings: LawSettings, world: World, validator: Validator) -> None:
@@ -63,7 +65,7 @@ class PlanSelector:
 
         The plan that is followed keeps its memory and its warm start where it can.
         """
-        if settings != self._settings:
+        if validator is not self._validator:
             self._take(settings, validator)
             self._formulate_again(OcpFormulation(settings, self._world))
         if world is not self._world:
@@ -77,19 +79,14 @@ class PlanSelector:
         self._work_limit = settings.solver.work_limit(settings.control_period)
         self._ranking = Ranking(settings, compares=self._limit > 1)
 
-    def _formulate(self, formulation: OcpFormulation, free: int = 0) -> None:
+    def _formulate(self, formulation: OcpFormulation) -> None:
         self._formulation = formulation
         self._guesses = Guesses(formulation, self._limit)
-        self._pool = AlternativePool(formulation, free)
         self._use(formulation.world)
 
     def _formulate_again(self, formulation: OcpFormulation) -> None:
         self._task_changed = True
-        if formulation.layout != self._formulation.layout:
-            self._formulate(formulation)
-            return
-        self._formulation = formulation
-        self._guesses = Guesses(formulation, self._limit)
+        self._formulate(formulation)
         self._pool.reformulate(formulation)
 
     def _use(self, world: World) -> None:

@@ -18,7 +18,7 @@ from cmpsp_ros.guidance.formulation.ocp_formulation import (
 )
 from cmpsp_ros.guidance.formulation.ocp_functions import WHEEL_ROUNDING, GuidanceData
 from cmpsp_ros.guidance.goals import Target
-from cmpsp_ros.guidance.horizon import remaining, steps_over
+from cmpsp_ros.guidance.horizon import remaining
 from cmpsp_ros.guidance.planning.candidate import SolveResult
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 from cmpsp_ros.guidance.solver_settings import UNLIMITED
@@ -27,7 +27,7 @@ from cmpsp_ros.mpsp import SLACK_TOLERANCE, Dimensions, Options
 from cmpsp_ros.mpsp.models import CONTROL_RATE, ControlRateData
 from cmpsp_ros.mpsp.qp import RICCATI_ACTIVE_SET, QPStatus
 from cmpsp_ros.mpsp.qp.riccati import Outcome
-from cmpsp_ros.mpsp.sqp import Driver, Functions
+from cmpsp_ros.mpsp.sqp import Driver, Entries, Functions
 from cmpsp_ros.robots import Robot, within_ramp
 from cmpsp_ros.world import FreeSpace
 
@@ -61,16 +61,35 @@ class _Counters(NamedTuple):
         return cls(*own, head['iterations'], head['work'])
 
 
+class CompiledProblem(NamedTuple):
+    """Machine code for formulations of one kind.
+
+    Attributes:
+        kind: The kind.
+        entries: Of the problem and the iteration.
+        inner: Addresses of the functions that `CONTROL_RATE` calls; None without it.
+    """
+
+    kind: tuple[object, ...]
+    entries: Entries
+    inner: IntArray | None
+
+
 class Planner:
     """Improves control histories.
 
     One for every plan that is improved side by side with others. It keeps memory for the longest
     horizon, and the active constraints of its last plan to warm-start the next one; they change
     the path to the solution of a subproblem, not the solution.
+
+    Attributes:
+        compiled: Machine code of the problem.
     """
 
-    def __init__(self, formulation: OcpFormulation) -> None:
-        """Allocate memory; several planners may share a formulation."""
+    def __init__(
+        self, formulation: OcpFormulation, compiled: CompiledProblem | None = None
+    ) -> None:
+        """Allocate memory; several planners may share a formulation and machine code."""
         self._formulation = formulation
         settings = formulation.settings
         solver = settings.solver
@@ -86,20 +105,26 @@ class Planner:
         self._inner: IntArray | None = None
         period = to_nanoseconds(settings.control_period)
         longest = remaining(0, period, to_nanoseconds(settings.longest_horizon))
-        # By the number of outputs, kept for when they are needed again; the second are for what the
-        # compiled solver cannot do.
+        # By the number of outputs, kept for reuse; the second are the fallback of the compiled
+        # solver.
         self._drivers: dict[int, Driver] = {}
         self._others: dict[int, Driver] = {}
         self._target = settings.target
         self._use_driver(len(longest.durations))
-        nothing = np.zeros((len(longest.edges), settings.robot.n_controls))
-        context = PlanningContext.at_pose(settings, formulation.world, np.zeros(3), longest)
+        if compiled is None or compiled.kind != formulation.kind:
+            compiled = self._compile(longest)
+        self.compiled, self._inner = compiled, compiled.inner
+
+    def _compile(self, horizon: Horizon) -> CompiledProblem:
+        formulation, settings = self._formulation, self._formulation.settings
+        nothing = np.zeros((len(horizon.edges), settings.robot.n_controls))
+        context = PlanningContext.at_pose(settings, formulation.world, np.zeros(3), horizon)
         data = self._data(context, nothing)
-        if isinstance(data, ControlRateData):
-            self._inner = FUNCTIONS.addresses(data.inner, self._ws)
-            data = data._replace(functions=self._inner)
-        functions = CONTROL_RATE if formulation.remembers_control else FUNCTIONS
-        self._functions = functions.entries(data, self._ws)
+        if not isinstance(data, ControlRateData):
+            return CompiledProblem(formulation.kind, FUNCTIONS.entries(data, self._ws), None)
+        inner = FUNCTIONS.addresses(data.inner, self._ws)
+        entries = CONTROL_RATE.entries(data._replace(functions=inner), self._ws)
+        return CompiledProblem(formulation.kind, entries, inner)
 
     def reformulate(self, formulation: OcpFormulation) -> None:
         """Take another formulation with the same layout, and keep memory and warm start."""
@@ -132,7 +157,9 @@ class Planner:
             self._target = target
             self._use_driver(steps)
         begun, self._horizon = self._horizon, horizon
-        over = 0 if begun is None else steps_over(begun, horizon)
+        over = 0
+        if begun is not None:
+            over = int(begun.edges.searchsorted(horizon.edges[0], side='right')) - 1
         durations, previous = horizon.durations, context.start.previous_control
         robot = context.start.robot
         if self._is_limited:
@@ -144,7 +171,7 @@ class Planner:
         if self._is_steered:
             self._bound_speeds(self._driver, context)
         data = self._data(context, guess)
-        self._driver.improve(self._functions, data, steps, over)
+        self._driver.improve(self.compiled.entries, data, steps, over)
         counters = self._counters
         outcome = counters.outcome.item()
         if self._compiled and outcome in (Outcome.NO_CURVATURE, Outcome.ITERATION_LIMIT):
@@ -171,7 +198,7 @@ class Planner:
             self._bound_speeds(other, context)
         other.ws.trial.U[: steps + 1] = guess
         other.ws.run['max_iterations'] = limit
-        other.improve(self._functions, data, steps, 0)
+        other.improve(self.compiled.entries, data, steps, 0)
         return _summary(other, _Counters.of(other), context.horizon)
 
     def _data(self, context: PlanningContext, guess: Array) -> GuidanceData | ControlRateData:

@@ -116,7 +116,7 @@ class PlanningContext:
 
     @property
     def at_rest(self) -> bool:
-        """Whether no plan is followed."""
+        """True if no plan is followed."""
         return self.plan is None
 
     @cached_property
@@ -150,7 +150,7 @@ class PlanningContext:
         return Encounters(moving.names, centers[nearest, each], radii)
 
     def is_gaining(self, plan: Plan) -> bool:
-        """Whether a plan soon gets nearer to the goal: along the road, around a map or straight."""
+        """True if a plan soon gets nearer to the goal: along the road, around a map or straight."""
         start, goal, edges = self.start, self.goal, plan.horizon.edges
         soon = max(1, int(edges.searchsorted(edges[0] + _SOON, side='right')) - 1)
         reach = start.robot.max_speed * float(edges[soon] - edges[0]) / NANOSECONDS

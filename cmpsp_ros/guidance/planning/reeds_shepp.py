@@ -54,7 +54,7 @@ Path = tuple[Segment, ...]
 
 
 def has_to_turn(start: PlanStart, target: Target) -> bool:
-    """Whether a robot that cannot turn on the spot faces away, or is near a goal with a heading."""
+    """True if a robot that cannot turn on the spot faces away, or is near a goal with a heading."""
     if start.robot.turns_on_the_spot or target.is_line:
         return False
     ahead, radius = _ahead(start, target), _radius(start.robot)

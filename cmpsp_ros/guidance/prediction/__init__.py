@@ -1,4 +1,4 @@
-"""What the law predicts before it plans: pending commands, slip, moving obstacles."""
+"""Prediction before planning: pending commands, slip, moving obstacles."""
 
 from typing import TYPE_CHECKING
 

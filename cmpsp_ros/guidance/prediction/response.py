@@ -47,13 +47,13 @@ class Response(NamedTuple):
 
 
 class Risk(NamedTuple):
-    """How else the robot may respond than plans assume.
+    """Responses of the robot other than the one that plans assume.
 
     Attributes:
-        responses: The quickest possible response, the slowest, and one between; none while odometry
-            agrees with settings that know no lag.
+        responses: Quickest possible, slowest, and one between; none while odometry agrees with
+            settings without lag.
         error: Bound of the prediction error that the response in use leaves [m].
-        remark: The reason to drive more slowly, in words.
+        remark: Reason to drive more slowly.
     """
 
     responses: list[Response]
@@ -62,10 +62,7 @@ class Risk(NamedTuple):
 
 
 def driven(effective: Array, commands: Array, held: Array, lag: float) -> tuple[Array, Array]:
-    """Controls in effect under commands, and how long each holds [s].
-
-    `effective` ``(r,)``, `commands` ``(K, r)``, `held` ``(K,)`` [s], `lag` [s].
-    """
+    """Controls in effect ``(M, r)`` under commands with a lag [s], and their durations [s]."""
     return with_lag(effective, commands, held, lag, SLICES) if lag > 0.0 else (commands, held)
 
 

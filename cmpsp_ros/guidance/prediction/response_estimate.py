@@ -1,4 +1,4 @@
-"""How the robot responds to commands: predictions checked against odometry, and corrected by it.
+"""Estimate of the robot's response to commands, from predictions compared with odometry.
 
 A response is a delay ``d`` from a command's stamp to its effect, and a first-order lag ``T`` behind
 it. At each control step the pose predicted for it by the response in use is compared with odometry.
@@ -11,14 +11,13 @@ and the squared distances sum up to a misfit ``S`` of each. With ``n`` periods a
 
 which is the likelihood-ratio interval of five standard deviations. The settings are replaced by the
 likeliest response when they are beyond three and it leaves at most a tenth of their misfit: slip, a
-push, or wheels that speed up slowly are no delay. How far the delay varies from command to command
-(jitter) is taken from the periods one by one.
+push, or wheels that speed up slowly are no delay. The variation of the delay from command to
+command (jitter) is taken from the periods one by one.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -116,12 +115,12 @@ class ResponseEstimate:
         self.lose()
 
     def lose(self) -> None:
-        """Leave out the present control period: what the robot does in it is unknown."""
+        """Leave out the present control period: its motion is unknown."""
         self._began: tuple[int, Array] | None = None
 
     @property
     def is_corrected(self) -> bool:
-        """Whether odometry has contradicted what the settings say."""
+        """True if odometry has contradicted the settings."""
         return self.delay != self._told_delay or (self.lag > 0.0 and not self._with_lag)
 
     @property
@@ -134,10 +133,7 @@ class ResponseEstimate:
 
     @property
     def delay_interval(self) -> tuple[float, float, float] | None:
-        """Delay and lag together: in use, the least possible and the largest [s].
-
-        None while odometry agrees with what the settings say.
-        """
+        """Delay plus lag: in use, least and largest possible [s]; None while settings hold."""
         if not self.is_corrected:
             return None
         totals = (self._delays + self._lags)[self._possible]
@@ -150,17 +146,14 @@ class ResponseEstimate:
         order = numbers[np.argsort(totals, kind='stable')]
         first = 0
         if not self.is_corrected and order[0] == numbers[0] and not self._lags[order[0]]:
-            # No lag at all is what the plan has been checked with.
+            # Plans are checked without lag.
             order = order[1:]
             first = max(len(order) // 3 - 1, 0)
         middle = (first + len(order)) // 2
         return order[[first, min(middle, len(order) - 1), -1]] if len(order) else order
 
     def risk(self, stamp: int, commands: PendingCommands) -> Risk:
-        """How else the robot may respond than plans assume.
-
-        `stamp` [ns].
-        """
+        """Responses other than the one that plans assume, at `stamp` [ns]."""
         if not (self._with_lag or self.is_corrected):
             if self.error <= _SLOWS:
                 return _AS_TOLD
@@ -179,16 +172,6 @@ class ResponseEstimate:
     @property
     def _remark(self) -> str:
         return f'predictions have been wrong by {self.error:.2g} m.'
-
-    def reason_to_stop(self, settings: LawSettings) -> str:
-        """Why the robot must not drive on, in a sentence; empty where predictions are good."""
-        allowed = settings.safety.max_prediction_error
-        if not self.error > allowed > 0.0:
-            return ''
-        return (
-            f'Odometry is {self.error:.2g} m from where the commands lead, more than {allowed} m'
-            ' (safety.max_prediction_error).'
-        )
 
     def response(self, stamp: int, commands: PendingCommands, delay: float, lag: float) -> Response:
         """A response, and the commands so far.
@@ -228,16 +211,16 @@ class ResponseEstimate:
     def update(
         self, stamp: int, pose: Array, commands: PendingCommands, robot: Robot, slip: float
     ) -> None:
-        """Compare odometry with what was predicted for it.
-
-        `stamp` [ns], `pose` ``(3,)`` [m, m, rad].
-        """
+        """Compare odometry ``(3,)`` [m, m, rad] at `stamp` [ns] with its prediction."""
         began, self._began = self._began, (stamp, pose)
         if began is None or not self._is_checked:
             return
         predicted = commands.pose_after(began[1], began[0], stamp, self.delay, 1.0 - slip)
-        error = _distance(predicted, pose.tolist(), robot.half_track)
-        if error > 2.0 * robot.max_speed * (stamp - began[0]) / NANOSECONDS + _UNNOTICED:
+        x, y, heading = pose.tolist()
+        turned = math.remainder(predicted[2] - heading, math.tau)
+        # The heading counts by what it moves a wheel.
+        error = math.hypot(predicted[0] - x, predicted[1] - y, robot.half_track * turned)
+        if error > 2.0 * robot.kinematics.max_speed * (stamp - began[0]) / NANOSECONDS + _UNNOTICED:
             # No response to commands has made it: odometry has jumped.
             return
         if error > _UNNOTICED or self._with_lag or self._periods:
@@ -318,12 +301,6 @@ class ResponseEstimate:
         return int(off.argmin())
 
     def _earliest(self, began: int) -> int:
-        """Instant before which a command has had its full effect [ns], whatever the response."""
+        """Instant before which a command has had its full effect [ns], for any response."""
         longest = float(self._delays.max()) + _SETTLED * float(self._lags.max())
         return began - to_nanoseconds(longest)
-
-
-def _distance(predicted: Sequence[float], pose: Sequence[float], half_track: float) -> float:
-    """Distance of two poses, the heading by what it moves a wheel [m]."""
-    turned = math.remainder(predicted[2] - pose[2], math.tau)
-    return math.hypot(predicted[0] - pose[0], predicted[1] - pose[1], half_track * turned)

@@ -1,12 +1,12 @@
-"""Wheel slip, estimated from how far the robot came with the commands that it was given.
+"""Wheel slip, estimated from the distance driven under the commands given.
 
-A slipping wheel moves the robot by a fraction ``1 - s`` of what it turns. A guidance law that does
-not know it overestimates the time that it has. The estimate is the least-squares solution of
+A slipping wheel moves the robot by a fraction ``1 - s`` of its turning. A guidance law that
+ignores it overestimates the time left. The estimate is the least-squares solution of
 
     d_i = (1 - s) l_i
 
-over the control periods so far, with ``l_i`` how far the robot would have come without slip and
-``d_i`` how far it came, along the same chord. A period counts only if the wheels kept their speed:
+over the control periods so far, with ``l_i`` the distance without slip and ``d_i`` the
+distance driven, along the same chord. A period counts only if the wheels kept their speed:
 after a change of speed a lagging wheel looks like a slipping one.
 
 The prior is half of the largest slip: a second that was lost to unexpected slip cannot be won back,
@@ -47,7 +47,7 @@ class SlipEstimate:
         self.lose()
 
     def lose(self) -> None:
-        """Leave out the present control period: what the wheels do in it is unknown."""
+        """Leave out the present control period: its wheel motion is unknown."""
         self._began: tuple[int, Array, Array, Array] | None = None
 
     @property
@@ -56,11 +56,7 @@ class SlipEstimate:
         return self._in_use
 
     def begin(self, stamp: int, pose: Array, controls: Array, durations: Array) -> None:
-        """Record how a control period begins, and what the wheels are to do in it.
-
-        `stamp` [ns], `pose` ``(3,)`` [m, m, rad], `controls` ``(K + 2, r)``, `durations`
-        ``(K,)`` [s].
-        """
+        """Begin a control period at `stamp` [ns]: controls ``(K + 2, r)``, durations [s]."""
         self._began = (stamp, pose, controls, durations)
 
     def end(self, stamp: int, pose: Array, robot: Robot, max_estimate: float) -> bool:

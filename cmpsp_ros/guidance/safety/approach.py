@@ -1,6 +1,6 @@
-"""The speed before what a plan leads into: the robot is to stop before it, and not at the last arc.
+"""Speed limit before obstacles that a plan leads into: the robot stops before them.
 
-Where no plan passes an obstacle the best one leads through it, and only its first arc is audited. A
+Where no plan passes an obstacle the best one leads through it, and only its first arc is checked. A
 robot that is heavier than its model is beyond that arc before it stands.
 """
 
@@ -43,12 +43,12 @@ _UNSEEN: Final = 'unseen'
 
 
 class Contact(NamedTuple):
-    """The first thing that a plan leads into.
+    """First obstacle that a plan leads into.
 
     Attributes:
-        name: What it is.
-        distance: How far along the plan it is away, at least [m].
-        speed: The largest with which the robot can still stop before it [m/s].
+        name: Its name.
+        distance: Lower bound of the distance to it along the plan [m].
+        speed: Maximum speed with which the robot can still stop before it [m/s].
     """
 
     name: str
@@ -62,7 +62,7 @@ class Contact(NamedTuple):
 
 
 class Approach:
-    """Slows plans down before what they lead into."""
+    """Slows plans down before obstacles that they lead into."""
 
     def __init__(self, settings: LawSettings, validator: Validator) -> None:
         """Take limits from the settings."""
@@ -74,11 +74,9 @@ class Approach:
     def contact(
         self, plan: Plan, start: PlanStart, worst_margin: float = -math.inf
     ) -> Contact | None:
-        """What a plan leads into first, if anything that stands; but for what it begins in.
+        """First static obstacle that a plan leads into, except one that it begins in; None if none.
 
-        Where it takes the wheels a while to stop, that is part of the plan.
-
-        `worst_margin` [m].
+        Where the wheels take a while to stop, that is part of the plan. `worst_margin` [m].
         """
         is_clear = worst_margin >= -TOUCHING and self._max_change == math.inf
         if is_clear and self._seen(start.world) is None:
@@ -94,7 +92,7 @@ class Approach:
         return found
 
     def end_speed(self, plan: Plan, ahead: Contact) -> float:
-        """The largest at the end of a plan with which it can stop before what is behind that [m/s].
+        """Maximum speed at the end of a plan to stop before the contact behind it [m/s].
 
         Infinite where the plan leads into it before.
         """
@@ -107,7 +105,7 @@ class Approach:
     def _first_hit(
         self, start: PlanStart, controls: Array, durations: Array
     ) -> tuple[Contact | None, int]:
-        """What a path leads into first, and in which step."""
+        """First contact along a path, and index of its step."""
         poses, twists = (
             start.robot.roll_out(start.pose, controls, durations),
             start.robot.twist(controls),
@@ -162,10 +160,10 @@ class Approach:
         here: PlanStart,
         risk: Risk,
     ) -> tuple[Plan, Validation, str] | None:
-        """A plan no faster than is safe before what it leads into, however the robot responds.
+        """Slow a plan to a safe speed before its contact, for every possible response of the robot.
 
         Returns:
-            It, its verdict and a remark for the reason; None where no speed is safe.
+            Plan, verdict and a remark for the reason; None where no speed is safe.
         """
         remark = ''
         slowed = None if ahead is None else self.slowed(plan, start, ahead.speed)
@@ -186,10 +184,7 @@ class Approach:
         return _speed(self._settings.robot.twist(plan.controls[0]))
 
     def slowed(self, plan: Plan, start: PlanStart, speed: float) -> Plan | None:
-        """A plan with all its commands scaled alike to a speed, as far as the wheels can follow.
-
-        Its first arc is a part of the one before; None where the plan is no faster.
-        """
+        """Plan scaled in time to a speed, as far as the wheels follow; None if it is no faster."""
         driven = _speed(start.robot.twist(plan.controls[0]))
         return None if driven <= speed else self.scaled(plan, start, speed / driven)
 
@@ -236,14 +231,11 @@ class Approach:
         return None
 
     def _seen(self, world: World) -> GridObstacle | None:
-        """What is seen, where the robot must be able to stop within it."""
+        """Seen grid, if the robot must be able to stop within it."""
         return world.seen if self._settings.safety.stop_within_sight else None
 
     def _sight(self, world: World, grid: OccupancyGrid, poses: Array) -> FreeSpace:
-        """What is known around a path, as far as the first place on it of which nothing is.
-
-        `poses` ``(K, 3)`` [m, m, rad].
-        """
+        """Known space around a path ``(K, 3)``, up to the first unknown place on it."""
         points, footprint = poses[:, :2], self._settings.footprint
         radius = self._settings.robot_radius
         known = grid.at(points)

@@ -26,7 +26,7 @@ class Fallback:
     """The last audited plan on a later horizon, and how long its last command may go on."""
 
     def __init__(self, settings: LawSettings, validator: Validator) -> None:
-        """Take what a plan must pass."""
+        """Set up the checks of plans."""
         self._validator, self._max_change = validator, settings.max_wheel_change
         self._margin_validator = Validator(settings, with_margin=True)
 
@@ -59,11 +59,7 @@ class Fallback:
         return Plan(horizon, controls, poses, delay), verdict
 
     def may_outlast(self, start: PlanStart, controls: Array, nanoseconds: int) -> bool:
-        """Whether the first command may go on for some time.
-
-        No plan has looked at the path beyond its end: it keeps the margin that plans keep, or is
-        not driven.
-        """
+        """True if the first command may go on for so long [ns], with the margin that plans keep."""
         outlasting = np.array([nanoseconds / NANOSECONDS])
         return self._margin_validator.check(start, controls[:1], outlasting).passed
 

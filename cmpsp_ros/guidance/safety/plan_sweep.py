@@ -20,21 +20,21 @@ Indices = IntArray
 
 
 class PlanSweep(NamedTuple):
-    """Result of `sweep_plan`: clearances [m] of a plan, and what it is too close to.
+    """Result of `sweep_plan`: clearances [m] of a plan, and the obstacles that it is too close to.
 
-    What is near has a number: both edges of the road come first, then the obstacles, then the
-    moving discs. Committed steps are those that must be clear.
+    Obstacles are numbered: both edges of the road first, then the static ones, then the moving
+    discs. Committed steps are those that must be clear.
 
     Attributes:
-        fastest: Largest wheel speed [rad/s].
-        committed: Least clearance of the committed steps.
-        worst: Least clearance of the whole plan.
-        nearest: Number of what `worst` is from.
-        shortfall: Clearance that the committed steps lack most.
-        short_of: Number of what it lacks from.
+        fastest: Maximum wheel speed [rad/s].
+        committed: Minimum clearance of the committed steps.
+        worst: Minimum clearance of the whole plan.
+        nearest: Index of the obstacle of `worst`.
+        shortfall: Largest clearance that the committed steps lack.
+        short_of: Index of the obstacle of `shortfall`.
         tightest: Clearance from that.
-        edges: Least clearance of the whole plan from the road's edges.
-        others: The same from all else.
+        edges: Minimum clearance of the whole plan from the road's edges.
+        others: The same from all other obstacles.
     """
 
     fastest: float
@@ -110,7 +110,7 @@ def sweep_plan(
     standing = durations[0]
     for k in range(1, committed):
         standing += durations[k]
-    # A robot that is too close already must not get closer: what it keeps if it stands.
+    # A robot that is too close already must not get closer than at rest.
     for i in range(discs.shape[0]):
         there_x, there_y = point_of(x, y, heading, discs, i)
         at, _, over, over_other = road_functions.lateral_error(road, 0, there_x, there_y, progress)

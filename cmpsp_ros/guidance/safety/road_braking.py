@@ -1,4 +1,4 @@
-"""Braking along the road: what may be clear where a plan's own last arc leads off it."""
+"""Braking along the road, which may be clear where a plan's own last arc leads off it."""
 
 from __future__ import annotations
 

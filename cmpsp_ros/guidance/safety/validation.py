@@ -21,11 +21,14 @@ from cmpsp_ros.guidance.world import SEEN, World
 from cmpsp_ros.mpsp.jit import entry_for
 from cmpsp_ros.robots import NO_RAMP, braking, placed
 from cmpsp_ros.world import FreeSpace
+from cmpsp_ros.world.grids import Fields
 from cmpsp_ros.world.obstacles import NOTHING_MOVES, MovingDiscs
 from cmpsp_ros.world.roads import OpenFloor
 
 TOUCHING: Final = 1e-3
 """Penetration up to which something is said to touch [m]: odometry errs by more."""
+
+_NO_LEGS: Final = NOTHING_MOVES.legs(np.empty(0))
 
 # A command that was good when it was given is checked again from odometry that has been rounded.
 _ROUNDING = 1e-6
@@ -39,15 +42,15 @@ CHANGE_ROUNDING: Final = 1e-6
 
 
 class Validation(NamedTuple):
-    """Outcome of an audit.
+    """Outcome of a trajectory check.
 
     Attributes:
-        passed: Whether the first command may be sent.
-        reason: What is wrong, in words; empty when passed.
-        margin: Least clearance over the first control period [m].
-        worst_margin: Least clearance over the whole plan [m].
-        nearest: What the whole plan comes nearest to.
-        edge_margin: Least clearance of the whole plan from the road's edges [m].
+        passed: True if the first command may be sent.
+        reason: Reason of a failure; '' when passed.
+        margin: Minimum clearance over the first control period [m].
+        worst_margin: Minimum clearance over the whole plan [m].
+        nearest: Name of the obstacle nearest to the whole plan.
+        edge_margin: Minimum clearance of the whole plan from the road's edges [m].
         obstacle_margin: The same from obstacles, moving ones too; infinite without any [m].
         ramp: Commands by which the robot can stop after the first one, shape ``(K, r)``;
             none where it stops at once.
@@ -96,24 +99,29 @@ class Validator:
         self._radius = settings.robot_radius + self._margin
         self._between = settings.safety.between_samples
         self._slots = settings.moving_obstacles.slots
+        self._is_steered = settings.robot.steering_limits is not None
+        self._known: tuple[World, FreeSpace, Fields] | None = None
         self._period, self._max_change = settings.control_period, settings.max_wheel_change
         self._found, self._scratch = np.zeros(1, SWEEP), np.empty((2, N_EDGE_CONSTRAINTS))
         start = PlanStart(np.zeros(3), settings.robot, World(OpenFloor()))
         rest = np.zeros((2, settings.robot.n_controls))
         self._sweep = entry_for(sweep_plan, *self._arguments(start, rest, np.ones(1)))
 
-    def _space(self, world: World) -> FreeSpace:
-        return world.free_space(self._settings, self._margin)
+    def _space(self, world: World) -> tuple[FreeSpace, Fields]:
+        """Free space of a world, and its fields: the world is mostly that of the last question."""
+        if self._known is None or self._known[0] is not world:
+            space = world.free_space(self._settings, self._margin)
+            self._known = world, space, space.fields
+        return self._known[1:]
 
     def check(
         self, start: PlanStart, controls: Array, durations: Array, pending: Validation | None = None
     ) -> Validation:
-        """Roll a plan out afresh and say whether its first command may be sent.
+        """Roll out a plan and check whether its first command may be sent.
 
-        A robot that is already outside the road, or inside an obstacle, may only be commanded not
-        to get deeper; and where something drives into it, not deeper than if it stood.
-
-        `controls` ``(N + 1, r)``, `durations` ``(N,)`` [s].
+        A robot already outside the road, or inside an obstacle, may not get deeper; where an
+        obstacle moves into it, not deeper than at rest. `controls` ``(N + 1, r)``, `durations`
+        ``(N,)`` [s].
         """
         verdict = self._check(start, controls, durations)
         return verdict if pending is None else pending.followed_by(verdict)
@@ -128,7 +136,7 @@ class Validator:
                 f'The plan has a wheel speed of {found.fastest!r} rad/s, the limit is {limit!r}'
                 ' rad/s.'
             )
-        if over := start.robot.over_limit(controls):
+        if self._is_steered and (over := start.robot.over_limit(controls)):
             return _refused(over)
         if not (math.isfinite(found.committed) and math.isfinite(found.worst)):
             return _refused('The path of the plan is not finite.')
@@ -143,7 +151,7 @@ class Validator:
         return Validation(not reason, reason, *margins, name, edges, found.others, ramp)
 
     def _ramp(self, start: PlanStart, controls: Array, durations: Array) -> tuple[str, Array]:
-        """How the robot can stop after the first command; or why not, or why not even follow."""
+        """Reason not to send the first command, '' if none, and commands to stop after it."""
         commands = np.vstack([start.previous_control, controls[: len(durations)]])
         changes = start.robot.rate_limits
         change = float(np.abs(np.diff(commands, axis=0) @ changes.T).max())
@@ -190,9 +198,9 @@ class Validator:
     def is_clear_with(
         self, response: Response, here: PlanStart, plan: Plan, ramp: Array, error: float
     ) -> bool:
-        """Whether a robot that responds so stays clear under a plan's first command and a stop.
+        """True if a robot with this response stays clear under a plan's first command and a stop.
 
-        The clearance wanted is `error` [m], or that at rest; `ramp` ``(K, r)`` is the stop.
+        The clearance required is `error` [m], or that at rest; `ramp` ``(K, r)`` is the stop.
         """
         ramp = ramp.reshape(-1, plan.controls.shape[1])
         last = here.robot.stopped(np.vstack([plan.controls[:1], ramp])[-1])
@@ -247,11 +255,13 @@ class Validator:
     def _arguments(
         self, start: PlanStart, controls: Array, durations: Array, committed: int = 1
     ) -> tuple[Any, ...]:
-        """Of `sweep_plan`, each always of the same type."""
+        """Arguments of `sweep_plan`, each always of the same type."""
         pose, robot, world, moving, progress, _ = start
-        space, discs, things = self._space(world), moving, len(world.names) + len(moving.names)
+        (space, fields), discs, legs = self._space(world), moving, _NO_LEGS
+        things = len(world.names) + len(moving.names)
         if moving.names:
             discs = moving.grown(self._radius)
+            legs = discs.legs(durations)
         if self._scratch.shape[1] != things:
             self._scratch = np.empty((2, things))
         return (
@@ -264,11 +274,11 @@ class Validator:
             committed,
             self._between,
             space.road,
-            space.fields,
+            fields,
             space.corners,
             space.first,
             space.radii,
-            discs.legs(durations),
+            legs,
             discs.growth,
             float(progress),
             space.discs,
@@ -282,7 +292,7 @@ class Validator:
         progress: float = math.nan,
     ) -> Array:
         """Clearance of a pose from road edges, obstacles, moving ones last ``(2 + M + D,)`` [m]."""
-        space = self._space(world)
+        space, _ = self._space(world)
         static = space.at(pose[None], progress)[0]
         if not moving.names:
             return np.asarray(static)
@@ -290,16 +300,10 @@ class Validator:
         return np.concatenate([static, np.min(away, axis=0) - self._radius])
 
     def why_no_start(self, world: World, pose: Array) -> str:
-        """Why nothing may begin at a pose: it is inside an obstacle, which the robot cannot be.
+        """Reason not to start at a pose ``(3,)`` [m, m, rad]: it is inside an obstacle; '' if none.
 
-        A robot that is already driving is not stopped for it, but led out; and so is one that
-        something has moved upon. What is seen does not count: a cell reaches nearer than what was
-        seen in it, and so does noise.
-
-        `pose` ``(3,)`` [m, m, rad].
-
-        Returns:
-            A sentence, empty where the pose is inside none.
+        A moving robot is led out instead. Seen cells do not count: they reach beyond the obstacle
+        seen, and so does noise.
         """
         away, names = self.clearance_at(world, pose), world.names
         counts = range(N_EDGE_CONSTRAINTS, len(names))

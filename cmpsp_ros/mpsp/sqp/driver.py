@@ -1,9 +1,10 @@
-"""Drives the iteration: provides what it asks for, from a problem's functions and a QP solver."""
+"""Driver of the iteration: calls a problem's functions and a QP solver on its requests."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -83,7 +84,7 @@ class BackEnd:
         return Outcome.SOLVED
 
     def add_curvature(self) -> None:
-        """Add to the Hessian in the records what it lacks."""
+        """Convexify the Hessian in the records."""
         self._is_convex = True
         self.shift = convexify(subproblem_in(self._space)).shift
         if self.shift:
@@ -122,7 +123,7 @@ def run(
     problem: Indices,
     data: Any,
 ) -> None:
-    """Provide what the iteration asks for until it is over, or the Hessian lacks curvature.
+    """Serve the iteration until it is over, or the Hessian lacks curvature.
 
     Warm starts are for subproblems without and with slack. `solver` has the addresses of `advance`,
     `solve` and `correct`, `problem` those of predict, evaluate and linearise.
@@ -186,8 +187,8 @@ class Functions(NamedTuple):
 
     def entries(self, data: Any, ws: Workspace) -> Entries:
         """Compiled functions in one piece with the iteration, for data of this type."""
-        addresses, (n, r) = self.addresses(data, ws), ws.program.stages['B'].shape[1:]
-        active, warm = empty_active_set(1, n, r, 1, 1), empty_warm_start(1, n, r, 1, 1)
+        addresses = self.addresses(data, ws)
+        _, active, warm = _examples(*ws.program.stages['B'].shape[1:])
         whole = entry_for(run, ws, active, warm, warm, addresses, addresses, data)
         return Entries(self.machine_code(data, ws), addresses, whole)
 
@@ -208,6 +209,30 @@ class Entries(NamedTuple):
     functions: Functions
     addresses: Indices
     run: Callable[..., None]
+
+
+@cache
+def _examples(n: int, r: int) -> tuple[Workspace, ActiveSet, WarmStart]:
+    """Memory of the types that compiled code has for ``n`` states and ``r`` controls."""
+    ws = workspace(Dimensions(1, n, r, 1, 1), np.ones(1), np.ones(1), np.full(n, np.inf))
+    return ws, empty_active_set(1, n, r, 1, 1), empty_warm_start(1, n, r, 1, 1)
+
+
+@cache
+def _advance_for(n: int, r: int) -> Callable[[Workspace], int]:
+    return entry_for(advance, _examples(n, r)[0])
+
+
+@cache
+def _solver_addresses(n: int, r: int) -> tuple[int, int, int]:
+    """Addresses of `advance`, `solve` and `correct`."""
+    ws, active, warm = _examples(n, r)
+    at = ws.trial
+    return (
+        address_of(int, advance, ws),
+        address_of(int, solve, ws.program, active, warm),
+        address_of(None, correct, ws.program, active, at.output_error, at.g),
+    )
 
 
 class Driver:
@@ -253,14 +278,10 @@ class Driver:
         sizes = size.horizon, n, r, size.output, size.path
         self._active = empty_active_set(*sizes)
         self._warm_hard, self._warm_relaxed = empty_warm_start(*sizes), empty_warm_start(*sizes)
-        at = ws.trial
-        self._advance = entry_for(advance, ws)
-        # Seldom needed, and never to be waited for.
-        correction = address_of(None, correct, ws.program, self._active, at.output_error, at.g)
+        self._advance = _advance_for(n, r)
         self.back_end = None
         if back_end is None:
-            solution = address_of(int, solve, ws.program, self._active, self._warm_hard)
-            self._addresses = np.array([address_of(int, advance, ws), solution, correction])
+            self._addresses = np.array(_solver_addresses(n, r))
         else:
             space = Space(size, ws.program, self._active, self._warm_hard)
             self.back_end = BackEnd(*back_end, space)
@@ -269,16 +290,16 @@ class Driver:
         self._horizon, self._begun = ws.program.head['horizon'], ws.program.head['begun']
 
     def forget(self) -> None:
-        """Begin the next plan without what is known of the last one."""
+        """Begin the next plan without a warm start."""
         self._warm_hard.clear()
         self._warm_relaxed.clear()
 
     def improve(self, functions: Functions | Entries, data: Any, steps: int, over: int) -> None:
-        """Improve the plan in ``ws.trial.U``; the result is in ``ws.now`` and ``ws.run``.
+        """Improve the plan in ``ws.trial.U``, `steps` = ``N``; results in ``ws.now``, ``ws.run``.
 
-        Compiled functions come by their `Functions.entries`; others need a back end. `steps` is
-        ``N``, and `over` how many stages of the last plan's horizon are over. Where the condensed
-        Hessian is not positive definite the compiled solver ends.
+        Compiled functions come by their `Functions.entries`; others need a back end. `over` stages
+        of the last horizon are over. The compiled solver ends where the condensed Hessian is not
+        positive definite.
         """
         self._horizon[0] = steps
         self._begun[0] += over

@@ -24,7 +24,7 @@ _UNBOUNDED = 1e9
 
 
 def declare(node: Node, which: str) -> Values:
-    """Read everything the node was started with, and declare what it uses.
+    """Read all parameter overrides of the node, and declare the parameters it uses.
 
     Both nodes read one file: parameters of the other one are checked as well, but not declared.
     Prefer a node without `automatically_declare_parameters_from_overrides`: rclpy cannot construct

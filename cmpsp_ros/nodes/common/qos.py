@@ -1,4 +1,4 @@
-"""Quality of service: from what publishers offer to subscriptions and bags."""
+"""Quality of service: from offers of publishers to subscriptions and bags."""
 
 from __future__ import annotations
 

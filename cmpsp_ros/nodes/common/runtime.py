@@ -178,7 +178,7 @@ def _log_fatal(logger: RcutilsLogger, error: Exception, *, typed: bool = True) -
 
 def overrides(node: Node) -> dict[str, Any]:
     """Values that the node was started with, by key."""
-    # ROS drops what is misspelt without a word, and rclpy has no public way to see it.
+    # ROS silently drops misspelt arguments, and rclpy has no public way to see them.
     given = node._parameter_overrides  # noqa: SLF001
     return {key: each.value for key, each in given.items()}
 
@@ -199,7 +199,7 @@ class ProcessWatch:
                 self._ended_at = time.monotonic()
 
     def is_over(self) -> bool:
-        """Whether the process has ended, and the time since then has passed."""
+        """True once the process has ended and the time since then has passed."""
         # It can be read once the process has ended, waited for or not.
         if self._handle is not None and select.select([self._handle], [], [], 0.0)[0]:
             os.close(self._handle)

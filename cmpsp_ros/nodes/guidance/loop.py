@@ -34,17 +34,17 @@ _LATEST_ODOMETRY = 5_000_000
 
 
 class GuidanceLoop:
-    """Feeds odometry to the guidance law and publishes what it decides, while it is active.
+    """Feeds odometry to the guidance law and publishes its decisions, while active.
 
-    Odometry that is lost or cannot be used, and any exception, is answered with a stop.
+    Lost or unusable odometry, and any exception, leads to a stop.
 
     Attributes:
-        active: Whether odometry is decided on.
+        active: True while odometry is decided on.
         decision: The latest decision; None before the first.
         gate: Judges odometry.
-        road: Where the road comes from.
-        map: Where the map comes from.
-        silence: How long ago odometry was heard of.
+        road: Source of the road.
+        map: Source of the map.
+        watchdog: Age of odometry.
         times: Computing times of control steps.
     """
 
@@ -60,8 +60,8 @@ class GuidanceLoop:
         Args:
             node: The node.
             values: Its parameters.
-            settings: What they amount to.
-            garbage: Collected where there is time for it.
+            settings: Settings made from them.
+            garbage: Garbage collector, run in idle time.
         """
         self._node, self._settings, self._garbage = node, settings, garbage
         self.active, self._in_lockstep = False, values['lockstep']
@@ -155,11 +155,11 @@ class GuidanceLoop:
 
     @property
     def odometry_age(self) -> float | None:
-        """How long ago odometry was heard of [s]; None if it never was."""
+        """Age of the latest odometry [s]; None before the first."""
         return self.watchdog.age(self._now())
 
     def warnings(self) -> list[str]:
-        """What is wrong around the decisions, in sentences."""
+        """Warnings about inputs and outputs of the decisions, in sentences."""
         now = self._now()
         return [
             *self._obstacles.warnings(now),
@@ -173,7 +173,7 @@ class GuidanceLoop:
 
     @property
     def waiting(self) -> str:
-        """What must still come before time 0, in a sentence; empty when all is there."""
+        """Inputs still missing before time 0, in a sentence; '' if none."""
         if self.road.waits:
             return 'Waiting for a road on the topic road.'
         return self.map.waiting or ('' if self._begun else self._outputs.listeners.lacking())
@@ -259,7 +259,7 @@ class GuidanceLoop:
         self._use_slack(period - (time.perf_counter_ns() - began) / 1e9)
 
     def _expect_end(self, decision: Decision, now: int) -> None:
-        """See to it that the robot stops in time where odometry does not come just then."""
+        """Schedule the final stop, in case no odometry arrives just then."""
         end = self._law.ends_at
         # In lockstep it comes; whether clock or odometry came first would be chance.
         if decision.finished or end is None or self._in_lockstep:
@@ -281,7 +281,7 @@ class GuidanceLoop:
             self._note(decision)
 
     def _use_slack(self, slack: float = math.inf) -> None:
-        """Do what can wait until the command is out, and the next is not yet due."""
+        """Do deferred work after the command is out and before the next is due."""
         if self._scenery_changed:
             self.show()
         self._garbage.collect(slack)

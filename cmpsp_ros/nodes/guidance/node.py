@@ -56,10 +56,10 @@ SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FA
 
 
 class GuidanceNode(LifecycleNode):
-    """Lives as a lifecycle node, and guides the robot while it is active.
+    """Lifecycle node that guides the robot while active.
 
-    Whatever ends its activity - deactivation, shutdown, a signal, an exception, odometry that is
-    lost or cannot be used - the last command it publishes is a zero twist.
+    However its activity ends - deactivation, shutdown, a signal, an exception, lost or unusable
+    odometry - the last command it publishes is a zero twist.
     """
 
     def __init__(self) -> None:
@@ -175,7 +175,7 @@ class GuidanceNode(LifecycleNode):
         return super().on_shutdown(state)
 
     def destroy_node(self) -> None:
-        """Give back what an active node has taken, for the process may go on without it."""
+        """Release the resources of an active node, for the process may go on without it."""
         if self._state == ACTIVE:
             self._give_back()
         self._garbage.end()
@@ -187,7 +187,7 @@ class GuidanceNode(LifecycleNode):
         self._give_back()
 
     def _give_back(self) -> None:
-        """Give back what an active node takes of Python, the system and the robot."""
+        """Release the resources of an active node: interpreter, system and robot."""
         self._arbiter.end()
         self._late.end()
         self._bond.end()
@@ -201,13 +201,13 @@ class GuidanceNode(LifecycleNode):
         return FAILURE
 
     def _missing(self) -> list[str]:
-        """What of a course nobody has given, in sentences; a robot is not driven without."""
+        """Missing parts of the course, in sentences; the robot is not driven without them."""
         if self._values is None:
             return []
         return [f'No course: {each}' for each in course_problems(self._values, self._given)]
 
     def _remarks(self) -> list[str]:
-        """What is to be said of the parameters before the run, in sentences."""
+        """Remarks on the parameters before the run, in sentences."""
         return [*self._missing(), *plausibility_warnings(self._values or {}), *self._foretold]
 
     def _give_way(self, rival: str) -> None:

@@ -79,7 +79,7 @@ class GarbageCollection:
 
     @property
     def overdue(self) -> bool:
-        """Whether there was no time for it for so long that some must be taken."""
+        """True if idle time has been lacking for so long that collection is due now."""
         return self._on and time.monotonic() - self._latest > _OVERDUE
 
     def settle(self) -> None:

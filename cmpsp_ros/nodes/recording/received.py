@@ -137,7 +137,7 @@ class SimulatedTime:
     """
 
     def __init__(self) -> None:
-        # Times of publication, and what `/clock` said then [ns].
+        # Times of publication, and the value of `/clock` then [ns].
         self._ticks: list[tuple[int, int]] = []
         self._waiting: list[Received] = []
 

@@ -28,7 +28,7 @@ _HALF_WIDTHS: Final = (0.6, 1.4)
 _APART: Final = (1.6, 2.6)
 _FROM_END: Final = 1.2
 _HEADINGS: Final = math.pi / 2.0
-# Fraction of the top speed that is needed for the straight way, and what is added to it [m].
+# Fraction of the top speed that is needed for the straight path, and length added to it [m].
 _PACE: Final = (0.5, 0.75)
 _DETOUR: Final = 3.0
 _CLEAR: Final = 0.4

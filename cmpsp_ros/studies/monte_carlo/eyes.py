@@ -1,4 +1,4 @@
-"""What a robot knows of obstacles: what the simulated scanner has shown, or a map of them."""
+"""Obstacles known to a robot: seen by the simulated scanner, or from a map."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Eyes:
     def __init__(
         self, settings: GuidanceSettings, scanner: LaserSettings, shapes: Sequence[Shape]
     ) -> None:
-        """See nothing yet."""
+        """Start without scans."""
         (self._sensor,), self._scanner = settings.sight.sensors, scanner
         self._laser = Laser(scanner, 0)
         self._surroundings = Surroundings(settings.sight, settings.robot_radius, settings.footprint)
@@ -59,12 +59,7 @@ class Eyes:
             self._surroundings.add(sight_of(self._message(scan), self._sensor))
 
     def see(self, stamp: int, pose: Array) -> Sighting | None:
-        """What is known of the scans by now.
-
-        Args:
-            stamp: Of odometry [ns].
-            pose: Of odometry, shape ``(3,)`` [m, m, rad].
-        """
+        """Surroundings known by the time [ns] and pose ``(3,)`` [m, m, rad] of odometry."""
         self._surroundings.update(stamp, pose)
         return self._surroundings.at(stamp, pose)
 

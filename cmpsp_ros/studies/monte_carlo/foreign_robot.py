@@ -34,15 +34,15 @@ _TO_REST = 1.5
 
 @dataclass(frozen=True)
 class ForeignRobot:
-    """What is drawn for a run.
+    """Properties of the robot, drawn for a run.
 
     Attributes:
-        rate: Of its loop and its odometry [Hz].
+        rate: Rate of its loop and its odometry [Hz].
         lag: Time constant of speed and turn rate [s].
-        clock_offset: By which its clock is ahead of the computer's [s].
-        told_error: Error of the `command_delay` that the law is told [s].
-        busy: Mean time by which other work delays a control step [s].
-        seed: Of latencies and noise.
+        clock_offset: Lead of its clock over the computer's [s].
+        told_error: Error of the `command_delay` given to the law [s].
+        busy: Mean delay of a control step by other work [s].
+        seed: Seed of latencies and noise.
     """
 
     rate: float
@@ -73,13 +73,13 @@ class ForeignRobot:
 
     @property
     def told(self) -> float:
-        """What the law is told of it [s]."""
+        """`command_delay` given to the law [s]."""
         return max(self.delay + self.told_error, 0.0)
 
 
 @dataclass
 class _Unicycle:
-    """Its state at a tick, as its own program has it."""
+    """State of the robot at a tick, as in its own program."""
 
     time: float
     x: float
@@ -119,7 +119,7 @@ class ForeignDrive:
         """Put the robot at the start, at rest.
 
         Args:
-            foreign: What it is like.
+            foreign: Properties of the robot.
             model: For the wheel speeds of its twists.
             pose: Initial pose [m, m, rad].
         """

@@ -143,7 +143,7 @@ def _widest(settings: GuidanceSettings, center: tuple[float, float]) -> float:
         if abs(across) < each.radius and ahead > 0.0:
             half = math.sqrt(each.radius**2 - across**2)
             blocked.append((ahead - half, ahead + half))
-    # What has been passed may reach further than what comes next.
+    # Obstacles already passed may reach further than the next ones.
     blocked.sort()
     ends = np.maximum.accumulate([end for _, end in blocked])
     gaps = [

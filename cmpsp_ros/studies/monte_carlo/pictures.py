@@ -71,7 +71,7 @@ def _paths(
         _draw_place(axes, settings)
         axes.plot(*settings.goal, '*', color='white', mec='black', ms=9, zorder=6)
     named = set[RunVerdict]()
-    # What went wrong is drawn last, on top.
+    # Failed runs are drawn last, on top.
     for each in sorted(outcomes, key=lambda each: each.failed(tolerance)):
         verdict = each.verdict(tolerance)
         color, width = _LOOKS.get(verdict, _FAILED)
@@ -119,7 +119,7 @@ def _draw_way(axes: Axes, driven: DrivenRun) -> None:
     points = along(poses, twists, np.diff(begins) / NANOSECONDS)
     stamps = np.append(np.repeat(begins[:-1], PER_ARC), begins[-1])
     for decision, end in _spans(driven.decisions):
-        # One point more, so that what comes next begins where this ends.
+        # One point more, so that the next piece begins where this one ends.
         chosen = (stamps >= decision.stamp) & (stamps <= end)
         axes.plot(*points[chosen].T, color=LEVEL_COLORS[decision.level.name.lower()], lw=1.2)
     axes.plot(*poses[0, :2], 'o', color='white', mec='black', ms=4)

@@ -63,7 +63,7 @@ def append(folder: Path, outcome: StudyOutcome) -> None:
 
 @cache
 def digest() -> str:
-    """Of all code that outcomes depend on: runs of different code are no one study."""
+    """Hash of all code that outcomes depend on: one study must not mix runs of different code."""
     root = Path(cmpsp_ros.__file__).parent
     digest = hashlib.sha256()
     for package in HASHED_PACKAGES:
@@ -74,7 +74,7 @@ def digest() -> str:
 
 def _append(path: Path, line: str) -> None:
     # One call of the system: neither a kill nor another process comes between. The line break in
-    # front keeps what a power cut left of a line apart from this one.
+    # front separates this line from one truncated by a power cut.
     file = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, _READ_WRITE)
     try:
         os.write(file, f'\n{line}\n'.encode())

@@ -117,7 +117,7 @@ def paper_scenario(
 
 
 def is_open(road: Annulus, obstacles: Sequence[Obstacle], width: float) -> bool:
-    """Whether a disc of this width [m] can drive the whole road.
+    """True if a disc of this width [m] can drive the whole road.
 
     It cannot if and only if a chain of obstacles with too narrow gaps leads from one edge to the
     other: the set that separates the two sides of a plane strip is connected.

@@ -37,7 +37,7 @@ def shapes(random: np.random.Generator, center: Point, course: float, name: str)
 
 
 def pocket(center: Point, heading: float, wide: float, deep: float, name: str) -> list[Shape]:
-    """Three walls, by the middle of the back wall and the direction to what is behind it."""
+    """Three walls, by the middle of the back wall and its outward direction."""
     sides = [moved(center, heading, -deep / 2.0, side * wide / 2.0) for side in (-1.0, 1.0)]
     return [
         box(center, heading, THIN, wide, f'{name}_back'),
@@ -129,7 +129,7 @@ def _outer_walls(length: float, width: float) -> list[Shape]:
 
 
 def _inner_walls(random: _Random, length: float, width: float) -> Iterator[Shape]:
-    """Walls across the room, each with a door, or a corner that hides what is behind it."""
+    """Walls across the room, each with a door, or a corner that blocks the view."""
     count = int(random.integers(1, _MOST_WALLS + 1))
     for index in range(count):
         x = length * (index + random.uniform(0.8, 1.2)) / (count + 1.0)
@@ -191,7 +191,7 @@ def field_scenario(
 
 
 def is_open(cells: Cells) -> bool:
-    """Whether a square of five cells can go from one side of a field to the other."""
+    """True if a square of five cells can cross from one side of a field to the other."""
     from scipy import ndimage  # noqa: PLC0415 (it takes half a second to load)
 
     windows = np.lib.stride_tricks.sliding_window_view(cells, (_KERNEL, _KERNEL))
@@ -210,7 +210,7 @@ def _field(random: np.random.Generator, filled: float) -> Cells:
 
 
 def _neighbours(cells: Cells) -> NDArray[Any]:
-    """How many of the eight around each cell are filled; what is beside the walls is."""
+    """Number of filled cells among the eight neighbours; cells beyond the walls are filled."""
     around = np.pad(cells.astype(int), ((1, 1), (0, 0)), constant_values=1)
     around = np.pad(around, ((0, 0), (1, 1)))
     windows = np.lib.stride_tricks.sliding_window_view(around, (3, 3))

@@ -80,17 +80,18 @@ class StudyKind:
 
     Attributes:
         changes: Parameters that differ from those of the preset.
-        tolerance: Largest miss that counts as arrived [m].
-        draw: Makes a scenario from the settings, the seed, its number and the most obstacles.
-        lateness: Longest time that a control step takes, in control periods.
-        lag: Least and greatest time constant of the wheels, drawn for each run [s]; None for that
-            of the parameters.
-        preset: What the changes are made to.
-        sees: Whether the law knows nothing of obstacles but what a scanner shows.
-        has_map: Whether it knows them from a map, and what it takes is compared with the shortest
-            path.
-        is_foreign: Whether the robot is a `ForeignRobot`, and the law is told wrong about it.
-        score_speed: Of the straight way, for the score of the BARN challenge [m/s]; None for none.
+        tolerance: Maximum terminal error that counts as arrived [m].
+        draw: Makes a scenario from settings, seed, run number and maximum number of obstacles.
+        lateness: Maximum duration of a control step, in control periods.
+        lag: Range of the time constant of the wheels, drawn for each run [s]; None for that of the
+            parameters.
+        preset: Preset that is changed.
+        sees: True if the law knows obstacles only from a scanner.
+        has_map: True if the law knows obstacles from a map, and its driving times are compared with
+            the shortest path.
+        is_foreign: True if the robot is a `ForeignRobot`, with a wrong model in the law.
+        score_speed: Speed on the straight path, for the score of the BARN challenge [m/s]; or
+            None.
     """
 
     changes: Mapping[str, Any]
@@ -106,7 +107,7 @@ class StudyKind:
 
     @property
     def has_own_roads(self) -> bool:
-        """Whether each run has another road."""
+        """True if each run has a road of its own."""
         return self.draw not in {scenario, paper_scenario}
 
 
@@ -120,7 +121,7 @@ KINDS: Final[Mapping[str, StudyKind]] = MappingProxyType(
                 'wheel_lag': 0.05,
                 'wheel_slip': [0.03, 0.03],
                 'actuation_delay': 0.06,
-                # What the wheels lag comes to as much.
+                # The lag of the wheels adds as much.
                 'command_delay': 0.11,
                 'max_wheel_slip': 0.1,
                 'safety.margin': 0.05,
@@ -198,7 +199,7 @@ class Study:
 
     @property
     def kind(self) -> StudyKind:
-        """What makes it differ from other studies."""
+        """Kind of the study, by name."""
         return KINDS[self.name]
 
     def values(self) -> dict[str, Any]:
@@ -248,7 +249,7 @@ class Study:
         return _setup(self)
 
     def run(self, number: int) -> RunTask:
-        """What the run of that number is."""
+        """Task of the run of that number."""
         settings, plant = self.setup()
         draw = robot_scenario if self.robot else self.kind.draw
         drawn = draw(settings, self.seed, number, self.most_obstacles)
@@ -296,13 +297,13 @@ class RunTask:
 
     Attributes:
         scenario: Start and obstacles.
-        settings: Of the guidance law.
-        plant: Of the simulated robot.
+        settings: Settings of the guidance law.
+        plant: Settings of the simulated robot.
         foreign: The robot that is driven instead, if any.
-        lateness: Longest time that a control step takes, in control periods.
-        scanner: Of a robot that knows nothing of the obstacles but what it sees.
-        patience: Time after which a run that is put off again and again ends [s].
-        has_map: As of `StudyKind`.
+        lateness: Maximum duration of a control step, in control periods.
+        scanner: Scanner of a robot that knows obstacles only by sight.
+        patience: Time after which a run with repeatedly postponed goals ends [s].
+        has_map: Same as in `StudyKind`.
     """
 
     scenario: Scenario
@@ -320,7 +321,7 @@ class RunTask:
         return replace(self.settings, obstacles=self.scenario.obstacles)
 
     def eyes(self) -> Eyes | None:
-        """What the robot sees with, if it does."""
+        """Simulated sensors of the robot, if any."""
         if self.scanner is None:
             return None
         return Eyes(self.settings, self.scanner, self.scenario.obstacles)
@@ -328,7 +329,7 @@ class RunTask:
 
 @cache
 def _setup(study: Study) -> tuple[GuidanceSettings, PlantSettings]:
-    """What all runs of a study have in common; to read it takes as long as a run."""
+    """Settings shared by all runs of a study; reading them takes as long as a run."""
     values = study.values()
     return guidance_settings(values), plant_settings(values)
 

@@ -189,13 +189,13 @@ def write_parquet(
     """Write a row for each run, lengths in [m], times in [s], wheel speeds in [rad/s].
 
     Args:
-        path: The file; what is there is replaced.
-        outcomes: By number.
-        tolerance: Miss up to which a run has arrived [m].
-        judged: What the judge found of runs, by number.
+        path: The file; replaced if it exists.
+        outcomes: Outcomes by number.
+        tolerance: Maximum terminal error of a run that arrived [m].
+        judged: Results of the reference solver, by number.
 
     Returns:
-        Whether it was written: not without pyarrow.
+        False without pyarrow, with nothing written.
     """
     try:
         import pyarrow as pa  # type: ignore[import-untyped]  # noqa: PLC0415 (optional)
@@ -224,7 +224,7 @@ def write_parquet(
 
 
 def _costs(compared: Mapping[int, Mapping[str, Any]]) -> dict[str, Any]:
-    """Of runs of which IPOPT found the least cost in their own homotopy class."""
+    """Cost ratios of runs for which IPOPT found the minimum in their own homotopy class."""
     ratios = {
         number: each['cost'] / each['least']
         for number, each in compared.items()

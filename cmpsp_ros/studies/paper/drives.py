@@ -1,4 +1,4 @@
-"""Closed-loop runs, and measures of the driven path, independent of what the law reports."""
+"""Closed-loop runs, and measures of the driven path, independent of reports of the law."""
 
 from __future__ import annotations
 

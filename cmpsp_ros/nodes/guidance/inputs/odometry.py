@@ -109,12 +109,12 @@ class OdometryWatchdog:
         return None if self._heard_at is None else (now - self._heard_at) / NANOSECONDS
 
     def is_longer_than(self, timeout: float, now: int) -> bool:
-        """Whether nothing has come for longer than that [s]."""
+        """True if nothing has arrived for longer than that [s]."""
         age = self.age(now)
         return age is not None and age > timeout
 
     def goes_on(self, timeout: float, now: int) -> bool:
-        """Whether it was too long already when this was asked before, at another time.
+        """True if the limit was already exceeded at the previous check, at another time.
 
         A clock that jumps wakes the watch before the odometry that comes with it.
         """
@@ -128,9 +128,9 @@ class OdometryWatchdog:
 
 
 class ClockWatch:
-    """Notices ROS time that stands still: a paused simulation, or a `/clock` that has died.
+    """Detects ROS time that stands still: a paused simulation, or a dead `/clock`.
 
-    Nothing is commanded on account of it: while time stands still, so does what depends on it.
+    It commands nothing: while time stands still, so does everything that depends on it.
     """
 
     def __init__(self) -> None:
@@ -151,7 +151,7 @@ def _string(data: bytes, at: int, length: struct.Struct) -> tuple[str, int]:
     """A string and where it ends; its length counts the zero byte behind it."""
     (size,) = length.unpack_from(data, at)
     begin, end = at + length.size, at + length.size + size
-    # Of a string that ends beyond the data Python would take what there is.
+    # Python would silently truncate a string that ends beyond the data.
     if size == 0 or data[end - 1]:
         raise IndexError
     return data[begin : end - 1].decode(), end

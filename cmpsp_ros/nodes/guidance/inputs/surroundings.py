@@ -1,6 +1,6 @@
 """Moving obstacles, plans of other robots, and sensors, as the guidance node receives them.
 
-A message that cannot be used changes nothing: a warning is given, and what is known grows old.
+An unusable message changes nothing: a warning is given, and the known state grows old.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class SurroundingsInput(Listener):
 
 
 class ObstacleInput(SurroundingsInput):
-    """Listens where plans have room for moving obstacles, and keeps what is known.
+    """Receives moving obstacles, if plans have capacity for them, and keeps the latest.
 
     Attributes:
         settings: All settings of the guidance law, as they are now.

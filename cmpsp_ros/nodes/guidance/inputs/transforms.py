@@ -50,10 +50,10 @@ _DEPTH = 500
 
 
 class TransformInput(Listener):
-    """Listens to transforms, which are read only where one is asked for.
+    """Receives transforms, which are read only on request.
 
-    Messages that it has transformed to the frame of the course are published there, so that a bag
-    has what decided and needs no transforms.
+    Messages transformed to the frame of the course are published there, so that a bag holds the
+    inputs of decisions and needs no transforms.
 
     Attributes:
         settings: All settings of the guidance law, as they are now.

@@ -51,7 +51,7 @@ class Listeners:
         self._is_alone = False
 
     def lacking(self) -> str:
-        """Sentence on what a run still waits for; empty for nothing."""
+        """Sentence on the listeners a run still waits for; '' if none."""
         return self._robot() or self._recorder()
 
     def warnings(self) -> list[str]:
@@ -88,7 +88,7 @@ class Listeners:
         return 'Waiting for a recorder (recorder_timeout).'
 
     def _is_recorded(self, now: float) -> bool:
-        """Whether a recorder has found all topics of the run, and had time to be found there."""
+        """True if a recorder has matched all topics of the run, and had time to be discovered."""
         heard = self._node.get_subscriptions_info_by_topic
         publishers = (self._command, *self._reports)
         topics = [each.topic_name for each in publishers]

@@ -142,11 +142,10 @@ class PlanMarkers:
     """Markers of the latest decision; one message is filled again and again.
 
     The plan is a band in the colour of its fallback level, and in it a line in the colours of the
-    clearance: from `NEAR` where only `safety.margin` is left to `FAR` where `PLENTY` is left
-    beside. Where it begins is the outline of a robot that has corners. A plan that is gone is
-    removed, the reason stays where the robot was last. A moving obstacle is shown where it is, with
-    an arrow to where it will be a second later; the rings around it and around the arrow's tip are
-    what the robot's centre, or that of its discs, keeps from it.
+    clearance: `NEAR` with only `safety.margin` left, `FAR` with `PLENTY` beyond it. A robot with
+    corners has its outline drawn at the start. A withdrawn plan is removed; the reason stays at the
+    robot's last position. A moving obstacle has an arrow to its position a second later; the rings
+    around it and the arrow's tip are the distance kept by the centre of the robot or its discs.
     """
 
     def __init__(self, settings: GuidanceSettings) -> None:

@@ -81,7 +81,7 @@ class GuidanceOutputs:
 
     @property
     def subscribers(self) -> dict[str, int]:
-        """Numbers of subscribers to what reports every decision, for diagnostics."""
+        """Numbers of subscribers to the topics of every decision, for diagnostics."""
         publishers = {
             'command': self._command,
             'decision': self._decisions,

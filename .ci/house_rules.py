@@ -1,12 +1,14 @@
-"""Rules of the house that no linter has: front doors, lengths of files, sizes of folders."""
+"""Rules of the house that no linter has: front doors, sizes of files and folders, docstrings."""
 
 import ast
+import re
 import sys
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 MAX_LINES = 350
 MAX_FILES = 14
+RELATIVE = re.compile(r'(What|Whatever|Whether|Of|As of|Its|How|Where|See|Which|Who|Whose|That)\b')
 
 
 def room(module: str) -> str:
@@ -29,6 +31,18 @@ def past_front_doors(path: Path) -> list[str]:
     ]  # fmt: skip
 
 
+def relative_openings(path: Path) -> list[str]:
+    """Docstrings that open with a relative word; a noun or a verb of the field is expected."""
+    documented = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
+    found = []
+    for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
+        text = (ast.get_docstring(node) or '') if isinstance(node, documented) else ''
+        if opening := RELATIVE.match(text):
+            place = f'{path.relative_to(ROOT)}:{getattr(node, "lineno", 1)}'
+            found.append(f'{place}: docstring opens with {opening[0]}; wanted a noun or a verb')
+    return found
+
+
 def main() -> int:
     """Print what breaks a rule; 1 if anything does."""
     found = []
@@ -36,7 +50,7 @@ def main() -> int:
         files = sorted((ROOT / top).rglob('*.py'))
         for path in files:
             if top != 'test':
-                found += past_front_doors(path)
+                found += past_front_doors(path) + relative_openings(path)
             lines = len(path.read_text(encoding='utf-8').splitlines())
             if lines > MAX_LINES:
                 found.append(f'{path.relative_to(ROOT)}: {lines} lines; at most {MAX_LINES}')

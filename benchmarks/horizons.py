@@ -30,7 +30,7 @@ class Growth:
     """One method over horizons.
 
     Attributes:
-        name: Of the method.
+        name: Name of the method.
         steps: Horizons, shape ``(K,)``.
         times: Median of the first step at each, shape ``(K,)`` [us].
         exponent: Slope of the logarithm of time over that of steps from 100 steps on; None with

@@ -34,9 +34,9 @@ class Timed:
     """A method that solves the task, and its computing times.
 
     Attributes:
-        name: Of the method.
-        outcome: Of its closed loop.
-        times: Of every step of every run, shape ``(runs, N)`` [us].
+        name: Name of the method.
+        outcome: Outcome of its closed loop.
+        times: Times of every step of every run, shape ``(runs, N)`` [us].
     """
 
     name: str
@@ -59,8 +59,8 @@ class Ratios:
     """One method beside another: medians of quotients in the same step of the same run.
 
     Attributes:
-        first: Of the first step.
-        loop: Of all steps.
+        first: Ratio at the first step.
+        loop: Ratio over all steps.
     """
 
     first: float
@@ -165,9 +165,9 @@ class Tail:
     """Control steps of one method.
 
     Attributes:
-        name: Of the method.
-        times: Of every step of many closed loops, shape ``(K,)`` [us].
-        again: Of their first step, made again and again, shape ``(K,)`` [us].
+        name: Name of the method.
+        times: Times of every step of many closed loops, shape ``(K,)`` [us].
+        again: Times of their first step, repeated, shape ``(K,)`` [us].
     """
 
     name: str
@@ -244,8 +244,8 @@ class HardCase:
     """Computing times of one run.
 
     Attributes:
-        name: Of the run.
-        times: Of every step, shape ``(runs, N)`` [ms].
+        name: Name of the run.
+        times: Times of every step, shape ``(runs, N)`` [ms].
         elastic: Steps in which the last program needed slack.
     """
 

@@ -126,7 +126,7 @@ class Target:
 
     Attributes:
         what: Description of the measurement.
-        at_most: Its limit.
+        at_most: Limit.
         found: The figure; None if it was not measured.
     """
 

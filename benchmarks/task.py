@@ -48,9 +48,9 @@ class Task:
     of steps. It would be empty with ten steps otherwise, and another problem with each number.
 
     Attributes:
-        settings: Of the preset.
-        pose: Where the robot starts, shape ``(3,)`` [m, m, rad].
-        space: Where the robot's centre may be at the samples.
+        settings: Settings of the preset.
+        pose: Start pose, shape ``(3,)`` [m, m, rad].
+        space: Free space of the robot's centre at the samples.
         cost: Weights of the cost.
     """
 
@@ -95,12 +95,7 @@ class Task:
         return replace(self.settings, control_period=self.settings.final_time / steps)
 
     def problem(self, pose: Array, durations: Array) -> GuidanceProblem:
-        """The problem from a pose on.
-
-        Args:
-            pose: Shape ``(3,)`` [m, m, rad].
-            durations: Lengths of the steps left, shape ``(n,)`` [s].
-        """
+        """The problem from ``pose (3,)`` [m, m, rad] on, with ``durations (n,)`` of steps left [s]."""
         settings = self.settings
         goal = np.array(settings.goal)
         return GuidanceProblem(settings.robot, self.space, settings.weights, pose, goal, durations)

@@ -37,7 +37,7 @@ def new_pool(workers: int, *begin: Any) -> ProcessPoolExecutor:
     """Processes that leave the keyboard to their parent, and end when it does, however it ends.
 
     Args:
-        workers: How many.
+        workers: Number of processes.
         begin: A function that each of them calls first, and its arguments.
     """
     # A fork would copy the locks of the numerical libraries' threads.

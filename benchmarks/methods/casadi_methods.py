@@ -87,16 +87,13 @@ def program(task: Task, steps: int) -> Program:
 
 
 def pack(task: Task, pose: Array, U: Array, durations: Array) -> tuple[Array, Array]:
-    """Variables and parameters at a warm start, its path rolled out.
+    """Variables ``w`` and parameters ``p`` at a warm start, its path rolled out.
 
     Args:
         task: The task.
         pose: First pose, shape ``(3,)`` [m, m, rad].
         U: Shape ``(N + 1, 2)`` [rad/s].
         durations: Shape ``(N,)`` [s].
-
-    Returns:
-        ``w`` and ``p``.
     """
     steps = len(durations)
     X = task.settings.robot.roll_out(pose, U, durations)

@@ -77,10 +77,7 @@ def export(bag_path: Path, folder: Path, form: Format = 'csv') -> dict[Path, int
     read back bit for bit. A Parquet file keeps the unit of a column in its field's metadata, under
     `unit`. Missing values are empty.
 
-    Args:
-        bag_path: The bag.
-        folder: New folder for the files; missing parents are made.
-        form: Format of the files.
+    Missing parents of the new folder are made.
 
     Returns:
         Number of rows of each file.

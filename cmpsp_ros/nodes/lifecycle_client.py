@@ -36,7 +36,7 @@ class GuidanceStatus:
         level: Level of its latest diagnostics.
         message: Their sentence.
         decision: Latest decision, as text; empty before the first.
-        reason: Its sentence.
+        reason: Sentence.
         decisions: Number of decisions heard.
         commands: Number of those that were sent, and not withdrawn since they were late.
     """
@@ -138,9 +138,9 @@ class LifecycleClient:
         namespace: str = '',
         still_compiles: Callable[[], bool] = lambda: False,
     ) -> bool:
-        """Configure the guidance node of a robot; whether it agreed.
+        """Configure the guidance node of a robot; True if it agreed.
 
-        `still_compiles` is asked after the time [s], and as often again, whether to wait on.
+        After each timeout [s], `still_compiles` decides on further waiting.
 
         Raises:
             TimeoutError: It did not answer within the time.

@@ -30,7 +30,7 @@ class RobotScenario:
     Attributes:
         name: Description.
         settings: The task.
-        pose: Where the robot is, shape ``(3,)`` [m, m, rad].
+        pose: Pose of the robot, shape ``(3,)`` [m, m, rad].
     """
 
     name: str

@@ -21,7 +21,7 @@ def write_report(
         paths: The bags.
         output: The page; the picture is beside it.
         sources: Topics and parameters, where they are not the usual ones.
-        force: Whether an earlier report may be replaced.
+        force: True if an earlier report may be replaced.
 
     Returns:
         Page and picture.

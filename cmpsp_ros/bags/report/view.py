@@ -57,7 +57,7 @@ class View:
     """One bag in a report.
 
     Attributes:
-        label: Its name in the report.
+        label: Name in the report.
         record: The audited data.
         decisions: All decisions, those whose command came too late to be sent among them.
         findings: Results of the audit.

@@ -58,11 +58,9 @@ class SensorClearance:
     tolerance: float
 
     def blind(self, looks: IntArray, settings: GuidanceSettings) -> tuple[Hole, ...]:
-        """When the robot drove on and nothing was seen for longer than `sight.timeout`.
+        """Times of driving on with nothing seen for longer than `sight.timeout`.
 
-        Args:
-            looks: All times at which anything was seen, in order [ns].
-            settings: With the timeout.
+        `looks` are the sorted times of all sightings [ns].
         """
         longest = longest_interval(looks, settings)
         longest = max(longest, to_nanoseconds(settings.sight.timeout))

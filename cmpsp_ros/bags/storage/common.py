@@ -49,7 +49,7 @@ class Form:
 
     Attributes:
         storage: Format of its files.
-        compressed: Whether chunks are compressed by zstd; mcap only.
+        compressed: True if chunks are compressed by zstd; mcap only.
         split_size: Size at which a new file is begun [bytes]; 0 for a single file.
         split_duration: Duration after which a new file is begun [ns]; 0 for a single file.
     """

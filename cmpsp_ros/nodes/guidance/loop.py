@@ -59,7 +59,7 @@ class GuidanceLoop:
 
         Args:
             node: The node.
-            values: Its parameters.
+            values: Parameters of the node.
             settings: Settings made from them.
             garbage: Garbage collector, run in idle time.
         """

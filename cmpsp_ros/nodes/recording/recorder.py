@@ -273,8 +273,7 @@ def record(parameters: Mapping[str, Any], namespace: str | None = None) -> int:
     """Record until SIGINT or SIGTERM, as the last thing a process does.
 
     Returns:
-        Exit code: 0 after a signal, 1 when recording came to an end by itself.
-
+        Exit code: 0 after a signal, 1 when recording ended by itself.
     """
     return run(partial(Recorder, namespace, parameters), name='recorder', args=[], outlasts=2.0)
 

@@ -109,7 +109,7 @@ class ForeignDrive:
 
     Attributes:
         motions: Pose and twist at each tick, stamped by the robot's clock.
-        decisions: Of the law, up to the final time.
+        decisions: Decisions of the law, up to the final time.
         end: The final time, by the robot's clock [ns]; 0 before the first decision.
     """
 

@@ -101,7 +101,7 @@ def passed_alike(one: Array, other: Array, center: Array) -> bool:
 
     Args:
         one: Positions ``(N, 2)`` or poses [m].
-        other: See `one`.
+        other: Same as `one`.
         center: The point, shape ``(2,)`` [m].
     """
     return abs(_swept_angle(one, center) - _swept_angle(other, center)) < math.pi

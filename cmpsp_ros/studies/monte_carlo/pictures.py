@@ -35,10 +35,10 @@ def draw_study(
     """Draw all paths into one picture, and the spread of miss and clearance into another.
 
     Args:
-        folder: Where to.
-        title: Of both.
+        folder: Output folder.
+        title: Title of both.
         settings: Road and goal, where all runs have the same.
-        outcomes: Of all runs.
+        outcomes: Outcomes of all runs.
         tolerance: Miss up to which a run has arrived [m].
     """
     with plot_style():

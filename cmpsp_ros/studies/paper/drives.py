@@ -29,7 +29,7 @@ class Path:
     """A path driven under zero-order hold, and its controls.
 
     Attributes:
-        settings: Of the law, or of the controller used instead.
+        settings: Settings of the law, or of the controller used instead.
         poses: At each control instant and at the end, shape ``(N + 1, 3)`` [m, m, rad].
         controls: Shape ``(N, r)``; of the paper's robot the speeds of its right and left wheel
             [rad/s].
@@ -121,7 +121,7 @@ class Drive:
 
     Attributes:
         experiment: Run of the paper.
-        between_samples: Whether the path between samples was constrained, too.
+        between_samples: True if the path between samples was constrained, too.
         path: The driven path.
         levels: Fallback level of each control step.
         step_times: Computing time of each control step [ms].

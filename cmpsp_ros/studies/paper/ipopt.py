@@ -35,7 +35,7 @@ class ReferenceSolution:
     """Result of IPOPT.
 
     Attributes:
-        feasible: Whether it ended at a point that satisfies every constraint.
+        feasible: True if it ended at a point that satisfies every constraint.
         status: IPOPT's status.
         cost: First term of (95) there.
         controls: Shape ``(N, r)``, of a differential drive its wheel speeds [rad/s].

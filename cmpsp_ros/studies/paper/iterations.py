@@ -158,7 +158,7 @@ def converge(
         guess: Right and left wheel [rad/s].
         iterations: Maximum number; an iteration at rest ends earlier.
         road_center: ``q`` of (95); with 0 its second term alone is left.
-        full_steps: Whether every step is taken in full, as (43) is written, instead of within the
+        full_steps: True if every step is taken in full, as (43) is written, instead of within the
             law's trust region and as far as its line search allows.
     """
     settings = experiment.settings

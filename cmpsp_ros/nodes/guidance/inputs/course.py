@@ -38,7 +38,7 @@ class CourseInput(Listener):
     """Listens to a part of the course.
 
     Attributes:
-        waits: Whether the first one is still to come.
+        waits: True if the first one is still to come.
         refusal: Reason why the last one was refused; empty if it was not.
     """
 

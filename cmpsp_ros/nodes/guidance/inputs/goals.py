@@ -66,8 +66,8 @@ class GoalInput(Listener):
             law: Receives the goals.
             transforms: Lead to the frame of the course.
             road: May be changed by the path of an action.
-            is_active: Whether the robot is guided.
-            waits: Whether the robot stands until the first goal of a run.
+            is_active: True if the robot is guided.
+            waits: True if the robot stands until the first goal of a run.
         """
         super().__init__(node)
         self._law, self._transforms, self._road = law, transforms, road
@@ -205,7 +205,7 @@ class GoalActions:
         Args:
             decision: The decision.
             pose: Pose of the robot (x, y, heading) [m, m, rad].
-            distance: From a pose to a goal [m].
+            distance: Distance from a pose to a goal [m].
         """
         running = self._running
         if running is None:

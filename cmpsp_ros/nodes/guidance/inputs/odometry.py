@@ -68,7 +68,7 @@ class OdometryInput(Listener):
             data: Message that has come.
             now: Present time [ns].
             period: Age from which on it is old [s].
-            is_due: Whether odometry of a time [ns] is one to decide on.
+            is_due: True if odometry of a time [ns] is one to decide on.
 
         Raises:
             OdometryError: It cannot be read.

@@ -92,7 +92,7 @@ class TransformInput(Listener):
 
         Args:
             reading: The odometry.
-            data: Its message, serialised.
+            data: Serialised message.
 
         Raises:
             OdometryError: It cannot be used, or there is no transform.

@@ -61,7 +61,7 @@ def marker_array(
     Args:
         settings: With the goals.
         world: Road and static obstacles.
-        stamp: Of all of them.
+        stamp: Stamp of all of them.
         ahead: The goal that is driven to; those that come before it are paler, and their headings
             are not shown.
     """

@@ -37,10 +37,7 @@ def twist_bytes(decision: Decision) -> bytes:
 
 
 def stamped_bytes(decision: Decision, frame: bytes) -> bytes:
-    """The command as a `geometry_msgs/TwistStamped` with the stamp of its odometry.
-
-    The frame is as from `frame_bytes`.
-    """
+    """The command as a `TwistStamped` with the stamp of its odometry, `frame` by `frame_bytes`."""
     stamp = _STAMP.pack(*divmod(decision.stamp, NANOSECONDS))
     return _LITTLE_ENDIAN + stamp + frame + _twist(decision)
 

@@ -88,7 +88,7 @@ class PresetTiming:
 def time_presets(
     presets: Sequence[Preset], runs: int, progress: Callable[[], None] = lambda: None
 ) -> list[PresetTiming]:
-    """Drive every preset in turn, again and again, and take the times.
+    """Drive every preset in turn, repeatedly, and take the times.
 
     The presets are interleaved, so that other work of the machine falls on all of them.
     """
@@ -208,7 +208,7 @@ def of_models() -> dict[str, Scenario]:
 def time_robots(
     scenarios: Mapping[str, Scenario], runs: int, progress: Callable[[], None] = lambda: None
 ) -> list[RobotDrive]:
-    """Drive every robot in turn, again and again, and take the times."""
+    """Drive every robot in turn, repeatedly, and take the times."""
     drives = {name: partial(_drive_robot, name, each) for name, each in scenarios.items()}
     found = []
     for name, (first, *others) in in_turn(drives, runs, progress).items():

@@ -235,7 +235,7 @@ def _ratio(spread: Spread) -> float | None:
 
 
 def loops(count: int, steps: int) -> int:
-    """Closed loops that so many control steps are."""
+    """Number of closed loops with that many control steps."""
     return -(-count // steps)
 
 
@@ -267,7 +267,7 @@ def hard_cases() -> list[Preset]:
 def time_hard_cases(
     cases: Sequence[Preset], runs: int, progress: Callable[[], None] = lambda: None
 ) -> list[HardCase]:
-    """Drive every case in turn, again and again, and take the times."""
+    """Drive every case in turn, repeatedly, and take the times."""
     methods = {each.name: FullStep(Task.of(each)) for each in cases}
     driven = in_turn(
         {

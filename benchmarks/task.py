@@ -91,11 +91,11 @@ class Task:
         )
 
     def settings_for(self, steps: int) -> GuidanceSettings:
-        """The preset's settings with so many control periods in its time."""
+        """The preset's settings with that many control periods."""
         return replace(self.settings, control_period=self.settings.final_time / steps)
 
     def problem(self, pose: Array, durations: Array) -> GuidanceProblem:
-        """The problem from ``pose (3,)`` [m, m, rad] on, with ``durations (n,)`` of steps left [s]."""
+        """Problem from ``pose (3,)`` [m, m, rad] on; ``durations (n,)`` of the steps left [s]."""
         settings = self.settings
         goal = np.array(settings.goal)
         return GuidanceProblem(settings.robot, self.space, settings.weights, pose, goal, durations)

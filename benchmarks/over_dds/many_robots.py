@@ -55,7 +55,7 @@ class Crowd:
         skipped: Number of them without a decision.
         late: Missed deadlines, as in doc/user/behaviour.md.
         stops: Number of stops by a node for lack of odometry.
-        delays: Time from the stamp of odometry to when its decision was heard of ``(D,)`` [s]: by
+        delays: Time from the stamp of odometry to the arrival of its decision ``(D,)`` [s]: by
             the one process that listens to all.
         own: Time that each took in its node ``(D,)`` [s].
         miss: Greatest distance from the goal at the final time [m].
@@ -79,7 +79,7 @@ def measure(count: int, progress: Callable[[float], None] = lambda _: None) -> C
 
     Args:
         count: Number of robots.
-        progress: Told the time of the run so far [s], again and again.
+        progress: Called with the time of the run so far [s].
     """
     alone = load_scenario(_PRESET, _CHANGES, lockstep=False)
     robots = [replace(alone, namespace=f'/r{number}') for number in range(1, count + 1)]

@@ -28,7 +28,7 @@ class RobotOutcome:
     Attributes:
         namespace: Namespace of the robot.
         summary: Figures of its run.
-        apart: Least distance of its footprint from any other robot's until its final time, also
+        apart: Minimum distance of its footprint from any other robot's until its final time, also
             between samples [m].
     """
 

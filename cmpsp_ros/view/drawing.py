@@ -125,7 +125,7 @@ def along(poses: Array, twists: Array, durations: Array) -> Array:
     """Positions along arcs, several on each to show its curvature, shape ``(K, 2)``.
 
     Args:
-        poses: At the beginning of each arc and the end of the last, ``(N + 1, 3)`` [m, m, rad].
+        poses: Start of each arc and end of the last, ``(N + 1, 3)`` [m, m, rad].
         twists: Speed and turn rate on each, ``(N, 2)`` [m/s, rad/s].
         durations: Duration of each, ``(N,)`` [s].
     """

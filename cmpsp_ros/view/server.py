@@ -39,7 +39,7 @@ class ViewError(ValueError):
 
 
 class Access:
-    """Decides for each request whether it is answered.
+    """Decides for each request if it is answered.
 
     Attributes:
         token: The token required; empty on loopback, which other machines cannot reach.

@@ -104,7 +104,7 @@ class Drive:
 
     @property
     def pauses(self) -> bool:
-        """True if a robot may have stopped by itself between two commands."""
+        """True if a robot may have stopped on its own between two commands."""
         return bool((self.commands[:-1].any(axis=1) & (np.diff(self.times) > TIMEOUTS[1])).any())
 
     def series(self, axis: int, timeout: float) -> Series:

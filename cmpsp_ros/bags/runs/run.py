@@ -184,7 +184,7 @@ def driven_in(bag: Bag, namespace: str) -> DrivenPath:
 
 
 def truth_topic(bag: Bag, namespace: str, odom: str) -> str:
-    """Topic of the true path; empty where there is none in the frame of odometry that was heard."""
+    """Topic of the true path; '' if none is in the frame of the odometry received."""
     truth = f'{namespace}/sim/truth'
     return truth if truth in bag.topics and odom == f'{namespace}/odom' else ''
 

@@ -45,8 +45,8 @@ class SensorClearance:
     Attributes:
         stamps: Times of poses, in order, shape ``(K,)`` [ns].
         poses: The poses, shape ``(K, 3)`` [m, m, rad].
-        clearance: Of the robot's outline at each from the nearest spot that a beam met and no later
-            beam (before: no earlier one) passed, negative inside, shape ``(K,)`` [m].
+        clearance: Distance of the robot's outline at each from the nearest spot that a beam met and
+            no later beam (before: no earlier one) passed, negative inside, shape ``(K,)`` [m].
         looks: Times of the messages that showed anything, in order, shape ``(L,)`` [ns].
         tolerance: Error of the clearance [m].
     """

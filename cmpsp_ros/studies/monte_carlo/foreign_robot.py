@@ -1,4 +1,4 @@
-"""A robot that is not the simulator's, and that the law is told wrong about.
+"""A robot outside of the simulator, with a wrong model in the law.
 
 It shares no code with the simulator: a unicycle whose speed and turn rate lag behind the command,
 advanced at the ticks of its own loop, which also publish odometry with the stamps of its own clock.

@@ -75,7 +75,7 @@ class Path:
 
     @property
     def peaks(self) -> Array:
-        """Largest magnitude of each control, shape ``(r,)``."""
+        """Maximum magnitude of each control, shape ``(r,)``."""
         peaks: Array = np.abs(self.controls).max(axis=0)
         return peaks
 
@@ -86,7 +86,7 @@ class Path:
         return at_limit
 
     def clearance(self, *, between_samples: bool) -> Array:
-        """Least clearance from outer edge, inner edge and obstacles, shape ``(2 + M,)`` [m]."""
+        """Minimum clearance from outer edge, inner edge and obstacles, shape ``(2 + M,)`` [m]."""
         space = self.settings.world.free_space(self.settings)
         if between_samples:
             twists = self.settings.robot.twist(self.controls)
@@ -212,12 +212,12 @@ def guessed_path(experiment: Experiment) -> Path:
 
 
 def worst_miss(drives: Iterable[Drive]) -> float:
-    """Largest miss [m]."""
+    """Maximum miss [m]."""
     return max(drive.path.miss for drive in drives)
 
 
 def least_clearance(drives: Iterable[Drive], *, between_samples: bool) -> float:
-    """Least clearance from road edges and obstacles [m]."""
+    """Minimum clearance from road edges and obstacles [m]."""
     return min(
         float(drive.path.clearance(between_samples=between_samples).min()) for drive in drives
     )
@@ -229,13 +229,13 @@ def within_limits(drives: Iterable[Drive]) -> bool:
 
 
 def apart(paths: Sequence[Path]) -> Array:
-    """Largest distance at equal times between each two paths, in the order of pairs [m]."""
+    """Maximum distance at equal times between each two paths, in the order of pairs [m]."""
     pairs = combinations([path.poses[:, :2] for path in paths], 2)
     return np.array([np.linalg.norm(one - other, axis=1).max() for one, other in pairs])
 
 
 def wheels_apart(paths: Sequence[Path]) -> Array:
-    """Largest difference of a wheel speed at equal times, in the order of pairs [rad/s]."""
+    """Maximum difference of a wheel speed at equal times, in the order of pairs [rad/s]."""
     pairs = combinations([path.controls for path in paths], 2)
     return np.array([np.abs(one - other).max() for one, other in pairs])
 

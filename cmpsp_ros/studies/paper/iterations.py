@@ -197,7 +197,7 @@ class Conditions:
         path_rows: Path constraints (92) (93) that are active.
         wheel_rows: Wheel limits (94) that are active.
         rank_G: Rank of ``G`` of Theorem 2.
-        least_eigenvalue: Least eigenvalue of the exact Hessian of (95), ``R`` of its second term
+        least_eigenvalue: Minimum eigenvalue of the exact Hessian of (95), ``R`` of its second term
             included.
         neglected: Part of the Hessian of the first term that (45) leaves out, in norm.
     """

@@ -42,7 +42,7 @@ class StartOutcome(NamedTuple):
 
     @property
     def clearance(self) -> float:
-        """Least clearance, between samples too [m]."""
+        """Minimum clearance, between samples too [m]."""
         return float(self.path.clearance(between_samples=True).min())
 
     @property
@@ -96,7 +96,7 @@ def run_starts(progress: Callable[[str, int], None], *, compare: bool) -> Table:
 
     Args:
         progress: Called with the label of each, and their number.
-        compare: True if IPOPT is asked as well.
+        compare: True to run IPOPT as well.
 
     Raises:
         StudyError: CasADi is not installed.

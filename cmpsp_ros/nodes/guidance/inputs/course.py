@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 
 class CourseInput(Listener):
-    """Listens to a part of the course.
+    """Receives a part of the course.
 
     Attributes:
         waits: True if the first one is still to come.

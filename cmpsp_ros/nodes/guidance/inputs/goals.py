@@ -59,15 +59,9 @@ class GoalInput(Listener):
         *,
         waits: bool,
     ) -> None:
-        """Open topic and actions.
+        """Open topic and actions; with `waits` the robot stands until the first goal of a run.
 
-        Args:
-            node: The node.
-            law: Receives the goals.
-            transforms: Lead to the frame of the course.
-            road: May be changed by the path of an action.
-            is_active: True if the robot is guided.
-            waits: True if the robot stands until the first goal of a run.
+        `is_active` is True while the robot is guided; the path of an action may change `road`.
         """
         super().__init__(node)
         self._law, self._transforms, self._road = law, transforms, road

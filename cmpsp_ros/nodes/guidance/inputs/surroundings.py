@@ -72,7 +72,7 @@ class ObstacleInput(SurroundingsInput):
         self.settings, self._transforms = settings, transforms
         self._tracks: Tracks[Track] = Tracks()
         self._plans: Tracks[PeerTrajectory] = Tracks()
-        # Robots that were never heard are none to miss.
+        # Robots never heard of cannot be missing.
         self._heard: dict[str, PeerTrajectory] = {}
         known, own = settings.moving_obstacles, node.get_namespace()
         if known.capacity:
@@ -98,7 +98,7 @@ class ObstacleInput(SurroundingsInput):
         self._heard = {}
 
     def warnings(self, now: int) -> list[str]:
-        """Refusals of last messages, and robots that have gone silent at a time [ns]."""
+        """Refusals of the last messages, and robots silent at a time [ns]."""
         oldest = now - round(self.settings.moving_obstacles.timeout * NANOSECONDS)
         silent = [name for name, each in self._heard.items() if each.is_older(oldest)]
         lost = [f'Not kept clear of, for no plan comes: {", ".join(silent)}.'] if silent else []

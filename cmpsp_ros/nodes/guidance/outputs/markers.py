@@ -139,7 +139,7 @@ def _text(center: Sequence[float], text: str) -> Marker:
 
 
 class PlanMarkers:
-    """Markers of the latest decision; one message is filled again and again.
+    """Markers of the latest decision; one message is reused.
 
     The plan is a band in the colour of its fallback level, and in it a line in the colours of the
     clearance: `NEAR` with only `safety.margin` left, `FAR` with `PLENTY` beyond it. A robot with

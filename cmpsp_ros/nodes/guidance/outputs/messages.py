@@ -1,4 +1,4 @@
-"""Decisions as messages, each made once and filled again and again, and commands as bytes.
+"""Decisions as messages, each made once and reused, and commands as bytes.
 
 Making the parts of a message anew takes longer than to fill them, and to have rclpy serialise a
 command as long as a good part of deciding. So commands leave in CDR (OMG DDS-RTPS 2.5, section 10,

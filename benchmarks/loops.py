@@ -181,7 +181,7 @@ class Tail:
 
     @property
     def ratio(self) -> float | None:
-        """99.9th percentile beside the median; None with too few steps for it."""
+        """Ratio of 99.9th percentile and median; None with too few steps."""
         return _ratio(self.spread)
 
     @property
@@ -191,7 +191,7 @@ class Tail:
 
     @property
     def ratio_again(self) -> float | None:
-        """99.9th percentile of one and the same step beside its median."""
+        """Ratio of 99.9th percentile and median of the repeated step."""
         return _ratio(self.spread_again)
 
 

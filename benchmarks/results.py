@@ -56,7 +56,7 @@ class Order:
 
     @property
     def command(self) -> str:
-        """The command line that asks for it."""
+        """Command line of the order."""
         options = [name for name in ('peers', 'latency') if getattr(self, name)]
         words = ['cmpsp', 'bench', *self.presets, '--runs', str(self.runs)]
         words += ['--tail', str(self.tail)]

@@ -118,7 +118,7 @@ class Task:
         )
 
     def failure(self, outcome: TaskOutcome) -> str:
-        """Why an outcome does not solve the task, in words; empty where it does."""
+        """Reason why an outcome does not solve the task, '' if it does."""
         settings = self.settings
         if not outcome.miss <= settings.goal_tolerance:
             return f'it misses the goal by {outcome.miss:.3g} m'

@@ -49,7 +49,7 @@ class Origin(NamedTuple):
 
 @dataclass(frozen=True)
 class Program:
-    """A subproblem and how it is to be solved.
+    """A subproblem, and how to solve it.
 
     Attributes:
         subproblem: The program.

@@ -113,7 +113,7 @@ class DecisionRecord:
 
     @property
     def step_ms(self) -> float | None:
-        """Computing time of the step [ms]; None where it was not measured."""
+        """Computing time of the step [ms]; None if not measured."""
         return self._time('step_ms')
 
     def response_ms(self, command_delay: float) -> float:

@@ -209,7 +209,7 @@ def _cell(column: Column, text: str | None) -> Cell:
 
 
 def _decision_columns(bag: Bag, topics: list[str]) -> tuple[Column, ...]:
-    """Columns of decisions: not all of them say the same, so that all have to be asked."""
+    """Columns of decisions: the union over all, for their keys differ."""
     keys: dict[str, None] = {}
     for topic, received, message in bag.together(topics):
         keys.update(dict.fromkeys(DecisionRecord.of(topic, received, message).entries))

@@ -240,7 +240,7 @@ def _get_ready(
     *,
     record: bool,
 ) -> None:
-    """Configure the guidance nodes, and wait until nothing of the run can be missed."""
+    """Configure the guidance nodes, and wait until all subscriptions of the run match."""
     timeout = START_TIMEOUT * len(robots)
     # Simulator, recorder and observer must be known to the publishers themselves.
     listeners = {

@@ -129,7 +129,7 @@ def course(
 
 
 def kept_clear(settings: GuidanceSettings) -> Part:
-    """Closest that the centres of the robot's discs may come to each obstacle at samples."""
+    """Minimum distance of the centres of the robot's discs from each obstacle at samples."""
     radii = zip(
         settings.obstacles, sample_space(settings, settings.world).radii.tolist(), strict=True
     )

@@ -190,7 +190,7 @@ class _Handler(BaseHTTPRequestHandler):
             self._send(HTTPStatus.NOT_FOUND, b'There is nothing here.\n', 'text/plain')
 
     def log_message(self, format: str, *args: Any) -> None:  # noqa: A002 (named by http.server)
-        """Say nothing: a page asks many times a second."""
+        """Log nothing: a page sends many requests a second."""
 
     def _send_updates(self, query: str) -> None:
         try:

@@ -61,12 +61,12 @@ class Finding:
 
     @property
     def worst_text(self) -> str:
-        """The worst value with its unit, empty where there is none."""
+        """The worst value with its unit, '' if none."""
         return self._text(self.worst)
 
     @property
     def limit_text(self) -> str:
-        """The limit with its unit, empty where there is none."""
+        """The limit with its unit, '' if none."""
         return self._text(self.limit)
 
     def _text(self, value: float | None) -> str:

@@ -62,7 +62,7 @@ class Form:
 
 @dataclass(frozen=True)
 class FoundTopic:
-    """A topic as its storage file describes it; no definition where the file has none."""
+    """A topic as described by its storage file; without definition if the file has none."""
 
     name: str
     msgtype: str
@@ -81,7 +81,7 @@ def read_definition(encoding: str, text: str) -> MessageDefinition | None:
 
 
 def read_profiles(text: str) -> tuple[Qos, ...]:
-    """QoS profiles, empty where they are damaged: that is no reason to lose the messages."""
+    """QoS profiles, empty if damaged: that is no reason to lose the messages."""
     try:
         check_yaml(text)
         return tuple(parse_qos(text))

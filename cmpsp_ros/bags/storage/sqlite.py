@@ -189,7 +189,7 @@ class SqliteStorage(Sqlite3Writer):
         self.size += len(data) + _ROW_SIZE
 
     def flush(self) -> None:
-        """Have everything written so far survive a loss of power."""
+        """Make everything written so far survive a loss of power."""
         refused, self._refused = self._refused, True
         self.conn.commit()
         self._refused = refused

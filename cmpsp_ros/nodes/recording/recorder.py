@@ -143,7 +143,7 @@ class Recorder(Node):
         )
 
     def _try(self, act: Callable[[], object]) -> None:
-        """Do something with the bag; where the disk refuses, the process ends for that reason."""
+        """Do something with the bag; if the disk refuses, end the process with that reason."""
         if self.failure is None:
             try:
                 act()

@@ -250,7 +250,7 @@ class Laboratory:
     """Every experiment, run once for any number of figures."""
 
     def __init__(self, progress: Callable[[str], None], *, judge: bool = False) -> None:
-        """Start with nothing run."""
+        """Start without runs."""
         self.progress = progress
         self.judge = judge
         self._drives: dict[tuple[str, bool], Drive] = {}

@@ -152,7 +152,7 @@ class GoalActions:
         rejection_reason: Callable[[str], str],
         cancel: Callable[[], None],
     ) -> None:
-        """Offer the actions, where they can be.
+        """Offer the actions, if available.
 
         Args:
             node: The node.

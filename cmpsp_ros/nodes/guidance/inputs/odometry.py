@@ -85,7 +85,7 @@ class OdometryInput(Listener):
         return int(self._subscription.get_publisher_count())
 
     def warning(self) -> str:
-        """Names of the publishers where there are several, in a sentence; else empty."""
+        """Names of the publishers, in a sentence, if there are several, else ''."""
         if self.publishers < 2:
             return ''
         topic = self._subscription.topic_name

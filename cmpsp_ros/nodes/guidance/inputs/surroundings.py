@@ -157,14 +157,14 @@ class SensorInput(SurroundingsInput):
         return self._surroundings.blindness(stamp)
 
     def at(self, stamp: int, pose: Array) -> Sighting | None:
-        """The grid where odometry was noted last; published where it is new."""
+        """The grid at the latest odometry; published if new."""
         sighting = self._surroundings.at(stamp, pose)
         if self._publisher is not None and sighting is not None and sighting.stamp == stamp:
             self._publisher.publish(self._message(sighting))
         return sighting
 
     def forget(self) -> None:
-        """Know nothing again: time has jumped back."""
+        """Forget everything: time has jumped back."""
         self._surroundings.forget()
 
     def warnings(self) -> list[str]:

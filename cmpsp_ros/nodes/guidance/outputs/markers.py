@@ -54,7 +54,7 @@ _AHEAD: Final = 1.0
 def marker_array(
     settings: LawSettings, world: World, stamp: Time, ahead: Goal | None = None
 ) -> MarkerArray:
-    """Markers of everything that does not move, replacing all that were there.
+    """Markers of everything static, replacing all earlier ones.
 
     Obstacles have a ring around them at the distance that the robot's centre keeps at samples.
 
@@ -198,7 +198,7 @@ class PlanMarkers:
         return self._array
 
     def _outline(self, decision: Decision) -> Iterator[Marker]:
-        """The corners of the robot where the plan begins."""
+        """Corners of the robot at the start of the plan."""
         footprint, plan = self._settings.footprint, decision.plan
         if footprint.corners and plan is not None:
             corners = footprint.at(plan.poses[0]).tolist()

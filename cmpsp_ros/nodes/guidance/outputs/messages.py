@@ -116,7 +116,7 @@ class PathMessage:
         return self._path
 
     def stand(self, pose: Sequence[float], stamp_ns: int) -> Path:
-        """The message of a robot that stands at a pose (x, y, heading) [m, m, rad]."""
+        """The message of a robot at rest at a pose (x, y, heading) [m, m, rad]."""
         there = PoseStamped(header=Header(frame_id=self._path.header.frame_id))
         set_pose(there.pose, pose)
         for each in (self._path.header, there.header):

@@ -210,8 +210,7 @@ def is_at_rest(values: Mapping[str, str], robot: Robot) -> bool:
 def response_ms(step_ms: float, odometry_to_command_ms: float, command_delay: float) -> float:
     """Response time of a control step [ms]: beyond the control period its deadline is missed.
 
-    The larger of the computing time and the time from odometry to command (ROS time), without the
-    `command_delay` [s] that the prediction includes.
+    Computing time, or time from odometry to command beyond `command_delay` [s], if that is longer.
     """
     return max(step_ms, odometry_to_command_ms - 1e3 * command_delay)
 

@@ -37,11 +37,6 @@ def shift(controls: Array, old: Horizon, new: Horizon) -> Array:
     return shifted
 
 
-def steps_over(old: Horizon, new: Horizon) -> int:
-    """Number of steps of a horizon that are over when a later one begins."""
-    return _steps_over(old.edges, new.edges)
-
-
 @allocation_free
 def _shift(shifted: Array, controls: Array, old: IntArray, new: IntArray) -> None:
     held, last = 0, old.shape[0] - 2
@@ -53,14 +48,6 @@ def _shift(shifted: Array, controls: Array, old: IntArray, new: IntArray) -> Non
             shifted[k, a] = controls[held, a]
     for a in range(controls.shape[1]):
         shifted[-1, a] = controls[-1, a]
-
-
-@allocation_free
-def _steps_over(old: IntArray, new: IntArray) -> int:
-    over = 0
-    while over < old.shape[0] and old[over] <= new[0]:
-        over += 1
-    return over - 1
 
 
 @allocation_free

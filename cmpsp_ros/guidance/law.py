@@ -22,7 +22,7 @@ from cmpsp_ros.guidance.prediction.estimator import Estimate, Observation
 from cmpsp_ros.guidance.safety.validation import Validation, Validator
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.state import LawState
-from cmpsp_ros.guidance.times import NEVER, Horizon, to_nanoseconds
+from cmpsp_ros.guidance.times import NEVER, Horizon
 from cmpsp_ros.guidance.world import NOT_SEARCHED, World
 from cmpsp_ros.world.roads import arc_length_to
 
@@ -121,9 +121,9 @@ class GuidanceLaw:
             decision = self._plan(observation, estimate, context)
         decision = supervisor.slowed(state, decision, estimate, ramp)
         decision = decision._replace(reason=task.note + decision.reason)
+        state.estimator.begin_period(observation, state.following.previous_control)
         self._decide_in_time(estimate, decision)
         state.clock.step += 1
-        state.estimator.begin_period(observation, state.following.previous_control)
         return self._record(observation, decision)
 
     def _observe(self, observation: Observation) -> float:
@@ -173,13 +173,13 @@ class GuidanceLaw:
                 mission.idle_steps = 0
                 note = f'The final time is put off by {by:.3g} s'
                 note += ': the path to the goal takes longer. '
-        period = to_nanoseconds(settings.control_period)
+        period = goals.period
         if now >= goals.end:
             clock.due = now + period
             return Task(is_new, True, Horizon.between([now, clock.due]), False, note)
         mission.final_pose = None
         horizon = remaining(now, period, goals.final)
-        clock.due = horizon.next_instant
+        clock.due = horizon.edges.item(1)
         # A command that is given later takes effect after the final time.
         last = goals.final - delay
         is_settled = delay > 0 and state.following.plan is not None and last - now < period // 2
@@ -290,27 +290,19 @@ class GuidanceLaw:
         mission.searched = search_ahead(self._settings, world, observation.pose[:2], places)
 
     def set_goal(self, stamp: int, goal: Goal) -> None:
-        """Replace all goals by another, at the first control step that is not older.
+        """Replace all goals, at the first control step not older than `stamp` [ns]; 0 for at once.
 
-        Args:
-            stamp: Its time stamp [ns]; 0 for at once.
-            goal: The goal; its time follows from distance and nominal speed.
-
-        Raises:
-            GoalError: It is refused, and nothing changes.
+        Raises GoalError if the goal is refused; nothing changes then.
         """
         state = self._state
         latest = None if state.clock.start is None else state.clock.start + state.clock.now
         state.mission.goals.receive(stamp, goal, state.world, self._validator, latest)
 
     def halt(self, stamp: int, reason: str, **flags: Any) -> Decision:
-        """Stop for a reason not seen in odometry; the next newer odometry is decided on at once.
+        """Stop at `stamp` [ns] for a reason not seen in odometry; decide on newer odometry at once.
 
-        Args:
-            stamp: Present time [ns].
-            reason: A sentence.
-            flags: Of `Decision`: `finished`, which the next odometry is to judge, `cancelled`, or
-                `braking`. With one of them it brakes along the checked path.
+        With a flag of `Decision` (`finished`, which the next odometry is to judge, `cancelled`,
+        `braking`) it brakes along the checked path.
         """
         state, nowhere = self._state, np.full(3, math.nan)
         self._supervisor.drop_plan(state)

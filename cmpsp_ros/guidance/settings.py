@@ -62,10 +62,7 @@ class LawSettings(TaskSettings):
 
     @property
     def max_wheel_change(self) -> float:
-        """Largest change of a wheel speed between commands [rad/s], infinite for no limit.
-
-        A step of another length has it too: otherwise no plan could be shifted.
-        """
+        """Maximum wheel-speed change between commands, for any step [rad/s]; may be infinite."""
         return self.robot.max_wheel_acceleration * self.control_period
 
     @property
@@ -95,7 +92,7 @@ class LawSettings(TaskSettings):
         )
 
     def has_numbers_of(self, other: LawSettings) -> bool:
-        """Whether all numbers are the same, in whatever world."""
+        """True if all numbers are the same, in any world."""
         names = (each.name for each in fields(LawSettings))
         return all(getattr(self, name) == getattr(other, name) for name in names)
 

@@ -55,23 +55,19 @@ class Lateness:
         expected: Longest duration of the late steps not yet forgiven [s].
         late_steps: Number of late steps not yet forgiven, as far as they count.
         steps_in_time: Number of steps in time since the last of them.
+        halvings: Number of times the work of a step is halved: a single late step may be chance.
     """
 
     last: float = 0.0
     expected: float = 0.0
     late_steps: int = 0
     steps_in_time: int = 0
-
-    @property
-    def halvings(self) -> int:
-        """Number of times the work of a step is halved: a single late step may be chance."""
-        return max(self.late_steps - 1, 0)
+    halvings: int = 0
 
     def add(self, took: float) -> None:
         """Count a late step that took so long [s]."""
         self.last, self.expected = took, max(self.expected, took)
-        self.late_steps = min(self.late_steps + 1, _MOST_HALVINGS + 1)
-        self.steps_in_time = 0
+        self._count(min(self.late_steps + 1, _MOST_HALVINGS + 1))
 
     def begin_step(self) -> float:
         """Begin the next step; how long the last one took, if it was too late, else 0 [s]."""
@@ -79,9 +75,13 @@ class Lateness:
         if last == 0.0 and self.late_steps:
             self.steps_in_time += 1
             if self.steps_in_time >= _FORGIVEN:
-                self.late_steps, self.steps_in_time = self.late_steps - 1, 0
+                self._count(self.late_steps - 1)
                 self.expected = self.expected if self.late_steps else 0.0
         return last
+
+    def _count(self, late_steps: int) -> None:
+        self.late_steps, self.steps_in_time = late_steps, 0
+        self.halvings = max(late_steps - 1, 0)
 
 
 @dataclass

@@ -40,8 +40,3 @@ class Horizon(NamedTuple):
         """The horizon of these instants [ns]."""
         edges = np.array(instants, dtype=np.int64)
         return cls(edges, np.diff(edges) / NANOSECONDS)
-
-    @property
-    def next_instant(self) -> int:
-        """When the next control step falls due [ns]."""
-        return int(self.edges[1])

@@ -1,7 +1,7 @@
 """The C-MPSP method for any problem of the form (1)-(6): arrays in, arrays out.
 
-What a user needs is imported from here, ``from cmpsp_ros.mpsp import solve``; each name comes from
-its own module when first asked for, so that a caller of one part does not wait for the others.
+Import from here, ``from cmpsp_ros.mpsp import solve``; each name is loaded from its own module on
+first use, so that a caller of one part does not wait for the others.
 """
 
 from typing import TYPE_CHECKING

@@ -73,7 +73,7 @@ def control_bounds(
     """Bounds on all controls, each from None, a number, shape ``(r,)`` or `shape` = ``(N + 1, r)``.
 
     Raises:
-        ProblemError: Names the argument, what was found and what was wanted.
+        ProblemError: Names the argument, with the value found and the one wanted.
     """
     least = _bound('lower', -np.inf if lower is None else lower, shape)
     largest = _bound('upper', np.inf if upper is None else upper, shape)

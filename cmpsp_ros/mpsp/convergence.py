@@ -13,7 +13,7 @@ from cmpsp_ros.arrays import Array, BoolArray, IntArray
 
 _LEAST_POINTS = 4
 _TAIL = 20
-# An error is worth a point only if it is this much larger than what the optimum is known to.
+# An error is worth a point only if it is this much larger than the uncertainty of the optimum.
 _MARGIN = 10.0
 # Rounding of a control that went through a whole iteration, relative to the control history.
 _ROUNDING = 1e-12
@@ -32,8 +32,8 @@ class Convergence:
     """Estimated Q-linear convergence (60) of a sequence of iterates.
 
     The rate is the slope of ``log |U^i - U*|`` over ``i`` by least squares on the tail: the last
-    half (4 to 20 of them) of the iterates whose error stands ten times above what ``U*`` and
-    rounding (1e-12 of the controls) blur it by. The interval is Student's, at 95 %, from the
+    half (4 to 20 of them) of the iterates whose error is at least ten times the uncertainty of
+    ``U*`` and rounding (1e-12 of the controls). The interval is Student's, at 95 %, from the
     scatter about that line.
 
     Limits: without a given ``U*`` the last iterate stands for it, whose own error is taken to be

@@ -184,7 +184,7 @@ class OptimalControlProblem(ABC):
     ) -> tuple[Array, Array, Array]:
         """Second derivatives of ``costates' F + terminal' h + path' g`` along a trajectory.
 
-        What (45) leaves out of the Hessian of the Lagrangian of (62). A problem need not have it.
+        Terms of the Hessian of the Lagrangian of (62) that (45) leaves out. Optional.
         Multipliers of ``F_k`` are in row ``k`` of `costates`, ``(N, n)``; `terminal` is ``(m,)``
         and `path` ``(N + 1, l)``, 0 where one does not apply. Blocks by ``XX``, ``UX`` and ``UU``
         have shapes ``(N + 1, n, n)``, ``(N + 1, r, n)`` and ``(N + 1, r, r)``.

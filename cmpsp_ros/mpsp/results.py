@@ -126,7 +126,7 @@ class Record:
         terminal_multipliers: ``lambda``, shape ``(m,)``.
         path_multipliers: ``rho``, shape ``(N + 1, l)``.
         bound_multipliers: ``beta``, shape ``(N + 1, r)``, positive at the upper bound.
-        shift: What was added to the Hessian because curvature was lost.
+        shift: Term added to the diagonal of the Hessian because curvature was lost.
     """
 
     index: int

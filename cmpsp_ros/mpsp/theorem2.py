@@ -32,9 +32,9 @@ class Verdict(Enum):
 
 
 class Condition(NamedTuple):
-    """One condition of Theorem 2 by its number, its verdict, and the figure it is read off.
+    """One condition of Theorem 2: number, verdict, and the figure that it is based on.
 
-    The remark says what the figure is, and what limits the verdict.
+    The remark explains the figure, and the limits of the verdict.
     """
 
     name: str

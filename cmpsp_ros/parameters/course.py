@@ -50,7 +50,7 @@ class Course:
 
     @classmethod
     def of(cls, values: Values, problems: Problems) -> Self:
-        """The course of a set; what cannot be made is noted.
+        """Course of a parameter set; invalid parts are noted as problems.
 
         Raises:
             ParameterError: The footprint is invalid.

@@ -84,12 +84,12 @@ class Parameter:
 
     @property
     def is_block(self) -> bool:
-        """Whether there is one such parameter for each name that the user lists."""
+        """True if there is one such parameter for each name that the user lists."""
         return NAME in self.name
 
     @property
     def is_array(self) -> bool:
-        """Whether its values are lists."""
+        """True if its values are lists."""
         return self.type.item is not self.type
 
     @property
@@ -118,17 +118,9 @@ class Parameter:
         }[self.type]
 
     def read(self, key: str, value: object) -> Any:
-        """The value as plain Python of the parameter's type: an int is taken for a float.
+        """Convert a value of YAML, Python or rclpy to the parameter's type; ints pass as floats.
 
-        Args:
-            key: The parameter's key, for the message.
-            value: Anything: from YAML, from Python or as rclpy returns it.
-
-        Returns:
-            A bool, int, float, str, ``list[float]`` or ``list[str]``.
-
-        Raises:
-            ParameterError: If the value is not accepted.
+        Raises ParameterError, with the key, if it is not accepted.
         """
         plain = _plain(value)
         result = self._list(plain) if self.is_array else self._item(plain)
@@ -137,11 +129,7 @@ class Parameter:
         return result
 
     def read_default(self, key: str) -> Any:
-        """A copy of the default.
-
-        Raises:
-            ParameterError: If there is none.
-        """
+        """Copy of the default; raises ParameterError if there is none."""
         if self.default is REQUIRED:
             raise ParameterError(Problem(key, 'nothing', self.wanted))
         return list(self.default) if isinstance(self.default, (list, tuple)) else self.default

@@ -56,20 +56,14 @@ def road_parameters(place: Group) -> Iterator[Parameter]:
 
 
 def lacks_road(values: Values) -> bool:
-    """Whether the road has not been received yet, on the topic `road`."""
+    """True if the road has not been received yet, on the topic `road`."""
     return values['road.source'] == 'topic' and not values['road.points']
 
 
 def road_of(values: Values, kept: float = 0.0) -> Road:
-    """The road.
+    """Road of a parameter set; until one is received, a placeholder for compiling code.
 
-    Args:
-        values: A set resolved by the table.
-        kept: Distance from its edges that a placeholder leaves room for [m].
-
-    Returns:
-        The road. Until one is received, a placeholder of the same type, for compiling code; no
-        robot drives on it.
+    The placeholder has the same type, and room for a distance from its edges, `kept` [m].
 
     Raises:
         ParameterError: A corridor's lists do not match, or its points are not a road; names the

@@ -128,8 +128,7 @@ MODELS: Final[dict[str, Callable[[Values], Robot]]] = {
 def footprint_of(values: Values) -> tuple[Footprint, float]:
     """The footprint, and the radius of each disc that covers it [m].
 
-    Raises:
-        ParameterError: It is no polygon around the robot's reference point.
+    Raises ParameterError unless it is a polygon around the robot's reference point.
     """
     text = values[FOOTPRINT]
     return _covered(text) if text else (Footprint(), values['robot.radius'])
@@ -181,7 +180,7 @@ def _why_no_polygon(corners: Array) -> str:
 
 
 def _meet(a: Array, b: Array, c: Array, d: Array, *, is_neighbour: bool) -> bool:
-    """Whether two sides have a point in common; neighbours one beside their common corner."""
+    """True if two sides have a point in common; neighbours one beside their common corner."""
     one, two = _side(a, b, c), _side(a, b, d)
     three, four = _side(c, d, a), _side(c, d, b)
     if is_neighbour:

@@ -127,9 +127,7 @@ def plant_settings(values: Values) -> PlantSettings:
 def laser_settings(values: Values) -> LaserSettings:
     """Settings of the simulated laser scanner.
 
-    Raises:
-        ParameterError: Its angles, ranges or times do not fit together, or one of the simulator's
-            own obstacles cannot be made.
+    Raises ParameterError for inconsistent angles, ranges or times, and invalid own obstacles.
     """
     problems = Problems(_scan_problems(values))
     problems.attempt(partial(shapes_of, values))
@@ -138,11 +136,7 @@ def laser_settings(values: Values) -> LaserSettings:
 
 
 def scenery(values: Values) -> tuple[tuple[Shape, ...], list[Array]]:
-    """Obstacles and lines that the simulated scanner sees.
-
-    Raises:
-        ParameterError: One of them cannot be made.
-    """
+    """Obstacles and lines that the simulated scanner sees; ParameterError if one is invalid."""
     lines = road_of(values).edges() if values['sim.scan.road_edges'] else []
     return obstacles_of(values) + shapes_of(values), lines
 
@@ -205,7 +199,7 @@ def _lockstep_problems(values: Values) -> Iterator[Problem]:
 
 
 def _meets_control_instants(values: Values) -> bool:
-    """Whether guidance and simulator agree on which odometry a control step falls due at."""
+    """True if guidance and simulator agree on the odometry at which a control step is due."""
     period, jitter = _whole(1.0 / values['odom_rate']), _whole(values['odom_jitter'])
     control = _whole(values['control_period'])
     return 2 * (period + jitter) <= control or (not jitter and not control % period)

@@ -19,7 +19,7 @@ _OF_ROS: Final = re.compile(r'use_sim_time|start_type_description_service|qos_ov
 
 
 def is_of_ros(key: object) -> bool:
-    """Whether ROS itself declares this parameter on every node."""
+    """True if ROS itself declares this parameter on every node."""
     return isinstance(key, str) and _OF_ROS.fullmatch(key) is not None
 
 
@@ -119,7 +119,7 @@ class ParameterTable:
     ) -> list[Problem]:
         names_key = _names_key(prefix)
         if names_key not in resolved:
-            # The list itself is refused: what it would have named cannot be judged.
+            # The list itself is refused: its parameters cannot be checked.
             for key in [key for key in given if self._block_of(key) == prefix]:
                 del given[key]
             return []

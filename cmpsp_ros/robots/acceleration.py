@@ -41,18 +41,14 @@ def within_ramp(
     max_change: float,
     scaling: TimeScaling = _BOTH_WHEELS,
 ) -> Array:
-    """A plan that the wheels can follow: the same path, driven more slowly where they cannot.
+    """Slow a plan ``(N + 1, r)`` down along its path until the wheels can follow it.
 
     Args:
-        plan: Controls wanted ``(N + 1, r)``, of which the last moves nothing.
+        plan: Controls wanted, of which the last moves nothing.
         durations: Length of its steps, shape ``(N,)`` [s].
         previous: The command before it, shape ``(r,)``.
-        max_change: Largest change of a wheel from one command to the next, infinite for none
-            [rad/s].
+        max_change: Largest wheel-speed change between commands, infinite for none [rad/s].
         scaling: Time scaling of the robot.
-
-    Returns:
-        Controls, shape ``(N + 1, r)``.
     """
     if max_change == math.inf:
         return plan
@@ -71,19 +67,10 @@ def braking(
     *,
     along: bool,
 ) -> Array:
-    """Commands that bring a robot to rest once the first command of a plan has been held.
+    """Compute commands ``(K, r)`` to rest after the first command of a plan; the last is 0.
 
-    Args:
-        plan: As in `within_ramp`, and so are `durations`, `max_change` and `scaling`.
-        durations: See `plan`.
-        period: How long each command of the result is held [s].
-        max_change: See `plan`.
-        scaling: See `plan`.
-        along: Whether to brake along the plan, as far as the wheels can follow it so; else along
-            the curvature of its first command.
-
-    Returns:
-        Shape ``(K, r)``; the last is 0, and there is none for a robot at rest.
+    Args are those of `within_ramp`. Each command holds for `period` [s]. `along` brakes along the
+    plan, as far as the wheels can follow it; else the curvature of its first command is kept.
     """
     fastest = math.ceil(float(np.abs(plan @ scaling.wheels.T).max()) / max_change)
     following = 2 * fastest if along else 0
@@ -113,15 +100,11 @@ def with_lag(
 ) -> tuple[Array, Array]:
     """Controls of wheels that follow commands with a first-order lag, in slices of constant speed.
 
-    Args:
-        controls: In effect at first, shape ``(r,)``; those in the end are written here.
-        commands: Shape ``(K, r)``.
-        held: How long each holds, shape ``(K,)`` [s].
-        time_constant: Time constant of the lag, positive [s].
-        slices: Number of slices of each command.
+    `controls` ``(r,)`` are in effect at first, and overwritten by the last. Each of the `commands`
+    ``(K, r)`` lasts `held` ``(K,)`` [s]; `time_constant` > 0 [s].
 
     Returns:
-        Controls in effect, shape ``(K * slices, r)``, and how long each holds [s].
+        Controls in effect, shape ``(K * slices, r)``, and their durations [s].
     """
     means = np.empty((len(commands) * slices, commands.shape[1]))
     _lag(means, controls, np.ascontiguousarray(commands), held, time_constant, slices)

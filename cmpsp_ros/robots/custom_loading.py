@@ -30,7 +30,7 @@ _MODELS: Final = (
 
 
 class ModelError(ValueError):
-    """A model cannot be used; its arguments are what was found, and what is wanted."""
+    """A model cannot be used; the arguments are the value found and the one wanted."""
 
 
 def custom_model(name: str) -> type[CustomRobot]:
@@ -89,7 +89,7 @@ def _check(name: str, robot: CustomRobot) -> None:
         _check_steering(name, robot, controls)
     if robot.drives_sideways and robot.twist_parts < len(_TWIST):
         raise ModelError(f'{name} with drives_sideways, but no speed to the left', 'one of both')
-    # What cannot be compiled is known before anything drives.
+    # Compilation fails here, before anything drives.
     _ = robot.kinematics
 
 

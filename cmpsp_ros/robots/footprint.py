@@ -121,7 +121,7 @@ DISC: Final = Footprint()
 
 
 def contains(corners: Array, points: Array) -> BoolArray:
-    """Which points ``(..., 2)`` a polygon contains: a ray from them crosses sides oddly often."""
+    """Mask of the points ``(..., 2)`` in a polygon: their rays cross an odd number of sides."""
     x, y = np.moveaxis(corners - points[..., None, :], -1, 0)
     to_x, to_y = np.roll((x, y), -1, axis=-1)
     crosses = ((y > 0.0) != (to_y > 0.0)) & ((x * to_y > y * to_x) == (to_y > y))
@@ -167,7 +167,7 @@ def covered(corners: Sequence[Point]) -> tuple[Footprint, float]:
 
 
 def _slice(points: Array, axis: int, begin: float, end: float) -> Array:
-    """Points whose hull contains what of a polygon lies between two lines across an axis."""
+    """Points whose hull is the part of a polygon between two lines across an axis."""
     found = [each for each in points if begin <= each[axis] <= end]
     for a, b in zip(points, np.roll(points, -1, axis=0), strict=True):
         for cut in (begin, end):

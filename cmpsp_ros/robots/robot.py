@@ -198,11 +198,7 @@ class Robot(ABC):
 
     @abstractmethod
     def twist_limits(self) -> TwistLimits:
-        """Twists that the wheel-speed limit allows.
-
-        Raises:
-            ValueError: There is no wheel-speed limit.
-        """
+        """Twists that the wheel-speed limit allows; raises ValueError if there is none."""
 
     @abstractmethod
     def twist(self, controls: Array) -> Array:
@@ -239,7 +235,7 @@ class Robot(ABC):
         ]
 
     def with_slip(self, controls: Array, grip: Array) -> Array:
-        """Controls that move a robot without slip as these ``(..., r)`` move it with slip.
+        """Controls ``(..., r)`` that without slip move a robot as these do with slip.
 
         `grip` is the fraction of its turning by which a wheel moves the robot, right and left.
         """
@@ -268,7 +264,7 @@ class Robot(ABC):
         return ''
 
     def limited(self, controls: Array) -> Array:
-        """A control, shape ``(r,)``, slowed down along its arc to what the wheels can do."""
+        """A control, shape ``(r,)``, slowed down along its arc to the limits of the wheels."""
         limited, speeds = controls.copy(), slice(self.n_speeds)
         fastest = float(np.abs(self.wheels[:, speeds] @ controls[speeds]).max())
         if fastest > self.max_wheel_speed:
@@ -326,7 +322,7 @@ class DerivedRobot(Robot):
         """The controls of a twist, or those that come near to it."""
 
     def functions(self) -> IntArray:
-        """Addresses of what is compiled from `motion` and `steer`."""
+        """Addresses of the functions compiled from `motion` and `steer`."""
         moves = displacement(self.motion, self.n_controls)
         return addresses(*moves, steering(self.steer, self.n_controls))
 

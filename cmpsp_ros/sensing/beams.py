@@ -17,7 +17,7 @@ class ScanError(ValueError):
     """Unusable message of a sensor."""
 
     def __init__(self, where: str, found: str, wanted: str) -> None:
-        """Name the sensor and the field of its message, what it holds and what it should."""
+        """Build the message from sensor and field, value found and value wanted."""
         super().__init__(f'{where}: found {found}, wanted {wanted}')
 
 
@@ -53,7 +53,7 @@ class Sensor:
 # fmt: off
 @dataclass(frozen=True)
 class SightSettings:
-    """Sensors, and the memory of what they have seen."""
+    """Sensors, and the memory of their sightings."""
 
     sensors: tuple[Sensor, ...] = ()
     size: float = setting(10.0, 'm',

@@ -1,7 +1,7 @@
-"""Memory of what sensors have seen: a grid that goes along with the robot, cell by cell.
+"""Memory of sightings: a grid that moves along with the robot, cell by cell.
 
-Kernels count coordinates in cells, from the grid's corner. A cell has its state, the time at which
-that was seen [ns], and where in it a beam ended.
+Kernels count coordinates in cells, from the grid's corner. A cell has its state, the time of its
+sighting [ns], and the end of a beam in it.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ class LocalGrid:
         self._hits = np.zeros((side, side, 2), dtype=np.float32)
 
     def center_on(self, x: float, y: float) -> None:
-        """Follow the robot by whole cells, and forget what it leaves behind."""
+        """Follow the robot by whole cells, and forget those left behind."""
         half = len(self._cells) // 2
         column = math.floor(x / self._resolution) - half
         row = math.floor(y / self._resolution) - half
@@ -72,7 +72,7 @@ class LocalGrid:
             self._column, self._row = column, row
 
     def see(self, beams: Beams) -> None:
-        """Free what beams pass through, and mark where they end; in the order of time."""
+        """Clear cells along beams, and mark their ends; in the order of time."""
         arrays = self._cells, self._seen, self._hits
         corner = np.array([self._column, self._row], dtype=float)
         starts = beams.starts / self._resolution - corner
@@ -118,7 +118,7 @@ class LocalGrid:
         return np.asarray((corners + self._hits[rows, columns]) * self._resolution, dtype=float)
 
     def at(self, stamp: int) -> OccupancyGrid:
-        """The grid at a time [ns]; what was last seen too long before it is unknown."""
+        """The grid at a time [ns]; cells last seen too long before it are unknown."""
         cells = np.where(self._seen >= stamp - self._memory, self._cells, np.uint8(Cell.UNKNOWN))
         origin = self._column * self._resolution, self._row * self._resolution, 0.0
         return OccupancyGrid(origin, self._resolution, cells)
@@ -174,7 +174,7 @@ def clear(
             from_y = y + part * (starts[i + 1, 1] - y)
             to_x = from_x + along_x + part * (next_x - along_x)
             to_y = from_y + along_y + part * (next_y - along_y)
-            # Nothing was measured along it: it frees what was unknown, and no more.
+            # Nothing was measured along it: it frees unknown cells only.
             _clear_one(cells, seen, hits, from_x, from_y, to_x, to_y, True, stamp, False)
 
 

@@ -39,7 +39,7 @@ def stamp_of(message: Any) -> int:
 
 
 def is_place(x: float, y: float) -> bool:
-    """Whether coordinates [m] are those of a place on Earth; NaN is not."""
+    """True if coordinates [m] are those of a place on Earth; NaN is not."""
     return abs(x) <= FARTHEST and abs(y) <= FARTHEST
 
 

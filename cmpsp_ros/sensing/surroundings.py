@@ -1,4 +1,4 @@
-"""Surroundings of the robot: what all sensors together have shown, by odometry of their times."""
+"""Surroundings of the robot: fusion of all sensors, by odometry of their times."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Sighting:
 
 
 class Surroundings:
-    """Fuses what sensors show, each by the odometry of its own time.
+    """Fuses sightings of sensors, each by the odometry of its own time.
 
     The order in which messages arrive makes no difference, as long as they arrive before the
     odometry that is decided on.
@@ -92,7 +92,7 @@ class Surroundings:
         return ''
 
     def _is_usable(self, sight: Sight) -> bool:
-        """Whether poses reach back to its first beam, and no newer one of that sensor was used."""
+        """True if poses reach back to its first beam, and no newer one of that sensor was used."""
         first = int(sight.stamps[0]) if len(sight.stamps) else sight.stamp
         newest = self._seen.get(sight.sensor.name)
         return not self._poses.is_after(first) and (newest is None or sight.stamp > newest)
@@ -121,7 +121,7 @@ class PoseHistory:
         del self._stamps[:old], self._poses[:old]
 
     def is_after(self, stamp: int) -> bool:
-        """Whether the first pose is newer than a time [ns]."""
+        """True if the first pose is newer than a time [ns]."""
         return bool(self._stamps) and self._stamps[0] > stamp
 
     def at(self, stamps: IntArray) -> Array:

@@ -39,10 +39,7 @@ class Body(Protocol):
         """Go on as another robot, or with another lag of its wheels [s]."""
 
     def follow(self, stamp_ns: int, control: Array, grip: Array, /) -> None:
-        """Obey a control ``(r,)`` from an instant on that has been reached by `drive`.
-
-        `grip` is the fraction of its turning by which a wheel moves the robot, right and left.
-        """
+        """Obey a control ``(r,)`` from an instant reached by `drive`, with grip right and left."""
 
     def drive(self, stamp_ns: int) -> list[Motion]:
         """Let time pass, and return the motion at each change of wheel speeds on the way."""
@@ -120,7 +117,7 @@ class ArcBody:
         self._turn(self._robot.at_rest, self._robot.at_rest)
 
     def reconfigure(self, stamp_ns: int, robot: Robot, wheel_lag: float) -> None:
-        """Go on as another robot: wheels keep their speeds and what was commanded."""
+        """Continue as another robot; wheels keep their speeds and commands."""
         self._begin_arc(stamp_ns)
         controls = self._controls(stamp_ns)
         self._robot, self._wheel_lag = robot, wheel_lag

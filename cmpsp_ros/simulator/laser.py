@@ -1,4 +1,4 @@
-"""A laser scanner on the simulated robot: when it scans, from where, and what goes wrong.
+"""A laser scanner on the simulated robot: times and poses of scans, and their faults.
 
 The robot moves while a scan is made: each beam starts from the pose of its own time.
 """

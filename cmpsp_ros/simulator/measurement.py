@@ -34,7 +34,7 @@ class Measurement:
             measured += errors.bias
         if any(errors.drift):
             measured += np.multiply(errors.drift, elapsed)
-        # Drawn in a window too: what is lost afterwards does not depend on it.
+        # Drawn in a window too: later losses do not depend on it.
         lost = bool(errors.dropout) and self._dropout.random() < errors.dropout
         if lost or any(begin <= elapsed < end for begin, end in errors.dropout_windows):
             return None
@@ -56,7 +56,7 @@ class Stream(IntEnum):
 
 def generator(seed: int, stream: Stream) -> np.random.Generator:
     """The random numbers of one stream of a run, from its beginning."""
-    # The same child as `SeedSequence(seed).spawn(n)[stream]`, whatever n is.
+    # The same child as `SeedSequence(seed).spawn(n)[stream]`, for any n.
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(int(stream),)))
 
 

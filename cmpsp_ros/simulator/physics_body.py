@@ -115,7 +115,7 @@ class PhysicsBody:
         return angles
 
     def _twist(self) -> Array:
-        """Speed ahead and yaw rate; what the robot slides sideways is not in it."""
+        """Speed ahead and yaw rate, without sideways slip."""
         vx, vy = self._data.qvel[:2].tolist()
         ahead = vx * math.cos(self._heading) + vy * math.sin(self._heading)
         return np.array([ahead, float(self._data.qvel[5])])
@@ -126,5 +126,5 @@ class PhysicsBody:
         self._heading += math.remainder(heading - self._heading, math.tau)
 
     def _reckon(self, turned: Array) -> None:
-        """Dead reckoning by what the wheels have turned in one step [rad]."""
+        """Update dead reckoning by the turns of the wheels in one step [rad]."""
         self._reckoned = self._robot.roll_out(self._reckoned, turned[None], np.ones(1))[1]

@@ -2,8 +2,8 @@
 
 Nothing here reads a clock: time is an argument in integer nanoseconds, so a run repeats exactly.
 A command waits for its delay, is followed by the wheels with their lag, and moves the robot less
-than they turn where they slip. All of this is off by default. What then moves, and how, is the
-business of a `Body`.
+than they turn where they slip. All of this is off by default. The motion is that
+of a `Body`.
 """
 
 from __future__ import annotations
@@ -39,11 +39,7 @@ class Plant:
     """The robot between commands."""
 
     def __init__(self, settings: PlantSettings, start_ns: int = 0) -> None:
-        """Put the robot at its initial pose, at rest.
-
-        Args:
-            settings: What it depends on.
-            start_ns: Time at which it stands there [ns].
+        """Put the robot at its initial pose, at rest, at a time [ns].
 
         Raises:
             PhysicsError: MuJoCo is asked for and not installed.
@@ -95,14 +91,10 @@ class Plant:
         self._measurement = Measurement(settings.seed)
 
     def reconfigure(self, settings: PlantSettings) -> None:
-        """Go on under other settings.
+        """Continue under other settings.
 
-        What was commanded before keeps its wheel speeds, its slip and the time of its effect, and
-        of its end if it has taken effect. Initial pose, seed and physics count from the next reset
-        on.
-
-        Args:
-            settings: What the robot depends on from the time reached on.
+        Earlier commands keep wheel speeds, slip and time of effect, those in effect also their end.
+        Initial pose, seed and physics count from the next reset on.
         """
         self._settings = settings
         self._body.reconfigure(self._now_ns, settings.robot, settings.wheel_lag)
@@ -152,7 +144,7 @@ class Plant:
 
         Returns:
             The motion at each change of wheel speeds on the way (a command takes effect, or
-            expires, or the wheels come nearer to what they lag behind), in order: with them the
+            expires, or lagging wheels change speed), in order: with them the
             whole path can be drawn again, arc by arc.
 
         Raises:
@@ -182,11 +174,7 @@ class Plant:
         return changes
 
     def measure(self) -> Array | None:
-        """Odometry of this instant; every call is another message.
-
-        Returns:
-            The pose measured, shape ``(3,)`` [m, m, rad], or None if the message is lost.
-        """
+        """Pose measured now, ``(3,)`` [m, m, rad], None if lost; every call is another message."""
         elapsed = (self._now_ns - self._start_ns) / _NS
         pose = self._body.odometry(self._now_ns)
         return self._measurement.measure(self._settings.odometry, elapsed, pose)

@@ -122,10 +122,10 @@ class FreeSpace:
 
     @property
     def annulus(self) -> AnnulusLimits:
-        """The road, for what is about roads between two circles only.
+        """Limits of the road between two circles.
 
         Raises:
-            ValueError: It is another.
+            ValueError: The road is of another kind.
         """
         road, kept = self.of_road, self.road.kept
         if not isinstance(road, Annulus):
@@ -247,7 +247,7 @@ def _fill_along(
         end_x, end_y, before = arc.end_x, arc.end_y, place
         for i in range(discs.shape[0]):
             driven = arc_of_point(arc, heading, discs, i)
-            # Of the points after the first only what is nearer counts.
+            # Points after the first count only if they are nearer.
             bound, bound_other = (math.inf, math.inf) if i == 0 else (found[k, 0], found[k, 1])
             after, clearance, other = road_functions.sweep(road, driven, before, bound, bound_other)
             place = after if i == 0 else place

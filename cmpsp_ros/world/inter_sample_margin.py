@@ -93,10 +93,9 @@ def bent_edge_margin_known(bends: Array, twists: Array, period: float) -> Array:
 
 
 def outside_known(distance: Array, twists: Array, period: float) -> Array:
-    """Like `outside`, for distances ``(M,)`` and known arcs instead of the worst of all.
+    """Margin as `outside`, for distances ``(M,)`` and known arcs ``(N, 2)`` [m/s, rad/s].
 
-    The arcs have speeds and turn rates ``(N, 2)`` [m/s, rad/s]; the result is to be kept at both
-    ends of each, shape ``(N, M)`` [m].
+    The result is to be kept at both ends of each arc, shape ``(N, M)`` [m].
     """
     R, a = _arcs(twists, period)
     grown: Array = np.sqrt(distance**2 + _squared_excess(R, a, distance + R))
@@ -112,12 +111,11 @@ def inside_known(distance: float, twists: Array, period: float) -> Array:
 
 
 def outside_moving(distance: Array, speeds: Array, limits: TwistLimits, period: float) -> Array:
-    """Like `outside`, for points that move at constant velocity, distances ``(..., M)`` [m].
+    """Margin as `outside`, for points at constant velocity, distances ``(..., M)`` [m].
 
     Seen from such a point the robot drives no arc, but strays from the chord of its path by no
     more than ``v w T^2 / 8``, and the chord is no longer than ``(v + u) T`` with the point's speed
-    ``u``. Over each of a few ranges of ``w`` the greatest of each counts: a little more than is
-    needed.
+    ``u``. A few ranges of ``w`` each count with their maxima: slightly conservative.
     """
     twists, beyond = _ranges(limits)
     grown = _outside_moving(distance[..., None], speeds[..., None], twists, beyond, period)

@@ -49,7 +49,7 @@ class MapSearch:
         obstacles: At least one of them is a grid.
         wanted: Distance to keep from them [m].
         least: Distance to keep where there is no other way [m].
-        kept: What they keep to.
+        kept: Distance that the lines keep.
     """
 
     obstacles: tuple[Shape, ...]
@@ -63,15 +63,9 @@ class MapSearch:
         return next(each for each in self.obstacles if isinstance(each, GridObstacle))
 
     def line(self, start: Array, goal: Point, spacing: float) -> Array:
-        """Points of the line from a start to a goal, evenly spaced, shape ``(K, 2)`` [m].
+        """Evenly spaced points ``(K, 2)`` [m] of the line from start ``(2,)`` to goal.
 
-        Args:
-            start: Where it begins, shape ``(2,)`` [m].
-            goal: Where it ends (x, y) [m].
-            spacing: Largest distance of two points [m].
-
-        Returns:
-            Nothing, shape ``(0, 2)``, where no line leads.
+        `spacing` is their largest distance [m]; ``K`` = 0 where no line leads.
         """
         field = self.grid.field
         cells = cells_from(_lengths(self, goal), nodes_near(field, start))

@@ -63,8 +63,13 @@ class Supervisor:
 
     def reason_to_stand(self, state: LawState, estimate: Estimate) -> str:
         """Why not even to plan, in a sentence; empty for no reason."""
-        waits = '' if estimate.start.moving.names else state.mission.closed_road.wait_reason
-        return state.estimator.response.reason_to_stop(self._settings) or waits
+        error, allowed = state.estimator.response.error, self._settings.safety.max_prediction_error
+        if error > allowed > 0.0:
+            return (
+                f'Odometry is {error:.2g} m from where the commands lead, more than {allowed} m'
+                ' (safety.max_prediction_error).'
+            )
+        return '' if estimate.start.moving.names else state.mission.closed_road.wait_reason
 
     def choose(
         self,
@@ -88,7 +93,8 @@ class Supervisor:
         # It is improved unslowed: the contact that slows it down may be an error.
         state.following.plan = plan
         self._drop_plan_after_failures(state)
-        risk, here = state.estimator.risk(seen.stamp), estimate.here
+        estimator, here = state.estimator, estimate.here
+        risk = estimator.response.risk(seen.stamp, estimator.commands)
         limited = self._approach.limited(plan, verdict, ahead, start, context.pending, here, risk)
         if limited is None:
             reason = f'The robot stops: no speed is clear of what its response may be. {reason}'
@@ -96,11 +102,11 @@ class Supervisor:
                 state, seen.stamp, seen.pose, reason, result, moving=start.moving
             )
         slower, verdict, remark = limited
-        error = context.goal.errors(slower.poses[-1])[0]
-        mission.reaches_goal = error <= self._settings.goal_tolerance
         errors = selected.terminal_error, selected.heading_error
         if not selected.admissible:
             errors = context.goal.errors(plan.poses[-1])
+        error = errors[0] if slower is plan else context.goal.errors(slower.poses[-1])[0]
+        mission.reaches_goal = error <= self._settings.goal_tolerance
         reason, phases = reason + remark, self._selector.phases
         return self.decisions.follow(
             state, seen.stamp, level, reason, slower, verdict, errors, result, phases
@@ -175,6 +181,8 @@ class Supervisor:
             return None
         if not selected.feasible or selected.verdict.worst_margin < -TOUCHING:
             closed_road.look(settings, start, context.goal)
+        if not closed_road.obstacles:
+            return None
         return closed_road.update(settings, self._approach, start, state.clock.now)
 
     def _stop_reason(

@@ -68,14 +68,13 @@ class ClosedRoad:
 
     def update(
         self, settings: LawSettings, approach: Approach, start: PlanStart, now: int
-    ) -> Contact | None:
-        """Record the robot's distance at `now` [ns] from obstacles that close the road, if any.
+    ) -> Contact:
+        """Record the robot's distance at `now` [ns] from obstacles that close the road.
 
         Returns:
             Contact with the nearest of them.
         """
-        if self.goal is None or not self.obstacles:
-            return None
+        assert self.goal is not None  # noqa: S101 (something closes the road to it)
         road, pose, progress = start.world.road, start.pose, start.progress
         sense = math.copysign(1.0, arc_length_to(road, pose, self.goal, progress=progress))
         away = {}

@@ -60,11 +60,6 @@ class GoalManager:
         self._set_goal(world)
 
     @property
-    def is_last(self) -> bool:
-        """True if no goal follows."""
-        return self.goal is not None and self.final == self.end
-
-    @property
     def received(self) -> Goal | None:
         """The goal that was received and is driven to, if there is one."""
         return self._received
@@ -141,7 +136,7 @@ class GoalManager:
         Returns:
             By how much [s]; 0 where the time is enough, or no path is known.
         """
-        goal, search, period = self.goal, start.world.map_search(self._settings), self._period
+        goal, search, period = self.goal, start.world.map_search(self._settings), self.period
         if goal is None or (
             search is not None and not len(search.line(start.pose[:2], goal.position, _NEAR))
         ):
@@ -177,7 +172,7 @@ class GoalManager:
 
     def _set_out(self, goal: Goal, begin: int, seconds: float, world: World) -> None:
         """Drive to a goal from now on, to be passed at a control instant."""
-        period, self._late = self._period, 0
+        period, self._late = self.period, 0
         end = -(-(begin + to_nanoseconds(seconds)) // period)
         end = max(end, begin // period + _FEWEST) * period
         self._received = Goal(goal.position, end / NANOSECONDS, goal.heading, goal.name)
@@ -186,10 +181,11 @@ class GoalManager:
     def _set_goal(self, world: World) -> None:
         settings, self.is_return = self._settings, False
         self._delay = to_nanoseconds(settings.command_delay)
-        self._period = to_nanoseconds(settings.control_period)
+        self.period = to_nanoseconds(settings.control_period)
         self._is_known = True
         if settings.follow is not None:
-            self.goal, self.end = None, to_nanoseconds(settings.final_time)
+            self.goal, self.is_last = None, False
+            self.end = to_nanoseconds(settings.final_time)
             self._look_ahead(0, world, world.road.middle(), math.nan)
             return
         goals = settings.goals
@@ -201,6 +197,7 @@ class GoalManager:
         goal = self.goal = goals[self._index]
         self.target = Target(goal.position, goal.heading, drives_on=goal is not goals[-1])
         self.final, self.end = to_nanoseconds(goal.time), to_nanoseconds(goals[-1].time)
+        self.is_last = self.final == self.end
         has_line = world.road.has_center_line
         self._is_known = self.is_last or goal.heading is not None or not has_line
 
@@ -218,7 +215,7 @@ class GoalManager:
         """Aim at the line across the road that is to be reached at the end of the horizon."""
         follow = self._settings.follow
         assert follow is not None  # noqa: S101 (the caller has looked)
-        period = self._period
+        period = self.period
         self.final = now // period * period + to_nanoseconds(follow.horizon)
         place, direction = lookahead_point(world.road, pose, follow.arc_length, progress)
         self.target = Target(place, direction, is_line=True)

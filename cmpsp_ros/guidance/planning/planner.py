@@ -18,7 +18,7 @@ from cmpsp_ros.guidance.formulation.ocp_formulation import (
 )
 from cmpsp_ros.guidance.formulation.ocp_functions import WHEEL_ROUNDING, GuidanceData
 from cmpsp_ros.guidance.goals import Target
-from cmpsp_ros.guidance.horizon import remaining, steps_over
+from cmpsp_ros.guidance.horizon import remaining
 from cmpsp_ros.guidance.planning.candidate import SolveResult
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 from cmpsp_ros.guidance.solver_settings import UNLIMITED
@@ -105,8 +105,8 @@ class Planner:
         self._inner: IntArray | None = None
         period = to_nanoseconds(settings.control_period)
         longest = remaining(0, period, to_nanoseconds(settings.longest_horizon))
-        # By the number of outputs, kept for when they are needed again; the second are for what the
-        # compiled solver cannot do.
+        # By the number of outputs, kept for reuse; the second are the fallback of the compiled
+        # solver.
         self._drivers: dict[int, Driver] = {}
         self._others: dict[int, Driver] = {}
         self._target = settings.target
@@ -157,7 +157,9 @@ class Planner:
             self._target = target
             self._use_driver(steps)
         begun, self._horizon = self._horizon, horizon
-        over = 0 if begun is None else steps_over(begun, horizon)
+        over = 0
+        if begun is not None:
+            over = int(begun.edges.searchsorted(horizon.edges[0], side='right')) - 1
         durations, previous = horizon.durations, context.start.previous_control
         robot = context.start.robot
         if self._is_limited:

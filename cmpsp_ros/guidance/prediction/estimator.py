@@ -11,7 +11,6 @@ import numpy as np
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.messages.tracks import MovingObject, PeerTrajectory
 from cmpsp_ros.guidance.prediction.pending_commands import PendingCommands
-from cmpsp_ros.guidance.prediction.response import Risk
 from cmpsp_ros.guidance.prediction.response_estimate import ResponseEstimate
 from cmpsp_ros.guidance.prediction.slip import SlipEstimate
 from cmpsp_ros.guidance.settings import LawSettings
@@ -89,6 +88,7 @@ class Estimator:
     Attributes:
         robot: Kinematics, with the slip in use.
         used_slip: That slip.
+        commands: The commands of the run.
         response: Estimate of how the robot responds to commands.
         tracker: Slots of moving obstacles.
         progress: Arc length of the robot along the road, NaN if not needed [m].
@@ -99,7 +99,7 @@ class Estimator:
         """Begin on unknown ground, at rest."""
         self._slip = SlipEstimate(settings.max_slip)
         self._use(settings)
-        self._commands = PendingCommands(self.robot.n_controls)
+        self.commands = PendingCommands(self.robot.n_controls)
         self.response, self.tracker = ResponseEstimate(settings), ObstacleTracker()
         self.progress, self.delay = math.nan, 0
 
@@ -117,7 +117,7 @@ class Estimator:
     @property
     def latest_command(self) -> Array:
         """The last command, shape ``(r,)``."""
-        return self._commands.latest
+        return self.commands.latest
 
     def update(self, seen: Observation, world: World, previous_control: Array) -> Estimate:
         """Take in an observation at the beginning of a control step.
@@ -136,7 +136,7 @@ class Estimator:
         if not (self.response.delay or self.response.lag):
             self.delay = 0
             return Estimate(here, here, _NOTHING, 0, changed)
-        response = self.response.in_use(stamp, self._commands)
+        response = self.response.in_use(stamp, self.commands)
         self.delay = self.response.delay + to_nanoseconds(response.lag)
         under_way = controls, durations = response.in_effect()
         if response.lag > 0.0:
@@ -151,13 +151,13 @@ class Estimator:
     def begin_period(self, seen: Observation, control: Array) -> None:
         """Record how a control period begins: with this command, shape ``(r,)``."""
         if self._settings.max_slip > 0.0:
-            ahead, durations = self._commands.until(seen.stamp, self.response.delay)
-            speeds = np.array([self._commands.in_force, *ahead, control])
+            ahead, durations = self.commands.until(seen.stamp, self.response.delay)
+            speeds = np.array([self.commands.in_force, *ahead, control])
             self._slip.begin(seen.stamp, seen.pose, speeds, durations)
 
     def _end_period(self, stamp: int, pose: Array) -> bool:
         """Update the estimates at the end of a control period; whether the slip is another one."""
-        self.response.update(stamp, pose, self._commands, self.robot, self.used_slip)
+        self.response.update(stamp, pose, self.commands, self.robot, self.used_slip)
         limit = self._settings.max_slip
         if limit > 0.0 and self._slip.end(stamp, pose, self._settings.robot, limit):
             self._use(self._settings)
@@ -171,19 +171,15 @@ class Estimator:
 
     def note_command(self, stamp: int, control: Array, twist: Array) -> None:
         """Remember a command ``(r,)`` that answers a stamp [ns], and its twist."""
-        self._commands.add(stamp, control, twist)
+        self.commands.add(stamp, control, twist)
 
     def take_back(self) -> Array:
         """Forget the last command, which was never sent; the one before it, shape ``(r,)``."""
-        return self._commands.take_back()
-
-    def risk(self, stamp: int) -> Risk:
-        """Other responses of the robot that are possible, at a time [ns]."""
-        return self.response.risk(stamp, self._commands)
+        return self.commands.take_back()
 
     def pose_before(self, stamp: int, pose: Array, earlier: int) -> Array:
         """Pose at an earlier time [ns], to which it is driven back by the commands since."""
-        speeds, durations = self._commands.since(earlier, stamp, self.response.delay)
+        speeds, durations = self.commands.since(earlier, stamp, self.response.delay)
         return np.asarray(self.robot.roll_out(pose, speeds, -durations)[-1])
 
 

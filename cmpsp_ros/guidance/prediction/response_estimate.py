@@ -18,7 +18,6 @@ command (jitter) is taken from the periods one by one.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -174,16 +173,6 @@ class ResponseEstimate:
     def _remark(self) -> str:
         return f'predictions have been wrong by {self.error:.2g} m.'
 
-    def reason_to_stop(self, settings: LawSettings) -> str:
-        """Why the robot must not drive on, in a sentence; empty where predictions are good."""
-        allowed = settings.safety.max_prediction_error
-        if not self.error > allowed > 0.0:
-            return ''
-        return (
-            f'Odometry is {self.error:.2g} m from where the commands lead, more than {allowed} m'
-            ' (safety.max_prediction_error).'
-        )
-
     def response(self, stamp: int, commands: PendingCommands, delay: float, lag: float) -> Response:
         """A response, and the commands so far.
 
@@ -227,8 +216,11 @@ class ResponseEstimate:
         if began is None or not self._is_checked:
             return
         predicted = commands.pose_after(began[1], began[0], stamp, self.delay, 1.0 - slip)
-        error = _distance(predicted, pose.tolist(), robot.half_track)
-        if error > 2.0 * robot.max_speed * (stamp - began[0]) / NANOSECONDS + _UNNOTICED:
+        x, y, heading = pose.tolist()
+        turned = math.remainder(predicted[2] - heading, math.tau)
+        # The heading counts by what it moves a wheel.
+        error = math.hypot(predicted[0] - x, predicted[1] - y, robot.half_track * turned)
+        if error > 2.0 * robot.kinematics.max_speed * (stamp - began[0]) / NANOSECONDS + _UNNOTICED:
             # No response to commands has made it: odometry has jumped.
             return
         if error > _UNNOTICED or self._with_lag or self._periods:
@@ -312,9 +304,3 @@ class ResponseEstimate:
         """Instant before which a command has had its full effect [ns], for any response."""
         longest = float(self._delays.max()) + _SETTLED * float(self._lags.max())
         return began - to_nanoseconds(longest)
-
-
-def _distance(predicted: Sequence[float], pose: Sequence[float], half_track: float) -> float:
-    """Distance of two poses [m]; the heading counts by the arc of a wheel."""
-    turned = math.remainder(predicted[2] - pose[2], math.tau)
-    return math.hypot(predicted[0] - pose[0], predicted[1] - pose[1], half_track * turned)

@@ -21,11 +21,14 @@ from cmpsp_ros.guidance.world import SEEN, World
 from cmpsp_ros.mpsp.jit import entry_for
 from cmpsp_ros.robots import NO_RAMP, braking, placed
 from cmpsp_ros.world import FreeSpace
+from cmpsp_ros.world.grids import Fields
 from cmpsp_ros.world.obstacles import NOTHING_MOVES, MovingDiscs
 from cmpsp_ros.world.roads import OpenFloor
 
 TOUCHING: Final = 1e-3
 """Penetration up to which something is said to touch [m]: odometry errs by more."""
+
+_NO_LEGS: Final = NOTHING_MOVES.legs(np.empty(0))
 
 # A command that was good when it was given is checked again from odometry that has been rounded.
 _ROUNDING = 1e-6
@@ -96,14 +99,20 @@ class Validator:
         self._radius = settings.robot_radius + self._margin
         self._between = settings.safety.between_samples
         self._slots = settings.moving_obstacles.slots
+        self._is_steered = settings.robot.steering_limits is not None
+        self._known: tuple[World, FreeSpace, Fields] | None = None
         self._period, self._max_change = settings.control_period, settings.max_wheel_change
         self._found, self._scratch = np.zeros(1, SWEEP), np.empty((2, N_EDGE_CONSTRAINTS))
         start = PlanStart(np.zeros(3), settings.robot, World(OpenFloor()))
         rest = np.zeros((2, settings.robot.n_controls))
         self._sweep = entry_for(sweep_plan, *self._arguments(start, rest, np.ones(1)))
 
-    def _space(self, world: World) -> FreeSpace:
-        return world.free_space(self._settings, self._margin)
+    def _space(self, world: World) -> tuple[FreeSpace, Fields]:
+        """Free space of a world, and its fields: the world is mostly that of the last question."""
+        if self._known is None or self._known[0] is not world:
+            space = world.free_space(self._settings, self._margin)
+            self._known = world, space, space.fields
+        return self._known[1:]
 
     def check(
         self, start: PlanStart, controls: Array, durations: Array, pending: Validation | None = None
@@ -127,7 +136,7 @@ class Validator:
                 f'The plan has a wheel speed of {found.fastest!r} rad/s, the limit is {limit!r}'
                 ' rad/s.'
             )
-        if over := start.robot.over_limit(controls):
+        if self._is_steered and (over := start.robot.over_limit(controls)):
             return _refused(over)
         if not (math.isfinite(found.committed) and math.isfinite(found.worst)):
             return _refused('The path of the plan is not finite.')
@@ -248,9 +257,11 @@ class Validator:
     ) -> tuple[Any, ...]:
         """Arguments of `sweep_plan`, each always of the same type."""
         pose, robot, world, moving, progress, _ = start
-        space, discs, things = self._space(world), moving, len(world.names) + len(moving.names)
+        (space, fields), discs, legs = self._space(world), moving, _NO_LEGS
+        things = len(world.names) + len(moving.names)
         if moving.names:
             discs = moving.grown(self._radius)
+            legs = discs.legs(durations)
         if self._scratch.shape[1] != things:
             self._scratch = np.empty((2, things))
         return (
@@ -263,11 +274,11 @@ class Validator:
             committed,
             self._between,
             space.road,
-            space.fields,
+            fields,
             space.corners,
             space.first,
             space.radii,
-            discs.legs(durations),
+            legs,
             discs.growth,
             float(progress),
             space.discs,
@@ -281,7 +292,7 @@ class Validator:
         progress: float = math.nan,
     ) -> Array:
         """Clearance of a pose from road edges, obstacles, moving ones last ``(2 + M + D,)`` [m]."""
-        space = self._space(world)
+        space, _ = self._space(world)
         static = space.at(pose[None], progress)[0]
         if not moving.names:
             return np.asarray(static)

@@ -51,7 +51,7 @@ def wanted_place() -> Path:
 def prune(
     folder: Path, now: float, max_age: float = MAX_AGE, max_size: int = MAX_SIZE
 ) -> list[Path]:
-    """Remove what was not used for `max_age` [s], oldest first, while a folder exceeds `max_size`.
+    """Remove files unused for `max_age` [s], and the oldest while a folder exceeds `max_size`.
 
     `now` is the time since the epoch [s]; files in folders below count as well. Returns the files
     that are gone.

@@ -1,7 +1,7 @@
 """One way to compile a numerical kernel, so that all share their flags and cache, and to call it.
 
 `entry_for` gives Python the machine code for one signature without numba's dispatch. `address_of`
-and `call` do the same for compiled code: the caller neither links nor optimises what it calls, so
+and `call` do the same for compiled code: the caller neither links nor optimises the callee, so
 that a loop over compiled functions is compiled in a second, however long they take.
 """
 
@@ -45,58 +45,38 @@ def _compile(function: Callable[_P, _R], **options: Any) -> Callable[_P, _R]:
 
 
 def compiled(function: Callable[_P, _R]) -> Callable[_P, _R]:
-    """Compile ``function`` with numba, cached on disk, keeping its type for the type checker.
-
-    No fast-math: a replay must give the same bits as the run, also on processors with other vector
-    lengths.
-    """
+    """Compile with numba, cached on disk; no fast-math, for the same bits on all processors."""
     return _compile(function)
 
 
 def allocation_free(function: Callable[_P, _R]) -> Callable[_P, _R]:
-    """Like `compiled`, for functions that make no array: doing so is an error.
-
-    Numba then counts no references either, which takes most of the time of small functions on named
-    tuples of arrays.
-    """
+    """Compile a function that makes no array, else an error, without slow reference counts."""
     return _compile(function, **ALLOCATION_FREE)
 
 
 def inlined(function: Callable[_P, _R]) -> Callable[_P, _R]:
-    """Like `allocation_free`, for functions that are always made part of their callers.
-
-    A call passes all members of named tuples of arrays, which takes longer than a short function.
-    """
+    """Compile an `allocation_free` function into its callers: passing arguments takes longer."""
     return _compile(function, forceinline=True, **ALLOCATION_FREE)
 
 
 def inner(function: Callable[_P, _R]) -> Callable[_P, _R]:
-    """Like `allocation_free`, for functions that only compiled code calls.
-
-    No entry for Python is made, which would take a third of their compilation.
-    """
+    """Compile an `allocation_free` function without an entry for Python, which takes a third."""
     return _compile(function, no_cpython_wrapper=True, **ALLOCATION_FREE)
 
 
 def entry_for(function: Callable[_P, _R], *arguments: Any) -> Callable[_P, _R]:
-    """Machine code of a compiled function for arguments like these, without numba's dispatch.
+    """Machine code of a compiled function for arguments like these, without numba's slow dispatch.
 
-    Dispatch on a few named tuples of arrays takes microseconds. All arguments of a call must have
-    the very same types, arrays the same layout: nothing checks it.
+    Types and array layouts of all calls must be the same: nothing checks it.
     """
     return cast('Callable[_P, _R]', _overload(function, arguments).entry_point)
 
 
 def address_of(returned: type | None, function: Callable[..., Any], *arguments: Any) -> int:
-    """Address of a compiled function's machine code, for arguments like these.
-
-    Args:
-        returned: Type of its result: int (or an `IntEnum`), float or None.
-        function: The function.
-        arguments: Examples.
+    """Address of a compiled function's machine code, for example arguments.
 
     Raises:
-        TypeError: It returns something else.
+        TypeError: The result is not `returned`: int (or an `IntEnum`), float or None.
     """
     overload = _overload(function, arguments)
     found, wanted = types.unliteral(overload.signature.return_type), _RETURNED[returned]

@@ -2,8 +2,8 @@
 
 Numba's own cache goes by the date of the file, and does not see that a function of another module
 has changed which the kernel calls. Here constants and functions of other modules count; comments,
-docstrings, line numbers and names of files do not. What numba's `overload` registers is not
-followed: it has no name in the bytecode.
+docstrings, line numbers and names of files do not. Functions registered by numba's `overload`
+are not followed: they have no name in the bytecode.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ _nodes: WeakKeyDictionary[FunctionType, _Node] = WeakKeyDictionary()
 
 
 def fingerprint(kernel: Any) -> str:
-    """The digest of a function, compiled or not, by what its names stand for now.
+    """Digest of a function, compiled or not, by the present values of its names.
 
     Raises:
         TypeError: It refers to an object without a known content.

@@ -96,7 +96,7 @@ class _Library(JITCodeLibrary):  # type: ignore[misc]  # numba has no types
 
 
 def _restore(codegen: Any, kept: tuple[str, str, tuple[bytes, bytes]]) -> Any:
-    """Do what `JITCodeLibrary._unserialize` does, without parsing the bitcode."""
+    """Load as `JITCodeLibrary._unserialize` does, without parsing the bitcode."""
     name, _, (machine_code, bitcode) = kept
     library = _Library(codegen, name)
     library.enable_object_caching()

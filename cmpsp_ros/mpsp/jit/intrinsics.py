@@ -5,8 +5,8 @@ the order is laid down: eight sums run side by side, those of the entries ``i``,
 16`` and so on, as two vectors of four. Where registers are shorter the compiler takes more of them
 for the same sums.
 
-What a sweep hands from stage to stage would be written to memory and read again, which takes longer
-than the arithmetic between. An array on the stack can stay in registers.
+Values that a sweep hands from stage to stage stay in registers in an array on the stack; writing
+them to memory and reading them again takes longer than the arithmetic between.
 """
 
 from __future__ import annotations

@@ -47,10 +47,10 @@ def _name(event: Any) -> str | None:
 def compilations(
     begin: Callable[[str], None] = lambda _: None, wait: Callable[[str], None] = lambda _: None
 ) -> Iterator[list[str]]:
-    """The names of all kernels that are compiled within; those loaded from files are not.
+    """List the kernels compiled within; those loaded from files do not count.
 
-    `begin` is called with the name of a kernel before it is compiled, not for those that it calls;
-    `wait` with the name of a kernel that another process is compiling.
+    `begin` gets the name of a kernel before it is compiled, `wait` the name of one that another
+    process is compiling.
     """
     watch = _Watch(begin, wait)
     with install_listener('numba:compile', watch), install_listener(WAITING, watch):
@@ -58,7 +58,7 @@ def compilations(
 
 
 class ProgressLine:
-    """Shows what is being compiled: in one line of a terminal, elsewhere by a line every 5 s.
+    """Shows the kernel being compiled: in one line of a terminal, elsewhere by a line every 5 s.
 
     Args:
         expected: About how many kernels there are; None if that is not known.

@@ -48,7 +48,7 @@ def from_casadi(
     Gauss-Newton Hessian, residuals contribute ``R' R`` with their Jacobian ``R``; ``L``, which
     has no such structure, contributes the positive semi-definite part of its second derivative.
 
-    What varies from stage to stage, be it ``k`` itself, is a symbol ``p`` with its values.
+    Data that vary from stage to stage, such as ``k``, are a symbol ``p`` with its values.
 
     Args:
         horizon: ``N``, at least 1.
@@ -64,7 +64,7 @@ def from_casadi(
             do not depend on ``u`` do not apply at stage 0: nothing can change them.
         lower: Least controls: a number, shape ``(r,)`` or ``(N + 1, r)``; None for no limit.
         upper: Largest controls, likewise.
-        p: Symbol of what varies with the stage, a column; None for nothing.
+        p: Symbol of the data that vary with the stage, a column; None for none.
         p_values: Its values, shape ``(N + 1, size of p)`` or, for a scalar ``p``, ``(N + 1,)``.
         applies: Which path constraints apply at which stage, shape ``(N + 1, l)``; None for all.
 
@@ -73,7 +73,7 @@ def from_casadi(
 
     Raises:
         ImportError: CasADi is not installed.
-        ProblemError: Names the argument, what was found and what was wanted.
+        ProblemError: Names the argument, with the value found and the one wanted.
     """
     casadi = _casadi()
     N, start = whole_number('horizon', horizon), vector('x0', x0)

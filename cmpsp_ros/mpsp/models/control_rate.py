@@ -37,7 +37,7 @@ class ControlRateData(NamedTuple):
         previous: Control held before the horizon begins, shape ``(r,)``.
         max_change: Largest change of each row of `rows` at the stages ``0 ... N - 1``; infinite
             where there is no such constraint. ``U_N`` moves nothing.
-        rows: What the limit is of, as linear functions of the control, shape ``(q, r)``.
+        rows: Limited linear functions of the control, shape ``(q, r)``.
         functions: `Functions.addresses` of the problem without them.
     """
 
@@ -138,7 +138,7 @@ class ControlRateProblem(OptimalControlProblem):
         return Evaluation(inner.cost + cost, inner.output_error, g)
 
     def linearise(self, X: Array, U: Array, hessian: Hessian = 'gauss_newton') -> Linearisation:
-        """Derivatives of the inner problem, with those of what is added."""
+        """Derivatives of the inner problem, with those of the added cost and constraints."""
         size, (_, steps, weight, _, max_change, rows, _) = self.size, self._data
         row = row_type(size.state, size.control)
         stages = np.zeros(steps + 1, stage_type(size.state, size.control))
@@ -152,7 +152,7 @@ class ControlRateProblem(OptimalControlProblem):
     def constraint_curvature(
         self, X: Array, U: Array, costates: Array, terminal: Array, path: Array
     ) -> tuple[Array, Array, Array]:
-        """That of the inner problem: all that is added is linear."""
+        """Curvature of the inner problem: the added constraints are linear."""
         inner, r, stages = self._inner.size, self.size.control, len(U)
         n = inner.state
         found = self._inner.constraint_curvature(

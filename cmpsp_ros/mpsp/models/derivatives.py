@@ -25,9 +25,9 @@ _AGREEMENT = 1e-5
 
 
 class StageFunction:
-    """A function ``(k, x, u)`` of the user's as one of ``k`` and ``Z_k = (X_k, U_k)``.
+    """A user's function ``(k, x, u)`` as one of ``k`` and ``Z_k = (X_k, U_k)``.
 
-    `name` is what the user calls it, `shape` that of its value, `scheme` how it is differentiated.
+    `name` is the user's argument, `shape` that of the value, `scheme` the kind of differentiation.
     """
 
     scheme: Scheme = 'central'
@@ -138,7 +138,7 @@ def central_differences(
         applies = ~(np.isneginf(here) & np.isneginf(there))
         with np.errstate(invalid='ignore'):
             change = np.subtract(there, here, out=np.zeros_like(here), where=applies)
-            # Not `2 step`: what was added is what counts, after rounding.
+            # Not `2 step`: the difference counts as rounded.
             columns.append(change / (ahead[place] - behind[place]))
     return np.stack(columns, axis=-1)
 
@@ -200,11 +200,10 @@ def check_derivatives(
     """Compare all arrays of `linearise` with central differences, at one control history.
 
     ``L_X``, ``L_U``, ``h_X``, ``h_U``, ``g_X`` and ``g_U`` are compared with differences of
-    `evaluate`, ``B`` with differences of `predict`. ``A`` is found from these, too: it must carry
+    `evaluate`, ``B`` with differences of `predict`. ``A`` is checked by these, too: it must carry
     the sensitivities (23) of one stage to the next, ``A_k dX_k/dU = dX_(k+1)/dU``. So only its
-    action on states that controls reach is checked, which is all that the method uses; of ``A_0``
-    that is nothing. Second derivatives of the cost are compared with differences of the gradients
-    ``L_X`` and ``L_U``.
+    action on reachable states is checked, all that the method uses; nothing of ``A_0``. Second
+    derivatives of the cost are compared with differences of the gradients ``L_X`` and ``L_U``.
 
     Args:
         problem: The problem.
@@ -212,7 +211,7 @@ def check_derivatives(
         tolerance: Largest relative error that passes.
         hessian: Kind whose second derivatives are compared: ``exact``, or another kind for a
             problem on which it is exact, too; None compares none.
-        proximal: What ``L_UU`` holds by intent on its diagonal beyond the second derivative.
+        proximal: Term added by intent to the diagonal of ``L_UU``.
 
     Returns:
         Verdict and worst entries.
@@ -255,7 +254,7 @@ def _of_predict(problem: OptimalControlProblem, U: Array, lin: Linearisation) ->
     for k in range(1, N):
         before, after = (reach[stage, :, :k].reshape(n, k * r) for stage in (k, k + 1))
         if np.isfinite(A[k]).all() and np.isfinite(before).all() and np.isfinite(after).all():
-            # The least correction of A_k that explains what was seen.
+            # The least correction of A_k that explains the differences.
             A[k] += (after - A[k] @ before) @ np.linalg.pinv(before, rcond=_REACHED)
     yield 'A', A, noise
 

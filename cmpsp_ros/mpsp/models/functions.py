@@ -149,7 +149,7 @@ def from_functions(
         The problem. Its first linearisation raises `ProblemError` where a derivative is not finite.
 
     Raises:
-        ProblemError: Names the argument, what was found and what was wanted.
+        ProblemError: Names the argument, with the value found and the one wanted.
     """
     N, r = whole_number('horizon', horizon), whole_number('controls', controls)
     start = vector('x0', x0)
@@ -223,7 +223,7 @@ class _FunctionsProblem(StageProblem):
         self._fixed = self._fixed_at_start()
 
     def _fixed_at_start(self) -> BoolArray:
-        """Which path constraints at stage 0 no control changes, shape ``(l,)``."""
+        """Mask of the path constraints at stage 0 that no control changes, shape ``(l,)``."""
         if self._functions.g is None:
             return np.empty(0, dtype=bool)
         values = [

@@ -1,4 +1,4 @@
-"""Loss of curvature: what to do about a Hessian that is not positive definite."""
+"""Loss of curvature: convexification of a Hessian that is not positive definite."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def _least_shift(subproblem: Subproblem, sign: float, size: float) -> float:
 def largest_diagonal(subproblem: Subproblem) -> float:
     """Largest magnitude on the diagonal of the condensed Hessian; time linear in the horizon.
 
-    It is that of ``L_UU + B' P B`` of each stage, with ``P`` the curvature of what follows.
+    It is that of ``L_UU + B' P B`` of each stage, with ``P`` the curvature of the cost-to-go.
     """
     lin = subproblem.linearisation
     P, diagonals = lin.L_XX[-1], [np.diagonal(lin.L_UU[-1])]
@@ -127,5 +127,5 @@ def nearest_positive_semidefinite(blocks: Array) -> Array:
         return blocks
     values, vectors = np.linalg.eigh(blocks)
     raised = (vectors * np.maximum(values, 0.0)[..., None, :]) @ np.swapaxes(vectors, -1, -2)
-    # What is positive semi-definite already keeps its bits.
+    # A positive semi-definite matrix keeps its bits.
     return np.where((values[..., :1] < 0.0)[..., None], raised, blocks)

@@ -42,7 +42,7 @@ class Subproblem:
         upper: Largest control deviations, ``inf`` where free, shape ``(N + 1, r)``.
         trust_radius: Largest predicted change of each state component at every stage, ``inf``
             where free, shape ``(n,)``.
-        shift: What `convexify` has added to the diagonal of every ``L_UU``.
+        shift: Term that `convexify` has added to the diagonal of every ``L_UU``.
     """
 
     linearisation: Linearisation

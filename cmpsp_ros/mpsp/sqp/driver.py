@@ -1,4 +1,4 @@
-"""Drives the iteration: provides what it asks for, from a problem's functions and a QP solver."""
+"""Driver of the iteration: calls a problem's functions and a QP solver on its requests."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ class BackEnd:
         return Outcome.SOLVED
 
     def add_curvature(self) -> None:
-        """Add to the Hessian in the records what it lacks."""
+        """Convexify the Hessian in the records."""
         self._is_convex = True
         self.shift = convexify(subproblem_in(self._space)).shift
         if self.shift:
@@ -123,7 +123,7 @@ def run(
     problem: Indices,
     data: Any,
 ) -> None:
-    """Provide what the iteration asks for until it is over, or the Hessian lacks curvature.
+    """Serve the iteration until it is over, or the Hessian lacks curvature.
 
     Warm starts are for subproblems without and with slack. `solver` has the addresses of `advance`,
     `solve` and `correct`, `problem` those of predict, evaluate and linearise.
@@ -290,16 +290,16 @@ class Driver:
         self._horizon, self._begun = ws.program.head['horizon'], ws.program.head['begun']
 
     def forget(self) -> None:
-        """Begin the next plan without what is known of the last one."""
+        """Begin the next plan without a warm start."""
         self._warm_hard.clear()
         self._warm_relaxed.clear()
 
     def improve(self, functions: Functions | Entries, data: Any, steps: int, over: int) -> None:
-        """Improve the plan in ``ws.trial.U``; the result is in ``ws.now`` and ``ws.run``.
+        """Improve the plan in ``ws.trial.U``, `steps` = ``N``; results in ``ws.now``, ``ws.run``.
 
-        Compiled functions come by their `Functions.entries`; others need a back end. `steps` is
-        ``N``, and `over` how many stages of the last plan's horizon are over. Where the condensed
-        Hessian is not positive definite the compiled solver ends.
+        Compiled functions come by their `Functions.entries`; others need a back end. `over` stages
+        of the last horizon are over. The compiled solver ends where the condensed Hessian is not
+        positive definite.
         """
         self._horizon[0] = steps
         self._begun[0] += over

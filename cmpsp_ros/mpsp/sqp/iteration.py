@@ -1,12 +1,12 @@
 """The iteration itself: predict, linearise, solve, search, update (43); and its elastic mode.
 
-It is a state machine that never calls a problem's functions: it returns what it needs next, and
-whoever drives it provides that and calls it again. So one iteration serves problems in Python and
+It is a state machine that never calls a problem's functions: it returns its next request, and
+the driver serves that and calls it again. So one iteration serves problems in Python and
 compiled ones, and every QP back end.
 
 Elastic mode says which constraints may be violated where not all can be met: the weights of the
 relaxation rank the rows. A sum of weighted slacks would trade a little of one row for much of
-another, however far apart the weights are. So what is heavier stays hard as long as there is a
+another, however far apart the weights are. So a heavier row stays hard as long as there is a
 solution without its slack: the next lightest rows are relaxed only where the lightest are not
 enough, and the others only where both are not.
 """
@@ -71,7 +71,7 @@ def _next_weight(p: Program, lighter: float) -> float:
 
 @allocation_free
 def advance(ws: Workspace) -> int:
-    """Go on as far as the iteration goes by itself, and return what is wanted next.
+    """Iterate up to the next request, and return it.
 
     `EVALUATE`: predict along ``trial.U`` and evaluate, into `trial` and ``run.trial_cost``.
     `LINEARISE`: the derivatives along `now`, into `program`. `SOLVE_QP`: the step and its

@@ -37,7 +37,7 @@ class Request(IntEnum):
 
 
 class Search(IntEnum):
-    """Which trial the line search is at."""
+    """Kind of the present trial of the line search."""
 
     FIRST = 0
     BACKTRACKING = 1
@@ -84,7 +84,7 @@ class Workspace(NamedTuple):
     """Memory for one plan of at most ``N`` steps.
 
     `run` is of type `RUN`; the head of `program` has the horizon; `now` is the iterate, and `trial`
-    what the line search tries, on entry the guess. Controls lie between `lower` and `upper` ``(N +
+    that of the line search, on entry the guess. Controls lie between `lower` and `upper` ``(N +
     1, r)``; `slack` is the largest of each path constraint and terminal output ``(l + m,)``.
     """
 

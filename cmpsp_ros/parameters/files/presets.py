@@ -113,10 +113,7 @@ def load_robot(path_or_name: str) -> dict[str, Any]:
 
 
 def with_files(values: Mapping[str, Any], folder: Path | None = None) -> dict[str, Any]:
-    """Replace the names of road and map files by their contents, or raise ParameterError.
-
-    Relative paths to map files are taken from the folder, else from the working directory.
-    """
+    """Replace names of road and map files, relative to the folder, by their contents."""
     return with_map_file(with_road_file(values), folder)
 
 
@@ -187,7 +184,7 @@ def _sections(path: Path) -> ros_yaml.Sections:
 
 
 def _concerns(section: str, nodes: Sequence[str]) -> bool:
-    """Whether a section is for one of these nodes; for any of our nodes if none is given."""
+    """True if a section is for one of these nodes; for any of our nodes if none is given."""
     if not nodes:
         last = section.rpartition('/')[2]
         return last in {'*', '**', *_OURS}

@@ -63,11 +63,9 @@ def read_value(text: str, source: str) -> Any:
 
 
 def dump(values: Mapping[str, Any], namespace: str = '') -> str:
-    """A parameter file for all nodes that reads back bit for bit, here and in ROS.
+    """Parameter file for all nodes of a namespace, '' for any, that reads back bit for bit.
 
-    Args:
-        values: Plain Python values by key. Empty lists are left out: to ROS they have no type.
-        namespace: Of the nodes, as in `/r1`; without it in any.
+    Empty lists are left out: to ROS they have no type.
     """
     rows = [f'    {key}: {_written(value)}' for key, value in values.items() if value != []]
     return '\n'.join([f'{namespace}/**:', f'  {_MARK}:' if rows else f'  {_MARK}: {{}}', *rows, ''])

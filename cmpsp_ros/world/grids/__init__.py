@@ -1,4 +1,4 @@
-"""Occupied, free and unknown cells: grids, files of them, and the distance to what is occupied."""
+"""Occupied, free and unknown cells: grids, their files, and distances to occupied cells."""
 
 from cmpsp_ros.world.grids.distance_field import distance_field
 from cmpsp_ros.world.grids.field_functions import NO_FIELD, DistanceField, Fields

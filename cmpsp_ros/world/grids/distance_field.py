@@ -69,14 +69,9 @@ Indices = IntArray
 
 
 def signed_distances(marked: Flags) -> Array:
-    """Distance of the centre of each cell from the nearest cell of the other kind.
+    """Distances [cells] of all cells ``(rows, columns)`` from the nearest one of the other kind.
 
-    Args:
-        marked: Which cells are, shape ``(rows, columns)``.
-
-    Returns:
-        Not positive in marked cells, infinite without any of the other kind; shape
-        ``(rows, columns)`` [cells].
+    Not positive in marked cells, infinite without any of the other kind.
     """
     distances, edges = np.empty(marked.shape), marked.shape[1] + 1
     work = np.empty(edges), np.empty(edges + 1), np.empty(edges, dtype=np.int64)
@@ -151,7 +146,7 @@ def _along_run(
 
 @allocation_free
 def _envelope(heights: Array, first: int, end: int, begins: Array, lowest: Indices) -> int:
-    """Which parabolas ``heights[p] + 4 (x - p)^2`` are lowest somewhere, and from where on."""
+    """Compute the lower envelope of parabolas ``heights[p] + 4 (x - p)^2`` and its breakpoints."""
     count = 0
     for p in range(first, end + 1):
         if heights[p] == math.inf:

@@ -8,7 +8,7 @@ Jensen's inequality.
 
 `distance_from` and `sweep` are for checks: ``D^2(p) - |p|^2`` is the least of linear functions of
 p, one an occupied point, and so is concave. Between nodes q, or points of a straight way, it is at
-least what their values give, with any weights w whose mean is p:
+least the bound from their values, with any weights w whose mean is p:
 ``D^2 >= sum w (D_q^2 - |q - p|^2)``.
 """
 
@@ -42,7 +42,7 @@ FRAME: Final = np.dtype(
 """Positions of the nodes of a field."""
 
 _MOST_PIECES = 512
-# Pieces of a path in a cell: what is lost along each is second order in its length.
+# Pieces of a path in a cell: the loss along each is second order in its length.
 _PIECES_IN_CELL = 8.0
 # An arc may stray so far from the chords of its pieces [m].
 _ASTRAY = 1e-5
@@ -158,7 +158,7 @@ def _least_between(
 
 @allocation_free
 def _bounds(field: DistanceField, x: float, y: float) -> Any:
-    """Lower bound of the squared distance, and what the distance is where that is not positive."""
+    """Lower bound of the squared distance, and the distance where that is not positive."""
     frame, distances = field.frame[0], field.distances
     u, v, beyond_u, beyond_v = _place(frame, distances, x, y)
     if math.isnan(u + v):

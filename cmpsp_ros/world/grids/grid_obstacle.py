@@ -21,12 +21,12 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True, eq=False)
 class GridObstacle(Shape):
-    """All that is occupied in a grid.
+    """Occupied cells of a grid.
 
     Attributes:
         name: The user's name for it, used in messages.
         grid: The grid.
-        unknown_is_free: Whether what is unknown is free, all beyond the grid too; else it is
+        unknown_is_free: True if unknown cells are free, and all beyond the grid; else they are
             occupied.
     """
 
@@ -52,20 +52,13 @@ class GridObstacle(Shape):
         return distance_field(self.grid, unknown_is_free=self.unknown_is_free)
 
     def check_space(self) -> None:
-        """Refuse a grid without a place to drive.
-
-        Raises:
-            GridError: No cell is free.
-        """
+        """Raise GridError if no cell is free."""
         if not (self.field.distances[AROUND:-AROUND, AROUND:-AROUND] > 0.0).any():
             raise GridError('cells', 'none that is free', 'a place to drive')
 
     @cached_property
     def islands(self) -> Array:
-        """A point of each group of occupied cells that a way may pass on either side.
-
-        They are those that do not touch the rim of the grid, the largest of them, ``(I, 2)`` [m].
-        """
+        """Points ``(I, 2)`` [m] of groups of occupied cells off the grid's rim, largest first."""
         occupied = self.field.distances[AROUND:-AROUND, AROUND:-AROUND] <= 0.0
         return self.grid.centers(*islands_of(occupied))
 
@@ -74,7 +67,7 @@ class GridObstacle(Shape):
         return [self.grid.corners(*loop) for loop in loops(self.grid.cells == Cell.OCCUPIED)]
 
     def outlines(self, distance: float) -> list[Array]:
-        """See `Shape.outlines`: along edges of cells, longest first."""
+        """Outlines as `Shape.outlines`: along edges of cells, longest first."""
         within = self.field.distances[AROUND:-AROUND, AROUND:-AROUND] <= distance
         found = [self.grid.corners(*loop) for loop in loops(within)]
         return sorted(found, key=lambda line: -len(line))

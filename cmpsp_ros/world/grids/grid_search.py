@@ -34,7 +34,7 @@ def costs_of(clearance: Array) -> Array:
 
 
 def lengths_to(costs: Array, goal: Indices) -> Array:
-    """Lengths from all cells to one, times what they cost, infinite where no way leads [cells].
+    """Path lengths from all cells to one, weighted by cost, infinite where there is none [cells].
 
     It is Dijkstra's algorithm with buckets (Dial, Comm. ACM 12, 1969): no step costs less than the
     width of a bucket, 1, so that the order of the cells in one does not matter.

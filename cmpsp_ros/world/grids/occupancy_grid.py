@@ -32,12 +32,12 @@ class GridError(ValueError):
 
     Attributes:
         where: The attribute of the grid, or the file and its key.
-        found: What is there.
-        wanted: What would be right.
+        found: The value found.
+        wanted: The value wanted.
     """
 
     def __init__(self, where: str, found: str, wanted: str) -> None:
-        """Say what is wrong, and what would be right."""
+        """Build the message from place, value found and value wanted."""
         super().__init__(f'{where}: found {found}, wanted {wanted}')
         self.where, self.found, self.wanted = where, found, wanted
 
@@ -144,7 +144,7 @@ class OccupancyGrid:
         return OccupancyGrid((x, y, self.origin[2]), self.resolution, part)
 
     def completed_by(self, other: OccupancyGrid) -> OccupancyGrid:
-        """The same, and where it is unknown what another grid says."""
+        """Copy with unknown cells filled from another grid."""
         rows, columns = np.nonzero(self.cells == Cell.UNKNOWN)
         cells = self.cells.copy()
         cells[rows, columns] = other.at(self.centers(rows, columns))
@@ -152,14 +152,7 @@ class OccupancyGrid:
 
 
 def check_size(shape: tuple[int, ...]) -> None:
-    """Refuse a grid without cells, and one with more than fit into memory.
-
-    Args:
-        shape: Rows and columns.
-
-    Raises:
-        GridError: It is such a shape.
-    """
+    """Raise GridError for a shape without cells, or with more than fit into memory."""
     if len(shape) != 2 or min(shape) < 1 or math.prod(shape) > MOST_CELLS:
         wanted = f'1 to {MOST_CELLS} cells in rows and columns'
         raise GridError('cells', ' x '.join(map(str, shape)), wanted)

@@ -1,4 +1,4 @@
-"""Discs that move, and of which ever less is known: what has been seen, or has been announced."""
+"""Moving discs, seen or announced, with uncertainty that grows with time."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ _PLACE, _VELOCITY, _RADIUS = slice(0, 2), slice(2, 4), 4
 
 @dataclass(frozen=True)
 class MovingDiscs:
-    """Discs at an instant, with what is foreseen of them.
+    """Discs at an instant, with their predicted motion.
 
     They go on at constant velocity, but for those whose ways are known: they go straight from one
     place to the next, and stand before the first and after the last.
 
     Attributes:
-        names: What messages call them.
+        names: Names in messages.
         states: Centre, velocity and radius of each, shape ``(M, 5)`` [m, m, m/s, m/s, m].
         growth: Of all radii with time: of the uncertainty where the discs will be [m/s].
-        slots: Which rows of a plan's constraints each has, -1 for none, shape ``(M,)``.
+        slots: Index of each one's rows of a plan's constraints, -1 for none, shape ``(M,)``.
         ways: Times from now on and places (t, x, y) by the index of a disc, each of shape
             ``(J, 3)`` [s, m, m]; the velocity in `states` does not count there.
     """

@@ -85,8 +85,8 @@ def away_from(
 def sweep(arc: Arc, fields: Fields, corners: Array, first: Indices, j: int, enough: float) -> float:
     """Least distance of an arc, from end to end, from a shape that stands still.
 
-    Exact for a point. Else the arc is taken for chords of it, less what it strays from them: never
-    more than it is, and less by `ROUGHNESS` at most, unless it is more than ``enough``.
+    Exact for a point. Else a lower bound from chords of the arc, low by `ROUGHNESS` at most,
+    unless it is more than ``enough``.
     """
     least: float
     begin, end = first[j], first[j + 1]
@@ -197,8 +197,8 @@ def _depth_on_chord(
     """Least value on a straight way of the greatest distance from a polygon's edges, outward.
 
     Not positive exactly where the way touches the polygon. The greatest of lines over the part of
-    the way is convex: two lines that bracket its least value are replaced by what exceeds them
-    where they meet, until nothing does.
+    the way is convex: two lines that bracket its minimum are replaced by one that exceeds them
+    where they meet, until none does.
     """
     at: float
     last: float

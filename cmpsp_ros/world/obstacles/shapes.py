@@ -111,8 +111,8 @@ class ShapeError(ValueError):
 
     Attributes:
         vertex: Number of the one at fault, from 0.
-        found: What is wrong with it.
-        wanted: What was wanted.
+        found: The fault found.
+        wanted: The value wanted.
     """
 
     def __init__(self, vertex: int, found: str, wanted: str) -> None:

@@ -1,4 +1,4 @@
-"""Roads: what the robot stays inside, and whose centre line it keeps to."""
+"""Roads: edges to stay between, and a centre line to follow."""
 
 from typing import TYPE_CHECKING
 

@@ -24,8 +24,8 @@ def arc_length_to(
 ) -> float:
     """Arc length of the centre line from a pose to a goal, negative against its direction [m].
 
-    The heading at the goal [rad] selects the branch where the road crosses itself; the progress
-    [m] is the arc length of a place near the pose, NaN if unknown.
+    Where the road crosses itself, the heading at the goal [rad] and the progress [m] near the pose
+    select the branch; None or NaN if unknown.
     """
     there = math.nan if heading is None else heading
     return _length_to(road.space(0.0), pose[0], pose[1], pose[2], *goal, there, float(progress))
@@ -34,10 +34,7 @@ def arc_length_to(
 def lookahead_point(
     road: Road, pose: Array, length: float, progress: float = math.nan
 ) -> tuple[Point, float]:
-    """Point (x, y) [m] of the centre line some arc length [m] ahead of a pose, or behind it.
-
-    With it comes the direction in which the road is driven there [rad].
-    """
+    """Point (x, y) [m] an arc length ahead of a pose, negative behind, and direction there."""
     x, y, direction = _ahead(road.space(0.0), pose[0], pose[1], pose[2], length, float(progress))
     return (x, y), direction
 
@@ -57,10 +54,9 @@ def lookahead_points(
 def project_on_path(road: Road, pose: Array, before: float) -> float:
     """Arc length of a pose, on the branch of the road along which the robot has come.
 
-    A robot that avoids something where the road crosses itself may turn towards the other branch:
-    its heading does not say then where it is, but the arc length when that was last known, NaN at
-    first. A pose far beside the road there has been moved, and is projected afresh. NaN for kinds
-    of road that cannot cross themselves.
+    `before` is its last known value, NaN at first: near a crossing the heading may point along the
+    other branch. A pose far beside the road there is projected afresh. NaN for roads that cannot
+    cross themselves.
     """
     if not road.has_progress:
         return math.nan

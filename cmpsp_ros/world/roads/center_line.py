@@ -94,7 +94,7 @@ def fit(points: Array, left: Array, right: Array, *, closed: bool) -> CenterLine
 
 
 def sample(line: CenterLine, *, closed: bool) -> Samples:
-    """The line at several places of each of its pieces, without what is beyond its ends."""
+    """Samples on each piece of the line, without those beyond its ends."""
     inner = slice(None) if closed else slice(1, -1)
     pieces, begins = line.pieces[inner], line.knots[:-1][inner]
     part = np.linspace(0.0, 1.0, _ALONG_PIECE, endpoint=False)

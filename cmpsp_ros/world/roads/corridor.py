@@ -35,8 +35,8 @@ class RoadError(ValueError):
 
     Attributes:
         point: Number of the point, from 0.
-        found: What is there.
-        wanted: What should be.
+        found: The value found.
+        wanted: The value wanted.
     """
 
     def __init__(self, point: int, found: str, wanted: str) -> None:
@@ -192,7 +192,7 @@ class Corridor(Road):
         if self.closed:
             return Samples(*(np.concatenate([each, each[..., :1]], axis=-1) for each in at))
         line = self._line
-        # What goes on beyond the end begins where the road ends.
+        # An extension beyond the end begins where the road ends.
         end = sample(CenterLine(line.knots[-2:], line.pieces[-1:], line.length), closed=True)
         both = zip(at, end, strict=True)
         return Samples(*(np.concatenate([a, b[..., :1]], axis=-1) for a, b in both))

@@ -15,7 +15,7 @@ from cmpsp_ros.mpsp.jit import allocation_free, inlined, inner
 from cmpsp_ros.robots import Arc, arc_part
 from cmpsp_ros.world.roads.road_functions import RoadSpace
 
-# What a projection leaves of its last step is of second order in it [m].
+# The error of a projection is of second order in its last step [m].
 _MOST_STEPS = 30
 _SETTLED = 1e-6
 

@@ -51,7 +51,7 @@ class Road(ABC):
     @property
     @abstractmethod
     def width(self) -> float:
-        """From edge to edge where it is greatest, or what a picture should show [m]."""
+        """Maximum width from edge to edge, or the size for a picture [m]."""
 
     @property
     def lap(self) -> float:
@@ -81,7 +81,7 @@ class Road(ABC):
 
     @classmethod
     def load(cls) -> None:
-        """Compile its functions, or load what has been compiled."""
+        """Compile or load its functions."""
         addresses(*cls.functions)
 
     @cached_property

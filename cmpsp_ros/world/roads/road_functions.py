@@ -32,9 +32,9 @@ class RoadSpace(NamedTuple):
 
     Attributes:
         functions: Addresses of the road's functions, see `addresses`.
-        numbers: What they know of the road, in their own order. It is shared, never written to.
-        table: More of that, in rows.
-        found: What they write to, shape ``(7,)``.
+        numbers: Their data on the road, in their own order; shared, never written to.
+        table: More data, in rows.
+        found: Their output, shape ``(7,)``.
         kept: For both edges, for all stages or for each of them, shape ``(K, 2)`` [m]: of an
             annulus the greatest and the least distance from the centre, of a corridor the
             clearance to keep.
@@ -47,7 +47,7 @@ class RoadSpace(NamedTuple):
     kept: Array
 
     def with_some(self, samples: BoolArray, of: RoadSpace) -> RoadSpace:
-        """See `FreeSpace.with_some`."""
+        """Replace clearances as `FreeSpace.with_some` does."""
         return self._replace(kept=np.where(samples[:, None], of.kept, self.kept))
 
 
@@ -70,9 +70,8 @@ def addresses(*functions: Any) -> IntArray:
 def project(road: RoadSpace, x: float, y: float, heading: float, near: float) -> float:
     """Progress of a pose [m].
 
-    Where the road crosses itself the heading says which branch is meant, NaN for a point without
-    one. The progress of a place from which the pose has not come far counts more than the heading,
-    NaN where none is known.
+    Where the road crosses itself, progress `near` a recent place selects the branch, else the
+    heading; NaN for unknown.
     """
     call(road.functions[_PROJECT], (road, x, y, heading, near))
     progress: float = road.found[0]
@@ -94,7 +93,7 @@ def lateral_error(road: RoadSpace, k: int, x: float, y: float, progress: float) 
 
 @allocation_free
 def gradients(road: RoadSpace, x: float, y: float, progress: float) -> Any:
-    """Derivatives of what `lateral_error` returns, at the progress that it returned.
+    """Derivatives of the results of `lateral_error`, at the progress that it returned.
 
     Returns:
         The gradient of the distance from the centre line (x, y), a unit vector or zero; the
@@ -110,7 +109,7 @@ def gradients(road: RoadSpace, x: float, y: float, progress: float) -> Any:
 def sweep(road: RoadSpace, arc: Arc, progress: float, enough: float, enough_other: float) -> Any:
     """Least clearance of an arc, from end to end, from the edges of the first stage.
 
-    Clearances need not be known more exactly above what is enough for either edge.
+    Clearances need not be known more exactly above `enough`, or `enough_other` at the second edge.
 
     Returns:
         Progress at its end, and clearance from both edges; all [m].

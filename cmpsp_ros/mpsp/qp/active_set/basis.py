@@ -79,7 +79,7 @@ def append(basis: Basis, count: int, inside: Array, outside: Array, sign: float)
 def remove(basis: Basis, count: int, index: int, inside: Array, outside: Array) -> float:
     """Take one of the rows out, by plane rotations.
 
-    The `split` of another row is kept up to date; returns what the square of its rest gains.
+    The `split` of another row is kept up to date; returns the gain of its squared rest.
     """
     R = basis.R
     for j in range(index, count - 1):

@@ -157,8 +157,7 @@ def _first_to_leave(p: Program, at: ActiveSet) -> Any:
 def _release(p: Program, at: ActiveSet, index: int) -> float:
     """Take a row whose multiplier is at an end out of the active set.
 
-    Returns:
-        What the row being met gains outside the span of the others, squared.
+    Returns the squared gain, outside the span of the others, of the row being added.
     """
     head, row = p.head[0], at.rows[index]
     if at.dependence[index] < 0.0:
@@ -167,7 +166,7 @@ def _release(p: Program, at: ActiveSet, index: int) -> float:
         at.states[row] = RowState.AT_MINUS_PENALTY if row < p.terminal.shape[0] else RowState.OFF
     head.saturated += int(at.states[row] != RowState.OFF)
     if head.implied > 0:
-        # What the active rows implied they may imply no longer.
+        # Rows that the active ones implied may be implied no longer.
         head.implied = 0
         for other in range(at.states.shape[0]):
             if at.states[other] == RowState.IMPLIED:
@@ -193,7 +192,7 @@ def _judge(p: Program, at: ActiveSet, row: int, sign: float, multiplier: float) 
         return StepOutcome.CONTRADICTION
     if head.fixed > 0 and release(p, _NO_DIRECTION * largest) > 0:
         return StepOutcome.RELEASED
-    # What was added to its multiplier is theirs, since the row is a combination of them.
+    # Its increase goes to their multipliers, since the row is a combination of them.
     for j in range(head.active):
         at.multipliers[j] += sign * multiplier * at.dependence[j]
     bound, _ = limit(p, row)
@@ -235,7 +234,7 @@ def add_violated_rows(p: Program, at: ActiveSet, may_crowd: bool) -> StepOutcome
     while outcome == StepOutcome.DONE:
         row = _furthest(at)
         if row < 0:
-            # What has been looked for and brought no iteration is violated by rounding alone.
+            # A row found again without an iteration is violated by rounding alone.
             if head.iterations == looked_at:
                 break
             if head.iterations != recovered_at:

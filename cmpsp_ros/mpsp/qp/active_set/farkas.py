@@ -1,8 +1,8 @@
 """Proof by multipliers that no point meets the hard rows of a program (Farkas' lemma).
 
 Rows are added up with multipliers, of any sign for equalities and not negative otherwise, and the
-states eliminated by an adjoint sweep: what meets the rows meets the sum, ``constant + slope' dU <=
-0``. Where the least value of that within the bounds of the controls is positive, nothing does. Such
+states eliminated by an adjoint sweep: every feasible point meets the sum, ``constant + slope' dU
+<= 0``. If its minimum within the bounds of the controls is positive, there is none. Such
 a proof rests on the data of the program alone, wherever its multipliers come from: those of the
 last program, a stage later, mostly prove the same of the next one at once.
 """
@@ -30,7 +30,7 @@ from cmpsp_ros.mpsp.qp.riccati.program import (
 FARTHEST: Final = 1e6
 """A proof covers all controls within their bounds, and within this where they have none."""
 
-# A contradiction up to this, relative to the size of what is added up, may be rounding.
+# A contradiction up to this, relative to the size of the terms, may be rounding.
 _ROUNDING = 1e-8
 # Slopes up to this fraction of the largest are met by `FARTHEST`, if that leaves a proof.
 _THRESHOLDS = (1e-12, 0.0)

@@ -3,9 +3,9 @@
 A bound in the basis costs as much as all rows in it together, so that many active bounds cost the
 square of their number. One that is held costs nothing: a sweep is as long as ever. But whether it
 may be held shows only afterwards, in its multiplier, which an adjoint sweep recovers. So a guess of
-which bounds are active is improved by whole sweeps: what is violated is held, what has a multiplier
-of the wrong sign is not (a primal-dual active-set, or semismooth Newton, method; Hintermueller, Ito
-and Kunisch, SIAM Journal on Optimization 13 (2002), 865-888). What such sweeps leave over is left
+which bounds are active is improved by whole sweeps: violated bounds are held, those with a
+multiplier of the wrong sign are not (a primal-dual active-set, or semismooth Newton, method;
+Hintermueller, Ito and Kunisch, SIAM Journal on Optimization 13 (2002), 865-888). The rest is left
 to the method that adds row by row; bounds are only ever released there, so that it ends.
 """
 
@@ -103,7 +103,7 @@ def write_multipliers(p: Program, at: ActiveSet) -> None:
 
 @allocation_free
 def recover_bound_multipliers(p: Program, cost: float) -> float:
-    """Multipliers of the held bounds: what the gradient of all else leaves over there.
+    """Compute the multipliers of the held bounds from the gradient of all other terms.
 
     With `cost` = 0 the cost is left out, and all bounds get one. Returns the largest part of a
     gradient.
@@ -172,8 +172,8 @@ def release(p: Program, tolerance: float) -> int:
 def hold_violated(p: Program) -> int:
     """Hold the controls that the step has beyond a bound, if they are many; returns how many.
 
-    Where more path rows are violated the basis will be large whatever is held, and would be made
-    again with each guess.
+    Where more path rows are violated the basis will be large in any case, and would be rebuilt
+    with each guess.
     """
     found = _hold_beyond(p, False)
     if found < MANY or found + p.head[0].fixed < _violated_path_rows(p):

@@ -112,7 +112,7 @@ def _misses_terminal(p: Program, at: ActiveSet) -> bool:
 
 @allocation_free
 def correct(p: Program, whole: ActiveSet, output_error: Array, g: Array) -> None:
-    """Least deviations that undo what the constraints' curvature costs a full step.
+    """Compute the least deviations that undo the curvature of the constraints in a full step.
 
     Near a solution with active curved constraints the full step violates them by the square of
     its length, and the merit may refuse it for that, however close the solution is: the Maratos
@@ -138,7 +138,7 @@ def correct(p: Program, whole: ActiveSet, output_error: Array, g: Array) -> None
         for i in range(at.row.shape[0]):
             at.row[i] -= at.dependence[j] * Q[i]
     _swap(p)
-    # As a difference it does not move what is held.
+    # As a difference it does not move held controls.
     fixed, head.fixed = head.fixed, 0
     recover_step(p, at.row)
     head.fixed = fixed

@@ -174,7 +174,7 @@ def remove_constraint(
 ) -> float:
     """Take a row out of the active ones. Its state, and the multipliers, are left to the caller.
 
-    The `split` of another row is kept up to date; returns what the square of its rest gains.
+    The `split` of another row is kept up to date; returns the gain of its squared rest.
     """
     head = p.head[0]
     count = head.active

@@ -1,10 +1,10 @@
 """Start of the active-set method at the rows that were active before, all of them at once.
 
 The point is the one nearest to ``v*`` that meets those rows as equations: with the triangular
-factors of the `basis` ``R'y`` is what the rows are violated by at ``v*``, and ``R lambda = y``.
+factors of the `basis` ``R'y`` is the violation of the rows at ``v*``, and ``R lambda = y``.
 A row whose multiplier has come out negative is not active here and leaves again; one whose
-multiplier is beyond its penalty rests there. What is left is a point from which the method can go
-on: every multiplier lies between its ends, and every active row is met.
+multiplier is beyond its penalty rests there. The method can go on from the remaining
+point: every multiplier lies between its ends, and every active row is met.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ from cmpsp_ros.mpsp.qp.riccati.program import (
 )
 from cmpsp_ros.mpsp.qp.riccati.sweeps import recover_step
 
-# Fraction of its length, squared, that a row must have outside the span of those before it. What is
-# closer to them is left to the method, which meets it along its own multiplier.
+# Fraction of its length, squared, that a row must have outside the span of those before it. Closer
+# ones are left to the method, which adds each along its own multiplier.
 _APART: Final = 1e-8
 _PASSES: Final = 3
 """Number of passes over rows that were met already."""
@@ -70,7 +70,7 @@ def begin(p: Program, at: ActiveSet, warm: WarmStart) -> None:
             _add_violated(p, at, warm.rows[i].row)
     before, is_current = -1, False
     for _ in range(_PASSES):
-        # What was met before others joined may be violated after.
+        # Rows met before others joined may be violated after.
         if head.active == before:
             break
         before, is_current = head.active, True

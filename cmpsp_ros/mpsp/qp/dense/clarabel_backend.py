@@ -181,7 +181,7 @@ def _solution(
     inactive = z < scale * s
     inactive[: cones.equalities] = False
     values = cones.row_multipliers(np.where(inactive, 0.0, z), len(program.rows.upper))
-    # What the multiplier of a relaxed row lacks to its weight is the multiplier of its slack.
+    # The multipliers of a relaxed row and of its slack add up to its weight.
     full = inactive[len(inactive) - len(cones.price) :]
     values[cones.slack_row[full]] = (cones.slack_sign * cones.price)[full]
     values = np.clip(values, -program.rows.weight, program.rows.weight)

@@ -21,7 +21,7 @@ from cmpsp_ros.mpsp.jit.intrinsics import room_for
 from cmpsp_ros.mpsp.qp.riccati.program import Program
 
 _SMALLEST_PIVOT = 1e-14
-# What a stage costs beside one of `sweeps.recover_step`.
+# Cost of a stage relative to one of `sweeps.recover_step`.
 _FACTORISE = 4
 
 

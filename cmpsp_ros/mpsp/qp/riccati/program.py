@@ -1,7 +1,7 @@
 """A stage-wise quadratic program in memory: one record a stage, and one a constraint row.
 
 The sizes ``n`` and ``r`` are part of the records' types. Code compiled for them has constant loop
-counts, an argument stands for all the arrays of its record, and what a sweep needs of a stage is
+counts, an argument stands for all the arrays of its record, and the fields of a sweep are
 side by side. The horizon and the number of path constraints are lengths of arrays. In Python a
 field of all records is an ordinary array: ``stages['A']`` has shape ``(N + 1, n, n)``.
 
@@ -58,7 +58,7 @@ def stage_type(n: int, r: int) -> RecordType:
     ``lower <= dU <= upper``, and ``|dX_k| <= trust_radius`` for ``k >= 1``.
     """
     return _record(
-        # What one sweep needs is side by side. The program first; `A` and `B` of the last stage are
+        # Fields of one sweep are side by side. The program first; `A` and `B` of the last stage are
         # not used.
         A=(n, n), B=(n, r), L_X=(n,), L_U=(r,), L_XX=(n, n), L_UX=(r, n), L_UU=(r, r),
         # Its Riccati factorisation, dU = L_inv' v - K dX.
@@ -76,11 +76,10 @@ def stage_type(n: int, r: int) -> RecordType:
 
 @cache
 def row_type(n: int, r: int) -> RecordType:
-    """A linearised constraint ``value + X' dX + U' dU``, not positive (path) or 0 (terminal).
+    """Linearised constraint ``value + X' dX + U' dU``, not positive (path) or 0 (terminal).
 
-    A path constraint that does not apply has the value ``-inf``. `penalty` is the largest
-    multiplier in force, infinite where the row is hard; `weight` that of the relaxation, and
-    `merit` the weight in the merit function.
+    `value` is ``-inf`` where it does not apply; `penalty` the largest multiplier in force, infinite
+    for a hard row; `weight` that of the relaxation, `merit` that in the merit function.
     """
     return _record(value=(), X=(n,), U=(r,), multiplier=(), penalty=(), weight=(), merit=())
 

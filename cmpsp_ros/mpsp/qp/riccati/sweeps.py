@@ -13,7 +13,7 @@ from cmpsp_ros.mpsp.jit.intrinsics import room_for
 from cmpsp_ros.mpsp.qp.riccati.factorisation import fixed_control
 from cmpsp_ros.mpsp.qp.riccati.program import Program
 
-# What a stage costs beside one of `recover_step`.
+# Cost of a stage relative to one of `recover_step`.
 _COVARIANCE = 2
 
 
@@ -97,7 +97,7 @@ def recover_step(p: Program, v: Array) -> None:
                 if stage.fixed[a] != 0.0:
                     stage.dU[a] = fixed_control(stage, a)
         if k < N:
-            # What does not wait for the states comes first.
+            # Terms without the states come first.
             for i in range(n):
                 following[i] = stage.drift[i] if has_fixed else 0.0
                 for a in range(r):

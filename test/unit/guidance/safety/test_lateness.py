@@ -92,9 +92,9 @@ def test_repeated_lateness_halves_the_work_and_steps_in_time_take_it_back():
 def test_half_the_work_is_done_where_it_is_bounded():
     tight = replace(CASE_3, solver=replace(CASE_3.solver, work_share=2e-4))
     reasons = []
-    for late_steps in (0, 4):
+    for halvings in (0, 3):
         law = GuidanceLaw(tight, tight.world)
-        law._state.lateness.late_steps = late_steps
+        law._state.lateness.halvings = halvings
         reasons.append(law.step(Observation(0, np.array(START))).iterations)
     assert reasons[1] < reasons[0]
 

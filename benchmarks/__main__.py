@@ -97,7 +97,7 @@ def bench(
 
 
 def _many_robots(count: int) -> None:
-    """Drive so many robots at once; exit code 1 if one was ever late."""
+    """Drive that many robots at once; exit code 1 if one was ever late."""
     from benchmarks.common import BenchError  # noqa: PLC0415
     from benchmarks.over_dds import many_robots  # noqa: PLC0415 (needs ROS)
 

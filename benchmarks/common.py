@@ -51,7 +51,7 @@ def collector_off() -> Iterator[None]:
 def in_turn(
     tasks: Mapping[_Key, Callable[[], _Result]], runs: int, progress: Callable[[], None]
 ) -> dict[_Key, list[_Result]]:
-    """Results of tasks done in turn, again and again: other work of the machine falls on all."""
+    """Results of tasks repeated in turn, so that other load of the machine affects all."""
     results: dict[_Key, list[_Result]] = {key: [] for key in tasks}
     for _ in range(runs):
         for key, task in tasks.items():

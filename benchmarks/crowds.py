@@ -47,9 +47,9 @@ class PlansTiming:
     """Control steps in which a number of plans are improved and compared.
 
     Attributes:
-        count: How many.
-        first: Of the first step, which looks for the ways that they take, shape ``(runs,)`` [us].
-        second: Of the one after it, shape ``(runs,)`` [us].
+        count: Number of plans.
+        first: Times of the first step, with the path search, shape ``(runs,)`` [us].
+        second: Times of the next step, shape ``(runs,)`` [us].
     """
 
     count: int
@@ -126,7 +126,7 @@ class ObstaclesTiming:
     """Control steps past a number of obstacles.
 
     Attributes:
-        count: How many there are.
+        count: Number of plans.
         standing: Median of all steps where they stand [us].
         moving: Median where they move along the road [us].
         first: Longest first step where they stand, which looks for ways between them [us].
@@ -224,9 +224,9 @@ class SensorsTiming:
     """Control steps of one preset; all times [ms].
 
     Attributes:
-        name: Of the preset.
-        cells: Of the grid around the robot.
-        step: From odometry to the decision, with the newest scan and the distance field of the
+        name: Name of the preset.
+        cells: Cells of the grid around the robot.
+        step: Time from odometry to the decision, with the newest scan and the distance field of the
             grid.
         scan: To take in the newest scan, which here comes with the odometry that is decided on; in
             most steps of a robot it has come before.

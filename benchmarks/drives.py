@@ -35,9 +35,9 @@ class Preset:
     """A preset that can be driven.
 
     Attributes:
-        name: Of the preset, or its file.
-        settings: Of the guidance law.
-        pose: Where the robot starts, shape ``(3,)`` [m, m, rad].
+        name: Name of the preset, or its file.
+        settings: Settings of the guidance law.
+        pose: Start pose, shape ``(3,)`` [m, m, rad].
     """
 
     name: str
@@ -75,9 +75,9 @@ class PresetTiming:
     """Computing times of one preset [ms].
 
     Attributes:
-        name: Of the preset.
-        first: Of the first step, which has the full horizon, over all runs.
-        every: Of every step of all runs.
+        name: Name of the preset.
+        first: Times of the first step, with the full horizon, over all runs.
+        every: Times of every step of all runs.
     """
 
     name: str
@@ -88,7 +88,7 @@ class PresetTiming:
 def time_presets(
     presets: Sequence[Preset], runs: int, progress: Callable[[], None] = lambda: None
 ) -> list[PresetTiming]:
-    """Drive every preset in turn, again and again, and take the times.
+    """Drive every preset in turn, repeatedly, and take the times.
 
     The presets are interleaved, so that other work of the machine falls on all of them.
     """
@@ -166,7 +166,7 @@ class RobotDrive:
     """Runs of one robot from start to goal.
 
     Attributes:
-        name: Of the robot.
+        name: Name of the robot.
         times: Computing time of every control step, shape ``(runs, N)`` [ms].
         work: Visits of a stage in every control step, shape ``(N,)``; they repeat exactly.
         levels: Steps at each fallback level, by its name.
@@ -208,7 +208,7 @@ def of_models() -> dict[str, Scenario]:
 def time_robots(
     scenarios: Mapping[str, Scenario], runs: int, progress: Callable[[], None] = lambda: None
 ) -> list[RobotDrive]:
-    """Drive every robot in turn, again and again, and take the times."""
+    """Drive every robot in turn, repeatedly, and take the times."""
     drives = {name: partial(_drive_robot, name, each) for name, each in scenarios.items()}
     found = []
     for name, (first, *others) in in_turn(drives, runs, progress).items():

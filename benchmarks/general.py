@@ -31,8 +31,8 @@ class GeneralTiming:
         controls: ``r``.
         iterations: Median of the iterations, each of which adds one row.
         active: Median of the rows that are active at the solution.
-        time: Of one program: the mean of their medians over all runs [us].
-        flops: Of one program, as `flops` counts them; the mean.
+        time: Time of one program: the mean of their medians over all runs [us].
+        flops: Mean for one program, as counted by `flops`.
     """
 
     states: int

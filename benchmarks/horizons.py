@@ -30,7 +30,7 @@ class Growth:
     """One method over horizons.
 
     Attributes:
-        name: Of the method.
+        name: Name of the method.
         steps: Horizons, shape ``(K,)``.
         times: Median of the first step at each, shape ``(K,)`` [us].
         exponent: Slope of the logarithm of time over that of steps from 100 steps on; None with
@@ -173,7 +173,7 @@ def time_long_horizons(
 
 
 def long_task(steps: int) -> Task:
-    """Case 3 with the lower wheel-speed limit, sampled so many times."""
+    """Case 3 with the lower wheel-speed limit, with that many samples."""
     preset = Preset.load('case3')
     robot = replace(preset.settings.robot, max_wheel_speed=LIMIT)
     period = preset.settings.final_time / steps

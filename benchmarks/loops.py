@@ -34,9 +34,9 @@ class Timed:
     """A method that solves the task, and its computing times.
 
     Attributes:
-        name: Of the method.
-        outcome: Of its closed loop.
-        times: Of every step of every run, shape ``(runs, N)`` [us].
+        name: Name of the method.
+        outcome: Outcome of its closed loop.
+        times: Times of every step of every run, shape ``(runs, N)`` [us].
     """
 
     name: str
@@ -59,8 +59,8 @@ class Ratios:
     """One method beside another: medians of quotients in the same step of the same run.
 
     Attributes:
-        first: Of the first step.
-        loop: Of all steps.
+        first: Ratio at the first step.
+        loop: Ratio over all steps.
     """
 
     first: float
@@ -165,9 +165,9 @@ class Tail:
     """Control steps of one method.
 
     Attributes:
-        name: Of the method.
-        times: Of every step of many closed loops, shape ``(K,)`` [us].
-        again: Of their first step, made again and again, shape ``(K,)`` [us].
+        name: Name of the method.
+        times: Times of every step of many closed loops, shape ``(K,)`` [us].
+        again: Times of their first step, repeated, shape ``(K,)`` [us].
     """
 
     name: str
@@ -181,7 +181,7 @@ class Tail:
 
     @property
     def ratio(self) -> float | None:
-        """99.9th percentile beside the median; None with too few steps for it."""
+        """Ratio of 99.9th percentile and median; None with too few steps."""
         return _ratio(self.spread)
 
     @property
@@ -191,7 +191,7 @@ class Tail:
 
     @property
     def ratio_again(self) -> float | None:
-        """99.9th percentile of one and the same step beside its median."""
+        """Ratio of 99.9th percentile and median of the repeated step."""
         return _ratio(self.spread_again)
 
 
@@ -235,7 +235,7 @@ def _ratio(spread: Spread) -> float | None:
 
 
 def loops(count: int, steps: int) -> int:
-    """Closed loops that so many control steps are."""
+    """Number of closed loops with that many control steps."""
     return -(-count // steps)
 
 
@@ -244,8 +244,8 @@ class HardCase:
     """Computing times of one run.
 
     Attributes:
-        name: Of the run.
-        times: Of every step, shape ``(runs, N)`` [ms].
+        name: Name of the run.
+        times: Times of every step, shape ``(runs, N)`` [ms].
         elastic: Steps in which the last program needed slack.
     """
 
@@ -267,7 +267,7 @@ def hard_cases() -> list[Preset]:
 def time_hard_cases(
     cases: Sequence[Preset], runs: int, progress: Callable[[], None] = lambda: None
 ) -> list[HardCase]:
-    """Drive every case in turn, again and again, and take the times."""
+    """Drive every case in turn, repeatedly, and take the times."""
     methods = {each.name: FullStep(Task.of(each)) for each in cases}
     driven = in_turn(
         {

@@ -56,7 +56,7 @@ class Order:
 
     @property
     def command(self) -> str:
-        """The command line that asks for it."""
+        """Command line of the order."""
         options = [name for name in ('peers', 'latency') if getattr(self, name)]
         words = ['cmpsp', 'bench', *self.presets, '--runs', str(self.runs)]
         words += ['--tail', str(self.tail)]
@@ -126,7 +126,7 @@ class Target:
 
     Attributes:
         what: Description of the measurement.
-        at_most: Its limit.
+        at_most: Limit.
         found: The figure; None if it was not measured.
     """
 

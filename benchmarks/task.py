@@ -48,9 +48,9 @@ class Task:
     of steps. It would be empty with ten steps otherwise, and another problem with each number.
 
     Attributes:
-        settings: Of the preset.
-        pose: Where the robot starts, shape ``(3,)`` [m, m, rad].
-        space: Where the robot's centre may be at the samples.
+        settings: Settings of the preset.
+        pose: Start pose, shape ``(3,)`` [m, m, rad].
+        space: Free space of the robot's centre at the samples.
         cost: Weights of the cost.
     """
 
@@ -91,16 +91,11 @@ class Task:
         )
 
     def settings_for(self, steps: int) -> GuidanceSettings:
-        """The preset's settings with so many control periods in its time."""
+        """The preset's settings with that many control periods."""
         return replace(self.settings, control_period=self.settings.final_time / steps)
 
     def problem(self, pose: Array, durations: Array) -> GuidanceProblem:
-        """The problem from a pose on.
-
-        Args:
-            pose: Shape ``(3,)`` [m, m, rad].
-            durations: Lengths of the steps left, shape ``(n,)`` [s].
-        """
+        """Problem from ``pose (3,)`` [m, m, rad] on; ``durations (n,)`` of the steps left [s]."""
         settings = self.settings
         goal = np.array(settings.goal)
         return GuidanceProblem(settings.robot, self.space, settings.weights, pose, goal, durations)
@@ -123,7 +118,7 @@ class Task:
         )
 
     def failure(self, outcome: TaskOutcome) -> str:
-        """Why an outcome does not solve the task, in words; empty where it does."""
+        """Reason why an outcome does not solve the task, '' if it does."""
         settings = self.settings
         if not outcome.miss <= settings.goal_tolerance:
             return f'it misses the goal by {outcome.miss:.3g} m'

@@ -52,7 +52,7 @@ class Setting(NamedTuple):
         unit: SI unit, empty for none.
         description: One or more sentences for the user.
         range: Range of its numbers.
-        live: Whether it may be changed while a node runs.
+        live: True if it may be changed while a node runs.
         key: Name of its parameter; empty for the name of the field.
     """
 
@@ -79,7 +79,7 @@ def setting(
         unit: As in `Setting`, like all others.
         description: Sentences.
         within: Range of its numbers.
-        live: Whether it may be changed while a node runs.
+        live: True if it may be changed while a node runs.
         key: Name of its parameter, if it is not that of the field.
     """
     declared = Setting(unit, description, within, live, key)

@@ -34,12 +34,7 @@ from cmpsp_ros.world.grids import GridObstacle
 
 
 def new_pool(workers: int, *begin: Any) -> ProcessPoolExecutor:
-    """Processes that leave the keyboard to their parent, and end when it does, however it ends.
-
-    Args:
-        workers: How many.
-        begin: A function that each of them calls first, and its arguments.
-    """
+    """Processes that ignore SIGINT and end with their parent; each calls `begin` first."""
     # A fork would copy the locks of the numerical libraries' threads.
     return ProcessPoolExecutor(workers, get_context('spawn'), partial(_begin, *begin))
 

@@ -38,7 +38,7 @@ class Program:
         g: Constraints.
         hessian: Gauss-Newton Hessian of both terms, which is that of `mpsp`.
         limits: The four vectors of bounds, by the names that CasADi has for them.
-        equality: For each constraint, whether it is an equation.
+        equality: True for each constraint that is an equation.
     """
 
     w: Any
@@ -53,7 +53,7 @@ class Program:
 
 @cache
 def program(task: Task, steps: int) -> Program:
-    """The task from any pose, over so many steps of any length."""
+    """The task from any pose, over that many steps of any length."""
     road, goal = task.settings.world.annulus, np.array(task.settings.goal)
     X = [casadi.SX.sym(f'X_{k}', STATES) for k in range(steps + 1)]
     U = [casadi.SX.sym(f'U_{k}', CONTROLS) for k in range(steps)]
@@ -87,16 +87,13 @@ def program(task: Task, steps: int) -> Program:
 
 
 def pack(task: Task, pose: Array, U: Array, durations: Array) -> tuple[Array, Array]:
-    """Variables and parameters at a warm start, its path rolled out.
+    """Variables ``w`` and parameters ``p`` at a warm start, its path rolled out.
 
     Args:
         task: The task.
         pose: First pose, shape ``(3,)`` [m, m, rad].
         U: Shape ``(N + 1, 2)`` [rad/s].
         durations: Shape ``(N,)`` [s].
-
-    Returns:
-        ``w`` and ``p``.
     """
     steps = len(durations)
     X = task.settings.robot.roll_out(pose, U, durations)

@@ -55,7 +55,7 @@ class Method(Protocol):
         """Improve a control history; this alone is timed.
 
         Args:
-            pose: Where the robot is, shape ``(3,)`` [m, m, rad].
+            pose: Pose of the robot, shape ``(3,)`` [m, m, rad].
             U: Warm start, shape ``(N + 1, 2)`` [rad/s]; to be left as it is.
             durations: Lengths of the steps, shape ``(N,)`` [s].
 

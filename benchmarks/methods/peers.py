@@ -1,4 +1,4 @@
-"""Other people's solvers, each only if it is installed."""
+"""Third-party solvers, each only if installed."""
 
 from __future__ import annotations
 

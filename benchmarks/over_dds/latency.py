@@ -67,7 +67,7 @@ class Latency:
 
 
 def measure_latency(preset: str, runs: int, progress: Callable[[], None] = lambda: None) -> Latency:
-    """Drive a preset in real time, again and again, with two processes and take the times."""
+    """Drive a preset in real time repeatedly, with two processes, and take the times."""
     # Answers say which odometry they answer, and nobody begins before the other listens.
     changes = {'enable_stamped_cmd_vel': True, 'autostart': False}
     values = TABLE.resolve(load_parameter_file(preset) | changes)

@@ -133,7 +133,7 @@ class LatencyProbe(Node):
 
 
 def main() -> None:
-    """Run the probe until it is told to stop."""
+    """Run the probe until it is stopped."""
     sys.exit(run(LatencyProbe, name='latency_probe'))
 
 

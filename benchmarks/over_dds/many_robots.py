@@ -36,7 +36,7 @@ class ProcessKind:
     Attributes:
         name: Their module.
         memory: Resident set of the largest [MB].
-        cpu: Of a core, on the mean of them, while the robots drove.
+        cpu: Mean load of a core while the robots drove.
     """
 
     name: str
@@ -49,13 +49,13 @@ class Crowd:
     """A number of robots, each alone on its road, on one machine at once.
 
     Attributes:
-        robots: How many.
+        robots: Number of robots.
         start_up: Time from the first process to the last node that is configured [s].
         instants: Control instants of all robots.
-        skipped: Of them, those without a decision.
+        skipped: Number of them without a decision.
         late: Missed deadlines, as in doc/user/behaviour.md.
-        stops: How often a node stopped its robot because odometry did not come.
-        delays: Time from the stamp of odometry to when its decision was heard of ``(D,)`` [s]: by
+        stops: Number of stops by a node for lack of odometry.
+        delays: Time from the stamp of odometry to the arrival of its decision ``(D,)`` [s]: by
             the one process that listens to all.
         own: Time that each took in its node ``(D,)`` [s].
         miss: Greatest distance from the goal at the final time [m].
@@ -78,8 +78,8 @@ def measure(count: int, progress: Callable[[float], None] = lambda _: None) -> C
     """Drive case 3 with a number of robots at once, in real time.
 
     Args:
-        count: How many.
-        progress: Told the time of the run so far [s], again and again.
+        count: Number of robots.
+        progress: Called with the time of the run so far [s].
     """
     alone = load_scenario(_PRESET, _CHANGES, lockstep=False)
     robots = [replace(alone, namespace=f'/r{number}') for number in range(1, count + 1)]

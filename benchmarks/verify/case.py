@@ -49,7 +49,7 @@ class Origin(NamedTuple):
 
 @dataclass(frozen=True)
 class Program:
-    """A subproblem and how it is to be solved.
+    """A subproblem, and how to solve it.
 
     Attributes:
         subproblem: The program.
@@ -88,7 +88,7 @@ class Contestant:
     """A back end, without the check of its answers that users of it get.
 
     Attributes:
-        name: Its name.
+        name: Name.
         cold: Solves a program from nothing.
         warm: Solves a program after the one that is given second, whose solution is the warm start;
             None for back ends without warm starts.

@@ -188,7 +188,7 @@ def _accuracy_findings(
 
 
 def _rounding(program: Program, answer: QPSolution, residual: float) -> str:
-    """Says so where a residual is nothing but rounding."""
+    """Explanation of a residual by rounding alone."""
     change = last_bit(program, answer) if math.isfinite(residual) else 0.0
     if change < _MOSTLY * residual:
         return ''

@@ -143,7 +143,7 @@ def clarabel_solve(program: Program) -> QPSolution:
 
 
 def least_violation(program: Program) -> float:
-    """Least sum of violations of the rows that are hard, at any cost.
+    """Minimum sum of violations of the rows that are hard, at any cost.
 
     Zero to rounding where the program has a solution; ``inf`` where Clarabel fails.
     """

@@ -37,7 +37,7 @@ _HEADERS = (
 
 
 def lines(comparisons: Sequence[Comparison]) -> list[Line]:
-    """A line for each family, in the order in which they come, and one for all together."""
+    """A line for each family, in order, and one for the total."""
     families: dict[str, list[Comparison]] = {}
     for each in comparisons:
         families.setdefault(each.origin.family, []).append(each)
@@ -101,7 +101,7 @@ def describe(comparison: Comparison) -> str:
 
 
 def new_file(path: Path) -> Path:
-    """The path, if a file can be made there and nothing is lost by it."""
+    """The path, if a new file can be made there."""
     if path.exists():
         raise BenchError(f'{path}: found something there, wanted a new file')
     if not path.parent.is_dir() or not os.access(path.parent, os.W_OK):

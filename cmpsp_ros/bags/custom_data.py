@@ -77,7 +77,7 @@ def plain(value: object) -> object:
 
 
 def parsed(custom: Mapping[str, Any], key: str) -> dict[str, Any]:
-    """Read JSON text in custom data: a mapping, empty where there is none.
+    """Read JSON text in custom data: a mapping, empty if none.
 
     Raises `TypeError`, `ValueError` or `RecursionError` for anything else.
     """

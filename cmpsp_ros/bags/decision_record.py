@@ -20,11 +20,7 @@ _LATEST = 1 << 62
 
 
 def status_of(message: Any) -> Any:
-    """The status in a message of `~/decision`: an array of one, or itself.
-
-    Raises:
-        LookupError: The array is empty.
-    """
+    """The status in a message of `~/decision`; raises `LookupError` for an empty array."""
     return message.status[0] if hasattr(message, 'status') else message
 
 
@@ -43,7 +39,7 @@ class DecisionRecord:
     Attributes:
         source: Bag and topic, for errors.
         received: Time of reception [ns].
-        reason: Its reason, in words.
+        reason: Reason, in words.
         entries: All other entries of its message, as text by key.
         command: Forward, to the left and turning on the command's topic [m/s, m/s, rad/s]; None
             where not recorded.
@@ -73,11 +69,7 @@ class DecisionRecord:
             ) from error
 
     def __getattr__(self, name: str) -> Any:
-        """A field of `Decision`.
-
-        Raises:
-            BagError: Its key is missing, or its text means nothing.
-        """
+        """A field of `Decision`; raises `BagError` for a missing key or invalid text."""
         if name not in FIELDS:
             raise AttributeError(name)
         return self._read(name)
@@ -121,7 +113,7 @@ class DecisionRecord:
 
     @property
     def step_ms(self) -> float | None:
-        """Computing time of the step [ms]; None where it was not measured."""
+        """Computing time of the step [ms]; None if not measured."""
         return self._time('step_ms')
 
     def response_ms(self, command_delay: float) -> float:
@@ -130,12 +122,7 @@ class DecisionRecord:
         return response_ms(self.step_ms or 0.0, answered, command_delay)
 
     def misses_deadline(self, period: float, command_delay: float) -> bool:
-        """True if its command was sent too late, or not at all for that reason.
-
-        Args:
-            period: Control period [s].
-            command_delay: As in the parameters [s].
-        """
+        """True if its command was sent too late, or not at all for that reason; times in [s]."""
         return self.late > 0.0 or self.response_ms(command_delay) > 1e3 * period
 
     def _time(self, key: str) -> float | None:
@@ -143,7 +130,7 @@ class DecisionRecord:
 
 
 def read_decisions(bag: Bag, topic: str) -> tuple[DecisionRecord, ...]:
-    """Decisions of a topic, in order; none where the bag lacks the topic.
+    """Decisions of a topic, in order; none if the bag lacks the topic.
 
     Raises:
         BagError: A message is no decision of this package.

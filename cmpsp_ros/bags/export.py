@@ -77,10 +77,7 @@ def export(bag_path: Path, folder: Path, form: Format = 'csv') -> dict[Path, int
     read back bit for bit. A Parquet file keeps the unit of a column in its field's metadata, under
     `unit`. Missing values are empty.
 
-    Args:
-        bag_path: The bag.
-        folder: New folder for the files; missing parents are made.
-        form: Format of the files.
+    Missing parents of the new folder are made.
 
     Returns:
         Number of rows of each file.
@@ -212,7 +209,7 @@ def _cell(column: Column, text: str | None) -> Cell:
 
 
 def _decision_columns(bag: Bag, topics: list[str]) -> tuple[Column, ...]:
-    """Columns of decisions: not all of them say the same, so that all have to be asked."""
+    """Columns of decisions: the union over all, for their keys differ."""
     keys: dict[str, None] = {}
     for topic, received, message in bag.together(topics):
         keys.update(dict.fromkeys(DecisionRecord.of(topic, received, message).entries))

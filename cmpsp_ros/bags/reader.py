@@ -95,7 +95,7 @@ class Bag:
             raise
 
     def as_decided_on(self, node: str, name: str) -> str:
-        """Topic that a node heard; its own of that name where it published it transformed."""
+        """Topic that a node received; its own one of that name if it published it transformed."""
         own, heard = f'{node}/{name}', f'{node.rpartition("/")[0]}/{name}'
         return own if own in self.topics and self.topics[own].count else heard
 

@@ -69,9 +69,7 @@ def film(
         typer.Option(metavar='SECONDS', help='Time of a frame; may be repeated.'),
     ] = None,
 ) -> None:
-    """Show a run from a camera behind the robot.
-
-    It is drawn by MuJoCo.
+    """Show a run from a camera behind the robot, rendered by MuJoCo.
 
     Exit code 2 if the bag cannot be used, or nothing can be drawn.
     """
@@ -93,9 +91,9 @@ def report(
     params_file: ParamsFile = None,
     force: Annotated[bool, typer.Option('--force', help='Replace an earlier report.')] = False,
 ) -> None:
-    """Make a page of one bag, or of several to compare them.
+    """Write an HTML report of one bag, or of several to compare them.
 
-    It opens from disk, offline.
+    The page opens from disk, offline.
 
     Exit code 2 if a bag cannot be used.
     """

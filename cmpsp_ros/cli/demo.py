@@ -58,7 +58,7 @@ def demo(
 
     A file with sections for several robots drives them all together. Exit code 0 only if every
     robot reached its goal within the tolerance, and the driven path is clear; 1 if not, or if the
-    run came to no end; 2 if it cannot be started so; 3 if too little is recorded to judge it.
+    run did not end; 2 if it cannot be started; 3 if the recording is too incomplete to judge it.
     """
     try:
         with exit_on(ParameterError, DemoError, code=2):

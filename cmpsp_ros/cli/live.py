@@ -46,8 +46,8 @@ def record(
 
     By default it records the topics of guidance and sim. The bag always includes /clock, the
     parameters of guidance and sim with their changes, QoS profiles and software versions. At the
-    end it says which messages came too fast to be recorded. Exit code 2 if recording ended by
-    itself.
+    end it reports messages that came too fast to be recorded. Exit code 2 if recording ended on
+    its own.
     """
     folder = output or Path('bags') / time.strftime('%Y-%m-%d_%H-%M-%S')
     if problem := _unrecordable(folder, storage, compression, topics, everything=everything):
@@ -76,7 +76,7 @@ def recover(
         Path | None, typer.Option(help='New folder; <BAG>_recovered when absent.')
     ] = None,
 ) -> None:
-    """Make a valid bag from one whose recorder was killed.
+    """Recover a valid bag from one whose recorder was killed.
 
     The damaged bag is not changed.
 
@@ -147,7 +147,7 @@ def _unrecordable(
     *,
     everything: bool,
 ) -> str:
-    """Why this cannot be recorded; empty if it can."""
+    """Reason why this cannot be recorded, '' if it can."""
     if folder.exists():
         return f'{folder}: exists already, a new bag needs a path that does not exist'
     if storage != 'mcap' and compression == 'zstd':
@@ -183,8 +183,8 @@ def identify(
 ) -> None:
     """Measure delay, lag, scales, limits and odometry of a robot.
 
-    The bags may be of any program: odometry and commands suffice. With --drive it moves the robot
-    itself, within 1 m of where it stands. It writes a parameter file and a picture.
+    The bags may come from any program: odometry and commands suffice. With --drive it moves the
+    robot itself, within 1 m of its position. It writes a parameter file and a picture.
 
     Exit code 2 if a bag cannot be used, or the drive was cut short.
     """

@@ -152,7 +152,7 @@ def warmup(
         typer.Argument(metavar='PRESET', help='Presets, or parameter files; none: everything.'),
     ] = None,
 ) -> None:
-    """Compile the kernels of nodes and commands, so they start at once.
+    """Compile the kernels of nodes and commands, so that they start at once.
 
     Exit code 1 only if there is no folder for the cache.
     """

@@ -47,7 +47,7 @@ def errors() -> Console:
 
 
 def progress_bar() -> Progress:
-    """Bars on standard error, for work whose pieces are counted."""
+    """Progress bar on standard error, for a known number of steps."""
     from rich.progress import Progress  # noqa: PLC0415 (`--help` is quicker without)
 
     return Progress(console=errors())
@@ -70,7 +70,7 @@ def say(text: object) -> None:
 
 @contextmanager
 def exit_on(*kinds: type[Exception], code: int) -> Iterator[None]:
-    """Turn errors that a user can mend into their message and an exit code.
+    """Turn errors that a user can fix into their message and an exit code.
 
     Raises:
         Exit: There was such an error.
@@ -87,7 +87,7 @@ def writing_to(folder: Path) -> Iterator[None]:
     """Turn a full disk into a message with the name of a folder on it, and exit code 1.
 
     Raises:
-        Exit: The disk is full, by itself or for this user.
+        Exit: The disk is full, or the quota of this user.
     """
     try:
         yield

@@ -26,9 +26,9 @@ class RobotOutcome:
     """Result of the run of one robot of several.
 
     Attributes:
-        namespace: Of the robot.
+        namespace: Namespace of the robot.
         summary: Figures of its run.
-        apart: Least distance of its footprint from any other robot's until its final time, also
+        apart: Minimum distance of its footprint from any other robot's until its final time, also
             between samples [m].
     """
 

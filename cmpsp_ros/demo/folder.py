@@ -30,7 +30,7 @@ def make_folder(output: Path | None, *, force: bool) -> Path:
 
     Args:
         output: The folder; None for `runs/<time>`, which `runs/latest` then points at.
-        force: Whether an earlier run in that folder may be removed; other files there stay.
+        force: True if an earlier run in that folder may be removed; other files there stay.
 
     Raises:
         DemoError: The folder exists, or cannot be made.

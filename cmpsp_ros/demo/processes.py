@@ -89,7 +89,7 @@ class Child:
     """A node running as a process.
 
     Attributes:
-        name: Its program, of `cmpsp_ros.nodes.MODULES`, with the namespace before it if there is
+        name: Program, of `cmpsp_ros.nodes.MODULES`, with the namespace before it if there is
             one.
         process: The process.
         log: File with its output.
@@ -106,10 +106,10 @@ class Child:
         """Start a node.
 
         Args:
-            name: Its program, of `cmpsp_ros.nodes.MODULES`.
+            name: Program, of `cmpsp_ros.nodes.MODULES`.
             ros_arguments: Arguments after `--ros-args`.
             folder: Folder of its log, with a folder for each namespace.
-            namespace: Of the node, as in `/r1`.
+            namespace: Namespace of the node, as in `/r1`.
         """
         log = folder / namespace.strip('/') / f'{name}.log'
         log.parent.mkdir(parents=True, exist_ok=True)
@@ -130,21 +130,13 @@ class Child:
         return cls(f'{namespace}/{name}' if namespace else name, process, log)
 
     def check(self) -> None:
-        """Raise if the process has ended by itself.
-
-        Raises:
-            DemoError: It has; the message has the end of its log.
-        """
+        """Raise `DemoError` with the end of its log if the process has ended by itself."""
         code = self.process.poll()
         if code is not None:
             raise DemoError(f'{self.name} ended with exit code {code}:\n{self.last_words()}')
 
     def ask(self, refusal: str, change: Callable[[], bool]) -> None:
-        """Request a state change of a guidance node.
-
-        Args:
-            refusal: Words for its refusal.
-            change: Sends the request; returns True if accepted.
+        """Request a state change of a guidance node; `change` returns True if it agreed.
 
         Raises:
             DemoError: It refused, did not answer, or has ended.
@@ -193,11 +185,7 @@ class Child:
 
 
 def check_all(children: Iterable[Child]) -> None:
-    """Raise if a node has ended by itself.
-
-    Raises:
-        DemoError: It has; the message has the end of its log.
-    """
+    """Raise `DemoError` with the end of its log if a node has ended by itself."""
     for child in children:
         child.check()
 

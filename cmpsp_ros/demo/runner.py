@@ -195,7 +195,7 @@ def started(
         robots: Their scenarios; several robots have a namespace each.
         folder: Existing folder with the file `parameters.yaml`, for bag and logs.
         view_port: Port of a page that shows the first robot live; None: no page.
-        record: Whether there is a bag.
+        record: True if there is a bag.
 
     Raises:
         DemoError: A node failed.
@@ -240,7 +240,7 @@ def _get_ready(
     *,
     record: bool,
 ) -> None:
-    """Configure the guidance nodes, and wait until nothing of the run can be missed."""
+    """Configure the guidance nodes, and wait until all subscriptions of the run match."""
     timeout = START_TIMEOUT * len(robots)
     # Simulator, recorder and observer must be known to the publishers themselves.
     listeners = {

@@ -37,7 +37,7 @@ class Scenario:
         values: Parameters of all nodes.
         settings: The guidance settings made of them.
         remarks: Warnings for the user before the run, in sentences.
-        namespace: Of the robot, as in `/r1`; empty for a single robot.
+        namespace: Namespace of the robot, as in `/r1`; empty for a single robot.
     """
 
     name: str

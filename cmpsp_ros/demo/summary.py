@@ -39,9 +39,9 @@ class Summary:
         reached: True if every goal was passed within its tolerances at its time; for a followed
             road, if the mean speed was reached.
         miss: Distance from the goal at the final time [m]; None for a followed road.
-        clearance: Least clearance of the driven path, also between samples, from road edges and
+        clearance: Minimum clearance of the driven path, also between samples, from road edges and
             obstacles, and while the robot moves from moving obstacles, less the robot's radius [m].
-        max_wheel_speed: Largest wheel speed driven [rad/s].
+        max_wheel_speed: Maximum wheel speed driven [rad/s].
         step_times: Median, 99th percentile and maximum from odometry to command [ms]; None if not
             measured.
         deadline_misses: Control steps whose command was sent too late, or not at all.
@@ -126,7 +126,7 @@ class Summary:
 
 
 def final_time(run: Run, settings: GuidanceSettings) -> float:
-    """The final time [s]; where it may be put off, that of the last decision."""
+    """The final time [s]; if it may be postponed, that of the last decision."""
     goals = [each.goal for each in run.decisions if each.goal is not None]
     return goals[-1].time if settings.may_be_late and goals else settings.final_time
 

@@ -34,10 +34,10 @@ class GuidanceStatus:
     Attributes:
         health: Latest figures of its diagnostics, as text; empty before the first.
         level: Level of its latest diagnostics.
-        message: Their sentence.
+        message: Message of its latest diagnostics.
         decision: Latest decision, as text; empty before the first.
-        reason: Its sentence.
-        decisions: Number of decisions heard.
+        reason: Reason of the decision.
+        decisions: Number of decisions received.
         commands: Number of those that were sent, and not withdrawn since they were late.
     """
 
@@ -57,7 +57,7 @@ class LifecycleClient:
 
     Attributes:
         robots: Status of each robot, by its namespace.
-        on_decision: Called with each decision when it is heard, and the namespace of the robot.
+        on_decision: Called with each decision received, and the namespace of the robot.
     """
 
     def __init__(self, domain_id: int, namespaces: Iterable[str] = ('',)) -> None:
@@ -102,7 +102,7 @@ class LifecycleClient:
         self._context.try_shutdown()
 
     def wait_until(self, condition: Callable[[], bool], timeout: float) -> bool:
-        """Listen until a condition holds; whether it did within the time [s]."""
+        """Listen until a condition holds; True if it did within the time [s]."""
         end = time.monotonic() + timeout
         while not condition():
             if time.monotonic() > end:
@@ -113,7 +113,7 @@ class LifecycleClient:
     def recorded(self, timeout: float, check: Callable[[], None] = lambda: None) -> ByTopic:
         """Messages that the recorder has written, by topic.
 
-        `check` is called again and again, and may raise an error of its own.
+        `check` is called repeatedly, and may raise an error of its own.
 
         Raises:
             TimeoutError: It did not answer within the time [s].
@@ -138,9 +138,9 @@ class LifecycleClient:
         namespace: str = '',
         still_compiles: Callable[[], bool] = lambda: False,
     ) -> bool:
-        """Configure the guidance node of a robot; whether it agreed.
+        """Configure the guidance node of a robot; True if it agreed.
 
-        `still_compiles` is asked after the time [s], and as often again, whether to wait on.
+        After each timeout [s], `still_compiles` decides on further waiting.
 
         Raises:
             TimeoutError: It did not answer within the time.

@@ -56,7 +56,7 @@ class Rights:
     """Rights of one node; names below its namespace, or absolute, with `*` for anything.
 
     Attributes:
-        node: Its name, and that of its enclave.
+        node: Name, and that of its enclave.
         publish: Topics.
         subscribe: Topics.
         reply: Services that it offers.

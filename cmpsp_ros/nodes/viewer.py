@@ -57,7 +57,7 @@ _ASKED = (
 
 
 class Viewer(Node):
-    """Listens, and serves a page about it until it is stopped; it publishes nothing.
+    """Subscribes, and serves a live page until stopped; it publishes nothing.
 
     Args:
         namespace: Namespace of the nodes to show; that of the command line when absent.

@@ -37,7 +37,7 @@ _KINDS: Final = {
 
 
 def place_of(message: Odometry) -> tuple[float, float, float] | None:
-    """Pose (x, y, heading) [m, m, rad]; None where it is not finite."""
+    """Pose (x, y, heading) [m, m, rad]; None if not finite."""
     position, q = message.pose.pose.position, message.pose.pose.orientation
     heading = math.atan2(2.0 * (q.w * q.z + q.x * q.y), q.w**2 + q.x**2 - q.y**2 - q.z**2)
     place = (position.x, position.y, heading)

@@ -125,9 +125,9 @@ def along(poses: Array, twists: Array, durations: Array) -> Array:
     """Positions along arcs, several on each to show its curvature, shape ``(K, 2)``.
 
     Args:
-        poses: At the beginning of each arc and the end of the last, ``(N + 1, 3)`` [m, m, rad].
+        poses: Start of each arc and end of the last, ``(N + 1, 3)`` [m, m, rad].
         twists: Speed and turn rate on each, ``(N, 2)`` [m/s, rad/s].
-        durations: Of each, ``(N,)`` [s].
+        durations: Duration of each, ``(N,)`` [s].
     """
     parts = np.linspace(0.0, 1.0, PER_ARC, endpoint=False)
     begins = np.repeat(poses[:-1], PER_ARC, axis=0)

@@ -27,7 +27,7 @@ _OPACITY: Final = bytes([0, 255, 255])
 
 
 def grid_picture(grid: OccupancyGrid) -> dict[str, Any]:
-    """A picture of a grid along the axes, bounded in size, and where it is [m].
+    """Picture of a grid along the axes, bounded in size, with its position [m].
 
     Free cells are transparent. Of several cells in a pixel an occupied one is shown.
 

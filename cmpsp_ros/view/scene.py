@@ -62,11 +62,11 @@ class Look:
     """Appearance of a kind of parts.
 
     Attributes:
-        label: Its name in legends; empty for none.
-        color: Of its lines; empty for that of the run.
+        label: Name in legends; empty for none.
+        color: Color of its lines; empty for that of the run.
         fill: Colour between its lines; empty for none.
-        width: Of its lines [pt].
-        dash: Of its lines, as plotly names it.
+        width: Width of its lines [pt].
+        dash: Dash of its lines, as plotly names it.
     """
 
     label: str
@@ -129,7 +129,7 @@ def course(
 
 
 def kept_clear(settings: GuidanceSettings) -> Part:
-    """Closest that the centres of the robot's discs may come to each obstacle at samples."""
+    """Minimum distance of the centres of the robot's discs from each obstacle at samples."""
     radii = zip(
         settings.obstacles, sample_space(settings, settings.world).radii.tolist(), strict=True
     )

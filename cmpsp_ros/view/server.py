@@ -39,7 +39,7 @@ class ViewError(ValueError):
 
 
 class Access:
-    """Decides for each request whether it is answered.
+    """Decides for each request if it is answered.
 
     Attributes:
         token: The token required; empty on loopback, which other machines cannot reach.
@@ -190,7 +190,7 @@ class _Handler(BaseHTTPRequestHandler):
             self._send(HTTPStatus.NOT_FOUND, b'There is nothing here.\n', 'text/plain')
 
     def log_message(self, format: str, *args: Any) -> None:  # noqa: A002 (named by http.server)
-        """Say nothing: a page asks many times a second."""
+        """Log nothing: a page sends many requests a second."""
 
     def _send_updates(self, query: str) -> None:
         try:

@@ -35,7 +35,7 @@ class SharedState:
     """The latest value of everything, and time series of the present run."""
 
     def __init__(self, series: Sequence[str]) -> None:
-        """Begin with nothing."""
+        """Start empty."""
         self._lock = threading.Lock()
         self._latest: dict[str, Any] = {}
         self._course: Any = None

@@ -120,7 +120,7 @@ def fixed_controls(known: Known, rng: Rng) -> Subproblem:
 
 
 def empty_rows(known: Known, rng: Rng) -> Subproblem:
-    """Rows that nothing moves, met exactly or with room."""
+    """Rows independent of the controls, met exactly or with slack."""
     K, r = known.dU.shape
     n = len(known.subproblem.trust_radius)
     g = rng.choice([0.0, -1.0, -1e-9, -np.inf], size=(K, 1))
@@ -210,7 +210,7 @@ def contradicting_rows(known: Known, rng: Rng) -> Subproblem:
 
 
 def unmet_empty_row(known: Known, rng: Rng) -> Subproblem:
-    """A row that nothing moves and that is not met."""
+    """A violated row independent of the controls."""
     K, r = known.dU.shape
     n = len(known.subproblem.trust_radius)
     g = np.full((K, 1), -np.inf)

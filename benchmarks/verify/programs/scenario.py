@@ -25,12 +25,12 @@ _HORIZONS: Final = ((0.55, 1, 30), (0.35, 30, 60), (0.1, 60, 200))
 
 @dataclass(frozen=True)
 class RobotScenario:
-    """A task and where the robot stands.
+    """A task and the pose of the robot.
 
     Attributes:
         name: Description.
         settings: The task.
-        pose: Where the robot is, shape ``(3,)`` [m, m, rad].
+        pose: Pose of the robot, shape ``(3,)`` [m, m, rad].
     """
 
     name: str
@@ -42,7 +42,7 @@ Maker = Callable[[Rng], RobotScenario]
 
 
 def ordinary(rng: Rng) -> RobotScenario:
-    """A preset or a run of the paper, mostly with something changed about it."""
+    """A preset or a run of the paper, mostly with changes."""
     presets, paper = _bases()
     bases = presets if rng.random() < 0.75 else paper
     base = bases[rng.integers(len(bases))]

@@ -38,14 +38,7 @@ CHECKS: Final = (
 
 
 def audit(path: Path, sources: Sources | None = None) -> tuple[Finding, ...]:
-    """Audit a bag, trusting nothing but its odometry and the parameters.
-
-    Args:
-        path: The bag.
-        sources: Topics and parameters, where they are not the usual ones.
-
-    Returns:
-        One finding a check, in the order of `CHECKS`.
+    """Audit a bag by its odometry and parameters; one finding a check, in the order of `CHECKS`.
 
     Raises:
         BagError: The bag cannot be audited.

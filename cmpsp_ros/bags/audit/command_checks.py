@@ -140,7 +140,7 @@ def steering(record: AuditRecord) -> Iterator[Sample]:
 
 
 def _undecided(record: AuditRecord, worst: Sample) -> str:
-    """Commands whose decisions are not in the bag, where the others are as decided."""
+    """Commands whose decisions are not in the bag, if the others are as decided."""
     alone = record.commands.moving.copy()
     alone[record.pairs.commands :][: record.pairs.count] = False
     is_gap = worst.passes and alone.any()

@@ -42,10 +42,10 @@ class Finding:
     Attributes:
         check: Short name, for machines.
         title: Name for people.
-        outcome: How it ended.
+        outcome: Outcome of the check.
         sentence: Result in words, or why the check was impossible.
         worst: The worst value; None where there is none.
-        limit: Its limit, in the same unit.
+        limit: Limit, in the same unit.
         unit: Their unit.
         at: Time of the worst value, from time 0 of the first run [s].
     """
@@ -61,12 +61,12 @@ class Finding:
 
     @property
     def worst_text(self) -> str:
-        """The worst value with its unit, empty where there is none."""
+        """The worst value with its unit, '' if none."""
         return self._text(self.worst)
 
     @property
     def limit_text(self) -> str:
-        """The limit with its unit, empty where there is none."""
+        """The limit with its unit, '' if none."""
         return self._text(self.limit)
 
     def _text(self, value: float | None) -> str:
@@ -94,8 +94,8 @@ class Sample:
 
     Attributes:
         value: The value.
-        limit: Its limit.
-        at: Its time [ns], if it has one.
+        limit: Limit.
+        at: Time [ns], if it has one.
         excess: The check fails if it is above 0, or NaN.
         rank: The largest is the worst, of those that fail if there are any; by default `excess`.
         unit: In place of the check's.
@@ -151,7 +151,7 @@ class Check:
         samples: Yields samples; raises `SkippedError` or `NotJudgedError`.
         needs: Parameters without which it cannot be judged; `road` stands for those of a road.
         of_decisions: Needs decisions.
-        unit: Of its values.
+        unit: Unit of its values.
         good: Sentence where it passes, with ``{worst}`` and the words of the worst sample.
         bad: The same where it fails.
         nothing: Reason to skip it where there is no sample and no gap.

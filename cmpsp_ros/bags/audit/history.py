@@ -46,8 +46,8 @@ class History:
     Attributes:
         given: Keys that were recorded; the others are defaults, which are not evidence.
         epochs: In order of time, at least one; the first began before the recording.
-        simulated: Whether the robot is simulated, so that all obstacles are known.
-        has_traffic: Whether the simulator moves obstacles.
+        simulated: True if the robot is simulated, so that all obstacles are known.
+        has_traffic: True if the simulator moves obstacles.
     """
 
     given: frozenset[str]

@@ -43,7 +43,7 @@ class Commands:
         received: Time of reception [ns], shape ``(C,)``.
         stamps: Stamp of the odometry that each is based on [ns], ``(C,)``; see `timed`.
         twists: Shape ``(C, 2)`` or ``(C, 3)``; see `Robot`.
-        stamped: Whether the messages carried these stamps themselves.
+        stamped: True if the messages carried these stamps themselves.
     """
 
     received: IntArray

@@ -47,7 +47,7 @@ _CLEAR: Final = {'unit': 'm', 'of_reach': True, 'good': _clear_in_words, 'bad': 
 
 
 def _clear(record: AuditRecord, columns: slice, wanted: float) -> Iterator[Sample]:
-    """Least clearance by each evidence; a contact proven by one is not undone by another."""
+    """Minimum clearance by each source; a contact proven by one is not disproven by another."""
     yield Sample(math.inf, wanted, None, -math.inf)
     for each in record.evidence:
         part = np.nan_to_num(each.clearance[:, columns], nan=-math.inf)

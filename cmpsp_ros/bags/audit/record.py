@@ -42,8 +42,8 @@ class Sweep:
     Attributes:
         settings: Settings in force.
         stamps: Beginning of each arc [ns], shape ``(K,)``.
-        clearance: From both road edges and each obstacle, shape ``(K, 2 + M)`` [m].
-        names: Of its columns, in messages.
+        clearance: Distance from both road edges and each obstacle, shape ``(K, 2 + M)`` [m].
+        names: Names of its columns, in messages.
         by: Source of the path, if it is not odometry.
         tolerance: Error of the clearance [m]; less is no proof of a contact.
     """
@@ -98,7 +98,7 @@ class AuditRecord:
         tracks: Moving obstacles as received, by id and time.
         others: Paths of the other robots to be avoided, by namespace.
         pairs: Pairs of commands and decisions.
-        is_ours: Whether the bag has the parameters of a guidance node of this package.
+        is_ours: True if the bag has the parameters of a guidance node of this package.
         legs: Parts in which time does not jump back and commands were sent.
     """
 

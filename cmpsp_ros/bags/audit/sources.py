@@ -27,7 +27,7 @@ class Sources:
         odom: Topic of the odometry.
         cmd_vel: Topic of the commands.
         params_file: Parameter file or preset to judge by, instead of the parameters in the bag.
-        namespace: Of the guidance node, as in `/r1`.
+        namespace: Namespace of the guidance node, as in `/r1`.
     """
 
     odom: str | None = None

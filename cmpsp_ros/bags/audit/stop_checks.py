@@ -260,7 +260,7 @@ def _goals_of(record: AuditRecord, run: RunSpan) -> list[Goal]:
     """The goals of a run that were in force at their times, in order.
 
     The first goal on `goal_pose` replaces those of the parameters; a later one replaces those
-    before whose time has not come. So does one that is put off.
+    before whose time has not come. So does a postponed one.
     """
     is_put_off = record.history.at(run.start).may_be_late
     received = [each for each in record.decisions if run.start <= each.stamp <= run.end]

@@ -47,8 +47,8 @@ class Series:
 
     Attributes:
         axis: The axis.
-        stamps: Of odometry, ``(N + 1,)`` [s].
-        steps: From one message to the next, ``(N,)`` [m] or [rad].
+        stamps: Stamps of odometry, ``(N + 1,)`` [s].
+        steps: Change between messages, ``(N,)`` [m] or [rad].
         changes: Times of the changes of the command, ``(C,)`` [s].
         commands: Commands from then on, ``(C,)`` [m/s] or [rad/s].
     """
@@ -78,9 +78,9 @@ class Drive:
 
     Attributes:
         label: Bag and topics.
-        stamped: Whether commands were TwistStamped.
-        stamps: Of odometry, ``(N + 1,)`` [s].
-        steps: From one message to the next: distance ahead and turn, ``(N, 2)`` [m, rad].
+        stamped: True if commands were TwistStamped.
+        stamps: Stamps of odometry, ``(N + 1,)`` [s].
+        steps: Change between messages: distance ahead and turn, ``(N, 2)`` [m, rad].
         ages: Time of reception of each odometry message minus its stamp, ``(N + 1,)`` [s].
         times: When commands were received, less the median of `ages`, ``(C,)`` [s].
         commands: Speed and turn rate, ``(C, 2)`` [m/s, rad/s].
@@ -104,7 +104,7 @@ class Drive:
 
     @property
     def pauses(self) -> bool:
-        """True if a robot may have stopped by itself between two commands."""
+        """True if a robot may have stopped on its own between two commands."""
         return bool((self.commands[:-1].any(axis=1) & (np.diff(self.times) > TIMEOUTS[1])).any())
 
     def series(self, axis: int, timeout: float) -> Series:

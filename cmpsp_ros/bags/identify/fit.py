@@ -57,7 +57,7 @@ class Fit:
         timeout: Time after which the robot stops without a command [s].
         p: Parameters.
         noises: Noise of odometry ahead and turning.
-        factors: Of the covariance of the steps of each series.
+        factors: Factors of the covariance of the steps of each series.
         limits: Limits that are among the parameters: axis, and field of `Response`.
         residuals: Whitened, and that of the prior of a motor.
         jacobian: Their derivatives.

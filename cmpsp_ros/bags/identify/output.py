@@ -90,7 +90,7 @@ _MEAN: Final = 0.06
 
 
 def draw(robot: Identification, path: Path) -> None:
-    """Draw the longest drive, and where it is liveliest once more.
+    """Draw the longest drive, and an enlargement of its liveliest part.
 
     Raises:
         BagError: The picture cannot be written.

@@ -24,11 +24,7 @@ class Follower:
     law: GuidanceLaw
 
     def __init__(self, settings_of: Callable[[Values], GuidanceSettings]) -> None:
-        """Wait for the input that creates the law.
-
-        Args:
-            settings_of: Converts recorded parameters to settings of the law.
-        """
+        """Wait for the input that creates the law; `settings_of` converts its parameters."""
         self._settings_of = settings_of
 
     def follow(self, event: Input) -> Decision | None:

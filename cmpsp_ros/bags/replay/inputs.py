@@ -118,7 +118,7 @@ class Inputs:
         return self._parameters.given
 
     def __iter__(self) -> Iterator[Input]:
-        """Iterate; raises `BagError` where the bag is damaged or lacks an input."""
+        """Iterate; raises `BagError` if the bag is damaged or lacks an input."""
         before: DecisionRecord | None = None
         recording = self._recording
         # False where some odometry since the last decision may have been refused.

@@ -68,7 +68,7 @@ class Recording:
 
     def __init__(self, bag: Bag, names: Names, frame_id: str, others: Iterable[str] = ()) -> None:
         self._bag, self._names, self._frame_id = bag, names, frame_id
-        # Of a node that says which goals it has heard these are all, and in its own frame.
+        # A node that reports its received goals reports all, in its own frame.
         goal_pose = bag.as_decided_on(names.node, 'goal_pose')
         self._read: dict[str, Callable[[int, Any], None]] = {
             names.odom: self._read_odometry,

@@ -15,13 +15,13 @@ from cmpsp_ros.bags.report.view import View, labels, view
 def write_report(
     paths: Sequence[Path], output: Path, sources: Sources | None = None, *, force: bool = False
 ) -> tuple[Path, Path]:
-    """Write the report of bags, side by side where there are several.
+    """Write the report of one bag, or of several side by side.
 
     Args:
         paths: The bags.
         output: The page; the picture is beside it.
         sources: Topics and parameters, where they are not the usual ones.
-        force: Whether an earlier report may be replaced.
+        force: True if an earlier report may be replaced.
 
     Returns:
         Page and picture.

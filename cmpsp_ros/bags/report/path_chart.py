@@ -96,7 +96,7 @@ def label_of(goal: Goal) -> str:
 
 
 def _least(view: View) -> Array:
-    """Clearance from everything there is, shape ``(K,)``; infinite where there is nothing."""
+    """Minimum clearance from everything, shape ``(K,)``; infinite if nothing is near."""
     times, clearance = view.clearance
     least: Array = np.min([np.full(len(times), np.inf), *clearance.values()], axis=0)
     return least

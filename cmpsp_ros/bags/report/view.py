@@ -57,7 +57,7 @@ class View:
     """One bag in a report.
 
     Attributes:
-        label: Its name in the report.
+        label: Name in the report.
         record: The audited data.
         decisions: All decisions, those whose command came too late to be sent among them.
         findings: Results of the audit.
@@ -291,7 +291,7 @@ def labels(paths: Sequence[Path]) -> list[str]:
 
 
 def _least(times: Array, values: dict[str, Array]) -> tuple[Array, dict[str, Array]]:
-    """Thinned so that the least values stay."""
+    """Thinned such that the minima stay."""
     width = -(-len(times) // MOST_POINTS)
     begins = np.arange(0, len(times), width)
     return times[begins], {name: np.minimum.reduceat(each, begins) for name, each in values.items()}

@@ -24,10 +24,10 @@ class Encounter:
     """Part of a path, with its distance from one moving obstacle or other robot.
 
     Attributes:
-        name: Its name in messages.
+        name: Name in messages.
         stamps: Beginning of each arc [ns], shape ``(K,)``.
         clearance: Distance from it, less the robot's radius, shape ``(K,)`` [m].
-        stands: Whether the robot was at rest, shape ``(K,)``: a collision is then not its own.
+        stands: True if the robot was at rest, shape ``(K,)``: a collision is then not its own.
     """
 
     name: str

@@ -58,7 +58,7 @@ class Planned:
     """A plan as published on `~/predicted_path`.
 
     Attributes:
-        stamp: Its time [ns].
+        stamp: Time [ns].
         points: Predicted positions ``(N + 1, 2)`` [m].
     """
 
@@ -73,7 +73,7 @@ class DrivenPath:
     Attributes:
         stamps: Beginning of each arc, and the end of the last [ns], shape ``(K + 1,)``.
         poses: Pose at each, shape ``(K + 1, 3)`` [m, m, rad].
-        twists: From each on, shape ``(K + 1, 2)`` or ``(K + 1, 3)``; see `Robot`.
+        twists: Twist after each, shape ``(K + 1, 2)`` or ``(K + 1, 3)``; see `Robot`.
     """
 
     stamps: IntArray
@@ -118,7 +118,7 @@ class Run:
         driven: The driven path, from `read_driven`.
         tracks: Moving obstacles as received, by id and time.
         wheel_stamps: IntArray of the wheel speeds [ns], shape ``(W,)``.
-        wheel_speeds: Of all wheels, driven or, without a simulator, commanded; shape
+        wheel_speeds: Wheel speeds of all wheels, driven or, without a simulator, commanded; shape
             ``(W, wheels)`` [rad/s].
     """
 
@@ -152,9 +152,9 @@ def read_run(path: Path, namespace: str = '') -> Run:
 
 
 def read_driven(path: Path, namespace: str = '') -> DrivenPath:
-    """Read the path driven alone, in the frame of the course.
+    """Read only the driven path, in the frame of the course.
 
-    Where odometry is in that frame and there is a simulator it is the simulator's own.
+    The simulator's own path is preferred if there is one and odometry is in that frame.
 
     Raises:
         BagError: Not a bag, or there is no path in it.
@@ -184,7 +184,7 @@ def driven_in(bag: Bag, namespace: str) -> DrivenPath:
 
 
 def truth_topic(bag: Bag, namespace: str, odom: str) -> str:
-    """Topic of the true path; empty where there is none in the frame of odometry that was heard."""
+    """Topic of the true path; '' if none is in the frame of the odometry received."""
     truth = f'{namespace}/sim/truth'
     return truth if truth in bag.topics and odom == f'{namespace}/odom' else ''
 

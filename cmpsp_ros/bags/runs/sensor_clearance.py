@@ -45,8 +45,8 @@ class SensorClearance:
     Attributes:
         stamps: Times of poses, in order, shape ``(K,)`` [ns].
         poses: The poses, shape ``(K, 3)`` [m, m, rad].
-        clearance: Of the robot's outline at each from the nearest spot that a beam met and no later
-            beam (before: no earlier one) passed, negative inside, shape ``(K,)`` [m].
+        clearance: Distance of the robot's outline at each from the nearest spot that a beam met and
+            no later beam (before: no earlier one) passed, negative inside, shape ``(K,)`` [m].
         looks: Times of the messages that showed anything, in order, shape ``(L,)`` [ns].
         tolerance: Error of the clearance [m].
     """
@@ -58,11 +58,9 @@ class SensorClearance:
     tolerance: float
 
     def blind(self, looks: IntArray, settings: GuidanceSettings) -> tuple[Hole, ...]:
-        """When the robot drove on and nothing was seen for longer than `sight.timeout`.
+        """Times of driving on with nothing seen for longer than `sight.timeout`.
 
-        Args:
-            looks: All times at which anything was seen, in order [ns].
-            settings: With the timeout.
+        `looks` are the sorted times of all sightings [ns].
         """
         longest = longest_interval(looks, settings)
         longest = max(longest, to_nanoseconds(settings.sight.timeout))

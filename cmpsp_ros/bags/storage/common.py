@@ -49,7 +49,7 @@ class Form:
 
     Attributes:
         storage: Format of its files.
-        compressed: Whether chunks are compressed by zstd; mcap only.
+        compressed: True if chunks are compressed by zstd; mcap only.
         split_size: Size at which a new file is begun [bytes]; 0 for a single file.
         split_duration: Duration after which a new file is begun [ns]; 0 for a single file.
     """
@@ -62,7 +62,7 @@ class Form:
 
 @dataclass(frozen=True)
 class FoundTopic:
-    """A topic as its storage file describes it; no definition where the file has none."""
+    """A topic as described by its storage file; without definition if the file has none."""
 
     name: str
     msgtype: str
@@ -81,7 +81,7 @@ def read_definition(encoding: str, text: str) -> MessageDefinition | None:
 
 
 def read_profiles(text: str) -> tuple[Qos, ...]:
-    """QoS profiles, empty where they are damaged: that is no reason to lose the messages."""
+    """QoS profiles, empty if damaged: that is no reason to lose the messages."""
     try:
         check_yaml(text)
         return tuple(parse_qos(text))

@@ -65,7 +65,7 @@ class McapRecord(NamedTuple):
 
     @property
     def end(self) -> int:
-        """Offset of the byte after it; beyond the end of the file when it is cut off."""
+        """Offset of the byte after it; beyond the end of the file if truncated."""
         return self.body + self.size
 
 
@@ -120,7 +120,7 @@ def content(file: BinaryIO, record: McapRecord, end: int, limit: int = _MAX_RECO
 
 
 def read_chunk(body: BytesIO, *, truncated: bool = False) -> tuple[ChunkHead, bytes]:
-    """Uncompress a chunk record; if it is cut off, the result has the beginning of its records.
+    """Uncompress a chunk record; a truncated one yields its first records.
 
     Raises:
         ReaderError: Damaged, cut off, or larger than `MAX_CHUNK`.

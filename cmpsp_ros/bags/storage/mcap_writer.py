@@ -67,13 +67,13 @@ class McapStorage(McapWriter):
         return self._end + self.chunk.bio.tell()
 
     def flush(self) -> None:
-        """Have everything written so far survive a loss of power."""
+        """Make everything written so far survive a loss of power."""
         if self.chunk.msgs:
             self.close_chunk()
         os.fsync(self.bio.fileno())
 
     def close_chunk(self) -> None:
-        """Write the pending chunk out; where the disk refuses, file and chunk are as before."""
+        """Write out the pending chunk; if the disk refuses, file and chunk stay as before."""
         pending, count = self.chunk, len(self.chunks)
         try:
             super().close_chunk()

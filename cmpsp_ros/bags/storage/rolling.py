@@ -89,7 +89,7 @@ class RollingFiles:
         self._storage.write(topic, stamp, raw)
 
     def flush(self) -> None:
-        """Have everything written so far survive a loss of power."""
+        """Make everything written so far survive a loss of power."""
         if self._storage is not None:
             self._storage.flush()
 

@@ -84,7 +84,7 @@ def _check_tables(database: sqlite3.Connection, path: Path) -> None:
         if found:
             raise ReaderError(f'{path.name} has a {found} {name!r}, wanted plain tables')
     for table in _TABLES:
-        # The last column tells whether it is computed.
+        # The last column marks computed ones.
         if any(each[-1] for each in database.execute(f'PRAGMA table_xinfo({table})')):
             raise ReaderError(f'{path.name} has computed columns in {table}, wanted plain tables')
     database.execute('SELECT count(*), min(timestamp), max(timestamp) FROM messages').fetchone()
@@ -189,7 +189,7 @@ class SqliteStorage(Sqlite3Writer):
         self.size += len(data) + _ROW_SIZE
 
     def flush(self) -> None:
-        """Have everything written so far survive a loss of power."""
+        """Make everything written so far survive a loss of power."""
         refused, self._refused = self._refused, True
         self.conn.commit()
         self._refused = refused

@@ -187,7 +187,7 @@ class ProcessWatch:
     """Sees another process end (Linux only): that of the parameter `stop_with_process`."""
 
     def __init__(self, node: Node, outlasts: float) -> None:
-        """Watch; it is over so many seconds after the other process has ended."""
+        """Watch; over that many seconds after the end of the other process."""
         self._node, self._outlasts = node, outlasts
         self._process = overrides(node).get('stop_with_process', 0)
         self._handle: int | None = None

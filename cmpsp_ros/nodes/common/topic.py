@@ -26,9 +26,9 @@ class Topic:
         type: Message or service class.
         notes: For the user.
         depth: Depth of its queue; 0 for a service.
-        best_effort: Whether a subscription accepts best-effort publishers as well.
-        latched: Whether late subscribers get the last message (transient local).
-        repeats: Whether it only repeats the content of other topics; it is then not recorded.
+        best_effort: True if a subscription accepts best-effort publishers as well.
+        latched: True if late subscribers get the last message (transient local).
+        repeats: True if it only repeats the content of other topics; it is then not recorded.
     """
 
     node: str

@@ -54,7 +54,7 @@ class CommandArbiter:
 
     @property
     def guiding(self) -> str:
-        """The node that was heard to guide this robot lately; empty if there is none."""
+        """Name of the node that lately guided this robot, '' if none."""
         oldest = time.monotonic() - TRUST
         return next((name for name, at in self._heard.items() if at >= oldest), '')
 

@@ -91,7 +91,7 @@ class StepTimes:
         self._misses = 0
 
     def hear(self, age_ms: float) -> None:
-        """Note the age of odometry when it came [ms]; negative where it is ahead of the clock."""
+        """Note the age of odometry on arrival [ms]; negative if ahead of the clock."""
         self._ages.append(age_ms)
 
     def add(

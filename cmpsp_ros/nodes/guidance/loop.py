@@ -59,7 +59,7 @@ class GuidanceLoop:
 
         Args:
             node: The node.
-            values: Its parameters.
+            values: Parameters of the node.
             settings: Settings made from them.
             garbage: Garbage collector, run in idle time.
         """
@@ -139,7 +139,7 @@ class GuidanceLoop:
         decision = self._law.halt(self._now(), reason, cancelled=cancelled, braking=braking)
         self.gate.note_stop()
         if self.decision is not None and self.decision.plan is not None:
-            # It has driven on since odometry was heard of last.
+            # It has driven on since the last odometry.
             self._pose = self.decision.plan.pose_at(self.decision.stamp, decision.stamp)
         self._command(decision)
         self._note(decision)
@@ -261,7 +261,7 @@ class GuidanceLoop:
     def _expect_end(self, decision: Decision, now: int) -> None:
         """Schedule the final stop, in case no odometry arrives just then."""
         end = self._law.ends_at
-        # In lockstep it comes; whether clock or odometry came first would be chance.
+        # In lockstep it comes; the order of clock and odometry would be chance.
         if decision.finished or end is None or self._in_lockstep:
             return
         # The clock of odometry need not be that of this computer.

@@ -91,7 +91,7 @@ class GuidanceNode(LifecycleNode):
             self.trigger_shutdown()
 
     def _activate_when_known(self) -> None:
-        """Become active by itself: where others command this robot, once they have been heard."""
+        """Activate automatically; if other nodes command this robot, after their discovery."""
         if not self._arbiter.others:
             self.trigger_activate()
             return
@@ -211,7 +211,7 @@ class GuidanceNode(LifecycleNode):
         return [*self._missing(), *plausibility_warnings(self._values or {}), *self._foretold]
 
     def _give_way(self, rival: str) -> None:
-        """Leave the robot to a node that began before and had not been heard."""
+        """Leave the robot to a node that began earlier but was discovered late."""
         if self._state == ACTIVE:
             self._refusal = _GUIDED.format(rival)
             self.get_logger().error(self._refusal)

@@ -46,7 +46,7 @@ class LateCompilations:
     """Detects kernels that are compiled while a node is active: each delays a control step."""
 
     def __init__(self) -> None:
-        """Notice nothing yet."""
+        """Start without measurements."""
         self._names: list[str] = []
         self._watch = ExitStack()
 
@@ -60,7 +60,7 @@ class LateCompilations:
         self._watch.close()
 
     def errors(self) -> list[str]:
-        """Sentence on kernels that were compiled; nothing without any."""
+        """Sentence on compiled kernels, if any."""
         if not self._names:
             return []
         return [f'A control step had to wait for a compiler: {", ".join(self._names)}.']
@@ -74,7 +74,7 @@ class GarbageCollection:
     """
 
     def __init__(self) -> None:
-        """Change nothing until `begin`."""
+        """Leave the collector alone until `begin`."""
         self._on = False
 
     @property
@@ -83,12 +83,12 @@ class GarbageCollection:
         return self._on and time.monotonic() - self._latest > _OVERDUE
 
     def settle(self) -> None:
-        """Go through the whole heap, once: it takes a tenth of a second, in which nobody waits."""
+        """Collect and freeze the whole heap: a tenth of a second, outside of control steps."""
         gc.collect()
         gc.freeze()
 
     def begin(self) -> None:
-        """Take it over from Python."""
+        """Disable automatic collection."""
         self._took = {_YOUNG: 0.0, _FULL: 0.0}
         self._since_full = 0
         self._latest = time.monotonic()
@@ -97,7 +97,7 @@ class GarbageCollection:
         gc.disable()
 
     def end(self) -> None:
-        """Give it back to Python."""
+        """Enable automatic collection again."""
         gc.unfreeze()
         if self._on:
             self._on = False

@@ -143,7 +143,7 @@ class Recorder(Node):
         )
 
     def _try(self, act: Callable[[], object]) -> None:
-        """Do something with the bag; where the disk refuses, the process ends for that reason."""
+        """Do something with the bag; if the disk refuses, end the process with that reason."""
         if self.failure is None:
             try:
                 act()
@@ -273,8 +273,7 @@ def record(parameters: Mapping[str, Any], namespace: str | None = None) -> int:
     """Record until SIGINT or SIGTERM, as the last thing a process does.
 
     Returns:
-        Exit code: 0 after a signal, 1 when recording came to an end by itself.
-
+        Exit code: 0 after a signal, 1 when recording ended by itself.
     """
     return run(partial(Recorder, namespace, parameters), name='recorder', args=[], outlasts=2.0)
 

@@ -101,7 +101,7 @@ class SimNode(Node):
         )
 
     def run_to(self, stamp_ns: int) -> Odometry | None:
-        """Drive on, publishing everything due; the last odometry, None if lost or not due."""
+        """Drive on, publish everything due, and return the last odometry, if due and not lost."""
         message = None
         while (due_ns := self.instants.next_ns) <= stamp_ns:
             self._drive_to(due_ns)
@@ -112,7 +112,7 @@ class SimNode(Node):
         return message
 
     def obey(self, twist: Twist) -> None:
-        """Command the robot now; a twist that is no number changes nothing."""
+        """Command the robot now; a twist that is not finite changes nothing."""
         stamp_ns = self.plant.stamp_ns
         self._traffic.begin(stamp_ns)
         try:

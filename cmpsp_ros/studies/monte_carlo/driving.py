@@ -34,11 +34,11 @@ class DrivenRun:
     """A completed run.
 
     Attributes:
-        task: Its settings and scenario.
+        task: Settings and scenario.
         motions: Changes of the motion and odometry instants, the last at rest.
-        decisions: Of the law, up to the final time.
+        decisions: Decisions of the law, up to the final time.
         exception: Type and text of an exception of the law; empty if there was none.
-        end: The final time, which the law may have put off [ns].
+        end: The final time, possibly postponed by the law [ns].
     """
 
     task: RunTask

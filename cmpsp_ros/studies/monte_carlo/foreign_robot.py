@@ -1,4 +1,4 @@
-"""A robot that is not the simulator's, and that the law is told wrong about.
+"""A robot outside of the simulator, with a wrong model in the law.
 
 It shares no code with the simulator: a unicycle whose speed and turn rate lag behind the command,
 advanced at the ticks of its own loop, which also publish odometry with the stamps of its own clock.
@@ -109,7 +109,7 @@ class ForeignDrive:
 
     Attributes:
         motions: Pose and twist at each tick, stamped by the robot's clock.
-        decisions: Of the law, up to the final time.
+        decisions: Decisions of the law, up to the final time.
         end: The final time, by the robot's clock [ns]; 0 before the first decision.
     """
 

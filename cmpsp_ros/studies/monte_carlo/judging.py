@@ -1,4 +1,4 @@
-"""Independent judgement of runs by IPOPT: whether failed ones were feasible, and costs of others.
+"""Independent judgement of runs by IPOPT: feasibility of failed ones, and costs of others.
 
 IPOPT solves the whole horizon at once, for a robot without noise or delay whose wheels are slowed
 down by the effects of delay, lag and slip. Only the exact arcs of its controls count, until it is
@@ -99,10 +99,7 @@ def compare_cost(task: RunTask) -> dict[str, Any]:
 def passed_alike(one: Array, other: Array, center: Array) -> bool:
     """True if two paths with the same ends pass a point on the same side.
 
-    Args:
-        one: Positions ``(N, 2)`` or poses [m].
-        other: See `one`.
-        center: The point, shape ``(2,)`` [m].
+    Paths are positions ``(N, 2)`` or poses [m], the point has shape ``(2,)`` [m].
     """
     return abs(_swept_angle(one, center) - _swept_angle(other, center)) < math.pi
 

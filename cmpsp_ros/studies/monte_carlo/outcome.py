@@ -33,32 +33,32 @@ class StudyOutcome:
     """Figures of one run.
 
     Attributes:
-        number: Of the run in its study.
+        number: Number of the run in its study.
         miss: Distance from the goal at the final time [m].
         road_clearance: Least clearance of the true path from the road's edges, also between samples
             and until the robot is at rest, less its radius [m].
         obstacle_clearance: The same from obstacles; None without any.
-        began_outside: Whether the start itself was not clear.
-        max_wheel_speed: Largest wheel speed commanded [rad/s].
+        began_outside: True if the start itself was not clear.
+        max_wheel_speed: Maximum wheel speed commanded [rad/s].
         too_fast: Commands above the wheel limit.
         over_limit: Commands beyond a limit of acceleration, or of a steering angle or its rate.
         not_finite: Commands that were not finite.
         nominal: Control steps at this fallback level.
-        elastic: See `nominal`.
-        previous_plan: See `nominal`.
-        stop: See `nominal`, without stops after the final time.
+        elastic: Same as `nominal`.
+        previous_plan: Same as `nominal`.
+        stop: Same as `nominal`, without stops after the final time.
         trouble: Reason of the first step at the worst fallback level; empty if that is nominal.
-        trouble_time: Its time [s]; None without trouble.
+        trouble_time: Time of that step [s]; None without trouble.
         exception: Type and text of an exception of the law; empty if there was none.
         shortest_way: Length of the shortest path from start to goal, ignoring obstacles [m].
         farthest: Distance that the robot can drive until the final time at its wheel limit [m].
         obstacles: Number on the road.
         x: At control instants and the final time [m].
-        y: See `x`.
-        time: The final time, which may have been put off [s].
+        y: Same as `x`.
+        time: The final time, possibly postponed [s].
         pace: Length of the shortest clear path by that time, as a part of the nominal speed; None
             without a map.
-        told_error: Error of the delay that the law was told [s]; None where it is told right.
+        told_error: Error of the delay given to the law [s]; None if it is exact.
     """
 
     number: int
@@ -88,7 +88,7 @@ class StudyOutcome:
 
     @property
     def clearance(self) -> float:
-        """Least clearance from anything [m]."""
+        """Minimum clearance from anything [m]."""
         if self.obstacle_clearance is None:
             return self.road_clearance
         return min(self.road_clearance, self.obstacle_clearance)
@@ -111,9 +111,7 @@ class StudyOutcome:
     def score(self, tolerance: float, speed: float) -> float:
         """Score of the BARN challenge, at most 0.25: its time by that of the straight line.
 
-        Args:
-            tolerance: Miss up to which it has arrived [m].
-            speed: Along the straight line [m/s].
+        Arrival is within `tolerance` [m]; `speed` is that along the straight line [m/s].
         """
         if self.verdict(tolerance) is not RunVerdict.ARRIVED:
             return 0.0

@@ -34,12 +34,7 @@ def draw_study(
 ) -> list[Path]:  # fmt: skip
     """Draw all paths into one picture, and the spread of miss and clearance into another.
 
-    Args:
-        folder: Where to.
-        title: Of both.
-        settings: Road and goal, where all runs have the same.
-        outcomes: Of all runs.
-        tolerance: Miss up to which a run has arrived [m].
+    `settings` hold road and goal if shared by all runs; arrival is within `tolerance` [m].
     """
     with plot_style():
         return [

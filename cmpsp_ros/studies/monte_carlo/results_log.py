@@ -94,7 +94,7 @@ def _head(study: Study) -> dict[str, Any]:
 
 
 def _values(lines: list[str]) -> Iterator[dict[str, Any]]:
-    """Whole lines; a part of one is a run that was not finished."""
+    """Whole lines; a truncated one is an unfinished run."""
     for line in lines:
         try:
             value = json.loads(line)

@@ -51,10 +51,10 @@ class Scenario:
     """The random part of a run.
 
     Attributes:
-        number: Of the run in its study.
+        number: Number of the run in its study.
         pose: Initial pose (x, y, heading) [m, m, rad].
         obstacles: On the road.
-        seed: Of all random numbers of the plant.
+        seed: Seed of all random numbers of the plant.
         changes: Settings of the guidance law that differ from those of the study.
     """
 
@@ -76,10 +76,10 @@ def scenario(
 
     Args:
         settings: Road, goal and radius of the robot; their obstacles are ignored.
-        seed: Of the study, not negative.
-        number: Of the run, not negative.
+        seed: Seed of the study, not negative.
+        number: Number of the run, not negative.
         most_obstacles: Maximum number on the road.
-        bearings: Where on the ring the start may be [rad].
+        bearings: Range of the start on the ring [rad].
     """
     random = np.random.default_rng(np.random.SeedSequence([seed, number]))
     plant_seed = int(random.integers(2**31))
@@ -190,7 +190,7 @@ def in_proportion(robot: Robot, given: Mapping[str, Any], radius: float) -> dict
     Args:
         robot: The robot.
         given: Parameters of case 3.
-        radius: Of its footprint [m].
+        radius: Radius of its footprint [m].
     """
     scale = max(robot.max_speed / _TOP_SPEED, _RADII_WIDE * radius / WIDTH)
     unit = float(np.abs(robot.controls(np.array([robot.max_speed, 0.0]))).max()) / _WHEEL_SPEED

@@ -1,4 +1,4 @@
-"""Rooms and fields that a robot knows nothing of: walls with doors, furniture, cylinders."""
+"""Rooms and fields unknown to the robot: walls with doors, furniture, cylinders."""
 
 from __future__ import annotations
 

@@ -57,7 +57,7 @@ class Order:
         workers: Processes that share the runs; 1 is this one.
         scheduler: Address of a Dask scheduler whose workers share them instead, if any, as in
             ``tcp://10.0.0.1:8786``; they need this package.
-        judge: Whether IPOPT is run on failed runs.
+        judge: True if IPOPT is run on failed runs.
         costs: Number of runs that arrived whose cost is compared with IPOPT's.
     """
 

@@ -179,8 +179,8 @@ class Study:
     """A study: every run of it depends only on this value and the run's number.
 
     Attributes:
-        name: Of its kind.
-        seed: Of all its scenarios.
+        name: Name of its kind.
+        seed: Seed of all its scenarios.
         most_obstacles: Maximum number on the road in one run.
         assignments: Further parameters, each as `key=value`.
         robot: Name or file of a robot, for which the courses are made then.

@@ -130,7 +130,7 @@ def run(
         output: Folder to write to; made if it does not exist, and empty if it does.
         only: Names out of `ARTEFACTS`; all of them when empty.
         progress: Called with a line on the work in progress.
-        judge: Whether IPOPT computes the optimum with many obstacles; needs CasADi.
+        judge: True if IPOPT computes the optimum with many obstacles; needs CasADi.
 
     Returns:
         The report, `results.md`. Beside it are `results.json` and a PNG and an SVG of each figure.

@@ -29,7 +29,7 @@ class Path:
     """A path driven under zero-order hold, and its controls.
 
     Attributes:
-        settings: Of the law, or of the controller used instead.
+        settings: Settings of the law, or of the controller used instead.
         poses: At each control instant and at the end, shape ``(N + 1, 3)`` [m, m, rad].
         controls: Shape ``(N, r)``; of the paper's robot the speeds of its right and left wheel
             [rad/s].
@@ -75,7 +75,7 @@ class Path:
 
     @property
     def peaks(self) -> Array:
-        """Largest magnitude of each control, shape ``(r,)``."""
+        """Maximum magnitude of each control, shape ``(r,)``."""
         peaks: Array = np.abs(self.controls).max(axis=0)
         return peaks
 
@@ -86,7 +86,7 @@ class Path:
         return at_limit
 
     def clearance(self, *, between_samples: bool) -> Array:
-        """Least clearance from outer edge, inner edge and obstacles, shape ``(2 + M,)`` [m]."""
+        """Minimum clearance from outer edge, inner edge and obstacles, shape ``(2 + M,)`` [m]."""
         space = self.settings.world.free_space(self.settings)
         if between_samples:
             twists = self.settings.robot.twist(self.controls)
@@ -121,7 +121,7 @@ class Drive:
 
     Attributes:
         experiment: Run of the paper.
-        between_samples: Whether the path between samples was constrained, too.
+        between_samples: True if the path between samples was constrained, too.
         path: The driven path.
         levels: Fallback level of each control step.
         step_times: Computing time of each control step [ms].
@@ -212,12 +212,12 @@ def guessed_path(experiment: Experiment) -> Path:
 
 
 def worst_miss(drives: Iterable[Drive]) -> float:
-    """Largest miss [m]."""
+    """Maximum miss [m]."""
     return max(drive.path.miss for drive in drives)
 
 
 def least_clearance(drives: Iterable[Drive], *, between_samples: bool) -> float:
-    """Least clearance from road edges and obstacles [m]."""
+    """Minimum clearance from road edges and obstacles [m]."""
     return min(
         float(drive.path.clearance(between_samples=between_samples).min()) for drive in drives
     )
@@ -229,13 +229,13 @@ def within_limits(drives: Iterable[Drive]) -> bool:
 
 
 def apart(paths: Sequence[Path]) -> Array:
-    """Largest distance at equal times between each two paths, in the order of pairs [m]."""
+    """Maximum distance at equal times between each two paths, in the order of pairs [m]."""
     pairs = combinations([path.poses[:, :2] for path in paths], 2)
     return np.array([np.linalg.norm(one - other, axis=1).max() for one, other in pairs])
 
 
 def wheels_apart(paths: Sequence[Path]) -> Array:
-    """Largest difference of a wheel speed at equal times, in the order of pairs [rad/s]."""
+    """Maximum difference of a wheel speed at equal times, in the order of pairs [rad/s]."""
     pairs = combinations([path.controls for path in paths], 2)
     return np.array([np.abs(one - other).max() for one, other in pairs])
 
@@ -250,7 +250,7 @@ class Laboratory:
     """Every experiment, run once for any number of figures."""
 
     def __init__(self, progress: Callable[[str], None], *, judge: bool = False) -> None:
-        """Start with nothing run."""
+        """Start without runs."""
         self.progress = progress
         self.judge = judge
         self._drives: dict[tuple[str, bool], Drive] = {}

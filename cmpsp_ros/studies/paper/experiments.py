@@ -46,7 +46,7 @@ class Experiment:
         key: Short name, unique among all runs.
         label: Name in legends and tables.
         color: Colour in pictures; the paper's if it names one.
-        settings: Of the guidance law.
+        settings: Settings of the guidance law.
         pose: Initial pose (x, y, heading) [m, m, rad].
     """
 

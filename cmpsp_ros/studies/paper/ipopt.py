@@ -35,12 +35,12 @@ class ReferenceSolution:
     """Result of IPOPT.
 
     Attributes:
-        feasible: Whether it ended at a point that satisfies every constraint.
+        feasible: True if it ended at a point that satisfies every constraint.
         status: IPOPT's status.
         cost: First term of (95) there.
         controls: Shape ``(N, r)``, of a differential drive its wheel speeds [rad/s].
         braking: Controls that bring the robot to rest afterwards, shape ``(K, r)``.
-        excess: Largest violation of a limit of the robot; 0 or less where all are kept.
+        excess: Maximum violation of a limit of the robot; 0 or less where all are kept.
     """
 
     feasible: bool
@@ -56,8 +56,8 @@ class Limits(NamedTuple):
 
     Attributes:
         rows: Limited quantities as linear functions of the control, shape ``(q, r)``.
-        largest: Largest magnitude of each, shape ``(q,)``; infinite for none.
-        change: Largest change of each in a second, shape ``(q,)``; infinite for none.
+        largest: Maximum magnitude of each, shape ``(q,)``; infinite for none.
+        change: Maximum change of each in a second, shape ``(q,)``; infinite for none.
     """
 
     rows: Array
@@ -173,7 +173,7 @@ def motion(casadi: Any, robot: Robot, heading: Any, control: Any, duration: Any)
 
 
 def limit_excess(robot: Robot, controls: Array, period: float) -> float:
-    """Largest violation of a limit by controls ``(N, r)`` from rest; 0 or less for none."""
+    """Maximum violation of a limit by controls ``(N, r)`` from rest; 0 or less for none."""
     limits = Limits.of(robot)
     values = controls @ limits.rows.T
     changes = np.diff(values, axis=0, prepend=0.0 * values[:1])

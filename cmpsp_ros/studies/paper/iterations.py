@@ -158,7 +158,7 @@ def converge(
         guess: Right and left wheel [rad/s].
         iterations: Maximum number; an iteration at rest ends earlier.
         road_center: ``q`` of (95); with 0 its second term alone is left.
-        full_steps: Whether every step is taken in full, as (43) is written, instead of within the
+        full_steps: True if every step is taken in full, as (43) is written, instead of within the
             law's trust region and as far as its line search allows.
     """
     settings = experiment.settings
@@ -197,7 +197,7 @@ class Conditions:
         path_rows: Path constraints (92) (93) that are active.
         wheel_rows: Wheel limits (94) that are active.
         rank_G: Rank of ``G`` of Theorem 2.
-        least_eigenvalue: Least eigenvalue of the exact Hessian of (95), ``R`` of its second term
+        least_eigenvalue: Minimum eigenvalue of the exact Hessian of (95), ``R`` of its second term
             included.
         neglected: Part of the Hessian of the first term that (45) leaves out, in norm.
     """

@@ -91,7 +91,7 @@ def draw_wheel_speeds(
     Args:
         panels: Runs of each panel, the same experiments in all of them.
         guesses: First guesses to show, dotted [rad/s].
-        coincide: Whether several runs are the same.
+        coincide: True if several runs are the same.
     """
 
     def draw(axes: Axes, row: int, drive: Drive, look: Look) -> None:

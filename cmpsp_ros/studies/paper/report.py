@@ -88,7 +88,7 @@ class Sheet:
         title: Description in a sentence.
         lab: Source of all runs.
         panels: The runs that it shows; empty if it shows none.
-        numbers: Its content for `results.json`.
+        numbers: Content for `results.json`.
         claims: The paper's claims about it.
         tables: Tables for the report.
         figure: The picture; None for a table.

@@ -42,7 +42,7 @@ class StartOutcome(NamedTuple):
 
     @property
     def clearance(self) -> float:
-        """Least clearance, between samples too [m]."""
+        """Minimum clearance, between samples too [m]."""
         return float(self.path.clearance(between_samples=True).min())
 
     @property
@@ -76,7 +76,7 @@ def drive_start(start: Start, *, compare: bool) -> StartOutcome:
 
     Args:
         start: The start.
-        compare: Whether IPOPT computes the optimum in the same homotopy class.
+        compare: True if IPOPT computes the optimum in the same homotopy class.
 
     Raises:
         StudyError: CasADi is not installed.
@@ -96,7 +96,7 @@ def run_starts(progress: Callable[[str, int], None], *, compare: bool) -> Table:
 
     Args:
         progress: Called with the label of each, and their number.
-        compare: Whether IPOPT is asked as well.
+        compare: True to run IPOPT as well.
 
     Raises:
         StudyError: CasADi is not installed.

@@ -35,10 +35,10 @@ if TYPE_CHECKING:
 
 
 class CourseInput(Listener):
-    """Listens to a part of the course.
+    """Receives a part of the course.
 
     Attributes:
-        waits: Whether the first one is still to come.
+        waits: True if the first one is still to come.
         refusal: Reason why the last one was refused; empty if it was not.
     """
 
@@ -58,7 +58,7 @@ class CourseInput(Listener):
 
 
 class RoadInput(CourseInput):
-    """Listens where `road.source` is `topic`; a road that is refused changes nothing."""
+    """Receives a road if `road.source` is `topic`; a refused road changes nothing."""
 
     def __init__(self, node: LifecycleNode, values: Values, transforms: TransformInput) -> None:
         super().__init__(node, transforms)
@@ -95,7 +95,7 @@ class RoadInput(CourseInput):
 
 
 class MapInput(CourseInput):
-    """Listens to `map.topic`, if it is given.
+    """Receives `map.topic`, if given.
 
     A map that is refused stops the robot: the one before is out of date.
     """
@@ -120,7 +120,7 @@ class MapInput(CourseInput):
 
     @property
     def waiting(self) -> str:
-        """Sentence on a map that is still to come; empty when it is there."""
+        """Sentence on a missing map, '' if it is there."""
         return f'Waiting for a map on the topic {self._topic}.' if self.waits else ''
 
     def try_again(self) -> None:

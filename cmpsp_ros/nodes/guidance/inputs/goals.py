@@ -59,15 +59,9 @@ class GoalInput(Listener):
         *,
         waits: bool,
     ) -> None:
-        """Open topic and actions.
+        """Open topic and actions; with `waits` the robot stands until the first goal of a run.
 
-        Args:
-            node: The node.
-            law: Receives the goals.
-            transforms: Lead to the frame of the course.
-            road: May be changed by the path of an action.
-            is_active: Whether the robot is guided.
-            waits: Whether the robot stands until the first goal of a run.
+        `is_active` is True while the robot is guided; the path of an action may change `road`.
         """
         super().__init__(node)
         self._law, self._transforms, self._road = law, transforms, road
@@ -158,7 +152,7 @@ class GoalActions:
         rejection_reason: Callable[[str], str],
         cancel: Callable[[], None],
     ) -> None:
-        """Offer the actions, where they can be.
+        """Offer the actions, if available.
 
         Args:
             node: The node.
@@ -205,7 +199,7 @@ class GoalActions:
         Args:
             decision: The decision.
             pose: Pose of the robot (x, y, heading) [m, m, rad].
-            distance: From a pose to a goal [m].
+            distance: Distance from a pose to a goal [m].
         """
         running = self._running
         if running is None:

@@ -62,13 +62,13 @@ class OdometryInput(Listener):
     def newest(
         self, data: bytes, now: int, period: float, is_due: Callable[[int], bool]
     ) -> tuple[OdometryReading, bytes]:
-        """Odometry, and its bytes: of the newest that waits, where this has grown old.
+        """Odometry of a message, or of the newest waiting one if it is outdated, with its bytes.
 
         Args:
-            data: Message that has come.
+            data: Message received.
             now: Present time [ns].
-            period: Age from which on it is old [s].
-            is_due: Whether odometry of a time [ns] is one to decide on.
+            period: Maximum age [s].
+            is_due: True for a time [ns] of odometry to decide on.
 
         Raises:
             OdometryError: It cannot be read.
@@ -81,11 +81,11 @@ class OdometryInput(Listener):
 
     @property
     def publishers(self) -> int:
-        """Number of publishers that are heard."""
+        """Number of matched publishers."""
         return int(self._subscription.get_publisher_count())
 
     def warning(self) -> str:
-        """Names of the publishers where there are several, in a sentence; else empty."""
+        """Names of the publishers, in a sentence, if there are several, else ''."""
         if self.publishers < 2:
             return ''
         topic = self._subscription.topic_name
@@ -101,7 +101,7 @@ class OdometryWatchdog:
         self._noticed_at: int | None = None
 
     def end(self, now: int) -> None:
-        """Odometry has come at a time [ns]."""
+        """Note the arrival of odometry at a time [ns]."""
         self._heard_at = now
 
     def age(self, now: int) -> float | None:

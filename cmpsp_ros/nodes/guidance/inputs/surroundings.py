@@ -72,7 +72,7 @@ class ObstacleInput(SurroundingsInput):
         self.settings, self._transforms = settings, transforms
         self._tracks: Tracks[Track] = Tracks()
         self._plans: Tracks[PeerTrajectory] = Tracks()
-        # Robots that were never heard are none to miss.
+        # Robots never heard of cannot be missing.
         self._heard: dict[str, PeerTrajectory] = {}
         known, own = settings.moving_obstacles, node.get_namespace()
         if known.capacity:
@@ -98,7 +98,7 @@ class ObstacleInput(SurroundingsInput):
         self._heard = {}
 
     def warnings(self, now: int) -> list[str]:
-        """Refusals of last messages, and robots that have gone silent at a time [ns]."""
+        """Refusals of the last messages, and robots silent at a time [ns]."""
         oldest = now - round(self.settings.moving_obstacles.timeout * NANOSECONDS)
         silent = [name for name, each in self._heard.items() if each.is_older(oldest)]
         lost = [f'Not kept clear of, for no plan comes: {", ".join(silent)}.'] if silent else []
@@ -157,14 +157,14 @@ class SensorInput(SurroundingsInput):
         return self._surroundings.blindness(stamp)
 
     def at(self, stamp: int, pose: Array) -> Sighting | None:
-        """The grid where odometry was noted last; published where it is new."""
+        """The grid at the latest odometry; published if new."""
         sighting = self._surroundings.at(stamp, pose)
         if self._publisher is not None and sighting is not None and sighting.stamp == stamp:
             self._publisher.publish(self._message(sighting))
         return sighting
 
     def forget(self) -> None:
-        """Know nothing again: time has jumped back."""
+        """Forget everything: time has jumped back."""
         self._surroundings.forget()
 
     def warnings(self) -> list[str]:

@@ -88,11 +88,11 @@ class TransformInput(Listener):
         return self._robot_frame or child_frame
 
     def pose_of(self, reading: OdometryReading, data: bytes) -> tuple[Array, bool]:
-        """Pose of the robot's centre by odometry, and whether it took a transform.
+        """Pose of the robot's centre by odometry, and True if it took a transform.
 
         Args:
             reading: The odometry.
-            data: Its message, serialised.
+            data: Serialised message.
 
         Raises:
             OdometryError: It cannot be used, or there is no transform.

@@ -1,4 +1,4 @@
-"""Subscribers that a run waits for: the robot, and a recorder where one is asked for.
+"""Subscribers that a run waits for: the robot, and a recorder if requested.
 
 A robot that listens for another type of command, or has not found this node yet, would stand while
 the time of its task runs; a recorder that comes late has a bag that cannot be replayed.
@@ -38,7 +38,7 @@ class Listeners:
     ) -> None:
         """Wait for the robot, and for a recorder that hears commands and reports.
 
-        The time to wait for a recorder is in seconds; 0 where none is asked for.
+        The time to wait for a recorder is in seconds; 0 for none.
         """
         self._node, self._command, self._reports = node, command, reports
         self._recorder_timeout = recorder_timeout

@@ -54,14 +54,14 @@ _AHEAD: Final = 1.0
 def marker_array(
     settings: LawSettings, world: World, stamp: Time, ahead: Goal | None = None
 ) -> MarkerArray:
-    """Markers of everything that does not move, replacing all that were there.
+    """Markers of everything static, replacing all earlier ones.
 
     Obstacles have a ring around them at the distance that the robot's centre keeps at samples.
 
     Args:
         settings: With the goals.
         world: Road and static obstacles.
-        stamp: Of all of them.
+        stamp: Stamp of all of them.
         ahead: The goal that is driven to; those that come before it are paler, and their headings
             are not shown.
     """
@@ -139,7 +139,7 @@ def _text(center: Sequence[float], text: str) -> Marker:
 
 
 class PlanMarkers:
-    """Markers of the latest decision; one message is filled again and again.
+    """Markers of the latest decision; one message is reused.
 
     The plan is a band in the colour of its fallback level, and in it a line in the colours of the
     clearance: `NEAR` with only `safety.margin` left, `FAR` with `PLENTY` beyond it. A robot with
@@ -198,7 +198,7 @@ class PlanMarkers:
         return self._array
 
     def _outline(self, decision: Decision) -> Iterator[Marker]:
-        """The corners of the robot where the plan begins."""
+        """Corners of the robot at the start of the plan."""
         footprint, plan = self._settings.footprint, decision.plan
         if footprint.corners and plan is not None:
             corners = footprint.at(plan.poses[0]).tolist()

@@ -1,4 +1,4 @@
-"""Decisions as messages, each made once and filled again and again, and commands as bytes.
+"""Decisions as messages, each made once and reused, and commands as bytes.
 
 Making the parts of a message anew takes longer than to fill them, and to have rclpy serialise a
 command as long as a good part of deciding. So commands leave in CDR (OMG DDS-RTPS 2.5, section 10,
@@ -37,10 +37,7 @@ def twist_bytes(decision: Decision) -> bytes:
 
 
 def stamped_bytes(decision: Decision, frame: bytes) -> bytes:
-    """The command as a `geometry_msgs/TwistStamped` with the stamp of its odometry.
-
-    The frame is as from `frame_bytes`.
-    """
+    """The command as a `TwistStamped` with the stamp of its odometry, `frame` by `frame_bytes`."""
     stamp = _STAMP.pack(*divmod(decision.stamp, NANOSECONDS))
     return _LITTLE_ENDIAN + stamp + frame + _twist(decision)
 
@@ -119,7 +116,7 @@ class PathMessage:
         return self._path
 
     def stand(self, pose: Sequence[float], stamp_ns: int) -> Path:
-        """The message of a robot that stands at a pose (x, y, heading) [m, m, rad]."""
+        """The message of a robot at rest at a pose (x, y, heading) [m, m, rad]."""
         there = PoseStamped(header=Header(frame_id=self._path.header.frame_id))
         set_pose(there.pose, pose)
         for each in (self._path.header, there.header):

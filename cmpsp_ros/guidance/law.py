@@ -78,7 +78,9 @@ class GuidanceLaw:
     def reset(self) -> None:
         """Begin again: the next odometry is time 0."""
         run, revision = self._state.run + 1, self._state.revision
-        known = replace(self._state.world, seen=None, searched=NOT_SEARCHED)
+        known = self._state.world
+        if known.seen is not None or known.searched is not NOT_SEARCHED:
+            known = replace(known, seen=None, searched=NOT_SEARCHED)
         self._state = LawState.begin(self._settings, known, run, revision)
         self._selector.forget()
 

@@ -227,7 +227,7 @@ def test_parameters_change_while_it_drives_as_one_valid_set_or_not_at_all(start_
     for key, value, words in (
         ('road.inner_radius', 12.0, ['road.inner_radius', '12.0 m', 'road.outer_radius = 11.0']),
         ('control_period', 0.1, ['control_period', 'read-only']),
-        ('goal.position', [0.0, 0.0], ['goal.position', 'road.center']),
+        ('goal.position', [0.0, 0.0], ['goal.position', 'inner road edge']),
         ('weights.road_centre', 3.0, []),
     ):
         refused = client.set_parameter(key, value)

@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from cmpsp_ros.guidance.messages.tracks import (
         MovingObject,
         PeerTrajectory,
-        Track,
         TrackError,
         Tracks,
         check_track_age,
@@ -23,5 +22,6 @@ if TYPE_CHECKING:
         tracks_of,
     )
     from cmpsp_ros.guidance.messages.transforms import TransformError, Transforms, compose
+    from cmpsp_ros.sensing import Track
 
 __getattr__, __all__ = lazy_exports(__name__, __file__)

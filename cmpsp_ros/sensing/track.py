@@ -1,0 +1,52 @@
+"""A moving object as somebody saw it: position, velocity, and their standard deviations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+
+@dataclass(frozen=True, order=True)
+class Track:
+    """A moving obstacle as it was seen; of two at one time the greater counts.
+
+    Attributes:
+        id: Its number, the same in each message.
+        stamp: Time at which it was seen [ns].
+        radius: Radius [m].
+        x: Centre [m].
+        y: Centre [m].
+        vx: Velocity [m/s].
+        vy: Velocity [m/s].
+        position_stddev: Standard deviation of the centre, along its worst axis [m].
+        velocity_stddev: Standard deviation of the velocity, along its worst axis [m/s].
+    """
+
+    FIELDS: ClassVar = ('x', 'y', 'vx', 'vy', 'radius')
+    """Fields of a message that are floats of either length."""
+    DOUBTS: ClassVar = ('position_stddev', 'velocity_stddev')
+    """Further ones, which a message may lack: then they are 0."""
+
+    id: int
+    stamp: int
+    radius: float
+    x: float
+    y: float
+    vx: float
+    vy: float
+    position_stddev: float = 0.0
+    velocity_stddev: float = 0.0
+
+    @property
+    def name(self) -> str:
+        """Name in messages."""
+        return f'moving obstacle {self.id}'
+
+    @property
+    def key(self) -> tuple[int, int]:
+        """Number and stamp, by which a decision refers to it."""
+        return self.id, self.stamp
+
+    def is_older(self, stamp: int) -> bool:
+        """True if it was seen before a time [ns]."""
+        return self.stamp < stamp

@@ -27,7 +27,7 @@ def test_blocks_stand_together_behind_their_names():
     values = TABLE.resolve({**second, **OBSTACLE, 'obstacles.names': ('b', 'a')})
     keys = list(values)
     start = keys.index('obstacles.names')
-    block = ['type', 'center', 'start', 'end', 'vertices', 'radius']
+    block = ['type', 'center', 'radius', 'start', 'end', 'vertices']
     assert keys[start + 1 : start + 13] == [
         f'obstacles.{name}.{key}' for name in ('b', 'a') for key in block
     ]

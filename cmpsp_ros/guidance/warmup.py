@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import replace
+from importlib.util import find_spec
 from typing import get_args
 
 import numpy as np
@@ -170,8 +171,9 @@ def _meet_trouble(settings: GuidanceSettings) -> None:
 
 
 def _meet_difficulties(settings: GuidanceSettings) -> None:
-    """Run the rarely used fallback: Clarabel, which is imported on first use."""
-    by_name = replace(settings, solver=replace(settings.solver, qp=CLARABEL))
+    """Run the rarely used fallback: Clarabel, which is imported on first use, where it is there."""
+    name = CLARABEL if find_spec('clarabel') else 'hildreth'
+    by_name = replace(settings, solver=replace(settings.solver, qp=name))
     period, final = to_nanoseconds(settings.control_period), to_nanoseconds(settings.final_time)
     horizon, pose = remaining(0, period, final), settings.road.middle()
     context = PlanningContext.at_pose(by_name, settings.world, pose, horizon)

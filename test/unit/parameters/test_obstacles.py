@@ -55,7 +55,7 @@ def test_every_type(values, wanted):
         ),
         (
             given('circle', center=[8, -6], radius=0.7, end=[1, 2]),
-            ['obstacles.a.end: found [1.0, 2.0], wanted nothing for a circle'],
+            ['obstacles.a.end: found [1.0, 2.0], wanted nothing with type circle'],
         ),
         (
             given('capsule', start=[8, -6], end=[9], radius=0.1),
@@ -70,7 +70,7 @@ def test_every_type(values, wanted):
         ),
         (
             given('polygon', vertices=SQUARE, radius=0.1),
-            ['obstacles.a.radius: found 0.1, wanted nothing for a polygon'],
+            ['obstacles.a.radius: found 0.1, wanted nothing with type polygon'],
         ),
         (
             given('polygon', vertices=[*SQUARE, 9.9, -2.5]),

@@ -196,7 +196,8 @@ def test_the_sweep_finds_what_a_dense_drive_finds(road, robot, footprint):
         # All of a polygon is inside its discs.
         if body.corners:
             around = dense.placed(dense.outline(BODY), poses[::20])
-            assert min(each(around).min() for each in distances) >= found[2 : 2 + len(SHAPES)].min() - dense.DENSE
+            least = found[2 : 2 + len(SHAPES)].min()
+            assert min(each(around).min() for each in distances) >= least - dense.DENSE
     assert seen[1] > 0
     assert seen[0] > 0 or from_edges is None
 

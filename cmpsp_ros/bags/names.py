@@ -43,6 +43,11 @@ class Names:
         return f'{self.node}/sighting'
 
     @property
+    def tracks(self) -> str:
+        """Topic of all that is seen to move."""
+        return f'{self.node}/tracks'
+
+    @property
     def sim(self) -> str:
         """Node of the simulator."""
         return f'{self.namespace}/sim'

@@ -24,6 +24,8 @@ class Track:
 
     FIELDS: ClassVar = ('x', 'y', 'vx', 'vy', 'radius')
     """Fields of a message that are floats of either length."""
+    SEEN: ClassVar = 2**24
+    """Number of the first that own sensors have seen; those told on a topic have smaller ones."""
     DOUBTS: ClassVar = ('position_stddev', 'velocity_stddev')
     """Further ones, which a message may lack: then they are 0."""
 
@@ -40,6 +42,8 @@ class Track:
     @property
     def name(self) -> str:
         """Name in messages."""
+        if self.SEEN <= self.id < 2 * self.SEEN:
+            return f'person {self.id - self.SEEN}'
         return f'moving obstacle {self.id}'
 
     @property

@@ -75,6 +75,10 @@ FOOTPRINT = Topic('guidance', 'out', '~/footprint', PolygonStamped,
 SIGHTING = Topic('guidance', 'out', '~/sighting', OccupancyGrid,
     'with `sensors.names`: the grid of the surroundings, before the decision that uses it',
     depth=OF_A_RUN)
+TRACKS = Topic('guidance', 'out', '~/tracks', PointCloud2,
+    'with `sensors.names` and `sight.moving`: all that is seen to move, as in `moving_obstacles` '
+    'with `position_stddev` [m] and `velocity_stddev` [m/s], before the decision that uses it',
+    depth=OF_A_RUN)
 HEALTH = Topic('guidance', 'out', '/diagnostics', DiagnosticArray,
     'once a second and on every change: state, publishers of odometry and subscribers, fallback '
     'level, step times, missed deadlines, age of odometry and how late it comes (min, p50, p99), '

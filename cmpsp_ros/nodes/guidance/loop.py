@@ -217,7 +217,8 @@ class GuidanceLoop:
             is_due = self._law.is_due(stamp)
             tracks = self._obstacles.at(stamp) if is_due else ()
             sighting = self._sensors.at(stamp, pose) if is_due else None
-            decision = self._law.step(Observation(stamp, pose, tracks, sighting))
+            seen = () if sighting is None else sighting.tracks
+            decision = self._law.step(Observation(stamp, pose, (*tracks, *seen), sighting))
         except Exception as error:  # the robot must stop for any
             self._halt_for(f'The guidance law failed: {type(error).__name__}: {error}')
             return

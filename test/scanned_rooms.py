@@ -59,6 +59,7 @@ class ScannedRoom:
     faults: Faults = field(default_factory=Faults)
     reach: float = 12.0
     size: float = 14.0
+    jumps: tuple[float, tuple[float, float, float]] = (math.inf, (0.0, 0.0, 0.0))
 
     def __post_init__(self):
         self.random = np.random.default_rng(0)
@@ -105,6 +106,8 @@ class ScannedRoom:
             time, (moved, turned) = k / 10.0, self.faults.odometry
             noise = self.random.standard_normal(3) * (moved, moved, turned)
             pose, stamp = np.array(self.robot(time)) + noise, round(time * 1e9)
+            since, jump = self.jumps
+            pose += np.array(jump) * (time >= since)
             self.known.add(self.sight(time))
             self.known.update(stamp, pose)
             yield time, self.known.at(stamp, pose)

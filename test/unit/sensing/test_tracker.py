@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from scanned_rooms import DOOR, ROOM, Faults, Score, ScannedRoom, straight
+from scanned_rooms import DOOR, ROOM, Faults, ScannedRoom, Score, straight
 
 from cmpsp_ros.world.grids import Cell
 
@@ -99,25 +99,8 @@ def test_what_stops_is_static_until_it_goes_on():
 
 
 def test_a_jump_of_odometry_moves_nothing():
-    def robot(time):
-        return (1.0, 3.0, 0.0) if time < 2.0 else (1.4, 3.2, 0.1)
-
-    room = ScannedRoom(posts=POSTS)
-    assert not Score(room, 2.0).false
-    truth, room.robot = room.robot, robot
-    room.sight, sight = lambda time: sight(time), room.sight
-    for time, sighting in _with_odometry(room, truth, robot):
-        assert not sighting.tracks, time
-
-
-def _with_odometry(room, truth, odometry):
-    for k in range(21, 60):
-        time, stamp = k / 10.0, round(k * 1e8)
-        room.robot = truth
-        room.known.add(room.sight(time))
-        pose = np.array(odometry(time))
-        room.known.update(stamp, pose)
-        yield time, room.known.at(stamp, pose)
+    room = ScannedRoom(posts=POSTS, jumps=(2.0, (0.4, 0.2, 0.1)))
+    assert not Score(room, 6.0).false
 
 
 def test_tracks_are_predicted_for_the_time_of_odometry_and_forgotten_with_it():

@@ -21,11 +21,12 @@ from cmpsp_ros.guidance.messages import (
     OdometryError,
     OdometryReading,
     PeerTrajectory,
+    Track,
     TrackError,
     goal_of,
     tracks_of,
 )
-from cmpsp_ros.sensing import Sighting, Track, grid_of, stamp_of
+from cmpsp_ros.sensing import Sighting, grid_of, stamp_of
 
 _SLACK = 1_000_000_000
 """Maximum time in a bag between messages that belong together [ns]."""

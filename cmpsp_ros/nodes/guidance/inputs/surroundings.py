@@ -17,9 +17,9 @@ from sensor_msgs.msg import LaserScan, PointCloud2
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance import NANOSECONDS
 from cmpsp_ros.guidance.messages import PeerTrajectory, TrackError, Tracks, check_track_age
-from cmpsp_ros.nodes.common.messages import cloud_of, set_stamp
+from cmpsp_ros.nodes.common.messages import set_stamp
 from cmpsp_ros.nodes.common.topic import Listener
-from cmpsp_ros.nodes.common.topics import GUIDANCE_MOVING, SCAN, SIGHTING, TRACKS, plans_of
+from cmpsp_ros.nodes.common.topics import GUIDANCE_MOVING, SCAN, SIGHTING, plans_of
 from cmpsp_ros.sensing import ScanError, Sensor, Surroundings, sight_of
 from cmpsp_ros.world.grids import Cell
 
@@ -135,7 +135,7 @@ class ObstacleInput(SurroundingsInput):
 
 
 class SensorInput(SurroundingsInput):
-    """Listens to all sensors, and publishes the grid and the tracks that a decision uses."""
+    """Listens to all sensors, and publishes the grid that a decision uses."""
 
     def __init__(self, node: LifecycleNode, settings: GuidanceSettings) -> None:
         super().__init__(node)
@@ -147,8 +147,6 @@ class SensorInput(SurroundingsInput):
             topic = replace(SCAN, name=each.topic, type=_MESSAGES[each.type])
             self._subscriptions.append(topic.listen_on(node, partial(self._hear, each)))
         self._publisher = SIGHTING.publish_on(node) if self._sensors else None
-        is_tracking = bool(self._sensors) and settings.sight.moving
-        self._tracks = TRACKS.publish_on(node) if is_tracking else None
 
     def note(self, stamp: int, pose: Array) -> str:
         """Note a pose ``(3,)`` [m, m, rad] of odometry; reason to stop if a sensor is blind."""
@@ -159,13 +157,10 @@ class SensorInput(SurroundingsInput):
         return self._surroundings.blindness(stamp)
 
     def at(self, stamp: int, pose: Array) -> Sighting | None:
-        """Surroundings at the latest odometry; published if new."""
+        """The grid at the latest odometry; published if new."""
         sighting = self._surroundings.at(stamp, pose)
-        if sighting is not None and sighting.stamp == stamp:
-            if self._publisher is not None:
-                self._publisher.publish(self._message(sighting))
-            if self._tracks is not None:
-                self._tracks.publish(cloud_of(sighting.tracks, stamp, self._frame_id))
+        if self._publisher is not None and sighting is not None and sighting.stamp == stamp:
+            self._publisher.publish(self._message(sighting))
         return sighting
 
     def forget(self) -> None:
@@ -179,8 +174,8 @@ class SensorInput(SurroundingsInput):
     def close(self) -> None:
         """Close the topics."""
         super().close()
-        for each in filter(None, (self._publisher, self._tracks)):
-            self._node.destroy_publisher(each)
+        if self._publisher is not None:
+            self._node.destroy_publisher(self._publisher)
 
     def _hear(self, sensor: Sensor, message: Any) -> None:
         try:

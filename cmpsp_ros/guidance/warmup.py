@@ -34,10 +34,9 @@ from cmpsp_ros.world.grids import NO_FIELD, GridObstacle, OccupancyGrid
 from cmpsp_ros.world.obstacles import Capsule, MovingDiscs
 from cmpsp_ros.world.roads import (
     Annulus,
-    Corridor,
-    OpenFloor,
     arc_length_to,
     find_near,
+    kinds,
     lookahead_point,
     remaining_arc_length,
 )
@@ -98,7 +97,7 @@ def run_kernels(settings: LawSettings) -> None:
 
     Each of them is compiled once, for all kinds of road, and each kind has functions of its own.
     """
-    for kind in (Annulus, Corridor, OpenFloor):
+    for kind in kinds():
         kind.load()
     pose, durations = _A_ROAD.middle(), np.ones(1)
     controls = np.zeros((2, settings.robot.n_controls))

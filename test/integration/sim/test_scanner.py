@@ -80,12 +80,6 @@ def test_in_lockstep_none_is_missing_and_a_reset_begins_the_same_again(simulate,
     assert stamp(client.scans[-1]) == 2_000_000_000
 
 
-def test_a_scanner_that_cannot_be_is_refused(simulate):
-    running = simulate({**COURSE, 'sim.scan.range_max': 0.05})
-    assert running.wait(20.0) != 0
-    assert 'sim.scan.range_max: found 0.05 m' in running.stderr
-
-
 def test_where_the_scanner_is_is_published_once_for_all_who_come_later(
     interfaces, simulate, spawn, ros, tmp_path
 ):

@@ -14,11 +14,6 @@ def test_each_row_is_whole(row):
     assert row.default is REQUIRED or row.read('key', row.default) == row.default
 
 
-def test_names_are_unique():
-    names = [row.name for row in TABLE]
-    assert len(set(names)) == len(names)
-
-
 def test_what_needs_a_restart():
     assert {row.name for row in TABLE if not row.reconfigurable} == {
         'frame_id', 'robot_frame', 'control_period', 'final_time',

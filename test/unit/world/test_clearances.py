@@ -16,6 +16,7 @@ from cmpsp_ros.guidance.safety.plan_sweep import SWEEP, PlanSweep, sweep_plan
 from cmpsp_ros.robots import Ackermann, CustomRobot, DifferentialDrive, Footprint, covered, mecanum
 from cmpsp_ros.world import FreeSpace
 from cmpsp_ros.world.grids import Cell, GridObstacle, OccupancyGrid
+from cmpsp_ros.world.obstacles import SHAPES as TYPES
 from cmpsp_ros.world.obstacles import Capsule, MovingDiscs, Obstacle, convex
 from cmpsp_ros.world.roads import Annulus, Corridor, OpenFloor
 
@@ -157,6 +158,10 @@ def assert_edges(road, found, known, radius):
     assert (error >= -5e-3).all(), (found, known)
     allowed = tolerance + (1.0 - road.clearance_scale) * (known + radius)
     assert (error <= allowed).all(), (found, known)
+
+
+def test_every_type_of_obstacle_is_among_them():
+    assert {type(shape) for shape, _ in SHAPES.values()} >= {*TYPES}
 
 
 @pytest.mark.parametrize('footprint', FOOTPRINTS)

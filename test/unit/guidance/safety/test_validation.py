@@ -208,13 +208,6 @@ def test_at_gives_every_clearance_and_names_go_with_them():
     assert validator.names([], GIVEN.world) == ''
 
 
-def test_standing_still_always_passes():
-    for pose in ([0.0, -10.0, 0.3], [0.0, -11.5, 0.3], [8.0, -6.0, 1.0], [0.0, 0.0, 0.0]):
-        assert (
-            Validator(GIVEN).check(start_of(GIVEN, np.array(pose)), controls(0, 0), TIMES).passed
-        ), pose
-
-
 def test_no_obstacles_and_a_single_step():
     verdict = Validator(settings()).check(
         start_of(settings(), HERE), controls(45, 45, 1), np.array([0.2])

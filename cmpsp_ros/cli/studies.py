@@ -82,8 +82,8 @@ def study(
         str,
         typer.Argument(
             metavar='NAME',
-            help='nominal, disturbed, realtime, heavy, told_wrong, corridors, floor, sight, mapped '
-            'or clutter.',
+            help='nominal, disturbed, realtime, heavy, told_wrong, corridors, floor, sight, '
+            'mapped, clutter or people.',
         ),
     ],
     runs: Annotated[int, typer.Option(min=1, help='Number of runs, from run 0 on.')] = 200,
@@ -109,8 +109,17 @@ def study(
     ] = None,
     obstacles: Annotated[int, typer.Option(min=0, max=6, help='Maximum number in one run.')] = 4,
     robot: Annotated[
-        str, typer.Option(metavar='NAME', help='Robot, or its file: nominal courses made for it.')
+        str, typer.Option(metavar='NAME', help='Robot, or its file, of study nominal or people.')
     ] = '',
+    scene: Annotated[
+        str,
+        typer.Option(
+            metavar='NAME', help='Of study people: hall, room, corridor, crossing or door.'
+        ),
+    ] = '',
+    told: Annotated[
+        bool, typer.Option('--told', help='In study people: they are known exactly, not seen.')
+    ] = False,
     assignments: Assignments = None,
 ) -> None:
     """Drive many random courses and count the outcomes.
@@ -119,7 +128,7 @@ def study(
     """
     from cmpsp_ros.studies import monte_carlo  # noqa: PLC0415 (plots, kernels)
 
-    chosen = monte_carlo.Study(name, seed, obstacles, tuple(assignments or ()), robot)
+    chosen = monte_carlo.Study(name, seed, obstacles, tuple(assignments or ()), robot, scene, told)
     folder = output or Path(f'study_{name}')
     with writing_to(folder), exit_on(monte_carlo.StudyError, ParameterError, code=1):
         if only is not None:

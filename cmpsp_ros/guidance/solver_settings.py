@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final, Literal
 
+from cmpsp_ros.sensing import TrackSource
 from cmpsp_ros.setting import NOT_NEGATIVE, POSITIVE, Range, setting
 
 SCREENING: Final = 6
@@ -105,6 +106,7 @@ class MovingObstacles:
         live=False, key='others.namespaces')
     others_radius: float = setting(0.0, 'm',
         'Radius of the footprint of each of these robots.', NOT_NEGATIVE, key='others.radius')
+    trackers: tuple[TrackSource, ...] = ()
 
     @property
     def slots(self) -> int:

@@ -17,7 +17,7 @@ from cmpsp_ros.parameters.obstacles import map_parameters, shape_parameters
 from cmpsp_ros.parameters.parameter import REQUIRED, Group, Parameter, ParameterType
 from cmpsp_ros.parameters.roads import road_parameters
 from cmpsp_ros.parameters.table import ParameterTable
-from cmpsp_ros.sensing import Sensor, SightSettings
+from cmpsp_ros.sensing import Sensor, SightSettings, TrackSource
 from cmpsp_ros.setting import NOT_NEGATIVE, POSITIVE, Range, settings_of
 from cmpsp_ros.simulator import LaserSettings, OdometryErrors, Physics, PlantSettings
 
@@ -142,6 +142,12 @@ def _parameters() -> Iterator[Parameter]:
         **_POINT, **sim_only)
     yield moving('moving_obstacles.<name>.radius', _DOUBLE, REQUIRED, 'm',
         'Radius of this obstacle.', range=POSITIVE, **sim_only)
+
+    trackers = Group('Trackers', 'guidance')
+    yield trackers('trackers.names', _STRINGS, [], '',
+        'Names of other sources of moving obstacles, each with its own block; omit it if there are '
+        'none.', **_FIXED)
+    yield from trackers.of(TrackSource, 'trackers.<name>.')
 
     sight = Group('Sensors', 'guidance')
     yield sight('sensors.names', _STRINGS, [], '',

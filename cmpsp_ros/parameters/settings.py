@@ -37,7 +37,7 @@ from cmpsp_ros.parameters.parameter import build
 from cmpsp_ros.parameters.roads import road_of
 from cmpsp_ros.parameters.robots import footprint_of, robot_of, robot_problems
 from cmpsp_ros.parameters.table import Values
-from cmpsp_ros.sensing import Sensor, SightSettings
+from cmpsp_ros.sensing import Sensor, SightSettings, TrackSource
 from cmpsp_ros.simulator import LaserSettings, OdometryErrors, Physics, PlantSettings
 from cmpsp_ros.world.obstacles import Shape
 
@@ -84,6 +84,10 @@ def guidance_settings(values: Values) -> GuidanceSettings:
     sensors = tuple(
         build(Sensor, values, f'sensors.{name}.', name=name) for name in values['sensors.names']
     )
+    trackers = tuple(
+        build(TrackSource, values, f'trackers.{name}.', name=name)
+        for name in values['trackers.names']
+    )
     return build(
         GuidanceSettings,
         values,
@@ -95,7 +99,7 @@ def guidance_settings(values: Values) -> GuidanceSettings:
         final_time=values['final_time'] or math.inf,
         waypoints=waypoints_of(values),
         follow=follow_of(values),
-        moving_obstacles=build(MovingObstacles, values, 'moving_obstacles.'),
+        moving_obstacles=build(MovingObstacles, values, 'moving_obstacles.', trackers=trackers),
         sight=build(SightSettings, values, 'sight.', sensors=sensors),
         robot_radius=course.radius,
         footprint=course.footprint,
@@ -295,5 +299,7 @@ def _sensor_problems(values: Values) -> Iterator[Problem]:
         if low >= high:
             key = f'sensors.{name}.heights'
             yield Problem(key, describe([low, high]), 'the least z before the greatest')
+    if values['trackers.names'] and not values['moving_obstacles.capacity']:
+        yield Problem('moving_obstacles.capacity', '0', 'at least 1, for trackers.names')
     if values['sensors.names'] and SEEN in values['obstacles.names']:
         yield Problem('obstacles.names', repr(SEEN), 'another name: it is that of what is seen')

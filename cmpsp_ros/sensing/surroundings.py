@@ -12,6 +12,7 @@ from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.robots import DISC, Footprint, placed
 from cmpsp_ros.sensing.beams import Sight, SightSettings
 from cmpsp_ros.sensing.local_grid import LocalGrid
+from cmpsp_ros.sensing.track import Track
 from cmpsp_ros.world.grids import OccupancyGrid
 
 _NS = 1_000_000_000
@@ -21,10 +22,17 @@ _MAX_PENDING = 100
 
 @dataclass(frozen=True, eq=False)
 class Sighting:
-    """Grid of the surroundings, with the stamp of the odometry at which it was new [ns]."""
+    """Surroundings at the stamp of the odometry at which they were new [ns].
+
+    Attributes:
+        stamp: That time.
+        grid: Grid of all that stands still.
+        tracks: All that moves, predicted for that time.
+    """
 
     stamp: int
     grid: OccupancyGrid
+    tracks: tuple[Track, ...] = ()
 
 
 class Surroundings:

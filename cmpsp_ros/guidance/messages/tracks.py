@@ -23,7 +23,7 @@ from cmpsp_ros.guidance.messages.poses import check_age, check_frame
 from cmpsp_ros.guidance.times import NANOSECONDS
 from cmpsp_ros.sensing import FARTHEST, ScanError, Track, is_place, points_of, stamp_of
 
-_MAX_TRACKS: Final = 1000
+MAX_TRACKS: Final = 1000
 """Points in a message; more are not obstacles but a scan."""
 _MAX_POSES: Final = 10_000
 """Poses of a plan; nobody makes a longer one every control period."""
@@ -175,8 +175,8 @@ def tracks_of(message: Any, frame_id: str) -> list[Track]:
     """
     check_frame('Obstacles are', message.header.frame_id, frame_id, TrackError)
     count, stamp = int(message.width) * int(message.height), stamp_of(message)
-    if count > _MAX_TRACKS:
-        raise TrackError(f'There are {count} obstacles, wanted {_MAX_TRACKS} at most.')
+    if count > MAX_TRACKS:
+        raise TrackError(f'There are {count} obstacles, wanted {MAX_TRACKS} at most.')
     try:
         present = {each.name for each in message.fields}
         doubts = tuple(each for each in Track.DOUBTS if each in present)
@@ -187,7 +187,7 @@ def tracks_of(message: Any, frame_id: str) -> list[Track]:
     for place, (x, y, vx, vy, radius, *stddevs, number) in enumerate(rows.tolist()):
         known = dict(zip(doubts, stddevs, strict=True))
         track = Track(number, stamp, radius, x, y, vx, vy, **known)
-        if problem := _problem(track):
+        if problem := problem_of(track):
             raise TrackError(f'Obstacle {number} (point {place}) has {problem}.')
         tracks.append(track)
     numbers = [each.id for each in tracks]
@@ -224,7 +224,8 @@ def read_keys(text: str) -> list[tuple[int | str, int]]:
     ]
 
 
-def _problem(track: Track) -> str:
+def problem_of(track: Track) -> str:
+    """The reason why a track cannot be used, as the object of a sentence; empty if it can."""
     stddevs = track.position_stddev, track.velocity_stddev
     numbers = (track.x, track.y, track.vx, track.vy, track.radius, *stddevs)
     if not all(map(math.isfinite, numbers)):

@@ -32,6 +32,8 @@ def test_what_needs_a_restart():
         'moving_obstacles.capacity', 'moving_obstacles.names', 'moving_obstacles.<name>.center',
         'moving_obstacles.<name>.velocity', 'moving_obstacles.<name>.radius',
         'others.namespaces',
+        'trackers.names', 'trackers.<name>.topic', 'trackers.<name>.type',
+        'trackers.<name>.radius', 'trackers.<name>.position_stddev',
         'sensors.names', 'sensors.<name>.type', 'sensors.<name>.topic',
         'sensors.<name>.frame_id', 'sensors.<name>.pose', 'sensors.<name>.reach',
         'sensors.<name>.heights', 'sight.size', 'sight.resolution', 'sight.memory',

@@ -49,6 +49,8 @@ _TEXT_HEIGHT: Final = 0.25
 _ABOVE: Final = 0.6
 _AHEAD: Final = 1.0
 """Time ahead for which positions of moving obstacles are shown [s]."""
+_SIGMAS: Final = 2.0
+"""Standard deviations within which a moving obstacle is shown."""
 
 
 def marker_array(
@@ -145,7 +147,8 @@ class PlanMarkers:
     clearance: `NEAR` with only `safety.margin` left, `FAR` with `PLENTY` beyond it. A robot with
     corners has its outline drawn at the start. A withdrawn plan is removed; the reason stays at the
     robot's last position. A moving obstacle has an arrow to its position a second later; the rings
-    around it and the arrow's tip are the distance kept by the centre of the robot or its discs.
+    around it and the arrow's tip are the distance kept by the centre of the robot or its discs. One
+    whose place or velocity is in doubt has pale discs there: as large as it may be at two sigma.
     """
 
     def __init__(self, settings: GuidanceSettings) -> None:
@@ -221,6 +224,11 @@ class PlanMarkers:
             arrow.points = [Point(x=x, y=y), Point(x=tip_x, y=tip_y)]
             arrow.scale.x, arrow.scale.y = _WIDTH, 2.0 * _WIDTH
             yield self._placed('moving_obstacles', disc, each.id)
+            if each.position_stddev or each.velocity_stddev:
+                now = _doubt(each, (x, y), age)
+                yield self._placed('moving_doubts', now, each.id)
+                later = _doubt(each, (tip_x, tip_y), age + _AHEAD)
+                yield self._placed('moving_doubts_foreseen', later, each.id)
             yield self._placed('moving_velocities', arrow, each.id)
             yield self._placed('moving_margins', self._ring(each, (x, y), age), each.id)
             later = self._ring(each, (tip_x, tip_y), age + _AHEAD)
@@ -237,6 +245,15 @@ class PlanMarkers:
         marker.ns, marker.id, marker.header = namespace, number, self._band.header
         marker.pose.orientation.w, marker.lifetime = 1.0, self._band.lifetime
         return marker
+
+
+def _doubt(track: Track, center: tuple[float, float], age: float) -> Marker:
+    """The disc that a track may fill, so long after it was seen [s]."""
+    radius = track.radius + _SIGMAS * (track.position_stddev + age * track.velocity_stddev)
+    marker = _disc(center, radius, _PALE)
+    # Below the object itself.
+    marker.pose.position.z, marker.scale.z = -_WIDTH / 2.0, _RING
+    return marker
 
 
 def color_of(spare: float) -> ColorRGBA:
@@ -265,4 +282,5 @@ NEAR, HALFWAY, FAR = _color('#d55e00'), _color('#f0e442'), _color('#009e73')
 SCALE: Final = (*_between(NEAR, HALFWAY, 16), *_between(HALFWAY, FAR, 16), FAR)
 
 _MOVING: Final = _color('#b03a8c')
+_PALE: Final = ColorRGBA(r=_MOVING.r, g=_MOVING.g, b=_MOVING.b, a=0.2)
 _COLORS: Final = {name: _color(text) for name, text in LEVEL_COLORS.items()}

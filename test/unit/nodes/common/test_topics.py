@@ -34,7 +34,7 @@ def make(monkeypatch):
 
 
 COURSE = ('road.center:=[0.0, 0.0]', 'goal.position:=[10.0, 0.0]')
-SENSOR = ('sensors.names:=[front]',)
+SENSOR = ('sensors.names:=[front]', 'trackers.names:=[people]')
 MAP = ('map.topic:=map',)
 FROM_TOPIC = ('road.type:=corridor', 'road.source:=topic')
 

@@ -54,7 +54,7 @@ def test_doubts_read_back_and_are_zero_where_a_message_lacks_them():
     doubtful = replace(doubtful, position_stddev=0.1, velocity_stddev=0.25)
     message = cloud_of([sure, doubtful], SECOND, 'map')
     assert tracks_of(message, 'map') == [sure, doubtful]
-    assert [each.name for each in cloud_of([sure], SECOND, 'map').fields][-2:] == ['radius', 'id']
+    assert [each.name for each in cloud_of([sure], SECOND, 'map').fields][-2:] == ['z', 'id']
 
 
 @pytest.mark.parametrize('stddev', [-0.1, math.inf, math.nan])

@@ -27,6 +27,7 @@ _STEP: Final = 0.01
 """Time between two samples of a path [s]."""
 _TOLERANCE: Final = 5e-3
 """What rounding, and sampling of the start, may take from a clearance [m]."""
+_ASSUMED: Final = {'people.max_acceleration', 'safety.max_obstacle_speed'}
 _STANDS: Final = 0.05
 """Speed up to which an obstacle in contact counts as standing [m/s]."""
 
@@ -40,7 +41,7 @@ def _kept_in_words(worst: Sample) -> str:
 
 @check(
     'promise', 'Commands: stop in time', unit='m', of_reach=True,
-    needs=('control_period', 'people.max_acceleration', 'safety.max_obstacle_speed'),
+    needs=('control_period',),
     good=_kept_in_words, bad=_kept_in_words, nothing='The robot is not commanded to move.',
     gaps=(path_gap,),
 )  # fmt: skip
@@ -59,6 +60,8 @@ def promise(record: AuditRecord) -> Iterator[Sample]:
         )
     if not known:
         raise SkippedError('Nothing that moves is in the bag.')
+    if unknown := sorted(_ASSUMED - set(record.history.given)):
+        raise NotJudgedError(f'The parameters do not say {", ".join(unknown)}.')
     decisions = {each.stamp: each for each in record.decisions}
     tracks = sorted(record.tracks, key=lambda each: (each.stamp, each.id))
     for leg in record.legs:

@@ -32,7 +32,7 @@ def test_what_is_too_far_to_reach_the_robot_is_no_matter(drive, outcomes):
 
 
 def test_what_could_reach_the_robot_before_the_next_command_is_caught(drive, outcomes):
-    found = outcomes(beside(drive, 4.0, 0.5, 1.5))['promise']
+    found = outcomes(beside(drive, 4.0, 0.4, 1.6))['promise']
     assert found.outcome is FAILED
     assert found.at == pytest.approx(4.0, abs=0.3)
     assert 'moving obstacle 7 could be' in found.sentence

@@ -217,4 +217,5 @@ def _velocity(twist: Array) -> tuple[float, float]:
 
 def _discs(states: Array) -> MovingDiscs:
     names = tuple(str(index) for index in range(len(states)))
-    return MovingDiscs(names, states, 0.0, np.full(len(states), -1))
+    rows = np.hstack([states, np.zeros((len(states), 2))])
+    return MovingDiscs(names, rows, np.full(len(states), -1))

@@ -19,12 +19,12 @@ from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.replay.node_parameters import hidden_obstacles
 from cmpsp_ros.bags.runs.goals import goals_driven_to
-from cmpsp_ros.bags.runs.run import read_driven, seen_at
+from cmpsp_ros.bags.runs.run import read_driven, read_tracks, seen_at
 from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings, to_nanoseconds
 from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.robots import DifferentialDrive
 from cmpsp_ros.simulator import Physics, mjcf
-from cmpsp_ros.view import Lines, bodies, body
+from cmpsp_ros.view import SIGMAS, Lines, bodies, body
 from cmpsp_ros.world.obstacles import Shape
 
 Point = tuple[float, float]
@@ -35,7 +35,12 @@ BELOW: Final = -10.0
 HEIGHT: Final = 0.12
 """Of obstacles [m]."""
 
+_STATURE, _HEAD, _TRACK = 0.35, 0.1, 0.02
+"""Of people, of their heads, and of tracks of own sensors [m]."""
+
 _PURPLE: Final = '0.62 0.2 0.5 1'
+_DOUBT: Final = '0.62 0.2 0.5 0.25'
+_BLUE: Final = '0.12 0.44 0.55 1'
 _GREEN: Final = '0.05 0.5 0.25 1'
 _RED: Final = '0.8 0.25 0.18 1'
 _PALE: Final = '0.92 0.62 0.58 1'
@@ -65,6 +70,7 @@ def scene(
     way: Array,
     goals: Sequence[Point] = (),
     moving: Sequence[int] = (),
+    people: Sequence[int] = (),
     ends: Lines = (),
     hidden: Iterable[Shape] = (),
 ) -> str:
@@ -75,6 +81,7 @@ def scene(
         way: Points of the driven path, shape ``(K, 2)`` [m].
         goals: Each with a ball `goal 0`, `goal 1`, ... on a post (x, y) [m].
         moving: Ids of the moving obstacles, each a body `moving 7` to be placed later.
+        people: Numbers of the simulator's people, each a body `person 3` to be placed later.
         ends: Lines on the floor where the robot starts and ends, each ``(K, 2)`` [m].
         hidden: Obstacles that only the simulator knows.
     """
@@ -85,7 +92,7 @@ def scene(
     robot = mjcf(settings.robot, Physics(), 0.0) if has_wheels(settings) else _shaped(settings)
     head, rest = robot.split('<worldbody>', 1)
     body = rest.split('/>', 1)[1]  # its floor is a bare one
-    discs = ''.join(map(_disc, moving))
+    discs = ''.join((*map(_disc, moving), *map(_person, people)))
     body = body.replace('</worldbody>', f'{discs}</worldbody>', 1)
     return f'{head}{_LOOK}\n    {decoration}{body}'
 
@@ -119,9 +126,25 @@ def _shaped(settings: GuidanceSettings) -> str:
 
 
 def _disc(number: int) -> str:
-    """An obstacle that moves, below the floor until it is seen."""
-    geom = _geom('cylinder', f'1 {HEIGHT / 2.0}', (0.0, 0.0, 0.0), _PURPLE, f'moving {number}')
-    return f'<body name="moving {number}" mocap="true" pos="0 0 {BELOW}">{geom}</body>\n'
+    """An obstacle that moves, below the floor until it is seen, with its doubt and an arrow."""
+    name = f'moving {number}'
+    height = _TRACK if number >= Track.SEEN else HEIGHT
+    geoms = (
+        _geom('cylinder', f'1 {height / 2.0}', (0.0, 0.0, height / 2.0), _PURPLE, name),
+        _geom('cylinder', f'1 {_LINE / 4.0}', (0.0, 0.0, _LINE), _DOUBT, f'{name} doubt'),
+        _geom('box', f'1 {_LINE} {_LINE / 2.0}', (0.0, 0.0, height), _PURPLE, f'{name} way'),
+    )
+    return f'<body name="{name}" mocap="true" pos="0 0 {BELOW}">{"".join(geoms)}</body>\n'
+
+
+def _person(number: int) -> str:
+    """A person of the simulator, a body with a head, below the floor until there is one."""
+    name = f'person {number}'
+    geoms = (
+        _geom('capsule', f'1 {_STATURE / 2.0}', (0.0, 0.0, _STATURE / 2.0), _BLUE, name),
+        _geom('sphere', f'{_HEAD}', (0.0, 0.0, _STATURE + _HEAD), _BLUE),
+    )
+    return f'<body name="{name}" mocap="true" pos="0 0 {BELOW}">{"".join(geoms)}</body>\n'
 
 
 def _edges(settings: GuidanceSettings) -> Iterator[str]:
@@ -210,15 +233,17 @@ def film(bag: Path, output: Path, seconds: Sequence[float]) -> int:
     way = [driven.at(int(each))[:2] for each in np.linspace(first, last, corners)]
     led = goals_driven_to(record.decisions, settings)
     goals = list(dict.fromkeys(goal.position for goal in (*settings.goals, *(g for _, g in led))))
-    moved = sorted({each.id for each in record.tracks})
     ends = bodies(body(settings), [driven.at(first), driven.at(last)]).lines
     with Bag(bag) as opened:
         hidden = hidden_obstacles(opened, record.places.node)
-    model = scene(settings, np.array(way), goals, moved, ends, hidden)
+        people = read_tracks(opened, record.places.people, None)
+    moved, walked = (sorted({each.id for each in some}) for some in (record.tracks, people))
+    model = scene(settings, np.array(way), goals, moved, walked, ends, hidden)
     moments = [
         _Moment(
             driven.at(stamp),
-            seen_at(record.tracks, stamp, settings.moving_obstacles.timeout),
+            seen_at(record.tracks, stamp, settings),
+            seen_at(people, stamp, settings),
             next((goals.index(goal.position) for since, goal in led[::-1] if since <= stamp), -1),
         )
         for stamp in stamps
@@ -238,10 +263,11 @@ def film(bag: Path, output: Path, seconds: Sequence[float]) -> int:
 
 @dataclass(frozen=True)
 class _Moment:
-    """Pose ``(3,)`` of the robot, moving obstacles, and index of the current goal, -1 for none."""
+    """Pose ``(3,)`` of the robot, all that moves, and index of the current goal, -1 for none."""
 
     pose: Array
     moving: list[Track]
+    people: list[Track]
     goal: int
 
 
@@ -283,10 +309,18 @@ def _frames(
 def _arrange(world: Any, state: Any, moment: _Moment) -> None:
     """Place the moving obstacles, and highlight the current goal."""
     state.mocap_pos[:, 2] = BELOW
-    for each in moment.moving:
-        name = f'moving {each.id}'
-        world.geom(name).size[0] = each.radius
-        state.mocap_pos[world.body(name).mocapid[0]] = (each.x, each.y, HEIGHT / 2.0)
+    for kind, tracks in (('moving', moment.moving), ('person', moment.people)):
+        for each in tracks:
+            name = f'{kind} {each.id}'
+            place, turn = world.body(name).mocapid[0], math.atan2(each.vy, each.vx) / 2.0
+            state.mocap_pos[place] = each.x, each.y, 0.0
+            state.mocap_quat[place] = math.cos(turn), 0.0, 0.0, math.sin(turn)
+            world.geom(name).size[0] = each.radius
+            if kind == 'moving':
+                reach = each.radius + SIGMAS * each.position_stddev
+                world.geom(f'{name} doubt').size[0] = reach
+                way, half = world.geom(f'{name} way'), math.hypot(each.vx, each.vy) / 2.0
+                way.size[0] = way.pos[0] = max(half, _LINE)
     names = [world.geom(index).name for index in range(world.ngeom)]
     for index, name in enumerate(names):
         if name.startswith('goal '):

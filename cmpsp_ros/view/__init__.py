@@ -27,7 +27,9 @@ if TYPE_CHECKING:
         LIMIT,
         LOOKS,
         MOVING,
+        PERSON,
         SEEN,
+        SIGMAS,
         TEXT,
         UNSEEN,
         Lines,
@@ -41,6 +43,7 @@ if TYPE_CHECKING:
         kept_clear,
         map_corners,
         seen,
+        tracked,
         trail,
     )
     from cmpsp_ros.view.server import ViewError, ViewServer

@@ -12,6 +12,7 @@ from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance import GuidanceSettings
 from cmpsp_ros.guidance.formulation import sample_space
 from cmpsp_ros.robots import placed
+from cmpsp_ros.sensing import Track
 from cmpsp_ros.world.grids import Cell, OccupancyGrid
 from cmpsp_ros.world.obstacles import Point, Shape, outline_of
 from cmpsp_ros.world.roads import Road
@@ -35,6 +36,7 @@ SEEN: Final = '#e0533d'
 UNSEEN: Final = '#b3bbc7'
 GOAL: Final = '#1b1f27'
 MOVING: Final = '#b03a8c'
+PERSON: Final = '#1f6f8b'
 MARGIN: Final = '#e69f00'
 LIMIT: Final = '#a63d40'
 TEXT: Final = '#1b1f27'
@@ -47,6 +49,9 @@ def bag_color(index: int) -> str:
 
 
 Lines = tuple[Array, ...]
+
+SIGMAS: Final = 2.0
+"""Standard deviations within which a moving obstacle is shown."""
 
 _WHOLE_MAP: Final = 20.0
 """Side up to which a map is shown as a whole [m]."""
@@ -90,6 +95,8 @@ LOOKS: Final = {
     'seen': Look('seen by sensors', SEEN, SEEN),
     'kept clear': Look('kept clear at samples', MARGIN, width=1.0, dash='dash'),
     'moving': Look('path of a moving obstacle', MOVING, width=1.0, dash='dashdot'),
+    'tracked': Look('track of a sensor, with its doubt', MOVING, width=0.8, dash='dot'),
+    'person': Look('path of a person, and nearest place', PERSON, width=1.0),
     'robot': Look('other robot', TEXT, width=1.2, dash='dot'),
     'trail': Look('', '', width=0.6),
     'body': Look('robot', '', width=1.4),
@@ -163,6 +170,14 @@ def body(settings: GuidanceSettings) -> Lines:
 def bodies(outline: Lines, poses: Iterable[Array], kind: str = 'body') -> Part:
     """A robot at some poses ``(x, y, heading)`` [m, m, rad]."""
     return Part(kind, tuple(placed(line, pose) for pose in poses for line in outline))
+
+
+def tracked(track: Track) -> Lines:
+    """Outlines of a track and of the disc that it may fill, and its way in a second."""
+    center = [(track.x, track.y)]
+    way = np.array([center[0], (track.x + track.vx, track.y + track.vy)])
+    radii = dict.fromkeys((track.radius, track.radius + SIGMAS * track.position_stddev))
+    return (*(outline_of(center, each) for each in radii if each > 0.0), way)
 
 
 def trail(settings: GuidanceSettings, poses: Array) -> Part:

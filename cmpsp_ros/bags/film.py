@@ -35,16 +35,17 @@ BELOW: Final = -10.0
 HEIGHT: Final = 0.12
 """Of obstacles [m]."""
 
-_STATURE, _HEAD, _TRACK = 0.35, 0.1, 0.02
-"""Of people, of their heads, and of tracks of own sensors [m]."""
+_STATURE, _TRACK = 0.4, 0.02
+"""Of people up to their shoulders, and of tracks of own sensors [m]."""
 
 _PURPLE: Final = '0.62 0.2 0.5 1'
 _DOUBT: Final = '0.62 0.2 0.5 0.25'
-_BLUE: Final = '0.12 0.44 0.55 1'
+_DARK: Final = '0.35 0.1 0.28 1'
+_BROWN: Final = '0.55 0.34 0.2 1'
 _GREEN: Final = '0.05 0.5 0.25 1'
 _RED: Final = '0.8 0.25 0.18 1'
 _PALE: Final = '0.92 0.62 0.58 1'
-_LINE = 0.012
+_LINE, _SHORTEST = 0.012, 1e-6
 
 _LOOK = """
   <visual>
@@ -132,19 +133,16 @@ def _disc(number: int) -> str:
     geoms = (
         _geom('cylinder', f'1 {height / 2.0}', (0.0, 0.0, height / 2.0), _PURPLE, name),
         _geom('cylinder', f'1 {_LINE / 4.0}', (0.0, 0.0, _LINE), _DOUBT, f'{name} doubt'),
-        _geom('box', f'1 {_LINE} {_LINE / 2.0}', (0.0, 0.0, height), _PURPLE, f'{name} way'),
+        _geom('box', f'1 {2.0 * _LINE} {_LINE}', (0.0, 0.0, height), _DARK, f'{name} way'),
     )
     return f'<body name="{name}" mocap="true" pos="0 0 {BELOW}">{"".join(geoms)}</body>\n'
 
 
 def _person(number: int) -> str:
-    """A person of the simulator, a body with a head, below the floor until there is one."""
-    name = f'person {number}'
-    geoms = (
-        _geom('capsule', f'1 {_STATURE / 2.0}', (0.0, 0.0, _STATURE / 2.0), _BLUE, name),
-        _geom('sphere', f'{_HEAD}', (0.0, 0.0, _STATURE + _HEAD), _BLUE),
-    )
-    return f'<body name="{name}" mocap="true" pos="0 0 {BELOW}">{"".join(geoms)}</body>\n'
+    """A person of the simulator, below the floor until there is one."""
+    name, size = f'person {number}', f'1 {_STATURE / 2.0}'
+    geom = _geom('capsule', size, (0.0, 0.0, _STATURE / 2.0), _BROWN, name)
+    return f'<body name="{name}" mocap="true" pos="0 0 {BELOW}">{geom}</body>\n'
 
 
 def _edges(settings: GuidanceSettings) -> Iterator[str]:
@@ -174,7 +172,8 @@ def _goal(index: int, place: Point) -> Iterator[str]:
 
 def _line(corners: Array, radius: float, color: str, height: float = 0.0) -> Iterator[str]:
     for (x0, y0), (x1, y1) in pairwise(corners.tolist()):
-        if (x0, y0) != (x1, y1):
+        # MuJoCo refuses shorter ones.
+        if math.dist((x0, y0), (x1, y1)) > _SHORTEST:
             ends = f'{x0} {y0} {height} {x1} {y1} {height}'
             yield (
                 f'<geom type="capsule" fromto="{ends}" size="{radius}" rgba="{color}" '
@@ -193,13 +192,12 @@ def _geom(
 
 
 _STILL, _MOVING = (640, 480), (480, 320)
-_STILLS, _RATE = 4, 10
-_FAINT = 0.3
+_STILLS, _RATE, _FAINT = 4, 10, 0.3
 _WAY_POINTS, _WAY_RATE = 400, 25
 
 # The camera: behind the robot and above it, looking at a point ahead of it.
-_DISTANCE, _ELEVATION, _AHEAD = 1.3, -32.0, 0.5
-_USUAL_RADIUS = 0.15
+_DISTANCE, _ELEVATION, _AHEAD, _USUAL_RADIUS = 1.3, -32.0, 0.5, 0.15
+_AMONG_PEOPLE, _FROM_ABOVE = 3.0, -45.0
 
 
 def film(bag: Path, output: Path, seconds: Sequence[float]) -> int:
@@ -222,7 +220,9 @@ def film(bag: Path, output: Path, seconds: Sequence[float]) -> int:
         raise BagError(f'{output}: is there already')
     record, driven = read_record(bag), read_driven(bag)
     first, settings = record.start, record.history.at(record.start)
-    last = min(int(driven.stamps[-1]), first + to_nanoseconds(settings.final_time))
+    last = int(driven.stamps[-1])
+    if not settings.may_be_late:
+        last = min(last, first + to_nanoseconds(settings.final_time))
     length = (last - first) / NANOSECONDS
     if not all(0.0 <= each <= length for each in seconds):
         raise BagError(f'{bag}: found times {seconds} s, wanted times from 0 to {length:.2f} s')
@@ -280,9 +280,12 @@ def _frames(
     camera = mujoco.MjvCamera()
     two_wheels = has_wheels(settings)
     axle = settings.robot.wheel_radius if two_wheels else 0.0
-    # Who is larger is looked at from further away.
+    # Who is larger is looked at from further away, and who is among people from above them.
     farther = 1.0 if two_wheels else max(1.0, settings.circumscribed_radius / _USUAL_RADIUS)
-    camera.distance, camera.elevation = farther * _DISTANCE, _ELEVATION
+    has_people = any(each.people for each in moments)
+    farther *= _AMONG_PEOPLE if has_people else 1.0
+    camera.distance = farther * _DISTANCE
+    camera.elevation = _FROM_ABOVE if has_people else _ELEVATION
     width, height = size
     try:
         renderer = mujoco.Renderer(world, height, width)

@@ -43,7 +43,6 @@ if TYPE_CHECKING:
         kept_clear,
         map_corners,
         seen,
-        tracked,
         trail,
     )
     from cmpsp_ros.view.server import ViewError, ViewServer

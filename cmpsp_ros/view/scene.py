@@ -12,7 +12,6 @@ from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance import GuidanceSettings
 from cmpsp_ros.guidance.formulation import sample_space
 from cmpsp_ros.robots import placed
-from cmpsp_ros.sensing import Track
 from cmpsp_ros.world.grids import Cell, OccupancyGrid
 from cmpsp_ros.world.obstacles import Point, Shape, outline_of
 from cmpsp_ros.world.roads import Road
@@ -36,7 +35,7 @@ SEEN: Final = '#e0533d'
 UNSEEN: Final = '#b3bbc7'
 GOAL: Final = '#1b1f27'
 MOVING: Final = '#b03a8c'
-PERSON: Final = '#1f6f8b'
+PERSON: Final = '#8c5a2b'
 MARGIN: Final = '#e69f00'
 LIMIT: Final = '#a63d40'
 TEXT: Final = '#1b1f27'
@@ -95,8 +94,8 @@ LOOKS: Final = {
     'seen': Look('seen by sensors', SEEN, SEEN),
     'kept clear': Look('kept clear at samples', MARGIN, width=1.0, dash='dash'),
     'moving': Look('path of a moving obstacle', MOVING, width=1.0, dash='dashdot'),
-    'tracked': Look('track of a sensor, with its doubt', MOVING, width=0.8, dash='dot'),
-    'person': Look('path of a person, and nearest place', PERSON, width=1.0),
+    'tracked': Look('track of what moves', MOVING, width=0.8, dash='dot'),
+    'person': Look('path of a person', PERSON, width=1.0),
     'robot': Look('other robot', TEXT, width=1.2, dash='dot'),
     'trail': Look('', '', width=0.6),
     'body': Look('robot', '', width=1.4),
@@ -170,14 +169,6 @@ def body(settings: GuidanceSettings) -> Lines:
 def bodies(outline: Lines, poses: Iterable[Array], kind: str = 'body') -> Part:
     """A robot at some poses ``(x, y, heading)`` [m, m, rad]."""
     return Part(kind, tuple(placed(line, pose) for pose in poses for line in outline))
-
-
-def tracked(track: Track) -> Lines:
-    """Outlines of a track and of the disc that it may fill, and its way in a second."""
-    center = [(track.x, track.y)]
-    way = np.array([center[0], (track.x + track.vx, track.y + track.vy)])
-    radii = dict.fromkeys((track.radius, track.radius + SIGMAS * track.position_stddev))
-    return (*(outline_of(center, each) for each in radii if each > 0.0), way)
 
 
 def trail(settings: GuidanceSettings, poses: Array) -> Part:

@@ -24,7 +24,7 @@ from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings, World
 from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.robots import Signal
 from cmpsp_ros.sensing import grid_of, stamp_of
-from cmpsp_ros.view import Part, bodies, body, course, disc, kept_clear, tracked, trail
+from cmpsp_ros.view import Part, bodies, body, course, disc, kept_clear, trail
 from cmpsp_ros.world.grids import GridError, OccupancyGrid
 from cmpsp_ros.world.obstacles import Shape, outline_of
 from cmpsp_ros.world.roads import FAR
@@ -103,7 +103,7 @@ class View:
         return (
             kept_clear(self.settings),
             *(_moving(each) for each in self.tracks if not each[0].is_seen),
-            *(self._tracked(each) for each in self.tracks if each[0].is_seen),
+            Part('tracked', tuple(_places(each) for each in self.tracks if each[0].is_seen)),
             *(self._person(each) for each in self.people),
             *(self._other(name, each) for name, each in self.others.items()),
             trail(self.settings, self.poses),
@@ -233,11 +233,6 @@ class View:
             Band(_shown(decisions[k]), times[k], times[end], end - k, decisions[k].reason)
             for k, end in pairwise([*begins, len(decisions)])
         )
-
-    def _tracked(self, tracks: Sequence[Track]) -> Part:
-        """Path of a track, and the track itself where it was nearest to the robot."""
-        nearest, _ = self._nearest(tracks)
-        return Part('tracked', (_places(tracks), *tracked(nearest)))
 
     def _person(self, tracks: Sequence[Track]) -> Part:
         """Path of a person, and the body where it was nearest to the robot, with the time."""

@@ -286,7 +286,8 @@ def _walk(driven: DrivenRun, plant: Plant) -> None:
     settings = driven.task.settings
     robot = placed(settings.footprint.discs, plant.pose)
     driven.walking.advance(plant.stamp_ns, robot, settings.robot_radius)
-    driven.people.append((plant.stamp_ns, driven.walking.at(plant.stamp_ns)))
+    if not driven.people or driven.people[-1][0] < plant.stamp_ns:
+        driven.people.append((plant.stamp_ns, driven.walking.at(plant.stamp_ns)))
 
 
 def _told(driven: DrivenRun, stamp: int) -> tuple[Track, ...]:

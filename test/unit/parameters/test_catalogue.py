@@ -42,5 +42,9 @@ def test_what_needs_a_restart():
         'sim.scan.angle_max', 'sim.scan.count', 'sim.scan.time_increment', 'sim.scan.range_min',
         'sim.scan.range_max', 'sim.scan.stddev', 'sim.scan.dropout', 'sim.scan.missed_return',
         'sim.scan.road_edges',
+        'sim.people.names', 'sim.people.<name>.position', 'sim.people.<name>.motion',
+        'sim.people.<name>.heading', 'sim.people.<name>.waypoints', 'sim.people.<name>.speed',
+        'sim.people.<name>.radius', 'sim.people.<name>.gives_way', 'sim.people.<name>.count',
+        'sim.people.acceleration', 'sim.people.legs',
         'plant', 'physics.mass', 'physics.friction', 'physics.torque', 'physics.odometry',
     }  # fmt: skip

@@ -106,6 +106,7 @@ SHAPES = {
         lambda points: dense.from_cells(points, GRID.origin, 0.25, CELLS == Cell.OCCUPIED),
     ),
 }
+GRID_PLACE = [*SHAPES].index('grid')
 FOOTPRINTS = {'disc': (Footprint(), 0.25), 'polygon': covered(BODY)}
 
 
@@ -141,14 +142,14 @@ def drives(name, count):
 
 
 def assert_bounds(found, known, radius, of_cells):
-    """Clearances from shapes, the fourth of which are cells: exact, or less than they are."""
+    """Clearances from shapes, one of which are cells: exact, or less than they are."""
     error = known - found
     allowed = np.full(error.shape, dense.DENSE)
-    allowed[..., 3] = of_cells
+    allowed[..., GRID_PLACE] = of_cells
     assert (error >= -dense.DENSE).all(), (found, known)
     # Cells have no depth here, and less than two of them away all is a bound.
     sure = np.ones(error.shape, dtype=bool)
-    sure[..., 3] = known[..., 3] + radius > 2.0 * GRID.resolution
+    sure[..., GRID_PLACE] = known[..., GRID_PLACE] + radius > 2.0 * GRID.resolution
     assert (error <= allowed)[sure].all(), (found, known)
 
 
@@ -195,7 +196,8 @@ def test_the_sweep_finds_what_a_dense_drive_finds(road, robot, footprint):
         # All of a polygon is inside its discs.
         if body.corners:
             around = dense.placed(dense.outline(BODY), poses[::20])
-            assert min(each(around).min() for each in distances) >= found[2:6].min() - dense.DENSE
+            least = found[2 : 2 + len(SHAPES)].min()
+            assert min(each(around).min() for each in distances) >= least - dense.DENSE
     assert seen[1] > 0
     assert seen[0] > 0 or from_edges is None
 

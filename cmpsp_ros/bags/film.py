@@ -71,9 +71,9 @@ def scene(
     way: Array,
     goals: Sequence[Point] = (),
     moving: Sequence[int] = (),
-    people: Sequence[int] = (),
     ends: Lines = (),
     hidden: Iterable[Shape] = (),
+    people: Sequence[int] = (),
 ) -> str:
     """The scene in MuJoCo's own format, with the robot's free joint first.
 
@@ -82,9 +82,9 @@ def scene(
         way: Points of the driven path, shape ``(K, 2)`` [m].
         goals: Each with a ball `goal 0`, `goal 1`, ... on a post (x, y) [m].
         moving: Ids of the moving obstacles, each a body `moving 7` to be placed later.
-        people: Numbers of the simulator's people, each a body `person 3` to be placed later.
         ends: Lines on the floor where the robot starts and ends, each ``(K, 2)`` [m].
         hidden: Obstacles that only the simulator knows.
+        people: Numbers of the simulator's people, each a body `person 3` to be placed later.
     """
     posts = (each for index, place in enumerate(goals) for each in _goal(index, place))
     shapes = (*_obstacles(settings.obstacles, _RED), *_obstacles(hidden, _PALE))
@@ -238,13 +238,13 @@ def film(bag: Path, output: Path, seconds: Sequence[float]) -> int:
         hidden = hidden_obstacles(opened, record.places.node)
         people = read_tracks(opened, record.places.people, None)
     moved, walked = (sorted({each.id for each in some}) for some in (record.tracks, people))
-    model = scene(settings, np.array(way), goals, moved, walked, ends, hidden)
+    model = scene(settings, np.array(way), goals, moved, ends, hidden, walked)
     moments = [
         _Moment(
             driven.at(stamp),
             seen_at(record.tracks, stamp, settings),
-            seen_at(people, stamp, settings),
             next((goals.index(goal.position) for since, goal in led[::-1] if since <= stamp), -1),
+            seen_at(people, stamp, settings),
         )
         for stamp in stamps
     ]
@@ -267,8 +267,8 @@ class _Moment:
 
     pose: Array
     moving: list[Track]
-    people: list[Track]
     goal: int
+    people: Sequence[Track] = ()
 
 
 def _frames(

@@ -26,7 +26,7 @@ from cmpsp_ros.robots import Signal
 from cmpsp_ros.sensing import grid_of, stamp_of
 from cmpsp_ros.view import Part, bodies, body, course, disc, kept_clear, trail
 from cmpsp_ros.world.grids import GridError, OccupancyGrid
-from cmpsp_ros.world.obstacles import Shape, outline_of
+from cmpsp_ros.world.obstacles import Shape
 from cmpsp_ros.world.roads import FAR
 
 MOST_POINTS = 4000
@@ -101,7 +101,7 @@ class View:
     def run(self) -> tuple[Part, ...]:
         """Margins, all that moves, other robots, and last the robot itself at both ends."""
         return (
-            kept_clear(self.settings),
+            kept_clear(self.settings, self.settings.world),
             *(_moving(each) for each in self.tracks if not each[0].is_seen),
             Part('tracked', tuple(_places(each) for each in self.tracks if each[0].is_seen)),
             *(self._person(each) for each in self.people),
@@ -238,8 +238,8 @@ class View:
         """Path of a person, and the body where it was nearest to the robot, with the time."""
         nearest, seconds = self._nearest(tracks)
         center = nearest.x, nearest.y
-        lines = _places(tracks), outline_of([center], nearest.radius)
-        return Part('person', lines, ((f'{seconds:.1f} s', center),))
+        name = f'{seconds:.1f} s', center
+        return Part('person', (_places(tracks),), (name,), ((center, nearest.radius),))
 
     def _nearest(self, tracks: Sequence[Track]) -> tuple[Track, float]:
         """Track at the closest approach to the robot, and its time [s]."""

@@ -136,7 +136,9 @@ def drive(task: RunTask) -> DrivenRun:
                     eyes.note(*driven.motions[noted:])
                     eyes.look(stamp)
                     noted, sighting = len(driven.motions), eyes.see(stamp, pose)
-                decision = law.step(Observation(stamp, pose, _told(driven, stamp), sighting))
+                seen = () if sighting is None else sighting.tracks
+                tracks = _told(driven, stamp) or seen
+                decision = law.step(Observation(stamp, pose, tracks, sighting))
                 computer.take(law, decision)
                 if task.settings.may_be_late and law.ends_at is not None:
                     driven.end = min(law.ends_at, to_nanoseconds(task.patience))

@@ -37,7 +37,7 @@ def test_what_needs_a_restart():
         'sensors.names', 'sensors.<name>.type', 'sensors.<name>.topic',
         'sensors.<name>.frame_id', 'sensors.<name>.pose', 'sensors.<name>.reach',
         'sensors.<name>.heights', 'sight.size', 'sight.resolution', 'sight.memory',
-        'sight.timeout',
+        'sight.timeout', 'sight.moving',
         'sim.scan.rate', 'sim.scan.frame_id', 'sim.scan.pose', 'sim.scan.angle_min',
         'sim.scan.angle_max', 'sim.scan.count', 'sim.scan.time_increment', 'sim.scan.range_min',
         'sim.scan.range_max', 'sim.scan.stddev', 'sim.scan.dropout', 'sim.scan.missed_return',

@@ -49,7 +49,7 @@ _OFF = 1e-11
 # Corridors have the same code, and need scipy, which takes a third of a second to import.
 _A_ROAD = Annulus()
 _A_GRID = OccupancyGrid((50.0, 50.0, 0.0), 0.1, np.eye(8, dtype=np.uint8))
-_A_DISC = MovingDiscs(('disc',), np.zeros((1, 5)), 0.0, np.zeros(1, np.int64))
+_A_DISC = MovingDiscs(('disc',), np.zeros((1, 7)), np.zeros(1, np.int64))
 
 
 def prepare(settings: GuidanceSettings) -> None:

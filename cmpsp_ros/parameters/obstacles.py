@@ -53,7 +53,7 @@ def shape_parameters(group: Group, section: str) -> Iterator[Parameter]:
     yield group(f'{block}.type', _STRING, kinds[0], '', 'Shape of this obstacle.', choices=kinds)
     for key, each in _BLOCK.items():
         users = ' or '.join(f'`{kind}`' for kind in kinds if key in _SETTINGS[kind])
-        text = f'{each.description} For a {users}.'
+        text = f'{each.description} With type {users}.'
         within = Range(min(each.range.low, 0.0), each.range.high)
         yield group(f'{block}.{key}', each.type, each.default, each.unit, text, range=within)
 
@@ -145,7 +145,7 @@ def _shape(values: Values, prefix: str) -> Shape:
         if own is not None:
             found[key] = problems.attempt(partial(_setting, own, where, value))
         elif value:
-            problems.append(Problem(where, describe(value), f'nothing for a {kind}'))
+            problems.append(Problem(where, describe(value), f'nothing with type {kind}'))
     problems.check()
     made = next(each for each in SHAPES if each.kind == kind)
     try:

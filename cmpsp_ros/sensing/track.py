@@ -47,9 +47,7 @@ class Track:
         source, number = divmod(self.id, self.SEEN)
         if source > 1:
             return f'object {number} of tracker {source - 1}'
-        if self.SEEN <= self.id < 2 * self.SEEN:
-            return f'person {self.id - self.SEEN}'
-        return f'moving obstacle {self.id}'
+        return f'person {number}' if source == 1 else f'moving obstacle {self.id}'
 
     @property
     def key(self) -> tuple[int, int]:

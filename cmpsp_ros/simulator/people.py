@@ -1,8 +1,7 @@
 """People on foot around the simulated robot: paths, right of way, and what a scanner sees of them.
 
 They walk from one waypoint to the next with limited acceleration, never through walls, and stop at
-the robot when they bump into it. Some give way, by a social force model (Helbing and Molnar 1995)
-on the predicted closest approach; the others look at nobody.
+the robot when they bump into it. Some give way; the others look at nobody.
 """
 
 from __future__ import annotations
@@ -14,10 +13,11 @@ from typing import Final, Literal
 
 import numpy as np
 
-from cmpsp_ros.arrays import Array, BoolArray
-from cmpsp_ros.setting import NOT_NEGATIVE, POSITIVE, Range, setting
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.setting import POSITIVE, Range, setting
 from cmpsp_ros.simulator.laser import cast
 from cmpsp_ros.simulator.measurement import Stream, generator
+from cmpsp_ros.simulator.walking import choose_velocities
 
 Point = tuple[float, float]
 
@@ -27,12 +27,6 @@ _REMEMBERED: Final = 100
 
 _ARRIVED, _STUCK, _SLOW = 0.2, 1.0, 0.05
 """Distance from a waypoint [m], and time [s] below a speed [m/s], after which the next is due."""
-
-_BRAKING: Final = 0.8
-"""Fraction of the acceleration limit that is planned for braking before walls and waypoints."""
-
-_RELAXATION, _PUSH, _RANGE, _FORESIGHT, _ASIDE = 0.5, 4.0, 0.35, 3.0, 0.7
-"""Social force: relaxation [s], size [m/s^2], decay with the gap [m], foresight [s], turn [rad]."""
 
 _SPACING: Final = 0.7
 """Distance between the members of a group [m]."""
@@ -48,7 +42,7 @@ class Walker:
     """A person, or a group that walks together."""
 
     name: str
-    position: Point = setting((0.0, 0.0), 'm', 'Initial position (x, y).', live=False)
+    position: Point
     motion: Literal['straight', 'waypoints', 'random'] = setting('straight', '',
         'Path: `straight` ahead from wall to wall, `waypoints` there and back, or `random` from '
         'point to point.', live=False)
@@ -70,11 +64,8 @@ class PeopleSettings:
     walkers: tuple[Walker, ...] = ()
     acceleration: float = setting(0.8, 'm/s^2', 'Limit of their acceleration.', POSITIVE,
         live=False)
-    has_legs: bool = setting(False, '',
-        'Whether the scanner sees two legs of each person instead of the body.', live=False,
-        key='legs')
-    sight: float = setting(2.0, 'm',
-        'Distance of gaps within which people who give way react.', NOT_NEGATIVE, live=False)
+    legs: bool = setting(False, '',
+        'Whether the scanner sees two legs of each person instead of the body.', live=False)
     seed: int = 0
 # fmt: on
 
@@ -97,8 +88,13 @@ class People:
         )
         self._leaders = np.searchsorted(self._group, np.arange(len(settings.walkers)))
         self._radii = np.array([each.radius for each in members])
-        self._speeds = np.array([each.speed for each in members])
-        self._gives_way: BoolArray = np.array([each.gives_way for each in members], dtype=bool)
+        self._people = np.array(
+            [
+                (each.radius, each.speed, each.gives_way, group)
+                for each, group in zip(members, self._group, strict=True)
+            ],
+            dtype=float,
+        ).reshape(-1, 4)
         offsets = [_formation(each.count) for each in settings.walkers]
         self._offsets = np.vstack([*offsets, np.empty((0, 2))])
         self.reset()
@@ -142,7 +138,7 @@ class People:
         self._places = self._places + duration * self._velocities
         self._walked += duration * np.hypot(*self._velocities.T)
         self._choose_waypoints(duration)
-        self._accelerate(max(duration, 1e-3), robot, radius)
+        self._accelerate(duration, robot, radius)
         self._note(stamp_ns)
 
     def at(self, stamp_ns: int) -> Array:
@@ -153,7 +149,7 @@ class People:
     def visible_at(self, stamp_ns: int) -> Array:
         """Discs that a scanner sees at an instant [ns]: bodies or legs, as of `cast`."""
         bodies = self.at(stamp_ns)
-        if not self._settings.has_legs:
+        if not self._settings.legs:
             return bodies
         seconds, _, velocities, walked = self._step_at(stamp_ns)
         speeds = np.hypot(*velocities.T)
@@ -196,97 +192,18 @@ class People:
 
     def _accelerate(self, duration: float, robot: Array, radius: float) -> None:
         """Choose the velocities until the next step."""
-        limit = self._settings.acceleration
         targets = np.array(
             [route[each % len(route)] for route, each in zip(self._routes, self._next, strict=True)]
         )
-        away = targets[self._group] + self._offsets - self._places
-        distances = np.hypot(*away.T)
-        speeds = np.minimum(self._speeds, np.sqrt(2.0 * _BRAKING * limit * distances))
-        wanted = speeds[:, None] * away / np.maximum(distances, 1e-9)[:, None]
-        change = wanted - self._velocities
-        if (polite := self._gives_way).any():
-            change[polite] /= max(_RELAXATION, duration) / duration
-            change[polite] += duration * self._forces(robot, radius)[polite]
-        chosen = self._velocities + _limited(change, limit * duration)
-        chosen = _limited(chosen, self._speeds)
-        chosen = self._velocities + _limited(self._before_walls(chosen) - self._velocities,
-                                             limit * duration)  # fmt: skip
+        chosen = np.empty_like(self._velocities)
+        choose_velocities(
+            chosen, self._places, self._velocities, targets[self._group] + self._offsets,
+            self._people, self._edges, self._posts, np.ascontiguousarray(robot, dtype=float),
+            radius, self._settings.acceleration, duration,
+        )  # fmt: skip
         moves = np.hypot(*chosen.T) > _SLOW
         self._headings[moves] = np.arctan2(chosen[moves, 1], chosen[moves, 0])
-        self._velocities = np.where(
-            self._is_blocked(chosen, duration, robot, radius)[:, None], 0.0, chosen
-        )
-
-    def _forces(self, robot: Array, radius: float) -> Array:
-        """Social force on each from all others and the robot, shape ``(P, 2)`` [m/s^2]."""
-        places = np.vstack([self._places, robot])
-        velocities = np.vstack([self._velocities, np.zeros_like(robot)])
-        radii = np.append(self._radii, np.full(len(robot), radius))
-        offset = self._places[:, None] - places
-        rate = self._velocities[:, None] - velocities
-        squared = (rate**2).sum(axis=2)
-        closing = -(offset * rate).sum(axis=2)
-        times = np.clip(closing / np.maximum(squared, 1e-9), 0.0, _FORESIGHT)
-        now = np.hypot(offset[..., 0], offset[..., 1]) - self._radii[:, None] - radii
-        nearest = offset + times[..., None] * rate
-        distance = np.hypot(nearest[..., 0], nearest[..., 1])
-        gap = distance - self._radii[:, None] - radii
-        size = _PUSH * np.exp(-np.maximum(gap, 0.0) / _RANGE) * (1.0 - times / (2.0 * _FORESIGHT))
-        size[now > self._settings.sight] = 0.0
-        same = self._group[:, None] == np.append(self._group, np.full(len(robot), -1))
-        size[same] = 0.0
-        # Of those who meet head on the point of closest approach tells no side.
-        away = offset + 0.9 * times[..., None] * rate
-        turned = np.arctan2(away[..., 1], away[..., 0]) + _ASIDE
-        return np.stack(
-            [(size * np.cos(turned)).sum(axis=1), (size * np.sin(turned)).sum(axis=1)], axis=1
-        )
-
-    def _before_walls(self, velocities: Array) -> Array:
-        """Velocities that can still brake before the nearest wall."""
-        away, gaps = self._nearest_wall(self._places)
-        allowed = np.sqrt(2.0 * _BRAKING * self._settings.acceleration * np.maximum(gaps, 0.0))
-        excess = np.maximum(-(velocities * away).sum(axis=1) - allowed, 0.0)
-        slower: Array = velocities + excess[:, None] * away
-        return slower
-
-    def _is_blocked(
-        self, velocities: Array, duration: float, robot: Array, radius: float
-    ) -> BoolArray:
-        """True for each whose step would lead through a wall, or further into the robot."""
-        after = self._places + duration * velocities
-        _, before_gaps = self._nearest_wall(self._places)
-        _, gaps = self._nearest_wall(after)
-        blocked: BoolArray = (gaps < -0.5 * self._radii) & (gaps < before_gaps)
-        for center in robot:
-            reach = self._radii + radius
-            near = np.hypot(*(self._places - center).T)
-            nearer = np.hypot(*(after - center).T) < near
-            blocked |= nearer & (near <= reach)
-        return blocked
-
-    def _nearest_wall(self, places: Array) -> tuple[Array, Array]:
-        """Direction away from the nearest wall ``(P, 2)``, and the gap to it ``(P,)`` [m]."""
-        offsets, reaches = [], []
-        if len(self._edges):
-            begins, ends = self._edges[:, :2], self._edges[:, 2:]
-            along = ends - begins
-            squared = np.maximum((along**2).sum(axis=1), 1e-18)
-            part = ((places[:, None] - begins) * along).sum(axis=2) / squared
-            offsets.append(places[:, None] - begins - np.clip(part, 0.0, 1.0)[..., None] * along)
-            reaches.append(np.zeros(len(begins)))
-        if len(self._posts):
-            offsets.append(places[:, None] - self._posts[:, :2])
-            reaches.append(self._posts[:, 4])
-        if not offsets:
-            return np.zeros_like(places), np.full(len(places), math.inf)
-        offset = np.concatenate(offsets, axis=1)
-        gaps = np.hypot(offset[..., 0], offset[..., 1])
-        index = (gaps - np.concatenate(reaches)).argmin(axis=1)[:, None]
-        gap = np.take_along_axis(gaps - np.concatenate(reaches), index, axis=1)[:, 0]
-        away = np.take_along_axis(offset, index[..., None], axis=1)[:, 0]
-        return away / np.maximum(np.hypot(*away.T), 1e-9)[:, None], gap - self._radii
+        self._velocities = chosen
 
     def _route(self, walker: Walker) -> list[Array]:
         """Waypoints of a walker, to be visited in a circle."""
@@ -324,11 +241,3 @@ def _formation(count: int) -> Array:
     """Offsets of the members of a group from its first, side by side in rows of two, ``(n, 2)``."""
     rows, columns = np.divmod(np.arange(count), 2)
     return _SPACING * np.column_stack([-rows, columns]).astype(float)
-
-
-def _limited(vectors: Array, limits: Array | float) -> Array:
-    """Vectors ``(P, 2)``, shortened to a limit."""
-    lengths = np.hypot(*vectors.T)
-    scale = np.minimum(1.0, limits / np.maximum(lengths, 1e-12))
-    limited: Array = vectors * scale[:, None]
-    return limited

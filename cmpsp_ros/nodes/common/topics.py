@@ -113,6 +113,9 @@ SIM_ODOM = Topic('sim', 'out', 'odom', Odometry,
 SIM_MOVING = Topic('sim', 'out', 'moving_obstacles', PointCloud2,
     'with `moving_obstacles.names`, just before every odometry, without errors; `id` is the index '
     'of the name, from 0', depth=OF_A_RUN)
+SIM_PEOPLE = Topic('sim', 'out', '~/people', PointCloud2,
+    'with `sim.people.names`: the true bodies of all people just before every odometry, for '
+    'judges; fields as of `moving_obstacles`, `id` in the order of the names', depth=OF_A_RUN)
 SIM_SCAN = Topic('sim', 'out', 'scan', LaserScan,
     'with `sim.scan.rate`: a laser scan with the stamp of its first beam, just before the next '
     'odometry', depth=OF_A_RUN)

@@ -136,7 +136,9 @@ def drive(task: RunTask) -> DrivenRun:
                     eyes.note(*driven.motions[noted:])
                     eyes.look(stamp)
                     noted, sighting = len(driven.motions), eyes.see(stamp, pose)
-                decision = law.step(Observation(stamp, pose, _told(driven, stamp), sighting))
+                seen = () if sighting is None else sighting.tracks
+                tracks = _told(driven, stamp) or seen
+                decision = law.step(Observation(stamp, pose, tracks, sighting))
                 computer.take(law, decision)
                 if task.settings.may_be_late and law.ends_at is not None:
                     driven.end = min(law.ends_at, to_nanoseconds(task.patience))
@@ -286,7 +288,8 @@ def _walk(driven: DrivenRun, plant: Plant) -> None:
     settings = driven.task.settings
     robot = placed(settings.footprint.discs, plant.pose)
     driven.walking.advance(plant.stamp_ns, robot, settings.robot_radius)
-    driven.people.append((plant.stamp_ns, driven.walking.at(plant.stamp_ns)))
+    if not driven.people or driven.people[-1][0] < plant.stamp_ns:
+        driven.people.append((plant.stamp_ns, driven.walking.at(plant.stamp_ns)))
 
 
 def _told(driven: DrivenRun, stamp: int) -> tuple[Track, ...]:

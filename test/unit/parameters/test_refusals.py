@@ -124,7 +124,7 @@ SHAPES = [
     (shape('circle'), r'a.center: found nothing, wanted a list of 2 .*\n.*a.radius: found nothing'),
     (
         shape('circle', center=[8, -6], radius=0.7, end=[1, 2]),
-        'a.end: found .*nothing for a circle',
+        'a.end: found .*nothing with type circle',
     ),
     (shape('capsule', start=[8, -6], end=[9], radius=0.1), 'a.end: found .* a list of 2 numbers'),
     (
@@ -133,7 +133,7 @@ SHAPES = [
     ),
     (
         shape('polygon', vertices=SQUARE, radius=0.1),
-        'a.radius: found 0.1, wanted nothing for a pol',
+        'a.radius: found 0.1, wanted nothing with type pol',
     ),
     (
         shape('polygon', vertices=[*SQUARE, 9.9, -2.5]),

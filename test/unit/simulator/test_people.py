@@ -103,7 +103,7 @@ def test_a_group_stays_together():
 
 
 def test_legs_stay_under_the_body_and_move_in_turn():
-    people = in_a_room(Walker('a', (1.0, 1.0), speed=1.0), has_legs=True)
+    people = in_a_room(Walker('a', (1.0, 1.0), speed=1.0), legs=True)
     walk(people, 3.0)
     stamps = np.arange(60, 140) * STEP
     bodies = np.array([people.at(each)[0] for each in stamps])

@@ -83,10 +83,10 @@ endef
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help demo test test-all lint setup bench docs lock clean check-ros FORCE
+.PHONY: help demo test test-all test-oldest lint setup bench docs lock clean check-ros FORCE
 
 help:  ## say what can be made
-	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-8s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-11s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
 demo: check-ros $(DEMO_KERNELS)  ## watch the robot drive: PRESET=case3
 	$(BIN)/cmpsp demo $(PRESET)
@@ -100,12 +100,23 @@ test-all: WHICH :=
 test-all: setup  ## run all tests: studies, fuzzers, all real nodes, colcon (doc/reference/testing.md)
 	$(RUN_TESTS)
 
+# Its own environment; matplotlib 3.6 has no wheel for Python 3.12, and is built.
+test-oldest: export ROS_PYTHON_CHECK_FIELDS := 1
+test-oldest: export MPLSETUPCFG := $(CURDIR)/requirements/matplotlib.cfg
+test-oldest: OLDEST := .cache/oldest
+test-oldest:  ## the same with the oldest versions, Ubuntu 24.04's: PYTHON=python3.12 (requirements/README.md)
+	test -x $(OLDEST)/bin/python || $(PYTHON) -m venv $(OLDEST)
+	$(OLDEST)/bin/pip install --quiet -c requirements/oldest.txt -e '.[ros,solvers,report,test]'
+	$(OLDEST)/bin/cmpsp warmup
+	$(OLDEST)/bin/python -m pytest -n 2 --dist loadgroup -m 'not slow' $(PYTEST_ARGS)
+
 lint: check-ros $(DEVELOPMENT) $(PACKAGE)  ## ruff, mypy, who may import whom, and through which door
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/python -m mypy
 	$(BIN)/lint-imports
 	$(BIN)/python .ci/house_rules.py
+	$(BIN)/python .ci/noble.py
 
 setup: check-ros $(DEVELOPMENT) $(KERNELS)  ## make .venv, with ROS 2 Jazzy from wheels unless one is sourced
 

@@ -22,14 +22,14 @@ import numpy as np
 from cmpsp_ros.guidance import GuidanceSettings, prepare
 from cmpsp_ros.mpsp import Options, from_functions, solve
 from cmpsp_ros.mpsp.jit import compilations, entry_for, kernel_folder, prune, wanted_place
-from cmpsp_ros.mpsp.qp import CLARABEL, RICCATI_ACTIVE_SET
+from cmpsp_ros.mpsp.qp import CLARABEL, RICCATI_ACTIVE_SET, available
 from cmpsp_ros.mpsp.qp.active_set import correct, empty_active_set, empty_warm_start
 from cmpsp_ros.mpsp.qp.active_set import solve as solve_program
 from cmpsp_ros.mpsp.qp.riccati import empty_program
 from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 from cmpsp_ros.parameters.files import preset_names, robots_in
 from cmpsp_ros.sensing import Beams, LocalGrid
-from cmpsp_ros.simulator import cast
+from cmpsp_ros.simulator import People, PeopleSettings, Walker, cast
 from cmpsp_ros.world.grids import GridObstacle
 
 
@@ -203,8 +203,11 @@ def _measure(settings: GuidanceSettings) -> None:
 
 
 def _scans() -> None:
-    """Cast a ray, and take it into a grid."""
+    """Cast a ray, take it into a grid, and let somebody walk."""
     cast(np.zeros(1), np.zeros((1, 3)), np.zeros(1), np.zeros((0, 4)), np.zeros((0, 5)))
+    people = People(PeopleSettings((Walker('one', (0.0, 0.0)),)), *map(np.zeros, ((0, 4), (0, 5))))
+    people.begin(0)
+    people.advance(1, np.zeros((1, 2)), 0.1)
     ends = np.zeros((1, 2))
     grid = LocalGrid(1.0, 0.1, 1.0)
     grid.see(Beams(0, ends, ends, np.ones(1, dtype=bool), is_sweep=True))
@@ -222,7 +225,7 @@ def _method() -> None:
         target=[0.0],
         g=lambda _k, x, _u: x - 2.0,
     )
-    for qp in (RICCATI_ACTIVE_SET, CLARABEL, 'daqp', 'hildreth'):
+    for qp in sorted({RICCATI_ACTIVE_SET, CLARABEL, 'daqp', 'hildreth'}.intersection(available())):
         options = Options(penalty_terminal=np.array([100.0]), penalty_path=np.array([100.0]), qp=qp)
         solve(problem, np.zeros((4, 1)), options, max_iterations=2)
 

@@ -64,6 +64,122 @@ float32 speed
 """,
     },
     'tf2_msgs': {'msg/TFMessage.msg': 'geometry_msgs/TransformStamped[] transforms\n'},
+    'vision_msgs': {
+        'msg/Detection3DArray.msg': """
+std_msgs/Header header
+vision_msgs/Detection3D[] detections
+""",
+        'msg/Detection3D.msg': """
+std_msgs/Header header
+ObjectHypothesisWithPose[] results
+BoundingBox3D bbox
+string id
+""",
+        'msg/ObjectHypothesisWithPose.msg': """
+ObjectHypothesis hypothesis
+geometry_msgs/PoseWithCovariance pose
+""",
+        'msg/ObjectHypothesis.msg': """
+string class_id
+float64 score
+""",
+        'msg/BoundingBox3D.msg': """
+geometry_msgs/Pose center
+geometry_msgs/Vector3 size
+""",
+    },
+    'autoware_perception_msgs': {
+        'msg/TrackedObjects.msg': """
+std_msgs/Header header
+TrackedObject[] objects
+""",
+        'msg/TrackedObject.msg': """
+unique_identifier_msgs/UUID object_id
+float32 existence_probability
+ObjectClassification[] classification
+TrackedObjectKinematics kinematics
+Shape shape
+""",
+        'msg/ObjectClassification.msg': """
+uint8 label
+float32 probability
+""",
+        'msg/TrackedObjectKinematics.msg': """
+uint8 UNAVAILABLE=0
+uint8 SIGN_UNKNOWN=1
+uint8 AVAILABLE=2
+geometry_msgs/PoseWithCovariance pose_with_covariance
+geometry_msgs/TwistWithCovariance twist_with_covariance
+geometry_msgs/AccelWithCovariance acceleration_with_covariance
+uint8 orientation_availability
+bool is_stationary
+""",
+        'msg/Shape.msg': """
+uint8 BOUNDING_BOX=0
+uint8 CYLINDER=1
+uint8 POLYGON=2
+uint8 type
+geometry_msgs/Polygon footprint
+geometry_msgs/Vector3 dimensions
+""",
+    },
+    'radar_msgs': {
+        'msg/RadarTracks.msg': """
+std_msgs/Header header
+radar_msgs/RadarTrack[] tracks
+""",
+        'msg/RadarTrack.msg': """
+uint16 NO_CLASSIFICATION=0
+uint16 STATIC=1
+uint16 DYNAMIC=2
+unique_identifier_msgs/UUID uuid
+geometry_msgs/Point position
+geometry_msgs/Vector3 velocity
+geometry_msgs/Vector3 acceleration
+geometry_msgs/Vector3 size
+uint16 classification
+float32[6] position_covariance
+float32[6] velocity_covariance
+float32[6] acceleration_covariance
+float32[6] size_covariance
+""",
+    },
+    'costmap_converter_msgs': {
+        'msg/ObstacleArrayMsg.msg': """
+std_msgs/Header header
+costmap_converter_msgs/ObstacleMsg[] obstacles
+""",
+        'msg/ObstacleMsg.msg': """
+std_msgs/Header header
+geometry_msgs/Polygon polygon
+float64 radius
+int64 id
+geometry_msgs/Quaternion orientation
+geometry_msgs/TwistWithCovariance velocities
+""",
+    },
+    'derived_object_msgs': {
+        'msg/ObjectArray.msg': """
+std_msgs/Header header
+derived_object_msgs/Object[] objects
+""",
+        'msg/Object.msg': """
+std_msgs/Header header
+uint32 id
+uint8 detection_level
+uint8 OBJECT_DETECTED=0
+uint8 OBJECT_TRACKED=1
+bool object_classified
+geometry_msgs/Pose pose
+geometry_msgs/Twist twist
+geometry_msgs/Accel accel
+geometry_msgs/Polygon polygon
+shape_msgs/SolidPrimitive shape
+uint8 classification
+uint8 classification_certainty
+uint32 classification_age
+""",
+    },
 }
 
 

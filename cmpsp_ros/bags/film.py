@@ -24,7 +24,7 @@ from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings, to_nanoseconds
 from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.robots import DifferentialDrive
 from cmpsp_ros.simulator import Physics, mjcf
-from cmpsp_ros.view import Lines, bodies, body
+from cmpsp_ros.view import Lines, Part, bodies, body, course
 from cmpsp_ros.world.obstacles import Shape
 
 Point = tuple[float, float]
@@ -37,9 +37,13 @@ HEIGHT: Final = 0.12
 
 _PURPLE: Final = '0.62 0.2 0.5 1'
 _GREEN: Final = '0.05 0.5 0.25 1'
-_RED: Final = '0.8 0.25 0.18 1'
-_PALE: Final = '0.92 0.62 0.58 1'
 _LINE = 0.012
+_PARTS: Final = {
+    'edge': ('0.25 0.25 0.25 1', 2.0 * _LINE),
+    'obstacle': ('0.8 0.25 0.18 1', _LINE),
+    'hidden': ('0.92 0.62 0.58 1', _LINE),
+}
+"""Colour, and radius of lines [m], by kind of part."""
 
 _LOOK = """
   <visual>
@@ -79,9 +83,9 @@ def scene(
         hidden: Obstacles that only the simulator knows.
     """
     posts = (each for index, place in enumerate(goals) for each in _goal(index, place))
-    shapes = (*_obstacles(settings.obstacles, _RED), *_obstacles(hidden, _PALE))
+    parts = course([settings.road], settings.obstacles, hidden)
     drawn = (*_way(way), *(each for line in ends for each in _way(line)))
-    decoration = '\n    '.join((*_edges(settings), *shapes, *drawn, *posts))
+    decoration = '\n    '.join((*_course(parts), *drawn, *posts))
     robot = mjcf(settings.robot, Physics(), 0.0) if has_wheels(settings) else _shaped(settings)
     head, rest = robot.split('<worldbody>', 1)
     body = rest.split('/>', 1)[1]  # its floor is a bare one
@@ -124,19 +128,14 @@ def _disc(number: int) -> str:
     return f'<body name="moving {number}" mocap="true" pos="0 0 {BELOW}">{geom}</body>\n'
 
 
-def _edges(settings: GuidanceSettings) -> Iterator[str]:
-    for edge in settings.road.edges():
-        yield from _line(edge, 2.0 * _LINE, '0.25 0.25 0.25 1')
-
-
-def _obstacles(shapes: Iterable[Shape], color: str) -> Iterator[str]:
-    for each in shapes:
-        if each.is_disc:
-            place = (*each.center, HEIGHT / 2.0)
-            yield _geom('cylinder', f'{each.radius} {HEIGHT / 2.0}', place, color)
-        else:
-            for line in each.outlines(each.radius):
-                yield from _line(line, _LINE, color)
+def _course(parts: Iterable[Part]) -> Iterator[str]:
+    for part in parts:
+        color, radius = _PARTS.get(part.kind, ('', 0.0))
+        for center, size in part.discs:
+            place = (*center, HEIGHT / 2.0)
+            yield _geom('cylinder', f'{size} {HEIGHT / 2.0}', place, color)
+        for line in part.outlines if color else ():
+            yield from _line(line, radius, color)
 
 
 def _way(way: Array) -> Iterator[str]:

@@ -38,6 +38,11 @@ class Names:
         return f'{self.namespace}/moving_obstacles'
 
     @property
+    def tracks(self) -> str:
+        """Topic of the tracks of what moves, as decisions use them."""
+        return f'{self.node}/tracks'
+
+    @property
     def sighting(self) -> str:
         """Topic of the known surroundings."""
         return f'{self.node}/sighting'

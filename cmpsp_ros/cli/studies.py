@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Optional
 
 import typer
 
@@ -47,7 +47,7 @@ def bench(context: typer.Context) -> None:
 def paper(
     output: Annotated[Path, typer.Option(help='New or empty folder.')] = Path('paper'),
     only: Annotated[
-        list[str] | None,
+        Optional[list[str]],
         typer.Option(metavar='NAME', help='One figure or table, such as fig5; may be repeated.'),
     ] = None,
     judge: Annotated[
@@ -82,8 +82,8 @@ def study(
         str,
         typer.Argument(
             metavar='NAME',
-            help='nominal, disturbed, realtime, heavy, told_wrong, corridors, floor, sight, mapped '
-            'or clutter.',
+            help='nominal, disturbed, realtime, heavy, told_wrong, corridors, floor, sight, '
+            'mapped, clutter or people.',
         ),
     ],
     runs: Annotated[int, typer.Option(min=1, help='Number of runs, from run 0 on.')] = 200,
@@ -94,7 +94,7 @@ def study(
         typer.Option(metavar='ADDRESS', help='Dask scheduler whose workers share them instead.'),
     ] = '',
     output: Annotated[
-        Path | None, typer.Option(help='New folder, or one to continue; study_NAME when absent.')
+        Optional[Path], typer.Option(help='New folder, or one to continue; study_NAME when absent.')
     ] = None,
     judge: Annotated[
         bool, typer.Option('--judge', help='Solve each failed run with IPOPT (CasADi).')
@@ -104,13 +104,22 @@ def study(
         typer.Option(min=0, help="Of so many runs that arrived, compare the cost with IPOPT's."),
     ] = 0,
     only: Annotated[
-        int | None,
+        Optional[int],
         typer.Option('--run', min=0, metavar='NUMBER', help='Instead, repeat and draw one run.'),
     ] = None,
     obstacles: Annotated[int, typer.Option(min=0, max=6, help='Maximum number in one run.')] = 4,
     robot: Annotated[
-        str, typer.Option(metavar='NAME', help='Robot, or its file: nominal courses made for it.')
+        str, typer.Option(metavar='NAME', help='Robot, or its file, of study nominal or people.')
     ] = '',
+    scene: Annotated[
+        str,
+        typer.Option(
+            metavar='NAME', help='Of study people: hall, room, corridor, crossing or door.'
+        ),
+    ] = '',
+    told: Annotated[
+        bool, typer.Option('--told', help='In study people: they are known exactly, not seen.')
+    ] = False,
     assignments: Assignments = None,
 ) -> None:
     """Drive many random courses and count the outcomes.
@@ -119,7 +128,7 @@ def study(
     """
     from cmpsp_ros.studies import monte_carlo  # noqa: PLC0415 (plots, kernels)
 
-    chosen = monte_carlo.Study(name, seed, obstacles, tuple(assignments or ()), robot)
+    chosen = monte_carlo.Study(name, seed, obstacles, tuple(assignments or ()), robot, scene, told)
     folder = output or Path(f'study_{name}')
     with writing_to(folder), exit_on(monte_carlo.StudyError, ParameterError, code=1):
         if only is not None:
@@ -148,7 +157,7 @@ def study(
 
 def warmup(
     presets: Annotated[
-        list[str] | None,
+        Optional[list[str]],
         typer.Argument(metavar='PRESET', help='Presets, or parameter files; none: everything.'),
     ] = None,
 ) -> None:

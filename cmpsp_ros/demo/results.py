@@ -62,7 +62,7 @@ def draw_trajectory(
     figure = Figure(layout='constrained')
     axes = figure.add_subplot()
     there = course([settings.road], settings.obstacles, hidden)
-    draw(axes, traces([*there, kept_clear(settings)], ''))
+    draw(axes, traces([*there, kept_clear(settings, settings.world)], ''))
     plans = [plan for plan in run.plans if first <= plan.stamp < last]
     colors = mpl.colormaps['viridis'](np.linspace(0.15, 0.85, _PLANS))
     for number, color in enumerate(colors) if plans else ():

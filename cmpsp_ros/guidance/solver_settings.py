@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final, Literal
 
+from cmpsp_ros.sensing import TrackSource
 from cmpsp_ros.setting import NOT_NEGATIVE, POSITIVE, Range, setting
 
 SCREENING: Final = 6
@@ -88,6 +89,16 @@ class MovingObstacles:
         'Age at which an obstacle that is not seen again is dropped.', POSITIVE)
     growth: float = setting(0.05, 'm/s',
         "Growth rate of an obstacle's predicted radius since it was last seen.", NOT_NEGATIVE)
+    quantile: float = setting(2.0, '',
+        'Standard deviations of position and velocity by which plans take an obstacle for larger '
+        'than it was seen.', NOT_NEGATIVE, key='people.quantile')
+    max_acceleration: float = setting(1.0, 'm/s^2',
+        'Largest acceleration of a moving obstacle, in any direction. No command leads to where '
+        'one could be by then, until the robot is at rest.', NOT_NEGATIVE,
+        key='people.max_acceleration')
+    max_speed: float = setting(1.6, 'm/s',
+        'Largest speed of a moving obstacle, unless it was seen to be faster.', NOT_NEGATIVE,
+        key='safety.max_obstacle_speed')
     others: tuple[str, ...] = setting((), '',
         'Namespaces of other robots, as in `[/r1, /r2]`. Their plans on '
         "`<namespace>/guidance/predicted_path` are avoided like moving obstacles. The robot's own "
@@ -95,6 +106,7 @@ class MovingObstacles:
         live=False, key='others.namespaces')
     others_radius: float = setting(0.0, 'm',
         'Radius of the footprint of each of these robots.', NOT_NEGATIVE, key='others.radius')
+    trackers: tuple[TrackSource, ...] = ()
 
     @property
     def slots(self) -> int:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import replace
+from importlib.util import find_spec
 from typing import get_args
 
 import numpy as np
@@ -34,10 +35,9 @@ from cmpsp_ros.world.grids import NO_FIELD, GridObstacle, OccupancyGrid
 from cmpsp_ros.world.obstacles import Capsule, MovingDiscs
 from cmpsp_ros.world.roads import (
     Annulus,
-    Corridor,
-    OpenFloor,
     arc_length_to,
     find_near,
+    kinds,
     lookahead_point,
     remaining_arc_length,
 )
@@ -49,7 +49,7 @@ _OFF = 1e-11
 # Corridors have the same code, and need scipy, which takes a third of a second to import.
 _A_ROAD = Annulus()
 _A_GRID = OccupancyGrid((50.0, 50.0, 0.0), 0.1, np.eye(8, dtype=np.uint8))
-_A_DISC = MovingDiscs(('disc',), np.zeros((1, 5)), 0.0, np.zeros(1, np.int64))
+_A_DISC = MovingDiscs(('disc',), np.zeros((1, 7)), np.zeros(1, np.int64))
 
 
 def prepare(settings: GuidanceSettings) -> None:
@@ -76,13 +76,16 @@ def prepare(settings: GuidanceSettings) -> None:
 
 
 def _see_something(settings: GuidanceSettings) -> None:
-    """Run the kernels of sensing on one beam."""
+    """Run the kernels of sensing on a few beams."""
     sensor, nowhere = settings.sight.sensors[0], np.zeros(3)
-    stamps, is_hit = np.zeros(2, np.int64), np.ones(2, dtype=bool)
     surroundings = Surroundings(settings.sight, settings.robot_radius, settings.footprint)
-    surroundings.add(Sight(sensor, 0, stamps, np.zeros((2, 2)), np.eye(2), is_hit, is_sweep=True))
-    surroundings.update(0, nowhere)
-    if (sighting := surroundings.at(0, nowhere)) is not None:
+    ends, is_hit = np.column_stack([np.ones(4), 0.02 * np.arange(4.0)]), np.ones(4, dtype=bool)
+    for stamp in (0, NANOSECONDS // 10):
+        stamps = np.full(4, stamp)
+        sight = Sight(sensor, stamp, stamps, np.zeros((4, 2)), ends, is_hit, is_sweep=True)
+        surroundings.add(sight)
+        surroundings.update(stamp, nowhere)
+    if (sighting := surroundings.at(stamp, nowhere)) is not None:
         law = GuidanceLaw(settings, settings.world)
         law.step(Observation(0, settings.road.middle(), (), sighting))
         law.after_step()
@@ -98,7 +101,7 @@ def run_kernels(settings: LawSettings) -> None:
 
     Each of them is compiled once, for all kinds of road, and each kind has functions of its own.
     """
-    for kind in (Annulus, Corridor, OpenFloor):
+    for kind in kinds():
         kind.load()
     pose, durations = _A_ROAD.middle(), np.ones(1)
     controls = np.zeros((2, settings.robot.n_controls))
@@ -171,8 +174,9 @@ def _meet_trouble(settings: GuidanceSettings) -> None:
 
 
 def _meet_difficulties(settings: GuidanceSettings) -> None:
-    """Run the rarely used fallback: Clarabel, which is imported on first use."""
-    by_name = replace(settings, solver=replace(settings.solver, qp=CLARABEL))
+    """Run the rarely used fallback: Clarabel, which is imported on first use, where it is there."""
+    name = CLARABEL if find_spec('clarabel') else 'hildreth'
+    by_name = replace(settings, solver=replace(settings.solver, qp=name))
     period, final = to_nanoseconds(settings.control_period), to_nanoseconds(settings.final_time)
     horizon, pose = remaining(0, period, final), settings.road.middle()
     context = PlanningContext.at_pose(by_name, settings.world, pose, horizon)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -59,6 +59,10 @@ class World:
     obstacles: tuple[Shape, ...] = ()
     seen: GridObstacle | None = None
     searched: Searched = NOT_SEARCHED
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The fields alone: cached spaces hold addresses of compiled code in this process."""
+        return {each.name: self.__dict__[each.name] for each in fields(self)}
 
     @cached_property
     def shapes(self) -> tuple[Shape, ...]:

@@ -117,17 +117,22 @@ def course_of(message: MarkerArray) -> list[dict[str, Any]]:
 
 
 def moving_of(message: MarkerArray) -> list[dict[str, Any]]:
-    """Moving obstacles among the markers of a plan: position, diameter and destination."""
+    """Moving obstacles among the markers of a plan: position, diameters and destination.
+
+    Of the diameters one is that of the obstacle, the other that of the disc that it may fill.
+    """
     there = [each for each in message.markers[:_MOST_MARKERS] if each.action == Marker.ADD]
     ways = {each.id: each.points[-1] for each in there if each.type == Marker.ARROW and each.points}
+    doubts = {each.id: each.scale.x for each in there if each.ns == 'moving_doubts'}
     return [
         {
             'at': [each.pose.position.x, each.pose.position.y],
             'size': each.scale.x,
+            'doubt': doubts.get(each.id),
             'to': [ways[each.id].x, ways[each.id].y] if each.id in ways else None,
         }
         for each in there
-        if each.type == Marker.CYLINDER
+        if each.ns == 'moving_obstacles'
     ]
 
 

@@ -13,10 +13,12 @@ if TYPE_CHECKING:
     from cmpsp_ros.parameters.parameter import Parameter
     from cmpsp_ros.parameters.plausibility import plausibility_warnings
     from cmpsp_ros.parameters.roads import lacks_road, road_keys
+    from cmpsp_ros.parameters.robots import footprint_of
     from cmpsp_ros.parameters.settings import (
         check_simulation,
         guidance_settings,
         laser_settings,
+        people_settings,
         plant_settings,
         scenery,
     )

@@ -17,9 +17,16 @@ from cmpsp_ros.parameters.obstacles import map_parameters, shape_parameters
 from cmpsp_ros.parameters.parameter import REQUIRED, Group, Parameter, ParameterType
 from cmpsp_ros.parameters.roads import road_parameters
 from cmpsp_ros.parameters.table import ParameterTable
-from cmpsp_ros.sensing import Sensor, SightSettings
+from cmpsp_ros.sensing import Sensor, SightSettings, TrackSource
 from cmpsp_ros.setting import NOT_NEGATIVE, POSITIVE, Range, settings_of
-from cmpsp_ros.simulator import LaserSettings, OdometryErrors, Physics, PlantSettings
+from cmpsp_ros.simulator import (
+    LaserSettings,
+    OdometryErrors,
+    PeopleSettings,
+    Physics,
+    PlantSettings,
+    Walker,
+)
 
 _BOOL, _INTEGER, _DOUBLE = ParameterType.BOOL, ParameterType.INTEGER, ParameterType.DOUBLE
 _STRING, _DOUBLES = ParameterType.STRING, ParameterType.DOUBLE_ARRAY
@@ -130,6 +137,7 @@ def _parameters() -> Iterator[Parameter]:
     moving = Group('Moving obstacles', 'guidance')
     own = 'capacity', 'timeout', 'growth'
     yield from moving.of(MovingObstacles, 'moving_obstacles.', own)
+    yield from moving.of(MovingObstacles, only=('quantile', 'max_acceleration'))
     sim_only = {'nodes': ('sim',), **_FIXED}
     yield moving('moving_obstacles.names', _STRINGS, [], '',
         'Obstacles that the simulator moves and publishes, each with its own block; omit it if '
@@ -141,6 +149,12 @@ def _parameters() -> Iterator[Parameter]:
         **_POINT, **sim_only)
     yield moving('moving_obstacles.<name>.radius', _DOUBLE, REQUIRED, 'm',
         'Radius of this obstacle.', range=POSITIVE, **sim_only)
+
+    trackers = Group('Trackers', 'guidance')
+    yield trackers('trackers.names', _STRINGS, [], '',
+        'Names of other sources of moving obstacles, each with its own block; omit it if there are '
+        'none.', **_FIXED)
+    yield from trackers.of(TrackSource, 'trackers.<name>.')
 
     sight = Group('Sensors', 'guidance')
     yield sight('sensors.names', _STRINGS, [], '',
@@ -156,6 +170,7 @@ def _parameters() -> Iterator[Parameter]:
     yield from solver.of(InitialGuess, 'initial_guess.')
     safety = Group('Safety', 'guidance')
     yield from safety.of(Safety, 'safety.')
+    yield from safety.of(MovingObstacles, only=('max_speed',))
     yield from safety.of(TaskSettings, only=('odom_timeout', 'failure_tolerance'))
 
     node = Group('Node', 'guidance', 'sim')
@@ -223,6 +238,16 @@ def _parameters() -> Iterator[Parameter]:
         'Names of obstacles that only the simulator knows, each with its own block; omit it if '
         'there are none.')
     yield from shape_parameters(scan, 'sim.obstacles')
+
+    people = Group('People in the simulator', 'sim')
+    yield people('sim.people.names', _STRINGS, [], '',
+        'Names of people who walk about, known to the scanner alone, or of groups; each with its '
+        'own block. They begin with the first command to the robot. Omit it if there are none.',
+        **_FIXED)
+    yield people('sim.people.<name>.position', _DOUBLES, REQUIRED, 'm',
+        'Initial position (x, y).', **_POINT, **_FIXED)
+    yield from people.of(Walker, 'sim.people.<name>.')
+    yield from people.of(PeopleSettings, 'sim.people.')
 # fmt: on
 
 

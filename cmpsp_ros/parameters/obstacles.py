@@ -6,30 +6,27 @@ import base64
 import binascii
 import re
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from functools import lru_cache, partial
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from cmpsp_ros import guidance
 from cmpsp_ros.parameters.errors import ParameterError, Problem, Problems, describe
-from cmpsp_ros.parameters.parameter import ParameterType
+from cmpsp_ros.parameters.parameter import Group, Parameter, ParameterType
 from cmpsp_ros.parameters.table import Values
 from cmpsp_ros.setting import NOT_NEGATIVE, POSITIVE, Range
-from cmpsp_ros.world import obstacles
+from cmpsp_ros.world.obstacles import SHAPES, ShapeError
 
 if TYPE_CHECKING:
-    from cmpsp_ros.parameters.parameter import Group, Parameter
     from cmpsp_ros.world.grids import Cells, GridObstacle
-    from cmpsp_ros.world.obstacles import Point, Shape
+    from cmpsp_ros.world.obstacles import Shape
 
 _BOOL, _DOUBLE = ParameterType.BOOL, ParameterType.DOUBLE
 _STRING, _DOUBLES = ParameterType.STRING, ParameterType.DOUBLE_ARRAY
-_FIXED: Final = {'reconfigurable': False}
-
 _INTEGER: Final = ParameterType.INTEGER
-
+_FIXED: Final = {'reconfigurable': False}
 
 NO_MAP: Final = 'none'
 """Cells of no map."""
@@ -41,46 +38,27 @@ _CELLS: Final = re.compile(r'(\d{1,9}) x (\d{1,9}) ([A-Za-z0-9+/=]+)', re.ASCII)
 _WANTED: Final = 'what map.file makes of a map, or none'
 
 
-class _Kind(NamedTuple):
-    """A type of obstacle: keys of its points, whether it has a radius, and its maker."""
-
-    points: tuple[str, ...]
-    has_radius: bool
-    make: Callable[[str, list[list[Point]], float], Shape]
-
-
-_KINDS: Final = {
-    'circle': _Kind(
-        ('center',), True, lambda name, points, r: obstacles.Obstacle(name, points[0][0], r)
-    ),
-    'capsule': _Kind(
-        ('start', 'end'),
-        True,
-        lambda name, points, r: obstacles.Capsule(name, points[0][0], points[1][0], r),
-    ),
-    'polygon': _Kind(
-        ('vertices',), False, lambda name, points, _: obstacles.convex(name, points[0])
-    ),
+_SETTINGS: Final = {
+    each.kind: {setting.name: setting for setting in Group('').of(each)} for each in SHAPES
 }
+"""Settings of each type of obstacle by name, as that type wants them."""
+
+_BLOCK: Final = {key: each for own in _SETTINGS.values() for key, each in own.items()}
+"""Settings of all types by name."""
+
+
+def shape_parameters(group: Group, section: str) -> Iterator[Parameter]:
+    """Rows of the table for the block of an obstacle: any setting of any type may be left out."""
+    block, kinds = f'{section}.<name>', tuple(_SETTINGS)
+    yield group(f'{block}.type', _STRING, kinds[0], '', 'Shape of this obstacle.', choices=kinds)
+    for key, each in _BLOCK.items():
+        users = ' or '.join(f'`{kind}`' for kind in kinds if key in _SETTINGS[kind])
+        text = f'{each.description} With type {users}.'
+        within = Range(min(each.range.low, 0.0), each.range.high)
+        yield group(f'{block}.{key}', each.type, each.default, each.unit, text, range=within)
 
 
 # fmt: off
-def shape_parameters(group: Group, section: str) -> Iterator[Parameter]:
-    """Rows of the table for the block of an obstacle."""
-    block = f'{section}.<name>'
-    yield group(f'{block}.type', _STRING, 'circle', '',
-        'Shape of this obstacle: a `capsule` is the region around a line segment, a `polygon` is '
-        'convex.', choices=tuple(_KINDS))
-    yield group(f'{block}.center', _DOUBLES, [], 'm', 'Centre of this `circle` (x, y).')
-    yield group(f'{block}.start', _DOUBLES, [], 'm',
-        'One end of the line segment of this `capsule` (x, y).')
-    yield group(f'{block}.end', _DOUBLES, [], 'm', 'Other end of the line segment (x, y).')
-    yield group(f'{block}.vertices', _DOUBLES, [], 'm',
-        'Corners of this `polygon`, in order, in either direction: x and y of each.')
-    yield group(f'{block}.radius', _DOUBLE, 0.0, 'm',
-        'Radius of this `circle` or `capsule`; must be above 0 for these.', range=NOT_NEGATIVE)
-
-
 def map_parameters(place: Group) -> Iterator[Parameter]:
     """Rows of the table for the map."""
     yield place('map.cells', _STRING, 'none', '',
@@ -160,38 +138,34 @@ def text_of(cells: Cells) -> str:
 
 
 def _shape(values: Values, prefix: str) -> Shape:
-    kind, radius = _KINDS[values[f'{prefix}.type']], values[f'{prefix}.radius']
-    if problems := list(_block_problems(values, prefix)):
-        raise ParameterError(*problems)
-    numbers = [values[f'{prefix}.{key}'] for key in kind.points]
-    points = [list(zip(each[::2], each[1::2], strict=True)) for each in numbers]
-    try:
-        return kind.make(prefix.rpartition('.')[2], points, radius)
-    except obstacles.ShapeError as error:
-        found = f'at vertex {error.vertex} (from 0) {error.found}'
-        raise ParameterError(Problem(f'{prefix}.vertices', found, error.wanted)) from error
-
-
-def _block_problems(values: Values, prefix: str) -> Iterator[Problem]:
-    """Values that a block lacks for its type, or has too many."""
     kind = values[f'{prefix}.type']
-    for each, (keys, *_) in _KINDS.items():
-        for key in keys:
-            numbers, where = values[f'{prefix}.{key}'], f'{prefix}.{key}'
-            if each != kind:
-                if numbers:
-                    yield Problem(where, describe(numbers), f'nothing for a {kind}')
-            elif kind == 'polygon':
-                if len(numbers) % 2 or not numbers:
-                    found = describe(numbers or None)
-                    yield Problem(where, found, 'x and y [m] of each vertex')
-            elif len(numbers) != 2:
-                yield Problem(where, describe(numbers or None), 'a list of 2 numbers [m]')
-    radius, where = values[f'{prefix}.radius'], f'{prefix}.radius'
-    if radius != 0.0 and not _KINDS[kind].has_radius:
-        yield Problem(where, describe(radius), f'nothing for a {kind}')
-    elif radius == 0.0 and _KINDS[kind].has_radius:
-        yield Problem(where, 'nothing, or 0', 'a number > 0 [m]')
+    problems, found = Problems(), {}
+    for key in _BLOCK:
+        where, value, own = f'{prefix}.{key}', values[f'{prefix}.{key}'], _SETTINGS[kind].get(key)
+        if own is not None:
+            found[key] = problems.attempt(partial(_setting, own, where, value))
+        elif value:
+            problems.append(Problem(where, describe(value), f'nothing with type {kind}'))
+    problems.check()
+    made = next(each for each in SHAPES if each.kind == kind)
+    try:
+        return made.of(prefix.rpartition('.')[2], **found)
+    except ShapeError as error:
+        wrong = f'at vertex {error.vertex} (from 0) {error.found}'
+        raise ParameterError(Problem(f'{prefix}.vertices', wrong, error.wanted)) from error
+
+
+def _setting(own: Parameter, where: str, value: Any) -> Any:
+    """Value of a setting as its type of obstacle wants it; raises `ParameterError`."""
+    if not own.is_array:
+        if value not in own.range:
+            raise ParameterError(Problem(where, 'nothing, or 0', own.wanted))
+        return value
+    if own.length is not None:
+        return tuple(own.read(where, value or None))
+    if len(value) % 2 or not value:
+        raise ParameterError(Problem(where, describe(value or None), 'x and y [m] of each vertex'))
+    return tuple(zip(value[::2], value[1::2], strict=True))
 
 
 # It takes much longer than all other parameters, which are read again at every live change.

@@ -37,8 +37,15 @@ from cmpsp_ros.parameters.parameter import build
 from cmpsp_ros.parameters.roads import road_of
 from cmpsp_ros.parameters.robots import footprint_of, robot_of, robot_problems
 from cmpsp_ros.parameters.table import Values
-from cmpsp_ros.sensing import Sensor, SightSettings
-from cmpsp_ros.simulator import LaserSettings, OdometryErrors, Physics, PlantSettings
+from cmpsp_ros.sensing import Sensor, SightSettings, TrackSource
+from cmpsp_ros.simulator import (
+    LaserSettings,
+    OdometryErrors,
+    PeopleSettings,
+    Physics,
+    PlantSettings,
+    Walker,
+)
 from cmpsp_ros.world.obstacles import Shape
 
 _MOST_STEPS: Final = 10_000
@@ -84,6 +91,10 @@ def guidance_settings(values: Values) -> GuidanceSettings:
     sensors = tuple(
         build(Sensor, values, f'sensors.{name}.', name=name) for name in values['sensors.names']
     )
+    trackers = tuple(
+        build(TrackSource, values, f'trackers.{name}.', name=name)
+        for name in values['trackers.names']
+    )
     return build(
         GuidanceSettings,
         values,
@@ -95,7 +106,7 @@ def guidance_settings(values: Values) -> GuidanceSettings:
         final_time=values['final_time'] or math.inf,
         waypoints=waypoints_of(values),
         follow=follow_of(values),
-        moving_obstacles=build(MovingObstacles, values, 'moving_obstacles.'),
+        moving_obstacles=build(MovingObstacles, values, 'moving_obstacles.', trackers=trackers),
         sight=build(SightSettings, values, 'sight.', sensors=sensors),
         robot_radius=course.radius,
         footprint=course.footprint,
@@ -141,6 +152,23 @@ def scenery(values: Values) -> tuple[tuple[Shape, ...], list[Array]]:
     return obstacles_of(values) + shapes_of(values), lines
 
 
+def people_settings(values: Values) -> PeopleSettings:
+    """People who walk about in the simulator; ParameterError for waypoints that are no points."""
+    problems, walkers = Problems(), []
+    for name in values['sim.people.names']:
+        prefix = f'sim.people.{name}.'
+        place = tuple(values[f'{prefix}position'])
+        walkers.append(build(Walker, values, prefix, name=name, position=place))
+        key, given = f'{prefix}waypoints', values[f'{prefix}waypoints']
+        if walkers[-1].motion != 'waypoints' and given:
+            problems.append(Problem(key, describe(given), f'{prefix}motion: waypoints with them'))
+        elif walkers[-1].motion == 'waypoints' and (len(given) % 2 or not given):
+            problems.append(Problem(key, describe(given or None), 'x and y [m] of each point'))
+    problems.check()
+    seed = values['noise.seed']
+    return build(PeopleSettings, values, 'sim.people.', walkers=tuple(walkers), seed=seed)
+
+
 def check_simulation(values: Values) -> None:
     """Refuse a simulation that cannot start or keep pace.
 
@@ -155,6 +183,7 @@ def check_simulation(values: Values) -> None:
         problems += [each for each in of_road if not each.where.startswith('road.')]
         x, y, heading = values['initial_pose']
         problems += course.place_problems('initial_pose', (x, y), heading)
+    problems.attempt(partial(people_settings, values))
     problems.check()
     Problems(_pace_problems(values)).check()
 
@@ -295,5 +324,7 @@ def _sensor_problems(values: Values) -> Iterator[Problem]:
         if low >= high:
             key = f'sensors.{name}.heights'
             yield Problem(key, describe([low, high]), 'the least z before the greatest')
+    if values['trackers.names'] and not values['moving_obstacles.capacity']:
+        yield Problem('moving_obstacles.capacity', '0', 'at least 1, for trackers.names')
     if values['sensors.names'] and SEEN in values['obstacles.names']:
         yield Problem('obstacles.names', repr(SEEN), 'another name: it is that of what is seen')

@@ -66,6 +66,9 @@ class SightSettings:
     timeout: float = setting(0.5, 's',
         "Age of a sensor's last message at which the sensor counts as lost and the robot is "
         'stopped.', POSITIVE, live=False)
+    moving: bool = setting(True, '',
+        'Whether what moves is tracked, and avoided at its predicted positions; otherwise it '
+        'counts as static where it was last seen.', live=False)
 # fmt: on
 
 

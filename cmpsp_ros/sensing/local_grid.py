@@ -58,6 +58,8 @@ class LocalGrid:
         self._seen = np.full((side, side), _NEVER, dtype=np.int64)
         # Where in its cell the last beam ended [cells]: a wall is there, not in all of the cell.
         self._hits = np.zeros((side, side, 2), dtype=np.float32)
+        # Number of the object that was hit there.
+        self._owners = np.zeros((side, side), dtype=np.int64)
 
     def center_on(self, x: float, y: float) -> None:
         """Follow the robot by whole cells, and forget those left behind."""
@@ -69,16 +71,29 @@ class LocalGrid:
             self._cells = _shifted(self._cells, up, right, Cell.UNKNOWN)
             self._seen = _shifted(self._seen, up, right, _NEVER)
             self._hits = _shifted(self._hits, up, right, 0.0)
+            self._owners = _shifted(self._owners, up, right, 0)
             self._column, self._row = column, row
 
-    def see(self, beams: Beams) -> None:
-        """Clear cells along beams, and mark their ends; in the order of time."""
+    def see(self, beams: Beams, owners: IntArray | None = None) -> None:
+        """Clear cells along beams, and mark their ends; in the order of time.
+
+        Args:
+            beams: Beams of one message.
+            owners: Number of the object that each has hit, shape ``(B,)``: 0 for none, negative
+                for one that moves, which marks nothing.
+        """
+        if owners is None:
+            owners = np.zeros(len(beams.ends), np.int64)
         arrays = self._cells, self._seen, self._hits
         corner = np.array([self._column, self._row], dtype=float)
         starts = beams.starts / self._resolution - corner
         ends = beams.ends / self._resolution - corner
         clear(*arrays, starts, ends, beams.hits, beams.stamp, beams.is_sweep)
-        mark(*arrays, ends, beams.hits, beams.stamp)
+        mark(*arrays, self._owners, ends, beams.hits, owners, beams.stamp)
+
+    def release(self, owner: int) -> None:
+        """Free all cells that an object has marked: it moves."""
+        self._cells[(self._owners == owner) & (self._cells == Cell.OCCUPIED)] = Cell.FREE
 
     def stand_at(
         self, x: float, y: float, radius: float, stamp: int, corners: Array | None = None
@@ -180,13 +195,22 @@ def clear(
 
 @allocation_free
 def mark(
-    cells: Cells, seen: IntArray, hits: Places, ends: Array, is_hit: BoolArray, stamp: int
+    cells: Cells,
+    seen: IntArray,
+    hits: Places,
+    owned: IntArray,
+    ends: Array,
+    is_hit: BoolArray,
+    owners: IntArray,
+    stamp: int,
 ) -> None:
-    """Occupy the cells in which beams have hit something."""
+    """Occupy the cells in which beams have hit something that stands still."""
     for i in range(ends.shape[0]):
         column, row = math.floor(ends[i, 0]), math.floor(ends[i, 1])
-        if is_hit[i] and 0 <= row < cells.shape[0] and 0 <= column < cells.shape[1]:
+        is_inside = 0 <= row < cells.shape[0] and 0 <= column < cells.shape[1]
+        if is_hit[i] and owners[i] >= 0 and is_inside:
             cells[row, column], seen[row, column] = _OCCUPIED, stamp
+            owned[row, column] = owners[i]
             hits[row, column, 0] = ends[i, 0] - column
             hits[row, column, 1] = ends[i, 1] - row
 

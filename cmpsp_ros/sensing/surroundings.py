@@ -10,8 +10,10 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.robots import DISC, Footprint, placed
-from cmpsp_ros.sensing.beams import Sight, SightSettings
+from cmpsp_ros.sensing.beams import Beams, Sight, SightSettings
 from cmpsp_ros.sensing.local_grid import LocalGrid
+from cmpsp_ros.sensing.track import Track
+from cmpsp_ros.sensing.tracker import Tracker
 from cmpsp_ros.world.grids import OccupancyGrid
 
 _NS = 1_000_000_000
@@ -21,10 +23,17 @@ _MAX_PENDING = 100
 
 @dataclass(frozen=True, eq=False)
 class Sighting:
-    """Grid of the surroundings, with the stamp of the odometry at which it was new [ns]."""
+    """Surroundings at the stamp of the odometry at which they were new [ns].
+
+    Attributes:
+        stamp: That time.
+        grid: Grid of all that stands still.
+        tracks: All that moves, predicted for that time.
+    """
 
     stamp: int
     grid: OccupancyGrid
+    tracks: tuple[Track, ...] = ()
 
 
 class Surroundings:
@@ -46,6 +55,7 @@ class Surroundings:
         """Forget everything."""
         settings = self._settings
         self._grid = LocalGrid(settings.size, settings.resolution, settings.memory)
+        self._tracker = Tracker() if settings.moving else None
         self._poses = PoseHistory(_SPAN)
         self._pending: list[Sight] = []
         self._seen: dict[str, int] = {}
@@ -65,7 +75,7 @@ class Surroundings:
         self._grid.center_on(float(pose[0]), float(pose[1]))
         for each in sorted(come, key=lambda each: (each.stamp, each.sensor.name)):
             if self._is_usable(each):
-                self._grid.see(each.projected(self._poses.at(each.stamps)))
+                self._see(each.sensor.name, each.projected(self._poses.at(each.stamps)))
                 self._seen[each.sensor.name] = each.stamp
                 self._is_stale = True
 
@@ -75,7 +85,8 @@ class Surroundings:
             corners = self._footprint.at(pose) if self._footprint.corners else None
             for x, y in placed(self._footprint.discs, pose).tolist():
                 self._grid.stand_at(x, y, self._robot_radius, stamp, corners)
-            self._sighting = Sighting(stamp, self._grid.at(stamp))
+            tracks = self._tracker.tracks(stamp) if self._tracker is not None else ()
+            self._sighting = Sighting(stamp, self._grid.at(stamp), tracks)
             self._is_stale = False
         return self._sighting
 
@@ -90,6 +101,16 @@ class Surroundings:
                 age = (stamp - seen) / _NS
                 return f'Sensor {each.name} has shown nothing for {age:.3f} s (sight.timeout).'
         return ''
+
+    def _see(self, sensor: str, beams: Beams) -> None:
+        """Enter what stands still into the grid, and follow what moves."""
+        if self._tracker is None:
+            self._grid.see(beams)
+            return
+        owners, begun = self._tracker.update(sensor, beams)
+        for each in begun:
+            self._grid.release(each)
+        self._grid.see(beams, owners)
 
     def _is_usable(self, sight: Sight) -> bool:
         """True if poses reach back to its first beam, and no newer one of that sensor was used."""

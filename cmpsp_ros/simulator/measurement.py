@@ -52,6 +52,7 @@ class Stream(IntEnum):
     RANGE = 5
     BEAM = 6
     ODOMETRY = 7
+    PEOPLE = 8
 
 
 def generator(seed: int, stream: Stream) -> np.random.Generator:

@@ -148,24 +148,6 @@ def test_a_run_is_judged_by_the_truth(run_demo):
     assert driven.poses[0].tolist() == [0.0, -9.25, 0.0]
 
 
-def test_told_of_its_delay_a_run_arrives_as_one_without(run_demo):
-    delayed = {'actuation_delay': '0.06'}
-    untold, _ = run_demo('untold', {**delayed, 'command_delay_tolerance': '0.0'})
-    told, code = run_demo('told', {**delayed, 'command_delay': '0.06'})
-    assert judged(untold)['miss_m'] > 1e-3
-    assert code == 0
-    assert judged(told)['miss_m'] < 1e-9
-    assert judged(told)['clearance_m'] == pytest.approx(0.064, abs=1e-3)
-    assert judged(told)['levels']['nominal'] == judged(told)['control_steps'] == 50
-    outcome = replay(told / 'bag', Names.under(''))
-    assert outcome.first is None, str(outcome)
-    with Bag(told / 'bag') as bag:
-        _, path = next(bag.messages('/guidance/predicted_path'))
-    assert stamp(path.poses[0]) - stamp(path) == 60_000_000
-    assert stamp(path.poses[-1]) == 10_000_000_000
-    assert np.hypot(path.poses[0].pose.position.x, path.poses[0].pose.position.y + 9.25) == 0.0
-
-
 def test_a_robot_that_slides_and_spins_its_wheels_arrives_too(run_demo):
     folder, code = run_demo('physics', {'plant': 'mujoco'})
     summary = judged(folder)

@@ -174,22 +174,19 @@ def test_frozen_subscriber_delays_the_exit_a_little_only(start, wait_until):
     assert '/cmd_vel: a subscriber has not confirmed the last message' in process.stderr
 
 
-def test_bad_parameters_are_told_in_one_line(start):
-    process = start(Misconfigured)
+@pytest.mark.parametrize(
+    ('node', 'arguments', 'said'),
+    [
+        (Misconfigured, [], 'parameter gain: expected a positive number, got -1'),
+        (Broken, [], "KeyError: 'gone'"),
+        (Idle, ['--ros-args', '-p', 'no value'], 'no value'),
+    ],
+)
+def test_a_start_that_fails_is_told_in_one_line(start, node, arguments, said):
+    process = start(node, *arguments)
     assert process.wait() == 1
-    assert fatal_lines(process) == ['parameter gain: expected a positive number, got -1']
-
-
-def test_broken_constructor(start):
-    process = start(Broken)
-    assert process.wait() == 1
-    assert fatal_lines(process) == ["KeyError: 'gone'"]
-
-
-def test_broken_command_line(start):
-    process = start(Idle, '--ros-args', '-p', 'no value')
-    assert process.wait() == 1
-    assert len(fatal_lines(process)) == 1
+    (line,) = fatal_lines(process)
+    assert said in line
 
 
 def test_exception_in_callback(start):

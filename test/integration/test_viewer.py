@@ -181,6 +181,8 @@ def test_it_shows_what_moves_and_the_goal_driven_to(start_view, wait_until, ros,
     decisions = ros.node.create_publisher(DECISION.type, '/guidance/decision', DECISION.qos)
     disc = Marker(ns='moving_obstacles', id=3, type=Marker.CYLINDER)
     disc.pose.position.x, disc.pose.position.y, disc.scale.x = 1.0, 2.0, 0.6
+    doubt = Marker(ns='moving_doubts', id=3, type=Marker.CYLINDER)
+    doubt.scale.x = 0.9
     arrow = Marker(ns='moving_velocities', id=3, type=Marker.ARROW)
     arrow.points = [Point(x=1.0, y=2.0), Point(x=1.5, y=2.25)]
     plan = Marker(ns='plan', type=Marker.LINE_STRIP)
@@ -195,13 +197,13 @@ def test_it_shows_what_moves_and_the_goal_driven_to(start_view, wait_until, ros,
     decision = DiagnosticArray(status=[status])
 
     def shown():
-        markers.publish(MarkerArray(markers=[plan, disc, arrow]))
+        markers.publish(MarkerArray(markers=[plan, disc, doubt, arrow]))
         decisions.publish(decision)
         updates = page.updates()
         return updates if updates.get('moving') and updates.get('decision') else None
 
     updates = wait_until(shown, LIMIT)
-    assert updates['moving'] == [{'at': [1.0, 2.0], 'size': 0.6, 'to': [1.5, 2.25]}]
+    assert updates['moving'] == [{'at': [1.0, 2.0], 'size': 0.6, 'doubt': 0.9, 'to': [1.5, 2.25]}]
     goal = [updates['decision'][f'goal_{each}'] for each in ('name', 'x', 'y', 'time')]
     assert goal == ['b', 0.5, -1.0, 17.0]
     dom, complaints = browse(page)

@@ -28,11 +28,12 @@ DISPLAYS = {
     'rviz_default_plugins/MarkerArray': 'MarkerArray',
     'rviz_default_plugins/Odometry': 'Odometry',
     'rviz_default_plugins/Path': 'Path',
+    'rviz_default_plugins/PointCloud2': 'PointCloud2',
     'rviz_default_plugins/Polygon': 'PolygonStamped',
 }
 SHOWN = {
     '/guidance/footprint', '/guidance/markers', '/guidance/plan_markers',
-    '/guidance/predicted_path', '/guidance/sighting', '/map', '/odom', '/scan',
+    '/guidance/predicted_path', '/guidance/sighting', '/guidance/tracks', '/map', '/odom', '/scan',
 }  # fmt: skip
 PANELS = {'3D', 'Plot', 'StateTransitions', 'RawMessages', 'DiagnosticSummary', 'Publish'}
 
@@ -88,7 +89,7 @@ def test_rviz_knows_the_namespaces_of_the_markers_and_the_frame(rviz):
     goals = guidance_settings(TABLE.resolve(load_parameter_file('goals')))
     settings = guidance_settings(TABLE.resolve(load_parameter_file('case3')))
     decision = GuidanceLaw(settings, settings.world).halt(1, 'No odometry.')
-    decision = decision._replace(tracks=(Track(7, 1, 0.3, 5.0, -9.0, -0.5, 0.25),))
+    decision = decision._replace(tracks=(Track(7, 1, 0.3, 5.0, -9.0, -0.5, 0.25, 0.1, 0.2),))
     scenery = [
         each
         for course in (settings, goals)

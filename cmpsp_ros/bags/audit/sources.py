@@ -88,7 +88,9 @@ def _record(bag: Bag, sources: Sources) -> AuditRecord:
             ' wanted a drive'
         )
     moving = bag.as_decided_on(places.node, 'moving_obstacles')
-    tracks = read_tracks(bag, moving, frame_id)
+    tracks = tuple(
+        each for topic in (moving, places.tracks) for each in read_tracks(bag, topic, frame_id)
+    )
     others = read_others(bag, settings.moving_obstacles.others, places.namespace)
     return AuditRecord(
         path=bag.path,

@@ -21,6 +21,7 @@ from cmpsp_ros.guidance.messages import (
     OdometryError,
     OdometryReading,
     PeerTrajectory,
+    Track,
     TrackError,
     goal_of,
     tracks_of,
@@ -77,6 +78,7 @@ class Recording:
             names.path: self._read_path,
             names.moving: self._read_tracks,
             f'{names.node}/moving_obstacles': self._read_tracks,
+            names.tracks: self._read_tracks,
             names.sighting: self._read_sighting,
             goal_pose: self._read_goal,
             **{
@@ -128,6 +130,8 @@ class Recording:
         for number, stamp in decision.tracks:
             if (number, stamp) not in self._tracks:
                 what, topic = f'obstacle {number} as it was seen', self._names.moving
+                if isinstance(number, int) and number >= Track.SEEN:
+                    topic = self._names.tracks
                 if isinstance(number, str):
                     what, topic = f'the plan that {number} made', PeerTrajectory.topic(number)
                 raise BagError(

@@ -99,7 +99,7 @@ class View:
     def run(self) -> tuple[Part, ...]:
         """Margins, moving obstacles, other robots, and last the robot itself at both ends."""
         return (
-            kept_clear(self.settings),
+            kept_clear(self.settings, self.settings.world),
             *(_moving(each) for each in self.tracks),
             *(self._other(name, each) for name, each in self.others.items()),
             trail(self.settings, self.poses),

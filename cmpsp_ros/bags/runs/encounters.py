@@ -57,8 +57,8 @@ def encounters(
         since = (part.stamps[:-1] - each.stamp) / NANOSECONDS
         least = []
         for points, radius in bodies:
-            states = np.array([[each.x, each.y, each.vx, each.vy, each.radius + radius]])
-            disc = MovingDiscs((each.name,), states, 0.0, np.zeros(1, np.int64))
+            state = each.x, each.y, each.vx, each.vy, each.radius + radius, 0.0, 0.0
+            disc = MovingDiscs((each.name,), np.array([state]), np.zeros(1, np.int64))
             least.append(disc.along(*arcs, since, points)[:, 0])
         stands = np.abs(part.twists[:-1]).max(axis=1) <= _STANDS
         yield Encounter(each.name, part.stamps[:-1], np.max(least, axis=0), stands)

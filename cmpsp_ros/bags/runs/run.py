@@ -147,8 +147,10 @@ def read_run(path: Path, namespace: str = '') -> Run:
         node = 'sim' if f'{namespace}/sim/truth' in bag.topics else 'guidance'
         stamps, speeds = _wheels(bag, f'{namespace}/{node}/wheel_speeds')
         moving = bag.as_decided_on(f'{namespace}/guidance', 'moving_obstacles')
-        tracks = read_tracks(bag, moving, None)
-        return Run(decisions, plans, driven_in(bag, namespace), tracks, stamps, speeds)
+        told, seen = (
+            read_tracks(bag, each, None) for each in (moving, f'{namespace}/guidance/tracks')
+        )
+        return Run(decisions, plans, driven_in(bag, namespace), told + seen, stamps, speeds)
 
 
 def read_driven(path: Path, namespace: str = '') -> DrivenPath:

@@ -1,8 +1,9 @@
 """Mcap files of unknown origin: checks before rosbags reads them, and recovery of their messages.
 
 rosbags scans files without an index and compares sizes and checksums of chunks; but it allocates
-and uncompresses as much as a file says, and refuses files that were cut off. Format: mcap.dev/spec;
-a record is an opcode, its length and that many bytes.
+as much as a file says, uncompresses as much as there is (its table of decompressors is bounded
+here), and refuses files that were cut off. Format: mcap.dev/spec; a record is an opcode, its length
+and that many bytes.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from io import BytesIO
 from typing import TYPE_CHECKING, NamedTuple
 
 from rosbags.rosbag2 import ReaderError
-from rosbags.rosbag2.storage_mcap import read_bytes, read_exact, read_string
+from rosbags.rosbag2.storage_mcap import DECOMPRESSORS, read_bytes, read_exact, read_string
 
 from cmpsp_ros.bags.storage.common import FoundTopic, read_definition, read_profiles
 from cmpsp_ros.bags.storage.limits import (
@@ -30,7 +31,7 @@ from cmpsp_ros.bags.storage.limits import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
+    from collections.abc import Iterable, Iterator
     from pathlib import Path
     from typing import BinaryIO
 
@@ -49,11 +50,15 @@ _INDEX = struct.Struct('<QQQQ')
 _SIZES = struct.Struct('<QQ')
 _UINT16, _UINT64 = struct.Struct('<H'), struct.Struct('<Q')
 
-_CHUNK_HEAD_SIZE = 64
 _END_SIZE = 37
 _MAX_RECORD = MAX_CHUNK + 4096
 _MAX_DEFINITION = 1 << 20
 _PROFILES = 'offered_qos_profiles'
+
+DECOMPRESSORS |= {
+    'lz4': lambda data, size: inflate(data, 'lz4', min(size, MAX_CHUNK)),
+    'zstd': lambda data, size: inflate(data, 'zstd', min(size, MAX_CHUNK)),
+}
 
 
 class McapRecord(NamedTuple):
@@ -137,12 +142,16 @@ def read_chunk(body: BytesIO, *, truncated: bool = False) -> tuple[ChunkHead, by
 def _chunk_head(body: BytesIO) -> ChunkHead:
     start, end, size, checksum = _CHUNK.unpack(read_exact(body, _CHUNK.size))
     head = ChunkHead(start, end, size, checksum, read_string(body), _number(body, _UINT64))
+    _check_head(head)
+    return head
+
+
+def _check_head(head: ChunkHead) -> None:
     if head.size > MAX_CHUNK:
         raise ReaderError(f'chunk of {head.size} bytes, at most {MAX_CHUNK} are read')
     if not head.compression and head.compressed != head.size:
         msg = f'chunk of {head.size} bytes that takes {head.compressed} uncompressed'
         raise ReaderError(msg)
-    return head
 
 
 def _number(body: BytesIO, form: struct.Struct) -> int:
@@ -185,9 +194,10 @@ def check_mcap(path: Path) -> None:
             raise ReaderError(f'{msg} are read')
         index = _Checker(path.name, inflated_allowed(size))
         index.check(file, start, footer)
-        if index.chunks:
-            _check_chunks(file, index.chunks, size)
-        else:
+        _check_overlap(index.chunks.values())
+        if any(offset + head.compressed > size for offset, head in index.chunks.items()):
+            raise ReaderError(f'{path.name} has an index of chunks beyond its end')
+        if not index.chunks:
             _Checker(path.name, inflated_allowed(size)).check(file, header.end, start)
 
 
@@ -233,6 +243,7 @@ class _Checker:
         if offset in self.chunks:
             raise ReaderError('index that names a chunk twice')
         self.chunks[offset] = ChunkHead(start, end, size, 0, compression, compressed)
+        _check_head(self.chunks[offset])
         self._inflated += size
 
     def _check_totals(self) -> None:
@@ -245,23 +256,6 @@ class _Checker:
                 f'more than {MAX_TOPICS} topics, {MAX_METADATA} bytes of QoS profiles'
                 f' or {MAX_CHUNKS} chunks'
             )
-
-
-def _check_chunks(file: BinaryIO, chunks: Mapping[int, ChunkHead], size: int) -> None:
-    """Check each chunk against the index, and the memory needed at a time."""
-    _check_overlap(chunks.values())
-    for offset, head in chunks.items():
-        record = next(records(file, offset, size), None)
-        if record is None or record.opcode != CHUNK:
-            raise ReaderError(f'no chunk at offset {offset}')
-        # Uncompressed chunks are as large as declared, and need not be read twice.
-        if head.compression:
-            found, _ = read_chunk(content(file, record, size))
-        else:
-            short = record._replace(size=min(record.size, _CHUNK_HEAD_SIZE))
-            found = _chunk_head(content(file, short, size))
-        if found._replace(checksum=0) != head:
-            raise ReaderError(f'chunk at offset {offset} is not the one that was indexed')
 
 
 def _check_overlap(heads: Iterable[ChunkHead]) -> None:

@@ -5,6 +5,9 @@ from typing import TYPE_CHECKING
 from cmpsp_ros.front_door import lazy_exports
 
 if TYPE_CHECKING:
+    from cmpsp_ros.guidance.messages.fusion import TrackFusion, without_robots
+    from cmpsp_ros.guidance.messages.object_tracks import ObjectTracks
+    from cmpsp_ros.guidance.messages.objects import is_relative
     from cmpsp_ros.guidance.messages.odometry_gate import Arrival, OdometryGate, motion_limits
     from cmpsp_ros.guidance.messages.poses import (
         OdometryError,
@@ -15,7 +18,6 @@ if TYPE_CHECKING:
     from cmpsp_ros.guidance.messages.tracks import (
         MovingObject,
         PeerTrajectory,
-        Track,
         TrackError,
         Tracks,
         check_track_age,
@@ -23,5 +25,6 @@ if TYPE_CHECKING:
         tracks_of,
     )
     from cmpsp_ros.guidance.messages.transforms import TransformError, Transforms, compose
+    from cmpsp_ros.sensing import Track
 
 __getattr__, __all__ = lazy_exports(__name__, __file__)

@@ -1,7 +1,8 @@
 """Moving obstacles and other robots as messages report them.
 
 Obstacles arrive as `sensor_msgs/PointCloud2`, a point each, as trackers and radars publish them:
-fields ``x`` and ``y`` [m], ``vx`` and ``vy`` [m/s], ``radius`` [m] and ``id``, a whole number.
+fields ``x`` and ``y`` [m], ``vx`` and ``vy`` [m/s], ``radius`` [m] and ``id``, a whole number; with
+``position_stddev`` [m] and ``velocity_stddev`` [m/s] where the tracker knows them.
 Another robot publishes its plan as `nav_msgs/Path`, each pose with the time when it should be
 there, as `~/predicted_path` is; at rest it publishes one pose.
 """
@@ -13,16 +14,16 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, ClassVar, Final, Generic, TypeVar
+from typing import Any, Final, Generic, TypeVar
 
 import numpy as np
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.messages.poses import check_age, check_frame
 from cmpsp_ros.guidance.times import NANOSECONDS
-from cmpsp_ros.sensing import FARTHEST, ScanError, is_place, points_of, stamp_of
+from cmpsp_ros.sensing import FARTHEST, ScanError, Track, is_place, points_of, stamp_of
 
-_MAX_TRACKS: Final = 1000
+MAX_TRACKS: Final = 1000
 """Points in a message; more are not obstacles but a scan."""
 _MAX_POSES: Final = 10_000
 """Poses of a plan; nobody makes a longer one every control period."""
@@ -32,46 +33,6 @@ _KEY: Final = re.compile(r'(-?\d{1,10}|(?:/\w+)+)@(\d{1,19})', re.ASCII)
 
 class TrackError(ValueError):
     """Unusable message on moving obstacles; it says why."""
-
-
-@dataclass(frozen=True, order=True)
-class Track:
-    """A moving obstacle as it was seen; of two at one time the greater counts.
-
-    Attributes:
-        id: Its number, the same in each message.
-        stamp: Time at which it was seen [ns].
-        radius: Radius [m].
-        x: Centre [m].
-        y: Centre [m].
-        vx: Velocity [m/s].
-        vy: Velocity [m/s].
-    """
-
-    FIELDS: ClassVar = ('x', 'y', 'vx', 'vy', 'radius')
-    """Fields of a message that are floats of either length."""
-
-    id: int
-    stamp: int
-    radius: float
-    x: float
-    y: float
-    vx: float
-    vy: float
-
-    @property
-    def name(self) -> str:
-        """Name in messages."""
-        return f'moving obstacle {self.id}'
-
-    @property
-    def key(self) -> tuple[int, int]:
-        """Number and stamp, by which a decision refers to it."""
-        return self.id, self.stamp
-
-    def is_older(self, stamp: int) -> bool:
-        """True if it was seen before a time [ns]."""
-        return self.stamp < stamp
 
 
 @dataclass(frozen=True, order=True)
@@ -214,16 +175,19 @@ def tracks_of(message: Any, frame_id: str) -> list[Track]:
     """
     check_frame('Obstacles are', message.header.frame_id, frame_id, TrackError)
     count, stamp = int(message.width) * int(message.height), stamp_of(message)
-    if count > _MAX_TRACKS:
-        raise TrackError(f'There are {count} obstacles, wanted {_MAX_TRACKS} at most.')
+    if count > MAX_TRACKS:
+        raise TrackError(f'There are {count} obstacles, wanted {MAX_TRACKS} at most.')
     try:
-        rows = points_of(message, Track.FIELDS, ('id',), 'moving_obstacles')
+        present = {each.name for each in message.fields}
+        doubts = tuple(each for each in Track.DOUBTS if each in present)
+        rows = points_of(message, (*Track.FIELDS, *doubts), ('id',), 'moving_obstacles')
     except ScanError as error:
         raise TrackError(f'Obstacles cannot be read: {error}.') from error
     tracks: list[Track] = []
-    for place, (x, y, vx, vy, radius, number) in enumerate(rows.tolist()):
-        track = Track(number, stamp, radius, x, y, vx, vy)
-        if problem := _problem(track):
+    for place, (x, y, vx, vy, radius, *stddevs, number) in enumerate(rows.tolist()):
+        known = dict(zip(doubts, stddevs, strict=True))
+        track = Track(number, stamp, radius, x, y, vx, vy, **known)
+        if problem := problem_of(track):
             raise TrackError(f'Obstacle {number} (point {place}) has {problem}.')
         tracks.append(track)
     numbers = [each.id for each in tracks]
@@ -260,12 +224,16 @@ def read_keys(text: str) -> list[tuple[int | str, int]]:
     ]
 
 
-def _problem(track: Track) -> str:
-    numbers = (track.x, track.y, track.vx, track.vy, track.radius)
+def problem_of(track: Track) -> str:
+    """The reason why a track cannot be used, as the object of a sentence; empty if it can."""
+    stddevs = track.position_stddev, track.velocity_stddev
+    numbers = (track.x, track.y, track.vx, track.vy, track.radius, *stddevs)
     if not all(map(math.isfinite, numbers)):
         return f'a number that is not finite: {list(numbers)}'
     if track.radius < 0.0:
         return f'a radius of {track.radius:.3g} m, wanted 0 or more'
+    if min(stddevs) < 0.0:
+        return f'a standard deviation of {min(stddevs):.3g}, wanted 0 or more'
     if max(abs(track.x), abs(track.y), track.radius) > FARTHEST:
         return f'a position of {track.x:.3g}, {track.y:.3g} m, wanted one on Earth'
     if max(abs(track.vx), abs(track.vy)) > _FASTEST:

@@ -46,22 +46,27 @@ def set_pose(message: Pose, pose: Iterable[float]) -> None:
 
 
 def cloud_of(tracks: Sequence[Track], stamp_ns: int, frame_id: str) -> PointCloud2:
-    """The message that describes moving obstacles; numbers read back exactly."""
+    """The message that describes moving obstacles; numbers read back exactly.
+
+    They lie in the plane: RViz shows a cloud only if its points have a z.
+    """
     signed = any(each.id < 0 for each in tracks)
-    point = struct.Struct(f'<{len(Track.FIELDS)}d{"i" if signed else "I"}')
+    doubts = tuple(name for name in Track.DOUBTS if any(getattr(each, name) for each in tracks))
+    floats = (*Track.FIELDS, *doubts)
+    point = struct.Struct(f'<{len(floats) + 1}d{"i" if signed else "I"}')
     message = PointCloud2(height=1, width=len(tracks), is_dense=True, is_bigendian=False)
     set_stamp(message.header, stamp_ns)
     message.header.frame_id = frame_id
-    kinds = [PointField.FLOAT64] * len(Track.FIELDS)
+    kinds = [PointField.FLOAT64] * (len(floats) + 1)
     kinds.append(PointField.INT32 if signed else PointField.UINT32)
     message.fields = [
         PointField(name=name, offset=8 * place, datatype=kind, count=1)
-        for place, (name, kind) in enumerate(zip((*Track.FIELDS, 'id'), kinds, strict=True))
+        for place, (name, kind) in enumerate(zip((*floats, 'z', 'id'), kinds, strict=True))
     ]
     message.point_step = point.size
     message.row_step = point.size * len(tracks)
     message.data = b''.join(
-        point.pack(*(getattr(each, name) for name in Track.FIELDS), each.id) for each in tracks
+        point.pack(*(getattr(each, name) for name in floats), 0.0, each.id) for each in tracks
     )
     return message
 

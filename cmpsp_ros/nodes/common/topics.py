@@ -42,6 +42,9 @@ OTHER_PLANS = Topic('guidance', 'in', '<namespace>/guidance/predicted_path', Pat
 SCAN = Topic('guidance', 'in', 'scan', LaserScan,
     'for each of `sensors.names`, on `sensors.<name>.topic`: LaserScan or PointCloud2, as in '
     '`sensors.<name>.type`; best effort', depth=50, best_effort=True)
+TRACKER = Topic('guidance', 'in', 'tracks', PointCloud2,
+    'for each of `trackers.names`, on `trackers.<name>.topic`: what another tracker sees, of the '
+    'type in `trackers.<name>.type`; frame as for `odom`; best effort', depth=50, best_effort=True)
 GOAL_POSE = Topic('guidance', 'in', 'goal_pose', PoseStamped,
     'a goal with heading that replaces all others, as RViz sends it; frame as for `odom`')
 GUIDANCE_ROAD = Topic('guidance', 'in', 'road', Path,
@@ -86,6 +89,10 @@ OWN_GOAL_POSE = Topic('guidance', 'out', '~/goal_pose', PoseStamped,
     'every goal received, in the frame `frame_id`')
 OWN_MOVING = Topic('guidance', 'out', '~/moving_obstacles', PointCloud2,
     'those received in another frame, in the frame `frame_id`', depth=OF_A_RUN)
+OWN_TRACKS = Topic('guidance', 'out', '~/tracks', PointCloud2,
+    'what moves, before the decision that uses it: all tracks of sensors and of `trackers.names` '
+    'that a decision uses, in the frame `frame_id`, with `position_stddev` [m] and '
+    '`velocity_stddev` [m/s]', depth=OF_A_RUN)
 GUIDED_BY = Topic('guidance', 'out', 'cmd_vel/_guided_by', KeyValue,
     'twice a second while active: the name of the node, and since when; hidden')
 GUIDED_BY_OTHERS = Topic('guidance', 'in', 'cmd_vel/_guided_by', KeyValue,
@@ -106,6 +113,9 @@ SIM_ODOM = Topic('sim', 'out', 'odom', Odometry,
 SIM_MOVING = Topic('sim', 'out', 'moving_obstacles', PointCloud2,
     'with `moving_obstacles.names`, just before every odometry, without errors; `id` is the index '
     'of the name, from 0', depth=OF_A_RUN)
+SIM_PEOPLE = Topic('sim', 'out', '~/people', PointCloud2,
+    'with `sim.people.names`: the true bodies of all people just before every odometry, for '
+    'judges; fields as of `moving_obstacles`, `id` in the order of the names', depth=OF_A_RUN)
 SIM_SCAN = Topic('sim', 'out', 'scan', LaserScan,
     'with `sim.scan.rate`: a laser scan with the stamp of its first beam, just before the next '
     'odometry', depth=OF_A_RUN)

@@ -13,7 +13,8 @@ from cmpsp_ros.nodes.guidance.diagnostics import StepTimes
 from cmpsp_ros.nodes.guidance.inputs.course import MapInput, RoadInput
 from cmpsp_ros.nodes.guidance.inputs.goals import GoalInput
 from cmpsp_ros.nodes.guidance.inputs.odometry import ClockWatch, OdometryInput, OdometryWatchdog
-from cmpsp_ros.nodes.guidance.inputs.surroundings import ObstacleInput, SensorInput
+from cmpsp_ros.nodes.guidance.inputs.surroundings import SensorInput
+from cmpsp_ros.nodes.guidance.inputs.trackers import TrackInput
 from cmpsp_ros.nodes.guidance.inputs.transforms import TransformInput
 from cmpsp_ros.nodes.guidance.outputs.publishers import GuidanceOutputs
 
@@ -68,7 +69,7 @@ class GuidanceLoop:
         self._law = GuidanceLaw(settings, settings.world, time.perf_counter_ns)
         self._outputs = GuidanceOutputs(node, values, settings)
         self._transforms = TransformInput(node, values['robot_frame'], settings)
-        self._obstacles = ObstacleInput(node, settings, self._transforms)
+        self._tracks = TrackInput(node, settings, self._transforms)
         self._sensors = SensorInput(node, settings)
         self.road = RoadInput(node, values, self._transforms)
         self.map = MapInput(node, values, self._transforms)
@@ -87,7 +88,7 @@ class GuidanceLoop:
         self._goals.close()
         self._node.destroy_timer(self._timer)
         self._node.destroy_timer(self._end_timer)
-        self._obstacles.close()
+        self._tracks.close()
         self._sensors.close()
         self._transforms.close()
         self.road.close()
@@ -116,7 +117,8 @@ class GuidanceLoop:
         """Take other settings, from the next control step on."""
         self._settings = settings
         self._law.reconfigure(settings, settings.world)
-        self._obstacles.settings = self._transforms.settings = settings
+        self._transforms.settings = settings
+        self._tracks.take(settings)
         self._scenery_changed = True
         if not self.active:
             self.show()
@@ -162,7 +164,7 @@ class GuidanceLoop:
         """Warnings about inputs and outputs of the decisions, in sentences."""
         now = self._now()
         return [
-            *self._obstacles.warnings(now),
+            *self._tracks.warnings(now),
             *self._sensors.warnings(),
             *self._clock_watch.warnings(now),
             *(self._outputs.listeners.warnings() if self._begun else ()),
@@ -215,8 +217,8 @@ class GuidanceLoop:
             return
         try:
             is_due = self._law.is_due(stamp)
-            tracks = self._obstacles.at(stamp) if is_due else ()
             sighting = self._sensors.at(stamp, pose) if is_due else None
+            tracks = self._tracks.at(stamp, sighting) if is_due else ()
             decision = self._law.step(Observation(stamp, pose, tracks, sighting))
         except Exception as error:  # the robot must stop for any
             self._halt_for(f'The guidance law failed: {type(error).__name__}: {error}')
@@ -293,7 +295,7 @@ class GuidanceLoop:
         self._law.reset()
         self._goals.end(said)
         self._begun = False
-        self._obstacles.forget_after(stamp)
+        self._tracks.forget_after(stamp)
         self._sensors.forget()
 
     def _watch(self) -> None:

@@ -33,7 +33,7 @@ from cmpsp_ros.nodes.common.topics import (
     TRUTH,
 )
 from cmpsp_ros.nodes.sim.pace import Lockstep, RealTime
-from cmpsp_ros.nodes.sim.surroundings import Scanner, Traffic
+from cmpsp_ros.nodes.sim.surroundings import Pedestrians, Scanner, Traffic
 from cmpsp_ros.parameters import TABLE, ParameterError, check_simulation, plant_settings
 from cmpsp_ros.quick_exit import quick_exit
 from cmpsp_ros.robots import with_side
@@ -85,7 +85,10 @@ class SimNode(Node):
         self.measured_ns = begin_ns
         self.plant = Plant(settings, begin_ns)
         self._moves_sideways = settings.robot.twist_parts > 2
-        self._scanner = Scanner(self, self._traffic) if self.values['sim.scan.rate'] else None
+        self._people = Pedestrians(self)
+        self._scanner = (
+            Scanner(self, self._traffic, self._people) if self.values['sim.scan.rate'] else None
+        )
         self._tell_scanner()
         self._pace = Lockstep(self) if self.values['lockstep'] else RealTime(self)
         if self.values['enable_stamped_cmd_vel']:
@@ -115,6 +118,7 @@ class SimNode(Node):
         """Command the robot now; a twist that is not finite changes nothing."""
         stamp_ns = self.plant.stamp_ns
         self._traffic.begin(stamp_ns)
+        self._people.begin(stamp_ns)
         try:
             wanted = twist.linear.x, twist.linear.y, twist.angular.z
             self.plant.command(stamp_ns, *(wanted if self._moves_sideways else wanted[::2]))
@@ -146,6 +150,7 @@ class SimNode(Node):
         if self._moving is not None:
             tracks = self._traffic.at(stamp_ns)
             self._moving.publish(cloud_of(tracks, stamp_ns, self.values['frame_id']))
+        self._people.publish(stamp_ns)
         if self._scanner is not None:
             self._scanner.publish(stamp_ns)
         if message is not None:
@@ -172,6 +177,7 @@ class SimNode(Node):
             self._publish_truth(change)
         if self._scanner is not None:
             self._scanner.note(*changes, self.plant.motion)
+        self._people.advance(stamp_ns, self.plant.pose)
 
     def _publish_truth(self, motion: Motion) -> None:
         # Nobody but who records or looks on listens, and it would be half of this node's work.
@@ -200,6 +206,7 @@ class SimNode(Node):
         self._pace.before_reset()
         self.plant.reset()
         self._traffic.reset()
+        self._people.reset()
         if self._scanner is not None:
             self._scanner.reset(self.plant.motion)
         self._publish_truth(self.plant.motion)

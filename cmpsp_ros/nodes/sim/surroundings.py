@@ -10,12 +10,14 @@ from sensor_msgs.msg import LaserScan
 
 from cmpsp_ros.guidance import NANOSECONDS
 from cmpsp_ros.guidance.messages import Track
-from cmpsp_ros.nodes.common.messages import BASE, rotation_of, set_stamp
-from cmpsp_ros.nodes.common.topics import SIM_SCAN
-from cmpsp_ros.parameters import laser_settings, scenery
-from cmpsp_ros.simulator import Laser, discs_of, edges_of
+from cmpsp_ros.nodes.common.messages import BASE, cloud_of, rotation_of, set_stamp
+from cmpsp_ros.nodes.common.topics import SIM_PEOPLE, SIM_SCAN
+from cmpsp_ros.parameters import footprint_of, laser_settings, people_settings, scenery
+from cmpsp_ros.robots import placed
+from cmpsp_ros.simulator import Laser, People, discs_of, edges_of
 
 if TYPE_CHECKING:
+    from cmpsp_ros.arrays import Array
     from cmpsp_ros.nodes.sim.node import SimNode
     from cmpsp_ros.parameters import Values
     from cmpsp_ros.simulator import Motion
@@ -55,17 +57,49 @@ class Traffic:
         return tracks
 
 
+class Pedestrians:
+    """People on foot, and the topic on which judges find them."""
+
+    def __init__(self, sim: SimNode) -> None:
+        """Place them on the course.
+
+        Raises:
+            ParameterError: Their parameters do not fit together.
+        """
+        values, settings = sim.values, people_settings(sim.values)
+        shapes, lines = scenery(values)
+        self._people = People(settings, edges_of(shapes, lines), discs_of(shapes))
+        self._publisher = SIM_PEOPLE.publish_on(sim) if len(self._people) else None
+        self._frame_id, (self._footprint, self._radius) = values['frame_id'], footprint_of(values)
+        self.begin, self.reset = self._people.begin, self._people.reset
+        self.visible_at = self._people.visible_at
+
+    def advance(self, stamp_ns: int, pose: Array) -> None:
+        """Let them walk up to an instant [ns], at which the robot is at a pose ``(3,)``."""
+        self._people.advance(stamp_ns, placed(self._footprint.discs, pose), self._radius)
+
+    def publish(self, stamp_ns: int) -> None:
+        """Publish where they are at an instant [ns]."""
+        if self._publisher is None:
+            return
+        tracks = [
+            Track(number, stamp_ns, radius, x, y, u, v)
+            for number, (x, y, u, v, radius) in enumerate(self._people.at(stamp_ns).tolist())
+        ]
+        self._publisher.publish(cloud_of(tracks, stamp_ns, self._frame_id))
+
+
 class Scanner:
     """A laser among the shapes of a course, those that only the simulator knows, and traffic."""
 
-    def __init__(self, sim: SimNode, traffic: Traffic) -> None:
+    def __init__(self, sim: SimNode, traffic: Traffic, people: Pedestrians) -> None:
         """Start scanning.
 
         Raises:
             ParameterError: The parameters of the scanner do not fit together.
         """
         values, motion = sim.values, sim.plant.motion
-        self._settings, self._traffic = laser_settings(values), traffic
+        self._settings, self._traffic, self._people = laser_settings(values), traffic, people
         self._laser = Laser(self._settings, motion.stamp_ns)
         self._frame_id = values['sim.scan.frame_id']
         self._publisher = SIM_SCAN.publish_on(sim)
@@ -115,7 +149,8 @@ class Scanner:
             (each.x, each.y, each.vx, each.vy, each.radius)
             for each in self._traffic.at(self._laser.next_ns)
         ]
-        discs = np.vstack([self._discs, np.array(moving).reshape(-1, 5)])
+        people = self._people.visible_at(self._laser.next_ns)
+        discs = np.vstack([self._discs, np.array(moving).reshape(-1, 5), people])
         scan = self._laser.scan(self._edges, discs)
         message = LaserScan(
             angle_min=settings.angle_min,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 
 import numpy as np
 
@@ -18,7 +18,10 @@ from cmpsp_ros.guidance import (
     to_nanoseconds,
 )
 from cmpsp_ros.guidance.safety import CHANGE_ROUNDING
-from cmpsp_ros.simulator import Motion, OdometrySchedule, Plant, PlantSettings
+from cmpsp_ros.robots import placed
+from cmpsp_ros.sensing import Track
+from cmpsp_ros.simulator import Motion, OdometrySchedule, People, Plant, PlantSettings
+from cmpsp_ros.studies.monte_carlo.contacts import CrowdOutcome, contacts
 from cmpsp_ros.studies.monte_carlo.foreign_robot import ForeignDrive, ForeignRobot
 from cmpsp_ros.studies.monte_carlo.guesses import shortest_length
 from cmpsp_ros.studies.monte_carlo.outcome import StudyOutcome
@@ -39,6 +42,8 @@ class DrivenRun:
         decisions: Decisions of the law, up to the final time.
         exception: Type and text of an exception of the law; empty if there was none.
         end: The final time, possibly postponed by the law [ns].
+        walking: Those who walk about, if any.
+        people: Instants [ns], and the states of all people from then on, as of `People.at`.
     """
 
     task: RunTask
@@ -46,6 +51,8 @@ class DrivenRun:
     decisions: list[Decision] = field(default_factory=list)
     exception: str = ''
     end: int = 0
+    walking: People | None = None
+    people: list[tuple[int, Array]] = field(default_factory=list)
 
     @property
     def controls(self) -> Array:
@@ -107,15 +114,16 @@ def drive(task: RunTask) -> DrivenRun:
     """
     if task.foreign is not None:
         return _drive_foreign(task, task.foreign)
-    driven, plant = DrivenRun(task), Plant(task.plant)
+    driven, plant = DrivenRun(task, walking=task.people()), Plant(task.plant)
     driven.motions.append(plant.motion)
+    _walk(driven, plant)
     driven.end = to_nanoseconds(task.settings.final_time)
     instants, noted = OdometrySchedule(task.plant, 0), 0
     try:
         law, computer, eyes = (
             GuidanceLaw(task.settings, task.settings.world),
             Computer(task),
-            task.eyes(),
+            task.eyes(driven.walking),
         )
         # At the very end the law may still put it off.
         while (stamp := instants.next_ns) < driven.end + int(task.settings.may_be_late):
@@ -128,7 +136,9 @@ def drive(task: RunTask) -> DrivenRun:
                     eyes.note(*driven.motions[noted:])
                     eyes.look(stamp)
                     noted, sighting = len(driven.motions), eyes.see(stamp, pose)
-                decision = law.step(Observation(stamp, pose, (), sighting))
+                seen = () if sighting is None else sighting.tracks
+                tracks = _told(driven, stamp) or seen
+                decision = law.step(Observation(stamp, pose, tracks, sighting))
                 computer.take(law, decision)
                 if task.settings.may_be_late and law.ends_at is not None:
                     driven.end = min(law.ends_at, to_nanoseconds(task.patience))
@@ -214,7 +224,16 @@ def outcome(driven: DrivenRun) -> StudyOutcome:
         time=task.settings.final_time if task.foreign else driven.end / NANOSECONDS,
         told_error=None if task.foreign is None else task.foreign.told_error,
         pace=_pace(driven) if task.has_map else None,
+        crowd=_crowd(driven),
     )
+
+
+def _crowd(driven: DrivenRun) -> CrowdOutcome | None:
+    crowd, people = driven.task.crowd, driven.walking
+    if crowd is None:
+        return None
+    found = () if people is None else contacts(driven, people.names)
+    return CrowdOutcome(**asdict(crowd), people=len(people or ()), contacts=found)
 
 
 def _over_limit(driven: DrivenRun) -> int:
@@ -257,6 +276,31 @@ def farthest(task: RunTask) -> float:
 def _advance(plant: Plant, driven: DrivenRun, stamp: int) -> None:
     driven.motions += plant.advance(stamp)
     driven.motions.append(plant.motion)
+    _walk(driven, plant)
+
+
+def _walk(driven: DrivenRun, plant: Plant) -> None:
+    """Let people walk up to the time of the plant, from the first decision on."""
+    if driven.walking is None:
+        return
+    if driven.decisions:
+        driven.walking.begin(plant.stamp_ns)
+    settings = driven.task.settings
+    robot = placed(settings.footprint.discs, plant.pose)
+    driven.walking.advance(plant.stamp_ns, robot, settings.robot_radius)
+    if not driven.people or driven.people[-1][0] < plant.stamp_ns:
+        driven.people.append((plant.stamp_ns, driven.walking.at(plant.stamp_ns)))
+
+
+def _told(driven: DrivenRun, stamp: int) -> tuple[Track, ...]:
+    """People who are known exactly."""
+    crowd = driven.task.crowd
+    if driven.walking is None or crowd is None or not crowd.told:
+        return ()
+    return tuple(
+        Track(number, stamp, radius, x, y, u, v)
+        for number, (x, y, u, v, radius) in enumerate(driven.walking.at(stamp).tolist())
+    )
 
 
 def _hand_over(plant: Plant, driven: DrivenRun, computer: Computer, stamp: int) -> None:

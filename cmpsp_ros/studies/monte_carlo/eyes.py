@@ -12,7 +12,7 @@ import numpy as np
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance import MAP, NANOSECONDS, GuidanceSettings
 from cmpsp_ros.sensing import Sighting, Surroundings, sight_of
-from cmpsp_ros.simulator import Laser, LaserSettings, Motion, Scan, discs_of, edges_of
+from cmpsp_ros.simulator import Laser, LaserSettings, Motion, People, Scan, discs_of, edges_of
 from cmpsp_ros.world import FreeSpace
 from cmpsp_ros.world.grids import Cell, GridObstacle, OccupancyGrid
 from cmpsp_ros.world.obstacles import Shape
@@ -37,16 +37,20 @@ def map_of(shapes: Sequence[Shape]) -> GridObstacle:
 
 
 class Eyes:
-    """A scanner among shapes that stand still."""
+    """A scanner among shapes that stand still, and people."""
 
     def __init__(
-        self, settings: GuidanceSettings, scanner: LaserSettings, shapes: Sequence[Shape]
+        self,
+        settings: GuidanceSettings,
+        scanner: LaserSettings,
+        shapes: Sequence[Shape],
+        people: People | None = None,
     ) -> None:
         """Start without scans."""
         (self._sensor,), self._scanner = settings.sight.sensors, scanner
         self._laser = Laser(scanner, 0)
         self._surroundings = Surroundings(settings.sight, settings.robot_radius, settings.footprint)
-        self._edges, self._discs = edges_of(shapes), discs_of(shapes)
+        self._edges, self._discs, self._people = edges_of(shapes), discs_of(shapes), people
 
     def note(self, *motions: Motion) -> None:
         """Know how the robot moves from some instants on, in order."""
@@ -55,7 +59,10 @@ class Eyes:
     def look(self, stamp: int) -> None:
         """Scan as often as is due by an instant [ns]."""
         while self._laser.is_due(stamp):
-            scan = self._laser.scan(self._edges, self._discs)
+            discs = self._discs
+            if self._people is not None:
+                discs = np.vstack([discs, self._people.visible_at(self._laser.next_ns)])
+            scan = self._laser.scan(self._edges, discs)
             self._surroundings.add(sight_of(self._message(scan), self._sensor))
 
     def see(self, stamp: int, pose: Array) -> Sighting | None:

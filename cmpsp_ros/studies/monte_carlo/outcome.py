@@ -8,6 +8,8 @@ from dataclasses import asdict, dataclass, fields
 from enum import StrEnum
 from typing import Any
 
+from cmpsp_ros.studies.monte_carlo.contacts import Contact, CrowdOutcome
+
 
 class RunVerdict(StrEnum):
     """The class of a run; the first that applies."""
@@ -18,6 +20,7 @@ class RunVerdict(StrEnum):
     OVER_LIMIT = 'command changed or steered too much'
     LEFT_ROAD = 'left the road'
     TOUCHED = 'touched an obstacle'
+    DROVE_INTO = 'drove into a person'
     ARRIVED = 'arrived'
     STOPPED = 'clear, but stopped on the way'
     TOO_FAR = 'clear, but no robot could arrive in time'
@@ -59,6 +62,7 @@ class StudyOutcome:
         pace: Length of the shortest clear path by that time, as a part of the nominal speed; None
             without a map.
         told_error: Error of the delay given to the law [s]; None if it is exact.
+        crowd: Figures among people; None without.
     """
 
     number: int
@@ -85,6 +89,7 @@ class StudyOutcome:
     time: float
     pace: float | None = None
     told_error: float | None = None
+    crowd: CrowdOutcome | None = None
 
     @property
     def clearance(self) -> float:
@@ -127,6 +132,7 @@ class StudyOutcome:
             RunVerdict.OVER_LIMIT: self.over_limit > 0,
             RunVerdict.LEFT_ROAD: self.left_road,
             RunVerdict.TOUCHED: self.touched,
+            RunVerdict.DROVE_INTO: bool(self.crowd and self.crowd.active),
             RunVerdict.ARRIVED: self.miss <= tolerance,
             RunVerdict.STOPPED: self.stop > 0,
             RunVerdict.TOO_FAR: self.out_of_reach,
@@ -145,4 +151,8 @@ class StudyOutcome:
     def from_values(cls, values: Mapping[str, Any]) -> StudyOutcome:
         """The outcome of these values, as JSON has them."""
         named = {each.name: values[each.name] for each in fields(cls)}
-        return cls(**{**named, 'x': tuple(named['x']), 'y': tuple(named['y'])})
+        named |= {'x': tuple(named['x']), 'y': tuple(named['y'])}
+        if named['crowd'] is not None:
+            met = tuple(Contact(**each) for each in named['crowd']['contacts'])
+            named['crowd'] = CrowdOutcome(**{**named['crowd'], 'contacts': met})
+        return cls(**named)

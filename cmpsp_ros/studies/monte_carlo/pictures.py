@@ -9,15 +9,19 @@ from typing import Final
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Circle
 
 from cmpsp_ros.guidance import NANOSECONDS, Decision, GuidanceSettings
 from cmpsp_ros.studies.common import WIDTH, plot_style
+from cmpsp_ros.studies.monte_carlo.contacts import contacts
 from cmpsp_ros.studies.monte_carlo.driving import DrivenRun
 from cmpsp_ros.studies.monte_carlo.outcome import RunVerdict, StudyOutcome
 from cmpsp_ros.view import LEVEL_COLORS, PER_ARC, along, draw_obstacles, draw_road, show
 
 _DPI: Final = 150
 _SMALLEST_MISS: Final = 1e-16
+_EVERY: Final = 2.0
+"""Time between two marks on paths among people [s]."""
 
 _ROAD, _EDGE, _RIM = '0.93', '0.55', '0.3'
 _LOOKS: Final = {
@@ -117,11 +121,36 @@ def _draw_way(axes: Axes, driven: DrivenRun) -> None:
         # One point more, so that the next piece begins where this one ends.
         chosen = (stamps >= decision.stamp) & (stamps <= end)
         axes.plot(*points[chosen].T, color=LEVEL_COLORS[decision.level.name.lower()], lw=1.2)
+    _draw_people(axes, driven)
     axes.plot(*poses[0, :2], 'o', color='white', mec='black', ms=4)
     axes.plot(*settings.goal, '*', color='white', mec='black', ms=8)
     shapes = driven.task.scenario.obstacles
     boxes = [line for each in shapes for line in each.outlines(each.radius)]
     show(axes, [points, np.array([settings.goal]), *boxes], 0.5)
+
+
+def _draw_people(axes: Axes, driven: DrivenRun) -> None:
+    """Paths of people with times, the robot at the same times, and a cross at each contact."""
+    if not driven.people or driven.walking is None:
+        return
+    seconds = np.array([stamp for stamp, _ in driven.people]) / NANOSECONDS
+    states = np.array([each for _, each in driven.people])
+    marked = np.searchsorted(seconds, np.arange(0.0, seconds[-1], _EVERY))
+    stamps = np.array([each.stamp_ns for each in driven.motions]) / NANOSECONDS
+    places = np.array([each.pose[:2] for each in driven.motions])
+    here = places[np.searchsorted(stamps, seconds[marked])]
+    for time, place in zip(seconds[marked], here, strict=True):
+        axes.annotate(f'{time:.0f}', place, fontsize=4.0, weight='bold')
+    for person in range(states.shape[1]):
+        color = f'C{person % 10}'
+        axes.plot(*states[:, person, :2].T, color=color, lw=0.6, ls=':')
+        for k in marked:
+            x, y, _, _, radius = states[k, person]
+            axes.add_patch(Circle((x, y), radius, fill=False, color=color, lw=0.4))
+            axes.annotate(f'{seconds[k]:.0f}', (x, y), fontsize=4.0, color=color, ha='center')
+    for met in contacts(driven, driven.walking.names):
+        k = min(int(np.searchsorted(stamps, met.time)), len(places) - 1)
+        axes.plot(*places[k], 'x', color='tab:red' if met.is_active else _EDGE, ms=7, zorder=7)
 
 
 def _spans(decisions: Sequence[Decision]) -> list[tuple[Decision, float]]:

@@ -88,6 +88,8 @@ def _head(study: Study) -> dict[str, Any]:
         'study': study.name,
         'seed': study.seed,
         'robot': study.robot,
+        'scene': study.scene,
+        'told': study.told,
         'obstacles': study.most_obstacles,
         'parameters': study.values(),
     }

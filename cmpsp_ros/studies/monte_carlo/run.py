@@ -7,7 +7,7 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import as_completed
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from types import ModuleType
@@ -25,7 +25,7 @@ from cmpsp_ros.studies.monte_carlo.judging import (
     read_answers,
     write_answers,
 )
-from cmpsp_ros.studies.monte_carlo.outcome import StudyOutcome
+from cmpsp_ros.studies.monte_carlo.outcome import RunVerdict, StudyOutcome
 from cmpsp_ros.studies.monte_carlo.study import RunTask, Study
 from cmpsp_ros.studies.monte_carlo.summary import figures, to_json, write_parquet
 from cmpsp_ros.warmup import new_pool
@@ -107,7 +107,8 @@ def run_one(study: Study, number: int, folder: Path) -> tuple[StudyOutcome, list
     """Make one run again and draw it into a folder, whose other files stay.
 
     Returns:
-        Its outcome, the decision at each change of fallback level, and the picture.
+        Its outcome, the decision at each change of fallback level and all contacts with people, and
+        the picture.
 
     Raises:
         StudyError: The picture cannot be written.
@@ -118,7 +119,9 @@ def run_one(study: Study, number: int, folder: Path) -> tuple[StudyOutcome, list
     with _disk_errors(folder):
         folder.mkdir(parents=True, exist_ok=True)
         picture = _draw_one(folder, study, driven)
-    return outcome(driven), _changes(driven), picture
+    made = outcome(driven)
+    met = () if made.crowd is None else made.crowd.contacts
+    return made, [*_changes(driven), *(each.sentence for each in met)], picture
 
 
 def make_runs(
@@ -207,9 +210,24 @@ def _chunks(numbers: Sequence[int]) -> list[Sequence[int]]:
 def _make_and_log(study: Study, folder: Path, numbers: Sequence[int]) -> list[StudyOutcome]:
     outcomes = []
     for number in numbers:
-        outcomes.append(outcome(drive(study.run(number))))
+        outcomes.append(_made(study, number))
         results_log.append(folder, outcomes[-1])
     return outcomes
+
+
+def _made(study: Study, number: int) -> StudyOutcome:
+    """One run; among people beside the same with people known exactly, and without any."""
+    task = study.run(number)
+    made = outcome(drive(task))
+    if task.crowd is None or made.crowd is None or study.told:
+        return made
+    told = replace(task, crowd=replace(task.crowd, told=True))
+    empty = replace(told, scenario=replace(task.scenario, people=None))
+    times = [
+        each.time if each.verdict(study.tolerance) is RunVerdict.ARRIVED else None
+        for each in (outcome(drive(told)), outcome(drive(empty)))
+    ]
+    return replace(made, crowd=replace(made.crowd, told_time=times[0], empty_time=times[1]))
 
 
 def _make_remotely(study: Study, numbers: Sequence[int], code: str) -> list[StudyOutcome]:
@@ -218,7 +236,7 @@ def _make_remotely(study: Study, numbers: Sequence[int], code: str) -> list[Stud
     if found != code:
         raise StudyError(f'a worker has other code: found {found}, wanted {code}')
     with _ONE_AT_A_TIME:
-        return [outcome(drive(study.run(number))) for number in numbers]
+        return [_made(study, number) for number in numbers]
 
 
 def _solved(
@@ -268,6 +286,8 @@ def _draw_one(folder: Path, study: Study, driven: DrivenRun) -> Path:
     made = outcome(driven)
     title = f'{study.command(number)}\n{made.verdict(study.tolerance).value}, '
     title += f'miss {made.miss:.3g} m, clearance {made.clearance:+.3f} m'
+    if made.crowd is not None:
+        title = '\n'.join([title, *(each.sentence for each in made.crowd.active)])
     return pictures.draw_run(folder / f'run_{number:05d}.png', title, driven)
 
 

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from types import MappingProxyType
 from typing import Any, Final
 
 import numpy as np
@@ -20,149 +19,32 @@ from cmpsp_ros.parameters import (
     plant_settings,
 )
 from cmpsp_ros.parameters.files import load_robot, parse_assignment
-from cmpsp_ros.simulator import LaserSettings, PlantSettings
+from cmpsp_ros.simulator import LaserSettings, People, PlantSettings, discs_of, edges_of
 from cmpsp_ros.studies.common import StudyError
-from cmpsp_ros.studies.monte_carlo.corridors import corridor_scenario, floor_scenario
-from cmpsp_ros.studies.monte_carlo.eyes import Eyes, map_of
-from cmpsp_ros.studies.monte_carlo.foreign_robot import ForeignRobot
-from cmpsp_ros.studies.monte_carlo.guesses import shortest_length
-from cmpsp_ros.studies.monte_carlo.ring_courses import (
+from cmpsp_ros.studies.monte_carlo.courses.crowds import SCENES, crowd_scenario
+from cmpsp_ros.studies.monte_carlo.courses.ring_courses import (
     FROM_EDGE,
     GAP,
     WIDTH,
     Scenario,
     in_proportion,
-    paper_scenario,
     robot_scenario,
-    scenario,
 )
-from cmpsp_ros.studies.monte_carlo.rooms import field_scenario, room_scenario
-
-PRESET: Final = 'case3'
-_SEEING: Final = {
-    'road.type': 'none',
-    'goal.may_be_late': True,
-    'goal.tolerance': 0.05,
-    'robot.max_wheel_speed': 28.0,
-    'sensors.front.reach': 8.0,
-    'sim.scan.angle_min': -0.75 * math.pi,
-    'sim.scan.angle_max': 0.75 * math.pi,
-    'sim.scan.count': 541,
-    'sim.scan.dropout': 0.0,
-    'sight.size': 16.0,
-    'sight.memory': 600.0,
-    'solver.work_share': 0.2,
-}
-
-# A Jackal as in the BARN challenge, at no more than 1 m/s: its score asks for half of that.
-_CLUTTERED: Final = {
-    **_SEEING,
-    'control_period': 0.1,
-    'goal.tolerance': 0.1,
-    'robot.wheel_radius': 0.098,
-    'robot.half_track': 0.2817,
-    'robot.max_wheel_speed': 10.2,
-    'robot.max_wheel_acceleration': 50.0,
-    'robot.radius': 0.333,
-    'safety.margin': 0.005,
-    'safety.stopping_time': 0.2,
-    'sim.scan.stddev': 0.001,
-    'sight.size': 8.0,
-    'sight.resolution': 0.025,
-}
-
-_WITH_A_BODY: Final = {'robot.radius': 0.1, 'safety.margin': 0.02}
-
-
-@dataclass(frozen=True)
-class StudyKind:
-    """The properties of one kind of study.
-
-    Attributes:
-        changes: Parameters that differ from those of the preset.
-        tolerance: Maximum terminal error that counts as arrived [m].
-        draw: Makes a scenario from settings, seed, run number and maximum number of obstacles.
-        lateness: Maximum duration of a control step, in control periods.
-        lag: Range of the time constant of the wheels, drawn for each run [s]; None for that of the
-            parameters.
-        preset: Preset that is changed.
-        sees: True if the law knows obstacles only from a scanner.
-        has_map: True if the law knows obstacles from a map, and its driving times are compared with
-            the shortest path.
-        is_foreign: True if the robot is a `ForeignRobot`, with a wrong model in the law.
-        score_speed: Speed on the straight path, for the score of the BARN challenge [m/s]; or
-            None.
-    """
-
-    changes: Mapping[str, Any]
-    tolerance: float
-    draw: Callable[[GuidanceSettings, int, int, int], Scenario] = scenario
-    lateness: float = 0.0
-    lag: tuple[float, float] | None = None
-    preset: str = PRESET
-    sees: bool = False
-    has_map: bool = False
-    is_foreign: bool = False
-    score_speed: float | None = None
-
-    @property
-    def has_own_roads(self) -> bool:
-        """True if each run has a road of its own."""
-        return self.draw not in {scenario, paper_scenario}
-
-
-KINDS: Final[Mapping[str, StudyKind]] = MappingProxyType(
-    {
-        'nominal': StudyKind({}, 1e-3),
-        'disturbed': StudyKind(
-            {
-                'noise.position_stddev': 0.005,
-                'noise.heading_stddev': math.radians(0.5),
-                'wheel_lag': 0.05,
-                'wheel_slip': [0.03, 0.03],
-                'actuation_delay': 0.06,
-                # The lag of the wheels adds as much.
-                'command_delay': 0.11,
-                'max_wheel_slip': 0.1,
-                'safety.margin': 0.05,
-            },
-            0.05,
-        ),
-        # Steps take between nothing and the longest time, and the delay is known on the average.
-        'realtime': StudyKind(
-            {'command_delay': 0.1, 'max_command_delay': 0.3, 'safety.margin': 0.05},
-            0.05,
-            lateness=1.5,
-        ),
-        # The law is told how much the wheels lag at most, and estimates by how much they do.
-        'heavy': StudyKind(
-            {'robot.max_wheel_acceleration': 60.0, 'max_wheel_lag': 0.3, 'safety.margin': 0.05},
-            0.05,
-            lag=(0.1, 0.3),
-        ),
-        # A robot without shared code, and a delay that is told wrong by up to 100 ms. The weight
-        # keeps plans from commands that a robot which lags cannot follow.
-        'told_wrong': StudyKind(
-            {'safety.margin': 0.05, 'weights.control_rate': 0.01},
-            0.05,
-            paper_scenario,
-            is_foreign=True,
-        ),
-        'corridors': StudyKind(_WITH_A_BODY, 1e-3, corridor_scenario),
-        'floor': StudyKind(_WITH_A_BODY, 1e-3, floor_scenario),
-        'sight': StudyKind(_SEEING, 0.05, room_scenario, preset='unknown', sees=True),
-        'mapped': StudyKind(_SEEING, 0.05, room_scenario, preset='unknown', has_map=True),
-        'clutter': StudyKind(
-            _CLUTTERED, 0.1, field_scenario, preset='unknown', sees=True, score_speed=2.0
-        ),
-    }
-)
-
+from cmpsp_ros.studies.monte_carlo.eyes import Eyes, map_of
+from cmpsp_ros.studies.monte_carlo.foreign_robot import ForeignRobot
+from cmpsp_ros.studies.monte_carlo.guesses import shortest_length
+from cmpsp_ros.studies.monte_carlo.kinds import KINDS, NOISY, OWN, ROBOTS, StudyKind
 
 MOST_OBSTACLES: Final = 4
 
+_NOISY_TURN: Final = 4
+"""Turns through all scenes and robots, of which the last has noise."""
+
 _DRAWN: Final = ('obstacles.', 'sim.obstacles.', 'road.points', 'road.half_width')
 """What presets have and every run draws for itself."""
+
+_PATIENCE: Final = 30.0, 3.0
+"""Time [s], and multiple of that for the straight way, after which a run among people ends."""
 
 _PACE: Final = 0.95
 """Mean speed that is asked for with a map, along the shortest path, of the nominal one."""
@@ -184,6 +66,8 @@ class Study:
         most_obstacles: Maximum number on the road in one run.
         assignments: Further parameters, each as `key=value`.
         robot: Name or file of a robot, for which the courses are made then.
+        scene: Name of the scene of all runs with people; empty for all scenes in turn.
+        told: True if people are known exactly instead of seen.
     """
 
     name: str
@@ -191,6 +75,8 @@ class Study:
     most_obstacles: int = MOST_OBSTACLES
     assignments: tuple[str, ...] = ()
     robot: str = ''
+    scene: str = ''
+    told: bool = False
 
     @property
     def tolerance(self) -> float:
@@ -215,8 +101,14 @@ class Study:
         given = load_parameter_file(self.kind.preset)
         given = {key: value for key, value in given.items() if not key.startswith(_DRAWN)}
         given |= {**_ALWAYS, **self.kind.changes}
+        if not self.kind.has_people and (self.scene or self.told):
+            raise StudyError(f'--scene, --told: found study {self.name}, wanted people')
+        if self.scene and self.scene not in SCENES:
+            raise StudyError(f'--scene: found {self.scene!r}, wanted one of {", ".join(SCENES)}')
         assigned = dict(parse_assignment(each) for each in self.assignments)
-        if self.robot:
+        if self.kind.has_people:
+            given |= _among_people(self.robot)
+        elif self.robot:
             given |= self._fitted(given, assigned)
         values = TABLE.resolve(given | assigned)
         settings = guidance_settings(values)
@@ -250,6 +142,8 @@ class Study:
 
     def run(self, number: int) -> RunTask:
         """Task of the run of that number."""
+        if self.kind.has_people:
+            return self._run_among_people(number)
         settings, plant = self.setup()
         draw = robot_scenario if self.robot else self.kind.draw
         drawn = draw(settings, self.seed, number, self.most_obstacles)
@@ -280,15 +174,55 @@ class Study:
             foreign=foreign,
         )
 
+    def _run_among_people(self, number: int) -> RunTask:
+        """Task of a run with people: scenes and robots in turn, every fourth turn with noise."""
+        scenes = [self.scene] if self.scene else [*SCENES]
+        robots = [self.robot] if self.robot else [*ROBOTS]
+        turn, scene = divmod(number, len(scenes))
+        turn, robot = divmod(turn, len(robots))
+        noise = NOISY if turn % _NOISY_TURN == _NOISY_TURN - 1 else {}
+        assigned = (*(f'{key}={value}' for key, value in noise.items()), *self.assignments)
+        study = replace(self, robot=robots[robot], assignments=assigned)
+        settings, plant = study.setup()
+        drawn = crowd_scenario(settings, self.seed, number, scenes[scene])
+        straight = math.dist(drawn.pose[:2], drawn.changes['goal']) / settings.pace
+        return RunTask(
+            drawn,
+            replace(settings, **drawn.changes),
+            replace(plant, initial_pose=drawn.pose, seed=drawn.seed),
+            scanner=replace(_scanner(study), seed=drawn.seed),
+            patience=_PATIENCE[0] + _PATIENCE[1] * straight,
+            crowd=Crowd(scenes[scene], robots[robot], bool(noise), self.told),
+        )
+
     def command(self, number: int) -> str:
         """The command that makes one run again."""
         words: Sequence[str] = (
             f'cmpsp study {self.name} --seed {self.seed} --run {number}',
             *([f'--robot {self.robot}'] * bool(self.robot)),
+            *([f'--scene {self.scene}'] * bool(self.scene)),
+            *(['--told'] * self.told),
             *([f'--obstacles {self.most_obstacles}'] * (self.most_obstacles != MOST_OBSTACLES)),
             *(f'--set {each}' for each in self.assignments),
         )
         return ' '.join(words)
+
+
+@dataclass(frozen=True)
+class Crowd:
+    """Circumstances of a run among people.
+
+    Attributes:
+        scene: Name of the scene.
+        robot: Name of the robot.
+        is_noisy: True with missed returns and noise of odometry.
+        told: True if people are known exactly instead of seen.
+    """
+
+    scene: str
+    robot: str
+    is_noisy: bool
+    told: bool
 
 
 @dataclass(frozen=True)
@@ -304,6 +238,7 @@ class RunTask:
         scanner: Scanner of a robot that knows obstacles only by sight.
         patience: Time after which a run with repeatedly postponed goals ends [s].
         has_map: Same as in `StudyKind`.
+        crowd: Circumstances of a run among people; None without.
     """
 
     scenario: Scenario
@@ -314,17 +249,32 @@ class RunTask:
     patience: float = 180.0
     has_map: bool = False
     foreign: ForeignRobot | None = None
+    crowd: Crowd | None = None
 
     @property
     def truth(self) -> GuidanceSettings:
         """The settings with all obstacles, those that are not known too."""
         return replace(self.settings, obstacles=self.scenario.obstacles)
 
-    def eyes(self) -> Eyes | None:
-        """Simulated sensors of the robot, if any."""
+    def people(self) -> People | None:
+        """Those who walk about, at the beginning of the run; None without."""
+        if self.scenario.people is None:
+            return None
+        shapes = self.scenario.obstacles
+        return People(self.scenario.people, edges_of(shapes), discs_of(shapes))
+
+    def eyes(self, people: People | None) -> Eyes | None:
+        """Simulated sensors of the robot, if any; people who are told are not seen."""
         if self.scanner is None:
             return None
-        return Eyes(self.settings, self.scanner, self.scenario.obstacles)
+        seen = None if self.crowd is not None and self.crowd.told else people
+        return Eyes(self.settings, self.scanner, self.scenario.obstacles, seen)
+
+
+def _among_people(robot: str) -> dict[str, Any]:
+    """Parameters of a robot among people, by its name or file; of one at 1 m/s for none."""
+    own = robot in {'', OWN}
+    return {**({} if own else load_robot(robot)), **ROBOTS.get(robot, {}), **_ALWAYS}
 
 
 @cache

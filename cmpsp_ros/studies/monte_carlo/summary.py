@@ -14,6 +14,7 @@ from rich.markup import escape
 from rich.table import Table
 from scipy.stats import binomtest
 
+from cmpsp_ros.studies.monte_carlo.crowd_summary import crowd_figures, crowd_tables
 from cmpsp_ros.studies.monte_carlo.outcome import RunVerdict, StudyOutcome
 from cmpsp_ros.studies.monte_carlo.study import Study
 
@@ -114,6 +115,7 @@ def figures(
         **({'pace': _quantiles(paces), 'mean_pace': float(np.mean(paces))} if paces else {}),
         **({'mean_score': float(np.mean(scores))} if scores else {}),
         **({'costs': _costs(compared)} if compared else {}),
+        **({'people': crowd_figures(outcomes, tolerance)} if study.kind.has_people else {}),
         'max_wheel_speed_rad_s': max(each.max_wheel_speed for each in outcomes),
         'failures': [
             {
@@ -165,8 +167,9 @@ def tables(values: Mapping[str, Any]) -> list[Table]:
         if key not in values:
             continue
         spreads.add_row(escape(name), *(f'{values[key][each]:.4g}' for each in _QUANTILES))
+    found = [counts, spreads, *(crowd_tables(values['people']) if 'people' in values else [])]
     if not values['failures']:
-        return [counts, spreads]
+        return found
     titles = ('run', 'verdict', 'miss [m]', 'clearance [m]', 'judge', 'first at the worst level')
     failures = Table(*map(escape, titles))
     for each in values['failures']:
@@ -177,7 +180,7 @@ def tables(values: Mapping[str, Any]) -> list[Table]:
             f'{each["clearance_m"]:+.4f}', judge,
             escape(each['exception'] or time + each['trouble']),
         )  # fmt: skip
-    return [counts, spreads, failures]
+    return [*found, failures]
 
 
 def write_parquet(
@@ -210,13 +213,14 @@ def write_parquet(
             'clearance': each.clearance,
             'verdict': each.verdict(tolerance).value,
             'judge': judged[each.number]['answer'] if each.number in judged else None,
+            'crowd': None if each.crowd is None else json.dumps(asdict(each.crowd)),
         }
         for each in outcomes
     ]
     table = pa.Table.from_pylist(rows)
     # A column of nothing but None has no type of its own.
-    for name in ('obstacle_clearance', 'trouble_time', 'told_error', 'judge'):
-        kind = pa.string() if name == 'judge' else pa.float64()
+    for name in ('obstacle_clearance', 'trouble_time', 'told_error', 'judge', 'crowd'):
+        kind = pa.string() if name in {'judge', 'crowd'} else pa.float64()
         place = table.column_names.index(name)
         table = table.set_column(place, name, table.column(name).cast(kind))
     parquet.write_table(table, path)

@@ -228,13 +228,16 @@ function drawMarker(pen, marker, to, scale) {
   }
 }
 
-// What moves, as the last plan knew it, and where it will be a second later.
-function drawMoving(pen, {at, size, to: there}, to, scale) {
+// What moves, as the last plan knew it, where it may be, and where it will be a second later.
+function drawMoving(pen, {at, size, doubt, to: there}, to, scale) {
   if (!at.every(isNumber) || !isNumber(size)) return;
-  pen.beginPath();
-  pen.arc(...to(at), Math.max(Math.abs(size / 2 * scale), 3), 0, 2 * Math.PI);
-  pen.fillStyle = MOVING;
-  pen.fill();
+  for (const [across, color] of [[doubt, `${MOVING}40`], [size, MOVING]]) {
+    if (!isNumber(across)) continue;
+    pen.beginPath();
+    pen.arc(...to(at), Math.max(Math.abs(across / 2 * scale), 3), 0, 2 * Math.PI);
+    pen.fillStyle = color;
+    pen.fill();
+  }
   if (there) stroke(pen, [at, there], to, MOVING, 2, []);
 }
 

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     )
     from cmpsp_ros.world.obstacles.shape_functions import ROUGHNESS, away_from, distance_from, sweep
     from cmpsp_ros.world.obstacles.shapes import (
+        SHAPES,
         Capsule,
         Obstacle,
         Point,

@@ -6,11 +6,12 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Final, Self
 
 import numpy as np
 
 from cmpsp_ros.arrays import Array
+from cmpsp_ros.setting import POSITIVE, setting
 
 Point = tuple[float, float]
 
@@ -19,9 +20,19 @@ _TURN = math.tau / 72.0
 
 
 class Shape(ABC):
-    """An obstacle that stands still: all that is nearer than a radius to its corners' hull."""
+    """An obstacle that stands still: all that is nearer than a radius to its corners' hull.
+
+    Fields of a type in `SHAPES` are settings, and so parameters; a default of 0 or () that is
+    outside their range makes them required.
+    """
+
+    kind: ClassVar[str]
+    """Name of the type in parameters."""
 
     if TYPE_CHECKING:  # else a field of a dataclass would take the property for its default
+
+        def __init__(self, name: str, **settings: Any) -> None:
+            """Make one of its fields."""
 
         @property
         def name(self) -> str:
@@ -34,6 +45,11 @@ class Shape(ABC):
         @property
         def center(self) -> Point:
             """The middle between its sides (x, y) [m]."""
+
+    @classmethod
+    def of(cls, name: str, **values: Any) -> Self:
+        """Make one of its settings; raises a `ShapeError` where they make none."""
+        return cls(name, **values)
 
     @property
     @abstractmethod
@@ -55,11 +71,12 @@ class Shape(ABC):
 
 @dataclass(frozen=True)
 class Obstacle(Shape):
-    """A disc (93), with its centre (x, y) [m]."""
+    """A disc (93)."""
 
+    kind: ClassVar[str] = 'circle'
     name: str
-    center: Point
-    radius: float
+    center: Point = setting((), 'm', 'Centre (x, y).')
+    radius: float = setting(0.0, 'm', 'Radius.', POSITIVE)
 
     @property
     def corners(self) -> tuple[Point, ...]:
@@ -69,12 +86,13 @@ class Obstacle(Shape):
 
 @dataclass(frozen=True)
 class Capsule(Shape):
-    """All that is near a line between two points [m]: a wall, a table on its legs, a parked car."""
+    """All that is near a line between two points: a wall, a table on its legs, a parked car."""
 
+    kind: ClassVar[str] = 'capsule'
     name: str
-    start: Point
-    end: Point
-    radius: float
+    start: Point = setting((), 'm', 'One end of its middle line (x, y).')
+    end: Point = setting((), 'm', 'Other end of its middle line (x, y).')
+    radius: float = setting(0.0, 'm', 'Radius.', POSITIVE)
 
     @property
     def corners(self) -> tuple[Point, ...]:
@@ -91,9 +109,17 @@ class Capsule(Shape):
 class Polygon(Shape):
     """A convex polygon with at least three vertices, anticlockwise [m]."""
 
+    kind: ClassVar[str] = 'polygon'
     name: str
-    vertices: tuple[Point, ...]
+    vertices: tuple[Point, ...] = setting(
+        (), 'm', 'Corners in order, in either direction, all convex: x and y of each.'
+    )
     radius: ClassVar[float] = 0.0
+
+    @classmethod
+    def of(cls, name: str, **values: Any) -> Polygon:
+        """Make one of vertices in either direction."""
+        return convex(name, values['vertices'])
 
     @property
     def corners(self) -> tuple[Point, ...]:
@@ -104,6 +130,10 @@ class Polygon(Shape):
     def center(self) -> Point:
         """The middle between its sides (x, y) [m]."""
         return _middle(self.vertices)
+
+
+SHAPES: Final[tuple[type[Shape], ...]] = (Obstacle, Capsule, Polygon)
+"""Types of obstacles that are parameters, the default first."""
 
 
 class ShapeError(ValueError):

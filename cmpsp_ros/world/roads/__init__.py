@@ -19,3 +19,11 @@ if TYPE_CHECKING:
     from cmpsp_ros.world.roads.road_functions import FAR, RoadSpace
 
 __getattr__, __all__ = lazy_exports(__name__, __file__)
+
+
+def kinds() -> 'list[type[Road]]':
+    """All kinds of road."""
+    from cmpsp_ros.world.roads.road import Road  # noqa: PLC0415 (loads numba)
+
+    offered = (__getattr__(name) for name in __all__)
+    return [each for each in offered if isinstance(each, type) and Road in each.__bases__]

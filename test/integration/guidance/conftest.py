@@ -230,8 +230,12 @@ def start_node(spawn):
         if name == 'guidance_node':
             # Odometry of these tests does not follow the commands.
             always['safety.max_prediction_error'] = 0.0
-        given = {key: str(value).lower() for key, value in {**always, **(parameters or {})}.items()}
-        flags = [part for key, value in given.items() for part in ('-p', f'{key}:={value}')]
+        given = {**always, **(parameters or {})}
+        flags = [
+            part
+            for key, each in given.items()
+            for part in ('-p', f'{key}:={str(each).lower() if isinstance(each, bool) else each}')
+        ]
         module = MODULES[name]
         command = [sys.executable, '-m', module, '--ros-args', '--params-file', CASE3]
         return spawn([*command, *flags, *more])

@@ -55,19 +55,6 @@ def test_a_second_guidance_node_stays_inactive(fault, start_node, client, make_c
     assert second.decisions[count]['step'] == '0'
 
 
-def test_two_robots_have_a_guidance_node_each(start_node, make_client):
-    clients = [make_client(prefix=place) for place in ('/first', '/second')]
-    for each in clients:
-        start_node('guidance_node', {}, '-r', f'__ns:={each.prefix}')
-    for each in clients:
-        each.until_health(state='active', said='Waiting')
-        each.connect()
-        each.drive()
-        each.until_driving()
-    for each in clients:
-        each.until_health(state='active', fallback_level='nominal', level=DiagnosticStatus.OK)
-
-
 def test_of_two_that_began_together_the_later_gives_way(fault, start_node, client):
     """Both are active before either has heard the other; then each hears when the other began."""
     start_node()

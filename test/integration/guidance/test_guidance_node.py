@@ -92,15 +92,10 @@ def test_after_a_shutdown_by_service_a_signal_ends_the_process(start_node, clien
     if state == 'active':
         client.until(lambda: client.commands[-1] == (0.0, 0.0))
     assert client.state == 'finalized'
+    client.until_health(state='finalized')
     running.signal(signal.SIGINT)
     assert running.wait() == 0, running.stderr
     assert 'FATAL' not in running.stderr
-
-
-def test_a_node_that_was_shut_down_shows_it(start_node, client):
-    start_node('guidance_node', {'autostart': False})
-    assert client.change_state('unconfigured_shutdown')
-    client.until_health(10.0, state='finalized')
 
 
 def test_one_command_at_each_control_instant_as_the_law_says(

@@ -149,23 +149,6 @@ def test_good_and_bad_odometry_in_turn_is_one_stop_within_the_limit(
     end()
 
 
-def test_disturbances_now_and_then_are_a_stop_each(driving, repeat, client, make_odometry):
-    end = driving(LIMITED)
-    count, bad = len(client.commands), []
-
-    def disturb():
-        bad.append(make_odometry(client.now(), (math.nan, 0.0, 0.0)))
-        client.odometry.publish(bad[-1])
-
-    cease = repeat(1.0, disturb)
-    client.until(lambda: len(bad) == 3)
-    cease()
-    client.until_driving()
-    assert switches(client.commands[count - 1 :]) <= 2 * len(bad)
-    assert_wheels_can_follow(client.decisions)
-    end()
-
-
 def test_old_odometry_between_new_is_ignored(fault, start_node, repeat, client):
     start_node()
     client.connect()

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 from live import COMMAND
@@ -88,34 +86,6 @@ def test_a_run_with_faults_is_identical_and_audited_as_it_was(
     assert (said['obstacles'], said['goal']) == ('failure', 'error')
     for check in ('finite', 'wheel_limits', 'as_decided', 'reasons', 'stop_at_end'):
         assert said[check] == 'passed'
-
-
-@pytest.mark.parametrize(
-    ('pose', 'frame_id', 'reason'),
-    [
-        ((math.nan, 0.0, 0.0), 'odom', 'not finite'),
-        ((0.0, math.inf, 0.0), 'odom', 'not finite'),
-        ((0.0, -9.25, 0.0), 'map', "frame 'map', wanted 'odom'"),
-    ],
-    ids=['nan', 'inf', 'frame'],
-)
-def test_odometry_that_the_node_refused_is_refused_again(begin, client, pose, frame_id, reason):
-    recording = begin()
-    assert client.change_state('activate')
-    client.drive()
-    client.until_driving()
-    client.park()
-    for _ in range(3):
-        client.send(client.now(), pose, frame_id)
-    client.until(lambda: any(reason in each['reason'] for each in client.decisions))
-    client.drive()
-    client.until_driving()
-    assert client.change_state('deactivate')
-    client.park()
-    outcome = recording.replayed()
-    # The bag may have the last one before it is heard here.
-    client.until(lambda: outcome.decisions == len(client.decisions))
-    assert outcome.stops > 0
 
 
 def test_a_live_node_decides_the_same_on_played_odometry(start_node, client, spawn, tmp_path):

@@ -17,35 +17,6 @@ def finished(client):
     return client.decisions and client.decisions[-1]['finished'] == 'true'
 
 
-@pytest.mark.parametrize(
-    ('sim', 'guidance'),
-    [
-        ({'lockstep': True, 'publish_clock': True}, {'use_sim_time': True}),
-        # Without a clock simulated time is no time that odometry could be late by.
-        ({'lockstep': True, 'publish_clock': False}, {'odom_timeout': 1000.0}),
-    ],
-    ids=['clock', 'no clock'],
-)
-def test_a_pair_in_lockstep_reaches_the_goal(start_node, client, sim, guidance):
-    start_node('sim_node', sim)
-    running = start_node('guidance_node', {**guidance, 'autostart': False})
-    assert client.change_state('configure')
-    # The simulator and this test.
-    client.until(lambda: int(client.latest('command_subscribers', '0')) >= 2)
-    client.until(lambda: client.node.count_publishers('/guidance/decision'))
-    assert client.change_state('activate')
-    client.until(lambda: finished(client))
-    steps, last = client.decisions[:50], client.decisions[50]
-    assert last['finished'] == 'true'
-    assert {step['fallback_level'] for step in steps} <= {'nominal', 'elastic'}
-    assert float(last['terminal_error']) < 1e-6
-    stamps = [int(step['stamp']) for step in client.decisions[:51]]
-    assert [stamp - stamps[0] for stamp in stamps] == [k * 200_000_000 for k in range(51)]
-    if sim['publish_clock']:
-        assert stamps[0] == 0
-    assert 'Traceback' not in running.stderr
-
-
 def test_two_pairs_on_one_domain_arrive_and_do_not_hear_each_other(start_node, make_client):
     goals = {'/r1': (10.0, 0.0), '/r2': (9.5, 1.0)}
     starts = {'/r1': (0.0, -9.25, 0.0), '/r2': (0.5, -10.5, 0.1)}

@@ -146,19 +146,3 @@ def test_a_changed_scene_is_shown_to_all_before_the_first_odometry(start_node, c
         return found and found[0].pose.position.x == 10.2
 
     client.until(goal)
-
-
-def test_memory_does_not_grow_from_step_to_step(start_active, client, make_odometry):
-    running = start_active({'odom_timeout': 600.0, 'final_time': 2.0})
-    stamp = client.now()
-
-    def resident_after(steps):
-        nonlocal stamp
-        for _ in range(steps):
-            stamp += 200_000_000
-            client.decide(make_odometry(stamp, (0.0, -9.25, 0.0)))
-        pages = int(Path(f'/proc/{running.pid}/statm').read_text().split()[1])
-        return pages * os.sysconf('SC_PAGE_SIZE')
-
-    before = resident_after(200)
-    assert resident_after(800) - before < 4_000_000

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-import signal
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -45,26 +43,6 @@ def test_lockstep_waits_for_each_answer(simulate, ros, kind):
     assert {stamp(message) for message in client.truth} == set(
         range(0, 51 * CONTROL_NS + 1, PERIOD_NS)
     )
-
-
-def test_lockstep_repeats_exactly_also_with_noise_and_delay(simulate, ros):
-    runs = []
-    for _ in range(2):
-        running, client = run_lockstep(
-            simulate,
-            ros,
-            11,
-            **{'noise.position_stddev': 0.1, 'noise.seed': 7, 'actuation_delay': 0.05},
-        )
-        client.until(lambda client=client: stamp(client.odometry[-1]) == 11 * CONTROL_NS)
-        runs.append({stamp(message): place(message).tolist() for message in client.odometry})
-        running.signal(signal.SIGINT)
-        assert running.wait() == 0
-        ros.node.destroy_publisher(client.commands)
-        for subscription in list(ros.node.subscriptions):
-            if subscription.topic_name == '/odom':
-                ros.node.destroy_subscription(subscription)
-    assert runs[0] == runs[1]
 
 
 def test_the_truth_and_the_time_go_on_while_odometry_is_lost(simulate, ros):
@@ -115,21 +93,6 @@ def test_time_waits_at_the_first_odometry_of_a_control_instant_on_the_clock_of_t
 
 def first(client):
     return stamp(client.odometry[0])
-
-
-def test_the_truth_of_lagging_and_slipping_wheels_can_be_drawn_again(simulate, ros):
-    disturbed = {'wheel_lag': 0.05, 'wheel_slip': '[0.1, 0.05]', 'actuation_delay': 0.03}
-    _, client = run_lockstep(simulate, ros, 6, **disturbed)
-    client.until(lambda: stamp(client.truth[-1]) == 6 * CONTROL_NS)
-    truth = {stamp(message): message for message in client.truth}
-    robot = DifferentialDrive()
-    stamps = sorted(truth)
-    assert max(end - begin for begin, end in pairwise(stamps)) <= PERIOD_NS
-    for begin, end in pairwise(stamps):
-        moved = truth[begin].twist.twist
-        speeds = robot.wheel_speeds(np.array([moved.linear.x, moved.angular.z]))[None]
-        pose = robot.roll_out(place(truth[begin]), speeds, np.array([(end - begin) / 1e9]))[1]
-        assert np.allclose(place(truth[end]), pose, atol=1e-12)
 
 
 def test_lockstep_asks_again_complains_once_and_goes_on(simulate, ros):

@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rosbags.interfaces import QosDurability
-from sensor_msgs.msg import LaserScan
+from sensor_msgs.msg import LaserScan, PointCloud2
 from sim_client import BEST_EFFORT, Client, stamp, twist
 from std_srvs.srv import Trigger
 
 from cmpsp_ros.bags import Bag
+from cmpsp_ros.guidance.messages import tracks_of
 
 pytestmark = pytest.mark.integration
 
@@ -80,10 +81,28 @@ def test_in_lockstep_none_is_missing_and_a_reset_begins_the_same_again(simulate,
     assert stamp(client.scans[-1]) == 2_000_000_000
 
 
-def test_a_scanner_that_cannot_be_is_refused(simulate):
-    running = simulate({**COURSE, 'sim.scan.range_max': 0.05})
-    assert running.wait(20.0) != 0
-    assert 'sim.scan.range_max: found 0.05 m' in running.stderr
+def test_people_are_seen_and_told_to_judges_and_begin_with_the_first_command(simulate, ros):
+    simulate(
+        {
+            **COURSE,
+            'sim.people.names': '[ann]',
+            'sim.people.ann.position': [1.0, 0.0],
+            'sim.people.ann.heading': math.pi / 2.0,
+            'sim.people.ann.gives_way': 'false',
+        }
+    )
+    client, clouds = Listener(ros), []
+    client.node.create_subscription(PointCloud2, 'sim/people', clouds.append, 10)
+    client.until(lambda: clouds and len(client.scans) >= 3)
+    ahead = np.array(client.scans[-1].ranges)[85:95]
+    assert np.nanmedian(ahead) == pytest.approx(0.65, abs=0.05)
+    (ann,) = tracks_of(clouds[-1], 'odom')
+    assert (ann.x, ann.y, ann.vx, ann.vy, ann.radius) == (1.0, 0.0, 0.0, 0.0, 0.25)
+    client.send(twist(0.0))
+    client.until(lambda: tracks_of(clouds[-1], 'odom')[0].y > 0.6)
+    count = len(client.scans)
+    client.until(lambda: len(client.scans) > count + 1)
+    assert np.nanmedian(np.array(client.scans[-1].ranges)[85:95]) > 1.5
 
 
 def test_where_the_scanner_is_is_published_once_for_all_who_come_later(

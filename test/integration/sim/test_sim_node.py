@@ -108,18 +108,6 @@ def test_simulated_time_begins_at_zero_and_goes_before_odometry(simulate, ros):
     assert np.std([place(message)[0] for message in client.odometry]) == pytest.approx(0.01, 0.5)
 
 
-def test_two_robots_live_in_namespaces(simulate, ros):
-    simulate({'initial_pose': '[0.0, -9.5, 0.0]'}, '-r', '__ns:=/r1')
-    simulate({'initial_pose': '[0.0, -10.5, 0.0]'}, '-r', '__ns:=/r2')
-    one, other = Client(ros, '/r1'), Client(ros, '/r2')
-    one.connect()
-    other.connect()
-    assert place(one.odometry[-1])[1] == -9.5
-    assert place(other.odometry[-1])[1] == -10.5
-    one.command_until(twist(0.5), lambda: place(one.odometry[-1])[0] > 0.01)
-    assert place(other.odometry[-1])[0] == 0.0
-
-
 @pytest.mark.parametrize(
     ('parameters', 'said'),
     [

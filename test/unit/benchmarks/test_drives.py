@@ -15,12 +15,10 @@ from benchmarks.drives import (
     chosen,
     of_models,
     of_robots,
-    robots_that_fit,
     time_presets,
     time_robots,
 )
 from cmpsp_ros.guidance.planning import Planner
-from cmpsp_ros.parameters import ParameterError
 from cmpsp_ros.parameters.files import preset_names
 
 
@@ -44,24 +42,6 @@ def test_without_names_it_is_all_presets_and_the_runs_of_the_tables():
     assert [each.name for each in chosen(['case2'])] == ['case2']
 
 
-def test_a_file_will_do(tmp_path):
-    path = tmp_path / 'other.yaml'
-    path.write_text('/**:\n  ros__parameters:\n    initial_pose: [0.0, -10.0, 0.1]\n')
-    assert Preset.load(str(path)).pose.tolist() == [0.0, -10.0, 0.1]
-
-
-def test_a_start_beside_the_road(tmp_path):
-    path = tmp_path / 'beside.yaml'
-    path.write_text('/**:\n  ros__parameters:\n    initial_pose: [0.0, -20.0, 0.0]\n')
-    with pytest.raises(ParameterError, match='initial_pose'):
-        Preset.load(str(path))
-
-
-def test_unknown_preset():
-    with pytest.raises(ParameterError, match=r'did you mean case3\?'):
-        Preset.load('cas3')
-
-
 def test_a_robot_drives_to_the_goal():
     told, improve = [], Planner.improve
     (found,) = time_robots(of_robots(['jackal']), 2, lambda: told.append(1))
@@ -83,20 +63,9 @@ def test_a_car_beside_a_differential_drive():
         assert found.terminal_error < 1e-3
 
 
-def test_no_such_robot():
-    with pytest.raises(ParameterError, match='jackall'):
-        of_robots(['jackall'])
-
-
 def test_runs_that_differ(monkeypatch):
     drive = RobotDrive('odd', np.ones((1, 2)), np.ones(2, int), {'nominal': 2}, 0.0)
     repeated = iter([drive, replace(drive, work=np.array([1, 2]))])
     monkeypatch.setattr(drives, '_drive_robot', lambda name, scenario: next(repeated))
     with pytest.raises(BenchError, match='runs that differ'):
         time_robots(of_robots(['jackal']), 2)
-
-
-def test_robots_that_are_too_wide_for_the_road_are_left_out():
-    fit = robots_that_fit()
-    assert 'turtlebot4' in fit
-    assert 'car' not in fit

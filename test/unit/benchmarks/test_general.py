@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.general import SIZES, flops, program, time_programs
+from benchmarks.general import SIZES, flops, program
 from cmpsp_ros.mpsp.qp import solve_qp
 
 
@@ -15,18 +15,6 @@ def test_programs_are_solvable_and_have_active_rows(size):
     np.testing.assert_allclose(ours.dU, other.dU, atol=1e-7)
     assert np.count_nonzero(ours.bounds) > 0
     assert np.count_nonzero(ours.path) > 0
-
-
-def test_every_size_is_timed():
-    told = []
-    found = time_programs(2, lambda: told.append(1))
-    assert [(each.states, each.controls) for each in found] == list(SIZES)
-    assert len(told) == 2
-    for each in found:
-        assert each.time > 0.0
-        assert each.iterations >= each.active > 0
-    of_one = [each.flops / each.iterations for each in found]
-    assert 0.0 < of_one[0] < of_one[1] < of_one[2]
 
 
 def test_operations_grow_as_they_should():

@@ -8,12 +8,8 @@ import pytest
 
 from benchmarks import horizons
 from benchmarks.common import BenchError
-from benchmarks.horizons import Growth, LongHorizons, LongStep, grow, long_task, time_long_horizons
+from benchmarks.horizons import Growth, LongHorizons, LongStep, long_task, time_long_horizons
 from benchmarks.methods.ours import CondensedDaqp
-
-
-class Short(CondensedDaqp):
-    name, largest = 'short', 4
 
 
 class Lazy(CondensedDaqp):
@@ -29,17 +25,6 @@ def test_the_exponent_is_fitted_to_long_horizons_only():
     assert growth.exponent == pytest.approx(2.5)
     assert growth.steps == list(times)
     assert Growth.of('method', {50: 1.0, 100: 2.0}).exponent is None
-
-
-def test_each_horizon_is_timed_for_those_who_can(task):
-    told = []
-    methods = [CondensedDaqp(task), Short(task), Lazy(task)]
-    all_steps, short, lazy = grow(task, methods, (4, 8), 2, lambda: told.append(1))
-    assert all_steps.steps == [4, 8]
-    assert short.steps == [4]
-    assert lazy.steps == []
-    assert min(all_steps.times) > 0.0
-    assert len(told) == 2
 
 
 def of_times(times, peer=None):
@@ -73,16 +58,6 @@ def test_half_of_the_bounds_are_active_on_every_horizon():
     assert len(told) == 2
 
 
-def test_peers_take_the_same_steps():
-    pytest.importorskip('casadi')
-    (found,) = time_long_horizons((25,), 1, beside=True).found
-    assert found.ratios
-    for name, (ratio, ratio_of_qps) in found.ratios.items():
-        assert name in horizons.QP_PEERS
-        assert found.times[name] > found.times['warm'] > 0.0
-        assert 0.0 < ratio <= ratio_of_qps
-
-
 def test_a_peer_that_fails_says_why(monkeypatch):
     class Failing:
         name, largest = 'sqpmethod + piqp', 400
@@ -108,12 +83,6 @@ def test_a_peer_that_fails_says_why(monkeypatch):
     }  # fmt: skip
     assert found.missing['sqpmethod + piqp, N = 25'] == 'out of order'
     assert 'misses the goal' in found.missing['sqpmethod + hpipm, N = 25']
-
-
-def test_without_a_plan_there_is_no_time(monkeypatch):
-    monkeypatch.setattr(horizons, 'LIMIT', 30.0)
-    with pytest.raises(BenchError, match='found no plan'):
-        time_long_horizons((25,), 1, beside=False)
 
 
 def test_the_drive_is_the_same_at_every_number_of_steps():

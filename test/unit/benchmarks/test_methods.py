@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.common import BenchError
 from benchmarks.loops import close_loop
 from benchmarks.methods.ours import CondensedDaqp, FullStep, Law, RiccatiActiveSet
 from cmpsp_ros.studies.closed_loop import drive
@@ -20,11 +19,6 @@ def test_any_number_of_steps_takes_the_same_time(task, steps):
     X = task.problem(task.pose, task.durations(steps)).predict(task.guess(steps))
     once = task.problem(task.pose, task.durations(1)).predict(task.guess(1))
     np.testing.assert_allclose(X[-1], once[-1], atol=1e-9)
-
-
-def test_settings_for_any_number_of_steps(task):
-    assert task.settings_for(50) == task.settings
-    assert task.settings_for(100).control_period == pytest.approx(0.1)
 
 
 def test_outcome_is_that_of_the_path_itself(task):
@@ -86,11 +80,6 @@ def test_it_drives_as_the_law_drives(task, make):
     wanted = [decision.wheel_speeds for decision in decisions]
     found = close_loop(task, make(task), STEPS).wheel_speeds
     np.testing.assert_array_equal(found[:-1], wanted)
-
-
-def test_no_room_between_few_samples(task):
-    with pytest.raises(BenchError, match='too close to'):
-        close_loop(task, FullStep(task), 5)
 
 
 @pytest.mark.parametrize('make', [FullStep, Law])

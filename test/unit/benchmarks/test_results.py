@@ -128,11 +128,6 @@ def test_what_was_not_measured(known):
     assert {each.holds for each in targets(without)} == {None}
 
 
-def test_the_longest_step_of_a_hard_case_is_not_one_that_was_held_up():
-    case = hard_case('held up', [[0.8, 0.3, 0.3], [0.7, 5.0, 0.3], [0.9, 0.3, 0.3]])
-    assert case.longest == 0.8
-
-
 @pytest.fixture
 def with_latency(results):
     own = np.linspace(1.0, 2.0, 120)
@@ -210,10 +205,3 @@ def test_output_that_cannot_be_used(tmp_path, name):
     (tmp_path / 'there.json').write_text('{}')
     with pytest.raises(BenchError, match=re.escape(str(tmp_path / name))):
         check_output(tmp_path / name)
-
-
-def test_a_new_folder_is_made(tmp_path):
-    check_output(tmp_path / 'new' / 'folder')
-    check_output(tmp_path / 'other' / 'file.json')
-    assert (tmp_path / 'new' / 'folder').is_dir()
-    assert (tmp_path / 'other').is_dir()

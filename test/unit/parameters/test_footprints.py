@@ -1,8 +1,7 @@
-"""Footprints from parameters: what is refused, by the name of its key."""
+"""Footprints from parameters."""
 
 import math
 
-import numpy as np
 import pytest
 
 from cmpsp_ros.parameters import (
@@ -13,7 +12,6 @@ from cmpsp_ros.parameters import (
     load_parameter_file,
     plausibility_warnings,
 )
-from cmpsp_ros.parameters.files import parse_assignment
 
 BOX = '[[-0.2, -0.15], [0.1, -0.15], [0.1, 0.15], [-0.2, 0.15]]'
 
@@ -56,46 +54,9 @@ def test_what_can_be_read(text):
     assert len(guidance_settings(given).footprint.corners) == text.count('[') - 1
 
 
-@pytest.mark.parametrize(
-    ('text', 'found'),
-    [
-        ('round', "found 'round', wanted corners around the robot"),
-        ('[[0.1, 0.2], [0.3', 'wanted corners around the robot'),
-        ('[[0.1, 0.2, 0.3], [1, 1], [0, 1]]', 'wanted corners around the robot'),
-        ('[[0.1, "a"], [1, 1], [0, 1]]', 'wanted corners around the robot'),
-        ('[[True, 1], [1, 1], [0, 1]]', 'wanted corners around the robot'),
-        ('[[1e999, 0.1], [-1, 1], [-1, -1]]', 'wanted corners around the robot'),
-        ('[[nan, 0.1], [-1, 1], [-1, -1]]', 'wanted corners around the robot'),
-        (f'[[1{"0" * 400}, 0.1], [-1, 1], [-1, -1]]', 'wanted corners around the robot'),
-        ('[' * 5000, 'wanted corners around the robot'),
-        ('[]', 'found 0 corners, wanted three or more'),
-        ('[[1, 1], [-1, -1]]', 'found 2 corners, wanted three or more'),
-        ('[[-1, -1], [1, 1], [1, -1], [-1, 1]]', 'found sides that cross, from corners 0 and 2'),
-        ('[[-1, -1], [1, -1], [0, 1], [0, -1]]', 'found sides that cross, from corners 0 and 2'),
-        ('[[-1, -1], [2, -1], [1, -1], [0, 1]]', 'found sides that cross, from corners 0 and 1'),
-        ('[[-1, -1], [1, -1], [1, -1], [0, 1]]', 'corner 2 (from 0) at the place of the one'),
-        ('[[-1, 0], [0, 0.0], [1, 0]]', 'found sides that cross'),
-        ('[[1, -1], [2, -1], [1.5, 1]]', 'found corners that do not go around [0, 0]'),
-    ],
-)
-def test_what_is_refused(text, found):
-    for check in (guidance_settings, check_simulation):
-        with pytest.raises(ParameterError) as refused:
-            check(values(robot__footprint=text))
-        assert str(refused.value).startswith('robot.footprint: found')
-        assert found in str(refused.value)
-
-
 def test_millimetres():
     given = values(robot__footprint=BOX.replace('0.', '100.'))
     assert 'robot.footprint looks like millimetres' in ' '.join(plausibility_warnings(given))
-
-
-def test_a_road_that_is_too_narrow_for_the_discs():
-    with pytest.raises(ParameterError, match=r'road\.half_width.* radius of the discs of'):
-        guidance_settings(
-            values('corridor', robot__footprint='[[-2, -2], [2, -2], [2, 2], [-2, 2]]')
-        )
 
 
 def test_a_long_robot_may_begin_along_a_wall_and_not_across():
@@ -122,10 +83,3 @@ def test_a_long_robot_may_begin_along_a_wall_and_not_across():
     guidance_settings(values(**given | {'goal__heading': []}))
     with pytest.raises(ParameterError, match=r'goal\.position'):
         guidance_settings(values(**given | {'goal__heading': [], 'goal__position': [2.0, 0.15]}))
-
-
-def test_on_the_command_line():
-    key, value = parse_assignment(f'robot.footprint="{BOX}"')
-    assert (key, value) == ('robot.footprint', BOX)
-    footprint = guidance_settings(values(robot__footprint=value)).footprint
-    np.testing.assert_allclose(np.mean(footprint.corners, axis=0), [-0.05, 0.0], atol=1e-12)

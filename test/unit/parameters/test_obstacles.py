@@ -2,7 +2,7 @@
 
 import pytest
 
-from cmpsp_ros.parameters import TABLE, ParameterError, check_simulation, guidance_settings
+from cmpsp_ros.parameters import TABLE, check_simulation, guidance_settings, shapes_of
 from cmpsp_ros.parameters.obstacles import obstacles_of
 from cmpsp_ros.world.obstacles import Capsule, Obstacle
 from cmpsp_ros.world.obstacles.shapes import Polygon
@@ -13,14 +13,6 @@ SQUARE = [9.5, -3.0, 10.5, -3.0, 10.5, -2.0, 9.5, -2.0]
 def given(kind, **block):
     values = {f'obstacles.a.{key}': value for key, value in block.items()}
     return TABLE.resolve({'obstacles.names': ['a'], 'obstacles.a.type': kind, **values})
-
-
-def refusal(values):
-    with pytest.raises(ParameterError) as caught:
-        guidance_settings(values)
-    with pytest.raises(ParameterError):
-        check_simulation(values)
-    return [str(each) for each in caught.value.problems]
 
 
 @pytest.mark.parametrize(
@@ -43,53 +35,13 @@ def test_every_type(values, wanted):
     check_simulation(values)
 
 
-@pytest.mark.parametrize(
-    ('values', 'wanted'),
-    [
-        (
-            given('circle'),
-            [
-                'obstacles.a.center: found nothing, wanted a list of 2 numbers [m]',
-                'obstacles.a.radius: found nothing, or 0, wanted a number > 0 [m]',
-            ],
-        ),
-        (
-            given('circle', center=[8, -6], radius=0.7, end=[1, 2]),
-            ['obstacles.a.end: found [1.0, 2.0], wanted nothing for a circle'],
-        ),
-        (
-            given('capsule', start=[8, -6], end=[9], radius=0.1),
-            ['obstacles.a.end: found [9.0], wanted a list of 2 numbers [m]'],
-        ),
-        (
-            given('polygon', vertices=SQUARE[:5]),
-            [
-                'obstacles.a.vertices: found [9.5, -3.0, 10.5, -3.0, 10.5], wanted x and y [m] of'
-                ' each vertex'
-            ],
-        ),
-        (
-            given('polygon', vertices=SQUARE, radius=0.1),
-            ['obstacles.a.radius: found 0.1, wanted nothing for a polygon'],
-        ),
-        (
-            given('polygon', vertices=[*SQUARE, 9.9, -2.5]),
-            [
-                'obstacles.a.vertices: found at vertex 4 (from 0) a corner that is not convex,'
-                ' wanted a turn to the same side as others'
-            ],
-        ),
-    ],
-)
-def test_what_is_refused(values, wanted):
-    assert refusal(values) == wanted
-
-
-def test_no_goal_and_no_start_in_a_polygon():
-    values = given('polygon', vertices=[9.5, -0.5, 10.5, -0.5, 10.5, 0.5, 9.5, 0.5])
-    with pytest.raises(ParameterError) as caught:
-        guidance_settings(values)
-    assert str(caught.value) == (
-        'goal.position: found 0.5 m inside or beyond obstacle a, wanted a place where robot.radius'
-        ' is clear'
+def test_obstacles_of_the_simulator_are_no_others():
+    block = {'type': 'capsule', 'start': [0, 0], 'end': [1, 0], 'radius': 0.1}
+    values = TABLE.resolve(
+        {
+            'sim.obstacles.names': ['wall'],
+            **{f'sim.obstacles.wall.{k}': v for k, v in block.items()},
+        }
     )
+    assert shapes_of(values) == (Capsule('wall', (0.0, 0.0), (1.0, 0.0), 0.1),)
+    assert obstacles_of(values) == ()

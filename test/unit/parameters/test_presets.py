@@ -54,10 +54,6 @@ def refusal(call, *arguments):
     return str(caught.value)
 
 
-def test_the_cases_of_the_paper_are_there():
-    assert {'case1', 'case2', 'case3', 'case3_45'} <= set(preset_names())
-
-
 @pytest.mark.parametrize('name', preset_names())
 def test_every_preset_builds_and_says_what_an_audit_judges_by(name):
     given_ = load_parameter_file(name)
@@ -184,6 +180,7 @@ def test_files_that_cannot_be_read(tmp_path):
         ('goal.position=[10, 0]', 'goal.position', [10, 0]),
         ('obstacles.names=[a, b]', 'obstacles.names', ['a', 'b']),
         ('frame_id="a=b"', 'frame_id', 'a=b'),
+        ('robot.footprint="[[0, 1]]"', 'robot.footprint', '[[0, 1]]'),
     ],
 )
 def test_assignments(text, key, value):
@@ -203,7 +200,7 @@ FINITE = st.floats(allow_nan=False, allow_infinity=False)
 POSITIVE = st.floats(0.0, exclude_min=True, allow_infinity=False)
 
 
-@settings(max_examples=50, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=15, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     position=st.tuples(FINITE, FINITE),
     tolerance=POSITIVE,

@@ -27,45 +27,39 @@ def test_blocks_stand_together_behind_their_names():
     values = TABLE.resolve({**second, **OBSTACLE, 'obstacles.names': ('b', 'a')})
     keys = list(values)
     start = keys.index('obstacles.names')
-    block = ['type', 'center', 'start', 'end', 'vertices', 'radius']
+    block = ['type', 'center', 'radius', 'start', 'end', 'vertices']
     assert keys[start + 1 : start + 13] == [
         f'obstacles.{name}.{key}' for name in ('b', 'a') for key in block
     ]
     assert values['obstacles.b.center'] == [1.0, 2.0]
 
 
-def test_all_problems_are_reported_together():
-    given_ = {'goal.tolerance': -1, 'frame_id': 3, 'odom_timout': 1.0, 'solver.qp': 'daqp'}
-    assert refusal(given_) == [
-        'frame_id: found 3, wanted text, not empty (put it in quotes to make it text)',
-        'goal.tolerance: found -1, wanted a number > 0 [m]',
-        'odom_timout: found an unknown parameter, wanted a known one (did you mean odom_timeout?)',
-    ]
-
-
-def test_a_bad_radius_of_an_obstacle():
-    bad = {**OBSTACLE, 'obstacles.names': ['a'], 'obstacles.a.radius': -0.5}
-    assert refusal(bad) == ['obstacles.a.radius: found -0.5, wanted a number >= 0 [m]']
-
-
-def test_an_obstacle_named_and_not_given():
-    assert refusal({'moving_obstacles.names': ['a']}) == [
-        'moving_obstacles.a.center: found nothing, wanted a list of 2 numbers [m]',
-        'moving_obstacles.a.velocity: found nothing, wanted a list of 2 numbers [m/s]',
-        'moving_obstacles.a.radius: found nothing, wanted a number > 0 [m]',
-    ]
-
-
-def test_an_obstacle_given_and_not_named():
-    wanted = 'a name listed in obstacles.names []'
-    assert refusal(OBSTACLE) == [
-        f'{key}: found a block that is not listed, wanted {wanted}' for key in OBSTACLE
-    ]
-
-
-def test_an_obstacle_named_twice():
-    (line,) = refusal({**OBSTACLE, 'obstacles.names': ['a', 'a']})
-    assert line == "obstacles.names: found ['a', 'a'], wanted a list of different names"
+@pytest.mark.parametrize(
+    ('values', 'lines'),
+    [
+        ({'goal.tolerance': -1, 'frame_id': 3, 'odom_timout': 1.0, 'solver.qp': 'daqp'},
+         ['frame_id: found 3, wanted text, not empty (put it in quotes to make it text)',
+          'goal.tolerance: found -1, wanted a number > 0 [m]',
+          'odom_timout: found an unknown parameter, wanted a known one (did you mean'
+          ' odom_timeout?)']),
+        ({**OBSTACLE, 'obstacles.names': ['a'], 'obstacles.a.radius': -0.5},
+         ['obstacles.a.radius: found -0.5, wanted a number >= 0 [m]']),
+        ({'moving_obstacles.names': ['a']},
+         ['moving_obstacles.a.center: found nothing, wanted a list of 2 numbers [m]',
+          'moving_obstacles.a.velocity: found nothing, wanted a list of 2 numbers [m/s]',
+          'moving_obstacles.a.radius: found nothing, wanted a number > 0 [m]']),
+        (OBSTACLE,
+         [f'{key}: found a block that is not listed, wanted a name listed in obstacles.names []'
+          for key in OBSTACLE]),
+        ({**OBSTACLE, 'obstacles.names': ['a', 'a']},
+         ["obstacles.names: found ['a', 'a'], wanted a list of different names"]),
+        ({1: 2, 'a\nb': 3},
+         ["1: found no text, wanted a parameter's name",
+          r"'a\nb': found an unknown parameter, wanted a known one"]),
+    ],
+)  # fmt: skip
+def test_all_problems_are_reported_together(values, lines):
+    assert refusal(values) == lines
 
 
 @pytest.mark.parametrize('name', ['1a', 'a.b', 'a b', '-', 'é', 'names', '<name>', '_a'])
@@ -92,13 +86,6 @@ def test_a_name_that_cannot_be_part_of_a_parameter_name(name):
 )
 def test_an_unknown_key_gets_the_nearest_known_one(key, hint):
     assert refusal({key: 1.0}) == [f'{key}: found an unknown parameter, wanted a known one{hint}']
-
-
-def test_keys_that_are_no_keys():
-    assert refusal({1: 2, 'a\nb': 3}) == [
-        "1: found no text, wanted a parameter's name",
-        r"'a\nb': found an unknown parameter, wanted a known one",
-    ]
 
 
 @pytest.mark.parametrize(

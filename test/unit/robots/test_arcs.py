@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
-from cmpsp_ros.robots import DifferentialDrive, arc_ends, arc_from, reach_of
+from cmpsp_ros.robots import arc_from, reach_of
 
 SAMPLES = 4001
 unhurried = hypothesis_settings(deadline=None, max_examples=150)
@@ -66,25 +66,3 @@ def test_reach_of_arcs_of_every_kind(turn, direction, length):
     points = np.vstack([rng.uniform(-2.0, 2.0, size=(30, 2)), [[0.3, 0.4]]])
     for heading in (0.0, 1.0, -2.0, math.pi):
         check([0.3, 0.4, heading], [2.0 * length, 2.0 * direction * turn], 0.5, points)
-
-
-def test_reach_of_a_quarter_circle_by_hand():
-    # From (1, 0) to (0, 1) about the origin.
-    pose, twist = (1.0, 0.0, math.pi / 2), (math.pi / 2, math.pi / 2)
-    points = [(2.0, 2.0), (-1.0, -1.0), (0.0, 0.0), (3.0, 0.0)]
-    least, greatest = reach(pose, twist, 1.0, points)
-    root = math.sqrt(2.0)
-    np.testing.assert_allclose(least, [2 * root - 1, math.sqrt(5.0), 1.0, 2.0], atol=1e-12)
-    np.testing.assert_allclose(
-        greatest, [math.sqrt(5.0), root + 1, 1.0, math.sqrt(10.0)], atol=1e-12
-    )
-
-
-@unhurried
-@given(twist=st.tuples(st.floats(-2.0, 2.0), st.floats(-40.0, 40.0)), duration=st.floats(0.0, 0.5))
-def test_ends_are_those_of_the_robot(twist, duration):
-    robot = DifferentialDrive()
-    pose, twist = np.array([1.0, 2.0, 0.3]), np.array([twist])
-    path = robot.roll_out(pose, robot.wheel_speeds(twist), np.array([duration]))
-    end = arc_ends(pose[None], twist, np.array([duration]))
-    np.testing.assert_allclose(end, path[1:], atol=1e-12)

@@ -182,38 +182,6 @@ def test_twists_controls_and_wheel_speeds_are_inverse(robot, spread):
         np.testing.assert_array_equal(ordered[:, : len(spread)], controls)
 
 
-@unhurried
-@given(
-    pose=poses,
-    motion=poses,
-    wheels=st.lists(st.tuples(speeds, speeds), min_size=1, max_size=6),
-    duration=durations,
-)
-def test_moving_the_start_moves_the_path(pose, motion, wheels, duration):
-    pose, wheels, times = np.array(pose), np.array(wheels), np.full(len(wheels), duration)
-    dx, dy, angle = motion
-    turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
-
-    def moved(path):
-        return np.column_stack([path[:, :2] @ turn.T + [dx, dy], path[:, 2] + angle])
-
-    there = ROBOT.roll_out(moved(pose[None])[0], wheels, times)
-    np.testing.assert_allclose(there, moved(ROBOT.roll_out(pose, wheels, times)), atol=1e-11)
-
-
-@unhurried
-@given(pose=poses, wheels=st.tuples(speeds, speeds), duration=durations, part=st.floats(0.0, 1.0))
-def test_a_period_in_two_parts_ends_at_the_same_place_and_driving_back_leads_back(
-    pose, wheels, duration, part
-):
-    pose, wheels = np.array(pose), np.array([wheels, wheels])
-    whole = ROBOT.roll_out(pose, wheels[:1], np.array([duration]))
-    halves = ROBOT.roll_out(pose, wheels, np.array([part, 1.0 - part]) * duration)
-    np.testing.assert_allclose(halves[-1], whole[-1], atol=1e-12)
-    back = ROBOT.roll_out(pose, wheels * [[1.0], [-1.0]], np.array([duration, duration]))
-    np.testing.assert_allclose(back[-1], pose, atol=1e-12)
-
-
 def test_more_controls_than_durations_are_not_driven():
     wheels, held = np.array([[40.0, 30.0], [1.0, 2.0]]), np.array([0.2])
     path = ROBOT.roll_out(np.zeros(3), wheels, held)

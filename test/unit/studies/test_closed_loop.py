@@ -40,11 +40,6 @@ def test_the_start_is_left_as_it_was():
     np.testing.assert_array_equal(pose, START)
 
 
-def test_two_drives_give_the_same_bits():
-    one, other = (list(drive(SETTINGS, START)) for _ in range(2))
-    np.testing.assert_array_equal(driven(one), driven(other))
-
-
 def test_another_period_and_final_time():
     settings = replace(SETTINGS, control_period=0.5, final_time=11.0)
     decisions = list(drive(settings, START))

@@ -16,6 +16,7 @@ from cmpsp_ros.guidance.safety.plan_sweep import SWEEP, PlanSweep, sweep_plan
 from cmpsp_ros.robots import Ackermann, CustomRobot, DifferentialDrive, Footprint, covered, mecanum
 from cmpsp_ros.world import FreeSpace
 from cmpsp_ros.world.grids import Cell, GridObstacle, OccupancyGrid
+from cmpsp_ros.world.obstacles import SHAPES as TYPES
 from cmpsp_ros.world.obstacles import Capsule, MovingDiscs, Obstacle, convex
 from cmpsp_ros.world.roads import Annulus, Corridor, OpenFloor
 
@@ -105,6 +106,7 @@ SHAPES = {
         lambda points: dense.from_cells(points, GRID.origin, 0.25, CELLS == Cell.OCCUPIED),
     ),
 }
+GRID_PLACE = [*SHAPES].index('grid')
 FOOTPRINTS = {'disc': (Footprint(), 0.25), 'polygon': covered(BODY)}
 
 
@@ -126,7 +128,7 @@ def swept(robot, space, pose, controls, moving):
     plan = np.vstack([controls, controls[-1:]])
     sweep_plan(
         found, scratch, pose, plan, DURATIONS, robot.kinematics, len(DURATIONS), True,
-        *things, legs, moving.growth, math.nan, space.discs,
+        *things, legs, math.nan, space.discs,
     )  # fmt: skip
     return scratch[0].copy(), PlanSweep(*found[0].item())
 
@@ -140,14 +142,14 @@ def drives(name, count):
 
 
 def assert_bounds(found, known, radius, of_cells):
-    """Clearances from shapes, the fourth of which are cells: exact, or less than they are."""
+    """Clearances from shapes, one of which are cells: exact, or less than they are."""
     error = known - found
     allowed = np.full(error.shape, dense.DENSE)
-    allowed[..., 3] = of_cells
+    allowed[..., GRID_PLACE] = of_cells
     assert (error >= -dense.DENSE).all(), (found, known)
     # Cells have no depth here, and less than two of them away all is a bound.
     sure = np.ones(error.shape, dtype=bool)
-    sure[..., 3] = known[..., 3] + radius > 2.0 * GRID.resolution
+    sure[..., GRID_PLACE] = known[..., GRID_PLACE] + radius > 2.0 * GRID.resolution
     assert (error <= allowed)[sure].all(), (found, known)
 
 
@@ -159,6 +161,10 @@ def assert_edges(road, found, known, radius):
     assert (error <= allowed).all(), (found, known)
 
 
+def test_every_type_of_obstacle_is_among_them():
+    assert {type(shape) for shape, _ in SHAPES.values()} >= {*TYPES}
+
+
 @pytest.mark.parametrize('footprint', FOOTPRINTS)
 @pytest.mark.parametrize('robot', ROBOTS)
 @pytest.mark.parametrize('road', ROADS)
@@ -167,7 +173,9 @@ def test_the_sweep_finds_what_a_dense_drive_finds(road, robot, footprint):
     model, seen = ROBOTS[robot][0], np.zeros(3, dtype=int)
     shapes, distances = zip(*SHAPES.values(), strict=True)
     space = FreeSpace.of(of_road, shapes, radius, body.discs)
-    cart = MovingDiscs(('cart',), np.array([CART]), GROWTH, np.zeros(1, np.int64)).grown(radius)
+    cart = MovingDiscs(('cart',), np.array([[*CART, GROWTH, 0.0]]), np.zeros(1, np.int64)).grown(
+        radius
+    )
     for pose, controls in drives(robot, 6):
         found, result = swept(model, space, pose, controls, cart)
         twists = [twist_of(robot, each) for each in controls]
@@ -190,7 +198,8 @@ def test_the_sweep_finds_what_a_dense_drive_finds(road, robot, footprint):
         # All of a polygon is inside its discs.
         if body.corners:
             around = dense.placed(dense.outline(BODY), poses[::20])
-            assert min(each(around).min() for each in distances) >= found[2:6].min() - dense.DENSE
+            least = found[2 : 2 + len(SHAPES)].min()
+            assert min(each(around).min() for each in distances) >= least - dense.DENSE
     assert seen[1] > 0
     assert seen[0] > 0 or from_edges is None
 

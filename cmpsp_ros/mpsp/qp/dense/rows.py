@@ -118,7 +118,7 @@ def sparse_qp(subproblem: Subproblem, penalties: Penalties | None) -> SparseQP:
     cross = _blocks(lin.L_UX[1:], every[1:], every[:-1], K, N)
     below = _blocks(np.triu(lin.L_XX[1:]), every[:-1], every[:-1], N)
     by_control = _blocks(lin.B, every[:-1], every[:-1], N, K)
-    by_state = sparse.eye_array(N * n) - _blocks(lin.A[1:], later + 1, later, N)
+    by_state = sparse.diags_array(np.ones(N * n)) - _blocks(lin.A[1:], later + 1, later, N)
 
     path, trust = rows.path, rows.trust
     stage = np.concatenate([np.full(m, N), path[0], trust[0], np.repeat(every, r)])

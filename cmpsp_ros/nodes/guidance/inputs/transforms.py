@@ -15,7 +15,7 @@ from rclpy.serialization import deserialize_message
 from std_msgs.msg import Header
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.guidance import GoalError
+from cmpsp_ros.guidance import NANOSECONDS, GoalError
 from cmpsp_ros.guidance.messages import (
     OdometryError,
     OdometryReading,
@@ -47,6 +47,9 @@ if TYPE_CHECKING:
 
 
 _DEPTH = 500
+
+_MOTION = 100_000_000
+"""Time over which a frame's motion is measured [ns]."""
 
 
 class TransformInput(Listener):
@@ -144,6 +147,18 @@ class TransformInput(Listener):
         tracks = [_moved(each, there) for each in tracks]
         self._moving.publish(cloud_of(tracks, stamp, wanted))
         return tracks
+
+    def frame_at(self, frame: str, stamp: int, *, with_motion: bool) -> tuple[Array, Array]:
+        """Pose ``(3,)`` and velocity ``(3,)`` of a tracker's frame in that of the course.
+
+        Without its motion the velocity is 0. Raises `TrackError` if there is no transform.
+        """
+        there = self._in_frame('Objects are', frame, stamp, TrackError)
+        if not with_motion:
+            return there, np.zeros(3)
+        change = there - self._in_frame('Objects are', frame, stamp - _MOTION, TrackError)
+        change[2] = math.remainder(change[2], math.tau)
+        return there, change / (_MOTION / NANOSECONDS)
 
     def road_in(self, message: Path) -> dict[str, Any]:
         """Parameters of a road, placed by the latest transform.

@@ -11,11 +11,10 @@ from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from cmpsp_ros.guidance import NANOSECONDS
-from cmpsp_ros.guidance.formulation import sample_space
 from cmpsp_ros.guidance.messages import PeerTrajectory
 from cmpsp_ros.guidance.safety import plan_clearance
 from cmpsp_ros.nodes.common.messages import set_stamp
-from cmpsp_ros.view import LEVEL_COLORS
+from cmpsp_ros.view import LEVEL_COLORS, MOVING, course, kept_clear
 from cmpsp_ros.world.obstacles import outline_of
 
 if TYPE_CHECKING:
@@ -28,9 +27,14 @@ if TYPE_CHECKING:
 
 _HEIGHT = 0.2
 
-_ROAD = ColorRGBA(r=0.45, g=0.45, b=0.45, a=1.0)
-_OBSTACLE = ColorRGBA(r=0.85, g=0.25, b=0.2, a=0.9)
-_MARGIN = ColorRGBA(r=0.95, g=0.6, b=0.1, a=0.9)
+_PARTS: Final = {
+    'edge': ('road', 0.05),
+    'center line': ('centre_line', 0.02),
+    'obstacle': ('obstacles', 0.05),
+    'kept clear': ('margins', 0.02),
+}
+"""Namespace and width of lines [m] by kind of part."""
+
 _GOAL = ColorRGBA(r=0.1, g=0.6, b=0.25, a=0.9)
 _PASSED = ColorRGBA(r=0.1, g=0.6, b=0.25, a=0.25)
 _ARROW = 0.5
@@ -49,6 +53,8 @@ _TEXT_HEIGHT: Final = 0.25
 _ABOVE: Final = 0.6
 _AHEAD: Final = 1.0
 """Time ahead for which positions of moving obstacles are shown [s]."""
+_SIGMAS: Final = 2.0
+"""Standard deviations within which a moving obstacle is shown."""
 
 
 def marker_array(
@@ -77,24 +83,15 @@ def marker_array(
         marker.pose.orientation.w = 1.0
         markers.append(marker)
 
-    road = world.road
-    for edge in road.edges():
-        add('road', _line(edge, 0.05, _ROAD))
-    if len(road.center_line()):
-        add('centre_line', _line(road.center_line(), 0.02, _ROAD))
-    kept = sample_space(settings, world)
-    for obstacle, center, radius in zip(
-        world.shapes, kept.centers.tolist(), kept.radii.tolist(), strict=True
-    ):
-        if obstacle.is_disc:
-            add('obstacles', _disc(obstacle.center, obstacle.radius, _OBSTACLE))
-        else:
-            for line in obstacle.outlines(obstacle.radius):
-                add('obstacles', _line(line, 0.05, _OBSTACLE))
-        if obstacle.corners:
-            add('obstacle_names', _text(center, obstacle.name))
-        for line in obstacle.outlines(radius):
-            add('margins', _line(line, 0.02, _MARGIN))
+    for part in (*course([world.road], world.shapes), kept_clear(settings, world)):
+        namespace, width = _PARTS.get(part.kind, ('', 0.0))
+        color = _color(part.look.color)
+        for center, radius in part.discs:
+            add(namespace, _disc(center, radius, color))
+        for line in part.outlines if namespace else ():
+            add(namespace, _line(line, width, color))
+        for name, place in part.names:
+            add('obstacle_names', _text(place, name))
     for goal in settings.goals:
         passed = ahead is not None and goal.time < ahead.time
         radius = max(settings.goal_tolerance, 0.1)
@@ -145,7 +142,8 @@ class PlanMarkers:
     clearance: `NEAR` with only `safety.margin` left, `FAR` with `PLENTY` beyond it. A robot with
     corners has its outline drawn at the start. A withdrawn plan is removed; the reason stays at the
     robot's last position. A moving obstacle has an arrow to its position a second later; the rings
-    around it and the arrow's tip are the distance kept by the centre of the robot or its discs.
+    around it and the arrow's tip are the distance kept by the centre of the robot or its discs. One
+    whose place or velocity is in doubt has pale discs there: as large as it may be at two sigma.
     """
 
     def __init__(self, settings: GuidanceSettings) -> None:
@@ -221,6 +219,11 @@ class PlanMarkers:
             arrow.points = [Point(x=x, y=y), Point(x=tip_x, y=tip_y)]
             arrow.scale.x, arrow.scale.y = _WIDTH, 2.0 * _WIDTH
             yield self._placed('moving_obstacles', disc, each.id)
+            if each.position_stddev or each.velocity_stddev:
+                now = _doubt(each, (x, y), age)
+                yield self._placed('moving_doubts', now, each.id)
+                later = _doubt(each, (tip_x, tip_y), age + _AHEAD)
+                yield self._placed('moving_doubts_foreseen', later, each.id)
             yield self._placed('moving_velocities', arrow, each.id)
             yield self._placed('moving_margins', self._ring(each, (x, y), age), each.id)
             later = self._ring(each, (tip_x, tip_y), age + _AHEAD)
@@ -237,6 +240,15 @@ class PlanMarkers:
         marker.ns, marker.id, marker.header = namespace, number, self._band.header
         marker.pose.orientation.w, marker.lifetime = 1.0, self._band.lifetime
         return marker
+
+
+def _doubt(track: Track, center: tuple[float, float], age: float) -> Marker:
+    """The disc that a track may fill, so long after it was seen [s]."""
+    radius = track.radius + _SIGMAS * (track.position_stddev + age * track.velocity_stddev)
+    marker = _disc(center, radius, _PALE)
+    # Below the object itself.
+    marker.pose.position.z, marker.scale.z = -_WIDTH / 2.0, _RING
+    return marker
 
 
 def color_of(spare: float) -> ColorRGBA:
@@ -264,5 +276,6 @@ NEAR, HALFWAY, FAR = _color('#d55e00'), _color('#f0e442'), _color('#009e73')
 
 SCALE: Final = (*_between(NEAR, HALFWAY, 16), *_between(HALFWAY, FAR, 16), FAR)
 
-_MOVING: Final = _color('#b03a8c')
+_MOVING: Final = _color(MOVING)
+_PALE: Final = ColorRGBA(r=_MOVING.r, g=_MOVING.g, b=_MOVING.b, a=0.2)
 _COLORS: Final = {name: _color(text) for name, text in LEVEL_COLORS.items()}

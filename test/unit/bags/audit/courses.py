@@ -26,7 +26,7 @@ from cmpsp_ros.parameters import (
 from cmpsp_ros.robots import arc_ends
 from cmpsp_ros.sensing import Surroundings, sight_of
 from cmpsp_ros.simulator import Laser, Plant, discs_of, edges_of
-from cmpsp_ros.studies.monte_carlo.ring_courses import scenario
+from cmpsp_ros.studies.monte_carlo.courses.ring_courses import scenario
 from cmpsp_ros.world.grids import Cell
 from cmpsp_ros.world.obstacles import Obstacle
 

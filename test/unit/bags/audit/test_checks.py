@@ -24,19 +24,13 @@ def test_a_good_drive_passes_every_check(drive, outcomes):
         'margin',
         'acceleration',
         'steering',
+        'promise',
     }
     assert failed(findings) == set()
     assert findings['goal'].worst < 1e-6
     assert findings['goal'].at == pytest.approx(10.0)
     assert findings['wheel_limits'].worst == pytest.approx(51.0)
     assert all(each.sentence.endswith('.') for each in findings.values())
-
-
-def test_it_measures_what_the_demo_measures(drive, outcomes):
-    findings = outcomes(drive)
-    assert findings['obstacles'].worst == pytest.approx(0.0634, abs=1e-3)
-    assert 'obstacle b' in findings['obstacles'].sentence
-    assert findings['road'].worst == pytest.approx(0.235, abs=1e-2)
 
 
 def test_a_good_drive_on_a_road_that_crosses_itself_passes(outcomes):
@@ -254,12 +248,8 @@ def test_a_bag_of_another_robot_can_be_judged_by_everything(drive, outcomes, tmp
     assert findings['commanded'].outcome is PASSED
     skipped = {name for name, each in findings.items() if each.outcome is SKIPPED}
     of_ours = {'as_decided', 'reasons', 'previous_plan', 'nominal'}
-    assert skipped == {'moving', 'others', 'margin', 'acceleration', 'steering'} | of_ours
-
-
-def test_one_robot_of_several_is_chosen_by_its_odometry(drive, outcomes):
-    drive.namespace = '/r1'
-    assert failed(outcomes(drive)) == set()
+    of_none = {'moving', 'others', 'margin', 'acceleration', 'steering', 'promise'}
+    assert skipped == of_none | of_ours
 
 
 def test_a_drive_backwards_is_followed_too(outcomes):

@@ -54,12 +54,6 @@ def test_every_arc_ends_where_the_next_begins_whatever_the_poses(poses):
     assert ends[:, :2] == pytest.approx(np.array(poses)[1:, :2], abs=1e-6)
 
 
-def test_of_two_at_one_instant_the_later_counts():
-    path = path_through(odometry([START, START, START + SECOND], np.diag([1.0, 2.0, 3.0])))
-    assert len(path.stamps) == 2
-    assert path.poses[0, :2].tolist() == [0.0, 2.0]
-
-
 def test_what_came_out_of_order_is_left_out_and_a_jump_begins_a_leg():
     seconds = [10.0, 10.2, 10.1, 10.3, 2.0, 2.1]
     poses = np.arange(18.0).reshape(6, 3)

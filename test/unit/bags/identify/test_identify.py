@@ -7,7 +7,6 @@ from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 from bag_messages import SECOND
 from hidden_robots import START, Hidden, commands_of, drawn, truth_of, write_bag
@@ -51,14 +50,6 @@ def test_of_50_hidden_robots_95_percent_of_each_parameter_are_in_their_intervals
     assert max(missed.values(), default=0) <= 2, missed
 
 
-def test_the_picture_before_is_worse_than_the_one_after(tmp_path):
-    hidden = Hidden(delay=0.2, lag=0.15, scales=(0.9, 1.1))
-    found = identify([write_bag(tmp_path / 'bag', hidden)])
-    response = found.fit.response(0)
-    assert (response.delay + response.lag) == pytest.approx(0.35 + 0.012, abs=0.01)
-    assert response.scale == pytest.approx(0.9, abs=0.01)
-
-
 def test_limits_that_were_reached_are_found_and_others_are_said_not_to_be(tmp_path):
     straight = [(at, speed, 0.0) for at, speed, _ in commands_of(Hidden())]
     found = identify([write_bag(tmp_path / 'bag', Hidden(max_speed=0.2), straight)]).estimates
@@ -67,6 +58,7 @@ def test_limits_that_were_reached_are_found_and_others_are_said_not_to_be(tmp_pa
     assert found['linear_acceleration'].interval is None
     assert 'not identifiable: not reached, up to 2.8' in found['linear_acceleration'].remark
     assert found['linear_scale'].interval.low < 1.0 < found['linear_scale'].interval.high
+    assert found['angular_scale'].remark == 'not identifiable: there was no angular command'
 
 
 def test_clocks_that_differ_shift_delay_and_age_but_not_the_parameter(tmp_path):
@@ -86,18 +78,19 @@ def test_a_robot_that_stops_by_itself_between_commands_is_told_from_a_slow_one(t
     assert check(found, hidden) == []
 
 
-def test_a_jump_of_odometry_does_not_count(tmp_path):
-    hidden = Hidden()
-    bag = write_bag(tmp_path / 'bag', hidden, jump=(0.3, -0.2))
-    assert check(identify([bag]), hidden) == []
+COMMANDS = commands_of(Hidden())
+BROKEN = [(at + 1_000_000, math.nan, 0.0) for at, _, _ in COMMANDS[::40]]
+LATER = [each for each in COMMANDS if each[0] > START + 2 * SECOND]
 
 
-def test_a_command_that_is_no_number_does_not_count(tmp_path):
-    hidden = Hidden()
-    commands = commands_of(hidden)
-    broken = [(at + 1_000_000, math.nan, 0.0) for at, _, _ in commands[::40]]
-    bag = write_bag(tmp_path / 'bag', hidden, sorted([*commands, *broken]))
-    assert check(identify([bag]), hidden) == []
+@pytest.mark.parametrize(
+    ('commands', 'options'),
+    [(None, {'jump': (0.3, -0.2)}), (sorted([*COMMANDS, *BROKEN]), {}), (LATER, {'moving': True})],
+    ids=['odometry jumps', 'a command is NaN', 'it begins on the move'],
+)
+def test_what_does_not_disturb_the_estimates(tmp_path, commands, options):
+    bag = write_bag(tmp_path / 'bag', Hidden(), commands, **options)
+    assert check(identify([bag]), Hidden()) == []
 
 
 def test_several_bags_of_one_robot_are_one_identification(tmp_path):
@@ -139,14 +132,6 @@ def test_without_excitation_nothing_is_said_of_the_response(tmp_path):
         assert 'not identifiable: ' in still[key].remark
     assert 'the commands were 0 throughout' in still['delay'].remark
     assert still['rate'].interval.value == pytest.approx(30.0, rel=1e-6)
-
-
-def test_an_axis_without_commands_is_said_to_be_unknown(tmp_path):
-    straight = [(at, speed, 0.0) for at, speed, _ in commands_of(Hidden())]
-    found = identify([write_bag(tmp_path / 'bag', Hidden(), straight)]).estimates
-    assert found['angular_scale'].remark == 'not identifiable: there was no angular command'
-    assert found['linear_scale'].interval.low < 1.0 < found['linear_scale'].interval.high
-    assert found['together'].interval.value == pytest.approx(0.2, abs=0.01)
 
 
 def test_a_steady_drive_says_the_scale_alone(tmp_path):
@@ -210,6 +195,7 @@ SHORT = [(START, 0.1, 0.0)]
             r'in /c, wanted one of /cmd_vel \(--cmd',
         ),
         (('/r1/odom', '/r1/cmd_vel'), None, Sources(namespace='/r2'), ''),
+        (('/odom', ''), None, Sources(), r'found no geometry_msgs/msg/Twist or .* in any topic'),
     ],
 )
 def test_a_bag_that_cannot_be_used_is_refused(tmp_path, names, commands, sources, message):
@@ -230,30 +216,3 @@ def test_several_robots_need_a_choice(tmp_path):
         found = identify([bag], Sources(f'{space}/odom'))
         assert found.drives[0].label.endswith(f'{space}/odom, {space}/cmd_vel')
         assert check(found, hidden) == []
-
-
-def test_a_drive_may_begin_on_the_move(tmp_path):
-    commands = [each for each in commands_of(Hidden()) if each[0] > START + 2 * SECOND]
-    assert commands[0][1] == 0.3
-    hidden = Hidden()
-    found = identify([write_bag(tmp_path / 'bag', hidden, commands, moving=True)])
-    assert check(found, hidden) == []
-
-
-def test_a_bag_without_commands_is_refused(tmp_path):
-    bag = write_bag(tmp_path / 'bag', Hidden(), names=('/odom', ''))
-    with pytest.raises(BagError, match=r'found no geometry_msgs/msg/Twist or .* in any topic'):
-        identify([bag])
-
-
-def test_steps_between_poses_are_those_along_arcs():
-    from cmpsp_ros.bags.identify.drives import _steps
-
-    headings = np.array([3.0, 3.4, 3.2]) % math.tau
-    poses = np.zeros((3, 3))
-    for k, (turn, length) in enumerate(((0.4, 0.1), (-0.2, -0.05))):
-        radius, heading = length / turn, headings[k]
-        poses[k + 1, 0] = poses[k, 0] + radius * (math.sin(heading + turn) - math.sin(heading))
-        poses[k + 1, 1] = poses[k, 1] - radius * (math.cos(heading + turn) - math.cos(heading))
-    poses[:, 2] = [math.remainder(each, math.tau) for each in headings]
-    assert _steps(poses) == pytest.approx(np.array([[0.1, 0.4], [-0.05, -0.2]]))

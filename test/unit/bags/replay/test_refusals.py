@@ -53,19 +53,6 @@ def test_a_live_change_that_was_not_recorded_is_refused(changed, alter):
 
 
 @pytest.mark.parametrize(
-    ('parameters', 'reason'),
-    [
-        ({'/sim': {}}, 'there are those of /sim'),
-        ({'/guidance': {'final_time': 'soon'}}, 'final_time: found'),
-        ({'/guidance': {'final_time': 0.01}}, 'final_time: found'),
-    ],
-)
-def test_parameters_that_cannot_be_used(replayed, parameters, reason):
-    with pytest.raises(BagError, match=reason):
-        replayed(setting(0), parameters=parameters)
-
-
-@pytest.mark.parametrize(
     ('change', 'reason'),
     [
         (without('step'), 'without step, wanted one of this package'),

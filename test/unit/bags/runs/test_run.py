@@ -110,14 +110,6 @@ def test_a_part_of_the_path_is_the_path(twists, parts):
     assert greatest.max() <= whole_greatest.max() + 1e-9
 
 
-def test_the_whole_is_a_part_too():
-    whole = driven([(1.0, 0.5), (2.0, -1.0), (0.0, 0.0)], [1.0, 0.5])
-    part = whole.between(int(whole.stamps[0]), int(whole.stamps[-1]))
-    assert part.stamps.tolist() == whole.stamps.tolist()
-    assert part.poses.tolist() == whole.poses.tolist()
-    assert part.twists.tolist() == whole.twists.tolist()
-
-
 def test_a_simulated_run_is_read_from_the_simulator_s_own_topics(tmp_path):
     run = read_run(write(tmp_path / 'bag', topics()))
     first, last = run.decisions

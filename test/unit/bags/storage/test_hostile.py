@@ -197,7 +197,10 @@ def test_message_larger_than_any(path):
     data[chunk + 33 : chunk + 37] = bytes(4)
     file.write_bytes(data)
     refused(path, 'damaged in topic /a: Truncated record')
-    data[chunk + 1 + 8 + 16 : chunk + 1 + 8 + 24] = struct.pack('<Q', MAX_CHUNK + 1)
+    # In the index it is there twice, compressed and not.
+    size = bytes(data[chunk + 1 + 8 + 16 : chunk + 1 + 8 + 24])
+    last = data.rindex(size + size) + 8
+    data[last : last + 8] = struct.pack('<Q', MAX_CHUNK + 1)
     file.write_bytes(data)
     refused(path, f'chunk of {MAX_CHUNK + 1} bytes, at most')
 

@@ -5,7 +5,6 @@ from itertools import islice
 import numpy as np
 import pytest
 
-from benchmarks.common import BenchError
 from benchmarks.verify.case import Origin, Program
 from benchmarks.verify.programs import degenerate
 from benchmarks.verify.programs.general import random_program, row_values
@@ -51,30 +50,6 @@ def test_a_program_is_made_again_from_its_name(family):
     for part in ('program', 'before'):
         one, other = (getattr(each, part).subproblem for each in (first[7], again))
         np.testing.assert_equal(arrays(one), arrays(other))
-
-
-def test_seeds_and_families_differ():
-    a, b, c = (
-        next(cases(family, seed)).program.subproblem.linearisation.L_X
-        for family, seed in (('general', 0), ('general', 1), ('degenerate', 0))
-    )
-    assert not np.array_equal(a, b)
-    assert not np.array_equal(a, c)
-
-
-@pytest.mark.parametrize(
-    'text', ['', 'loop', 'loop/1', 'loop/1/x', 'loop/-1/0', 'loop/1/2/3', 'loop/1.0/2']
-)
-def test_a_name_of_another_form_is_refused(text):
-    with pytest.raises(BenchError, match='wanted FAMILY/SEED/NUMBER'):
-        Origin.parse(text)
-
-
-def test_a_name_of_no_program_is_refused():
-    with pytest.raises(BenchError, match="found 'lop', wanted one of loop"):
-        case(Origin('lop', 0, 0))
-    with pytest.raises(BenchError, match='found number 10, wanted below 10'):
-        case(Origin('loop', 0, 10))
 
 
 def test_horizons_are_mostly_short_and_reach_200():
@@ -178,12 +153,3 @@ def test_crowded_programs_have_many_active_rows():
         counts.append(sum(int((np.abs(part) > 1e-3).sum()) for part in parts))
     assert np.median(counts) > 10
     assert max(counts) > 60
-
-
-def test_flat_programs_have_little_curvature():
-    for each in cases('flat', 0):
-        lin = each.program.subproblem.linearisation
-        assert (
-            np.abs(lin.L_UU).max()
-            <= 2e-5 * np.abs(lin.L_XX).max() + 1.0 * bool(lin.L_UX.any()) * np.abs(lin.L_UX).max()
-        )

@@ -115,6 +115,7 @@ def test_one_case_is_described():
     [
         (('--verify-case', 'loop/1'), "case: found 'loop/1', wanted FAMILY/SEED/NUMBER"),
         (('--verify-case', 'lop/1/1'), "family: found 'lop', wanted one of loop"),
+        (('--verify-case', 'loop/1/10'), 'found number 10, wanted below 10'),
         (('--verify', 1, '--qp', 'newton'), "qp: found 'newton', wanted one of"),
         (('--verify', 1, '--output', '.'), '.: found something there, wanted a new file'),
         (('--verify', 1, '--output', 'no/a.json'), 'no is no folder that can be written to'),

@@ -95,16 +95,3 @@ def test_road_guess_turns_no_faster_than_trusted():
 @pytest.mark.parametrize('steps', [1, 2, 50])
 def test_guess_is_finite_from_anywhere(name, pose, steps):
     path_of(replace(CASES[name], initial_guess=ROAD), pose, np.full(steps, 0.2))
-
-
-def test_goal_at_the_centre_of_the_road():
-    given = settings(guess=ROAD, goal=(0.0, 0.0))
-    assert np.isfinite(path_of(given, (0.0, -9.25, 0.0))).all()
-
-
-def test_heading_may_be_wrapped():
-    given = settings(guess=ROAD)
-    one = initial_guess(given, start_of(given, (0.0, -9.25, 0.3)), given.target, TIMES)
-    turned = start_of(given, (0.0, -9.25, 0.3 - 2.0 * math.pi))
-    other = initial_guess(given, turned, given.target, TIMES)
-    np.testing.assert_allclose(one, other, atol=1e-6)

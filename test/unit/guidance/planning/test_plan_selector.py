@@ -2,11 +2,11 @@
 
 import math
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
 from scenarios import (
-    CASES,
     FIRST,
     ON_TIME,
     PAPER,
@@ -17,7 +17,6 @@ from scenarios import (
     START,
     clearance,
     closed_loop,
-    context_of,
     drive,
     law_of,
     reconfigure,
@@ -26,20 +25,10 @@ from scenarios import (
     with_plans,
 )
 
-from cmpsp_ros.guidance import (
-    FallbackLevel,
-    GuidanceLaw,
-    InitialGuess,
-    Observation,
-    Safety,
-    remaining,
-    shift,
-)
+from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw, InitialGuess, Observation, Safety
 from cmpsp_ros.guidance.formulation import OcpFormulation
-from cmpsp_ros.guidance.planning import Planner, along_road, initial_guess
-from cmpsp_ros.guidance.planning.candidate import Candidate, Ranking
+from cmpsp_ros.guidance.planning import Planner, along_road
 from cmpsp_ros.guidance.planning.homotopy.path_search import guide_paths
-from cmpsp_ros.guidance.safety import Validator
 from cmpsp_ros.world.obstacles import Obstacle
 
 BOTH = (FIRST, SECOND)
@@ -101,9 +90,9 @@ def test_a_poor_plan_is_left_for_a_better_one():
     assert not any('Changed over' in decision.reason for decision in run.decisions)
 
 
-@pytest.mark.parametrize('limit', [51.0, math.inf])
-@pytest.mark.parametrize('steps', [3, 5, 8])
-@pytest.mark.parametrize('radius', [0.2, 0.4])
+@pytest.mark.parametrize(
+    ('steps', 'radius', 'limit'), [*product((3, 5, 8), (0.2, 0.4), (51.0,)), (5, 0.4, math.inf)]
+)
 def test_an_obstacle_put_in_the_middle_of_the_plan_is_passed(steps, radius, limit):
     given = settings((), limit, ROAD)
     law = GuidanceLaw(given, given.world)
@@ -227,43 +216,6 @@ def test_noise_seldom_changes_the_plan(obstacles, start, noise, seed, steps, mos
         changes += 'Changed over' in decision.reason
         pose = given.robot.roll_out(pose, decision.wheel_speeds[None], np.array([0.2]))[-1]
     assert changes <= most
-
-
-@pytest.mark.parametrize('name', CASES)
-def test_one_candidate_is_the_warm_plan_or_a_fresh_one_along_the_road(name):
-    """The same loop in a few lines, bit for bit."""
-    given = replace(CASES[name], robot=replace(CASES[name].robot, max_wheel_speed=51.0))
-    given = with_plans(given, 1, 2)
-    law, validator = GuidanceLaw(given, given.world), Validator(given)
-    formulation = OcpFormulation(given, given.world)
-    warm, second = Planner(formulation), Planner(formulation)
-    ranking = Ranking(given, compares=False)
-    pose, held, plan = np.array(START), np.zeros(2), None
-
-    def improved(planner, guess):
-        context = context_of(given, pose, horizon, held)
-        result = planner.improve(context, guess)
-        verdict = validator.check(context.start, result.plan.controls, horizon.durations)
-        return Candidate.of(result, verdict, given.target)
-
-    for now in ON_TIME[:-1]:
-        horizon, start = remaining(now, PERIOD, 10_000_000_000), start_of(given, pose)
-        if plan is None:
-            guess = initial_guess(given, start, given.target, horizon.durations)
-        else:
-            guess = shift(plan.controls, plan.horizon, horizon)
-        candidate = improved(warm, guess)
-        if not candidate.feasible:
-            second.forget()
-            fresh = improved(second, context_of(given, pose, horizon).center_line_guess)
-            if ranking.score(fresh, start).beats(ranking.score(candidate, start)):
-                warm, second, candidate = second, warm, fresh
-        decision = law.step(Observation(now, pose))
-        plan = candidate.plan
-        np.testing.assert_array_equal(decision.plan.controls, plan.controls)
-        assert 'best of' not in decision.reason
-        held = decision.wheel_speeds
-        pose = given.robot.roll_out(pose, held[None], np.array([0.2]))[-1]
 
 
 def test_a_robot_that_gets_no_nearer_waits():

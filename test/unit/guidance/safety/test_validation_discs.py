@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scenarios import start_of
 
-from cmpsp_ros.guidance import GuidanceSettings, MovingObstacles, Safety
+from cmpsp_ros.guidance import GuidanceSettings, MovingObstacles
 from cmpsp_ros.guidance.safety import Validator
 from cmpsp_ros.robots import Ackermann, DifferentialDrive, covered, mecanum, placed
 from cmpsp_ros.world.obstacles import Capsule, MovingDiscs, Obstacle
@@ -30,7 +30,8 @@ ROBOTS = {
     'sideways': (mecanum(0.2, 0.2, wheel_radius=0.05, max_wheel_speed=40.0), (0.6, 0.6, 1.0)),
 }
 TIMES = np.full(4, 0.2)
-CART = MovingDiscs(('cart',), np.array([[2.5, 1.5, -0.5, -0.3, 0.3]]), 0.05, np.zeros(1, np.int64))
+STATE = (2.5, 1.5, -0.5, -0.3, 0.3, 0.05, 0.0)
+CART = MovingDiscs(('cart',), np.array([STATE]), np.zeros(1, np.int64))
 
 
 def given_for(robot, obstacles=SHAPES, road=None):
@@ -70,7 +71,9 @@ def test_margins_are_those_of_a_fine_sampling_of_every_disc(name, bent):
     for _ in range(25):
         pose = np.array([*rng.uniform(-0.4, 0.4, 2), rng.uniform(-0.5, 0.5)])
         plan = rng.uniform(-1.0, 1.0, (5, len(spread))) * spread
-        start = start_of(given, pose, moving=CART, previous_control=np.zeros(len(spread)))
+        start = start_of(given, pose, moving=CART, reachable=CART)._replace(
+            previous_control=np.zeros(len(spread))
+        )
         verdict, least = validator.check(start, plan, TIMES), sampled(given, pose, plan, CART)
         gap = 5e-3 + 0.01 * abs(least.min())
         assert least[0].min() - gap <= verdict.margin <= least[0].min() + gap
@@ -93,21 +96,6 @@ def test_a_turn_on_the_spot_that_swings_the_front_into_something_is_refused():
     assert not verdict.passed
     assert 'too close to obstacle pole' in verdict.reason
     assert Validator(given).check(start, -plan, TIMES).passed
-
-
-def test_between_samples_the_front_is_nearest_in_the_middle_of_a_turn():
-    """At both ends of the step it is clear; its sweep is not."""
-    robot, _ = ROBOTS['differential']
-    radius = FOOTPRINT.discs[-1, 0] + RADIUS
-    pole = Obstacle('pole', (radius + 0.095, 0.0), 0.1)
-    given = given_for(robot, (pole,))
-    plan = np.tile([7.0, -7.0], (5, 1))
-    turn = float(robot.twist(plan[0])[1]) * 0.2
-    start = start_of(given, np.array([0.0, 0.0, -turn / 2.0]))
-    assert Validator(given).clearance_at(given.world, start.pose).min() > 0.01
-    assert 'too close to obstacle pole' in Validator(given).check(start, plan, TIMES).reason
-    samples = replace(given, safety=Safety(between_samples=False))
-    assert Validator(samples).check(start, plan, TIMES).passed
 
 
 def test_a_robot_whose_front_is_in_an_obstacle_may_leave_it_and_not_go_deeper():

@@ -34,7 +34,7 @@ def make(monkeypatch):
 
 
 COURSE = ('road.center:=[0.0, 0.0]', 'goal.position:=[10.0, 0.0]')
-SENSOR = ('sensors.names:=[front]',)
+SENSOR = ('sensors.names:=[front]', 'trackers.names:=[people]')
 MAP = ('map.topic:=map',)
 FROM_TOPIC = ('road.type:=corridor', 'road.source:=topic')
 
@@ -101,6 +101,8 @@ def test_simulator_opens_what_the_table_says(make, clock):
         'moving_obstacles.cart.center:=[1.0, 2.0]',
         'moving_obstacles.cart.velocity:=[0.5, 0.0]',
         'moving_obstacles.cart.radius:=0.3',
+        'sim.people.names:=[ann]',
+        'sim.people.ann.position:=[3.0, 2.0]',
     )
     more = (*moves, *FROM_TOPIC, 'sim.scan.rate:=10.0')
     node = make(SimNode, f'publish_clock:={str(clock).lower()}', *more)

@@ -154,6 +154,19 @@ def test_what_moves_is_where_it_is_by_now_with_an_arrow_a_second_long(decision):
     assert len(message.fill(decision).markers) == 3
 
 
+def test_a_track_in_doubt_has_discs_that_it_may_fill(decision):
+    seen = Track(7, decision.stamp - 500_000_000, 0.3, 5.0, -9.0, -0.5, 0.25, 0.1, 0.2)
+    markers = PlanMarkers(settings_of()).fill(decision._replace(tracks=(seen,))).markers
+    shown = {each.ns: each for each in markers}
+    for namespace, radius in (('moving_doubts', 0.7), ('moving_doubts_foreseen', 1.1)):
+        assert shown[namespace].scale.x == pytest.approx(2.0 * radius), (
+            'two sigma after 0.5 or 1.5 s'
+        )
+        assert shown[namespace].color.a < 0.5
+    later = shown['moving_doubts_foreseen'].pose.position
+    assert (later.x, later.y) == (4.25, -8.625)
+
+
 def test_what_moves_reddens_the_stages_that_it_comes_near(fill, decision):
     _, before, _ = fill(decision)
     x, y = decision.plan.poses[25, :2].tolist()

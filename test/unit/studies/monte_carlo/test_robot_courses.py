@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from cmpsp_ros.studies.monte_carlo import Order, Study, StudyError, judging, run_study
+from cmpsp_ros.studies.monte_carlo.courses.ring_courses import GAP, WIDTH, is_open
 from cmpsp_ros.studies.monte_carlo.driving import drive, farthest, outcome
 from cmpsp_ros.studies.monte_carlo.judging import passed_alike
 from cmpsp_ros.studies.monte_carlo.outcome import RunVerdict
-from cmpsp_ros.studies.monte_carlo.ring_courses import GAP, WIDTH, is_open
 from cmpsp_ros.studies.paper.ipopt import limit_excess, motion
 
 ROBOTS = {

@@ -10,7 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cmpsp_ros.studies.monte_carlo import Study, StudyError
-from cmpsp_ros.studies.monte_carlo.ring_courses import FROM_EDGE, GAP, RADII, is_open, scenario
+from cmpsp_ros.studies.monte_carlo.courses.ring_courses import (
+    FROM_EDGE,
+    GAP,
+    RADII,
+    is_open,
+    scenario,
+)
 from cmpsp_ros.world.obstacles import Obstacle
 from cmpsp_ros.world.roads import Annulus
 

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from cmpsp_ros.studies.monte_carlo import Study
+from cmpsp_ros.studies.monte_carlo.courses.rooms import CELL, SIZE, is_open
 from cmpsp_ros.studies.monte_carlo.driving import drive, outcome
 from cmpsp_ros.studies.monte_carlo.eyes import map_of
 from cmpsp_ros.studies.monte_carlo.guesses import grid_path, shortest_length
 from cmpsp_ros.studies.monte_carlo.outcome import RunVerdict
-from cmpsp_ros.studies.monte_carlo.rooms import CELL, SIZE, is_open
 from cmpsp_ros.world import FreeSpace
 from cmpsp_ros.world.grids import Cell
 from cmpsp_ros.world.obstacles import Capsule, Obstacle

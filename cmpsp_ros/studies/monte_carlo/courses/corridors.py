@@ -11,9 +11,9 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance import GuidanceSettings
+from cmpsp_ros.studies.monte_carlo.courses.ring_courses import GAP, Point, Scenario
+from cmpsp_ros.studies.monte_carlo.courses.rooms import THIN, box, moved, pocket, shapes
 from cmpsp_ros.studies.monte_carlo.guesses import grid_path
-from cmpsp_ros.studies.monte_carlo.ring_courses import GAP, Point, Scenario
-from cmpsp_ros.studies.monte_carlo.rooms import THIN, box, moved, pocket, shapes
 from cmpsp_ros.world import FreeSpace
 from cmpsp_ros.world.obstacles import Shape
 from cmpsp_ros.world.roads import Corridor, OpenFloor, Road, lookahead_point

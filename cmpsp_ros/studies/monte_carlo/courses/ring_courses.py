@@ -14,6 +14,7 @@ import numpy as np
 
 from cmpsp_ros.guidance import GuidanceSettings
 from cmpsp_ros.robots import Robot
+from cmpsp_ros.simulator import PeopleSettings
 from cmpsp_ros.world.obstacles import Obstacle, Shape
 from cmpsp_ros.world.roads import Annulus
 
@@ -56,6 +57,7 @@ class Scenario:
         obstacles: On the road.
         seed: Seed of all random numbers of the plant.
         changes: Settings of the guidance law that differ from those of the study.
+        people: Those who walk about, if any.
     """
 
     number: int
@@ -63,6 +65,7 @@ class Scenario:
     obstacles: tuple[Shape, ...]
     seed: int
     changes: Mapping[str, Any] = field(default_factory=dict)
+    people: PeopleSettings | None = None
 
 
 def scenario(

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.arrays import BoolArray
 from cmpsp_ros.guidance import GuidanceSettings
+from cmpsp_ros.studies.monte_carlo.courses.ring_courses import Point, Scenario
 from cmpsp_ros.studies.monte_carlo.guesses import grid_path
-from cmpsp_ros.studies.monte_carlo.ring_courses import Point, Scenario
 from cmpsp_ros.world import FreeSpace
 from cmpsp_ros.world.obstacles import Capsule, Obstacle, Shape, convex
 from cmpsp_ros.world.roads import OpenFloor
@@ -101,7 +101,7 @@ def _room(
     (start_y, goal_y) = random.uniform(_FROM_WALL, width - _FROM_WALL, 2).tolist()
     pose = (_FROM_WALL, start_y, random.uniform(-math.pi, math.pi))
     goal = (length - _FROM_WALL, goal_y)
-    obstacles = [*_outer_walls(length, width), *_inner_walls(random, length, width)]
+    obstacles = [*outer_walls(length, width), *_inner_walls(random, length, width)]
     if random.uniform() < _POCKETS:
         course = math.atan2(goal[1] - pose[1], goal[0] - pose[0])
         center = moved(goal, course, -random.uniform(1.0, 3.0), random.uniform(-0.5, 0.5))
@@ -122,7 +122,8 @@ def _room(
     )
 
 
-def _outer_walls(length: float, width: float) -> list[Shape]:
+def outer_walls(length: float, width: float) -> list[Shape]:
+    """Walls of a rectangle with a corner at the origin [m]."""
     corners = [(0.0, 0.0), (length, 0.0), (length, width), (0.0, width)]
     ends = zip(corners, corners[1:] + corners[:1], strict=True)
     return [Capsule(f'w{k}', *each, THIN) for k, each in enumerate(ends)]

@@ -1,0 +1,171 @@
+"""Tracks from the objects of other trackers: numbers for names, velocities for detections."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Sequence
+from dataclasses import replace
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.guidance.messages.objects import TrackedObject, objects_of
+from cmpsp_ros.guidance.messages.tracks import MAX_TRACKS, TrackError, problem_of
+from cmpsp_ros.guidance.messages.transforms import compose
+from cmpsp_ros.guidance.times import NANOSECONDS
+from cmpsp_ros.sensing import Track, TrackSource, stamp_of
+
+_GATE: Final = 9.21
+"""Squared Mahalanobis distance that 99 % of true pairs in a plane have at most."""
+
+_ACCELERATION: Final = 1.0
+"""Standard deviation of the acceleration of an object that is detected [m/s^2]."""
+_SPEED: Final = 1.0
+"""Standard deviation of its velocity when it is detected first, along each axis [m/s]."""
+_EXACT: Final = 0.01
+"""Smallest standard deviation of a place that is filtered [m]."""
+
+
+class ObjectTracks:
+    """Tracks of one source.
+
+    An object without a name is that of the message before which is nearest to it, an object without
+    a velocity is filtered: at constant velocity, from one message to the next.
+    """
+
+    def __init__(self, source: TrackSource, number: int) -> None:
+        """Start with nothing seen; the number of the source is at least 1."""
+        self._source, self._next = source, number * Track.SEEN
+        self._named: dict[Hashable, int] = {}
+        self._motions: dict[int, _Motion] = {}
+
+    def tracks_of(self, message: Any, there: Array, motion: Array, timeout: float) -> list[Track]:
+        """Tracks in a message, in the frame of the course.
+
+        Args:
+            message: Of the type of the source.
+            there: Pose of its frame in that of the course, shape ``(3,)`` [m, m, rad].
+            motion: Velocity of its frame ``(3,)`` [m/s, m/s, rad/s], for velocities relative to it.
+            timeout: Time after which an object that is not seen is forgotten [s].
+
+        Raises:
+            TrackError: An object is not finite, no place on Earth, or of a negative radius or
+                standard deviation; nothing of the message is used then.
+        """
+        objects, stamp = objects_of(message, self._source.type), stamp_of(message)
+        if len(objects) > MAX_TRACKS:
+            raise TrackError(f'There are {len(objects)} objects, wanted {MAX_TRACKS} at most.')
+        seen = [self._placed(each, stamp, there, motion) for each in objects]
+        self._forget(stamp - round(timeout * NANOSECONDS))
+        found = []
+        for number, each, track in zip(self._numbers(objects, seen), objects, seen, strict=True):
+            before = self._motions.get(number)
+            if before is not None and before.stamp >= stamp:
+                continue
+            if before is None or each.velocity is not None:
+                self._motions[number], shown = _Motion.of(track), track
+            else:
+                self._motions[number] = now = before.corrected(track)
+                shown = now.of_track(track)
+            found.append(replace(shown, id=number))
+        return found
+
+    def _placed(self, each: TrackedObject, stamp: int, there: Array, motion: Array) -> Track:
+        """An object in the frame of the course; one without a velocity may be at rest."""
+        x, y, _ = compose(there, np.array([each.x, each.y, 0.0])).tolist()
+        vx, vy, turn = motion.tolist()
+        dx, dy = x - there[0], y - there[1]
+        velocity, doubt = (0.0, 0.0), _SPEED
+        if each.velocity is not None:
+            along = compose(np.array([0.0, 0.0, there[2]]), np.array([*each.velocity, 0.0]))
+            velocity = float(along[0] + vx - turn * dy), float(along[1] + vy + turn * dx)
+            doubt = each.velocity_stddev
+        radius = each.radius or self._source.radius
+        stddev = each.position_stddev or self._source.position_stddev
+        track = Track(0, stamp, radius, x, y, *velocity, stddev, doubt)
+        if problem := problem_of(track):
+            raise TrackError(f'Object {each.name!r} has {problem}.')
+        return track
+
+    def _forget(self, oldest: int) -> None:
+        """Forget objects that were last seen before a time [ns]."""
+        self._motions = {k: each for k, each in self._motions.items() if each.stamp >= oldest}
+        self._named = {k: number for k, number in self._named.items() if number in self._motions}
+
+    def _numbers(self, objects: Sequence[TrackedObject], seen: Sequence[Track]) -> list[int]:
+        """Number of each object: by its name, or by its place."""
+        numbers = [self._named.get(each.name, 0) for each in objects]
+        free = sorted(self._motions.keys() - self._named.values())
+        nameless = [k for k, each in enumerate(objects) if each.name is None]
+        known = [self._motions[each] for each in free]
+        distances = [[each.distance(seen[k]) for each in known] for k in nameless]
+        for row, column in pairs(np.array(distances).reshape(len(nameless), len(known)), _GATE):
+            numbers[nameless[row]] = free[column]
+        for k, each in enumerate(objects):
+            if not numbers[k]:
+                numbers[k], self._next = self._next, self._next + 1
+                self._named |= {} if each.name is None else {each.name: numbers[k]}
+        return numbers
+
+
+def pairs(distances: Array, gate: float) -> list[tuple[int, int]]:
+    """Rows and columns that belong together, the nearest first.
+
+    Args:
+        distances: Squared Mahalanobis distances, shape ``(R, C)``.
+        gate: Largest of them.
+    """
+    near = zip(*(each.tolist() for each in np.nonzero(distances <= gate)), strict=True)
+    found: dict[int, int] = {}
+    for row, column in sorted(near, key=lambda pair: (float(distances[pair]), pair)):
+        if row not in found and column not in found.values():
+            found[row] = column
+    return sorted(found.items())
+
+
+class _Motion(NamedTuple):
+    """Estimate of an object: place and velocity, shape ``(2, 2)``, and their covariance.
+
+    The covariance, shape ``(2, 2)``, is that of either axis.
+    """
+
+    stamp: int
+    state: Array
+    covariance: Array
+
+    @classmethod
+    def of(cls, track: Track) -> _Motion:
+        """The estimate in a track."""
+        state = np.array([[track.x, track.y], [track.vx, track.vy]])
+        stddevs = np.array([track.position_stddev, track.velocity_stddev])
+        return cls(track.stamp, state, np.diag(stddevs**2))
+
+    def at(self, stamp: int) -> _Motion:
+        """The estimate at a later time [ns]."""
+        time = max(stamp - self.stamp, 0) / NANOSECONDS
+        step, pushed = np.array([[1.0, time], [0.0, 1.0]]), np.array([time * time / 2.0, time])
+        noise = _ACCELERATION**2 * np.outer(pushed, pushed)
+        return _Motion(stamp, step @ self.state, step @ self.covariance @ step.T + noise)
+
+    def distance(self, track: Track) -> float:
+        """Squared Mahalanobis distance of a place."""
+        there = self.at(track.stamp)
+        variance = there.covariance[0, 0] + max(track.position_stddev, _EXACT) ** 2
+        (x, y), _ = there.state.tolist()
+        return float(((track.x - x) ** 2 + (track.y - y) ** 2) / variance)
+
+    def corrected(self, track: Track) -> _Motion:
+        """The estimate at the time of a track, corrected by its place."""
+        there = self.at(track.stamp)
+        variance = there.covariance[0, 0] + max(track.position_stddev, _EXACT) ** 2
+        gain = there.covariance[:, 0] / variance
+        error = np.array([track.x, track.y]) - there.state[0]
+        covariance = there.covariance - np.outer(gain, there.covariance[0])
+        return _Motion(track.stamp, there.state + np.outer(gain, error), covariance)
+
+    def of_track(self, track: Track) -> Track:
+        """A track with the estimated state."""
+        (x, y), (vx, vy) = self.state.tolist()
+        stddevs = np.sqrt(np.diag(self.covariance)).tolist()
+        names = Track.DOUBTS
+        return replace(track, x=x, y=y, vx=vx, vy=vy, **dict(zip(names, stddevs, strict=True)))

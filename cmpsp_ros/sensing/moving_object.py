@@ -1,0 +1,111 @@
+"""One object in sight: a Kalman filter of constant velocity, and evidence that it moves."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+from cmpsp_ros.sensing.track import Track
+
+_NS: Final = 1_000_000_000
+_FIRST_VELOCITY: Final = 1.0
+"""Standard deviation of a velocity that is not known yet [m/s]."""
+_AGILITY: Final = 0.1
+"""Power spectral density of accelerations, white noise [m^2/s^3]."""
+_RISE, _FALL = 0.5, 0.1
+"""Fractions by which the radius follows greater and smaller ones that are seen."""
+_STILL_SPEED, _STILL_AFTER = 0.15, _NS
+"""Speed of what stands still [m/s], and time after which it is static again [ns]."""
+
+
+@dataclass
+class MovingObject:
+    """State of an object; both axes have the same covariance.
+
+    Attributes:
+        number: Unique in a run; cells that it has marked in the grid bear it.
+        stamp: Time of the state [ns].
+        x: Centre [m].
+        y: Centre [m].
+        radius: Radius of a disc that covers it [m].
+        seen: Time at which it was last seen [ns].
+        origin: Place of its nearest point at first, ``(x, y)`` [m].
+        name: Number among those that have moved; 0 for none yet.
+        is_moving: Whether it counts as moving.
+        evidence: Scans that showed that it moves, less those that did not.
+        gone: Scans in a row that saw through the place where it should be.
+    """
+
+    number: int
+    stamp: int
+    x: float
+    y: float
+    radius: float
+    position_variance: float
+    seen: int
+    origin: tuple[float, float]
+    vx: float = 0.0
+    vy: float = 0.0
+    covariance: float = 0.0
+    velocity_variance: float = _FIRST_VELOCITY**2
+    name: int = 0
+    is_moving: bool = False
+    evidence: int = 0
+    gone: int = 0
+    moved: int = 0
+    sightings: int = 1
+
+    def predict(self, stamp: int) -> None:
+        """Go on to a time [ns]."""
+        if stamp <= self.stamp:
+            return
+        h, self.stamp = (stamp - self.stamp) / _NS, stamp
+        self.x, self.y = self.x + h * self.vx, self.y + h * self.vy
+        added = _AGILITY * h
+        self.position_variance += h * (2.0 * self.covariance + h * self.velocity_variance)
+        self.position_variance += added * h * h / 3.0
+        self.covariance += h * self.velocity_variance + added * h / 2.0
+        self.velocity_variance += added
+
+    def correct(self, x: float, y: float, radius: float, variance: float) -> None:
+        """Take in a centre [m] that was seen with a variance [m^2], and how large it looked."""
+        total = self.position_variance + variance
+        gain, velocity_gain = self.position_variance / total, self.covariance / total
+        off_x, off_y = x - self.x, y - self.y
+        self.x, self.y = self.x + gain * off_x, self.y + gain * off_y
+        self.vx, self.vy = self.vx + velocity_gain * off_x, self.vy + velocity_gain * off_y
+        self.velocity_variance -= velocity_gain * self.covariance
+        self.position_variance *= 1.0 - gain
+        self.covariance *= 1.0 - gain
+        change = radius - self.radius
+        self.radius += (_RISE if change > 0.0 else _FALL) * change
+        self.seen, self.gone = self.stamp, 0
+
+    @property
+    def speed(self) -> float:
+        """Speed [m/s]."""
+        return math.hypot(self.vx, self.vy)
+
+    def settle(self) -> None:
+        """Count as static again after some time without motion."""
+        if self.speed > _STILL_SPEED:
+            self.moved = self.stamp
+        elif self.stamp - self.moved > _STILL_AFTER:
+            self.is_moving, self.evidence = False, 0
+
+    def track(self, stamp: int) -> Track:
+        """Prediction for a time [ns]."""
+        h = max(stamp - self.stamp, 0) / _NS
+        spread = h * (2.0 * self.covariance + h * self.velocity_variance)
+        return Track(
+            Track.SEEN + self.name,
+            stamp,
+            self.radius,
+            self.x + h * self.vx,
+            self.y + h * self.vy,
+            self.vx,
+            self.vy,
+            math.sqrt(self.position_variance + spread),
+            math.sqrt(self.velocity_variance),
+        )

@@ -1,0 +1,165 @@
+"""Scans of the last second by direction: was this place free, was something there, or hidden?
+
+A place that two scans in a row have seen through, and where something is now, has been entered.
+Nothing that stands still does that, however its view changes.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Final
+
+import numpy as np
+
+from cmpsp_ros.arrays import Array, BoolArray, IntArray
+from cmpsp_ros.mpsp.jit import allocation_free
+
+N_DIRECTIONS: Final = 720
+_WIDTH: Final = math.tau / N_DIRECTIONS
+_NS: Final = 1_000_000_000
+_OFF: Final = 0.1
+"""Distance by which odometry and beams may be wrong [m]."""
+_OFF_BY_RANGE: Final = 0.01
+_TURNED: Final = math.radians(1.0)
+"""Angle by which odometry may be wrong."""
+_DENSE, _SPAN, _SLOT = _NS * 55 // 100, _NS * 16 // 10, _NS // 4
+"""Ages up to which all scans are kept, and one in each slot of time [ns]."""
+_LONG_AGO: Final = 1.0
+"""Age of a hit from which the thing that was hit stands still [s]."""
+_IN_A_ROW: Final = 2
+_ENOUGH, _A_MISS, _HOLE = 2.0, 0.4, 4
+"""Hits beyond a place that is free, weight of a beam that hits nothing, directions without any."""
+
+
+class Label(IntEnum):
+    """History of the place where a beam ends."""
+
+    NEW = 0
+    STATIC = 1
+    ENTERED = 2
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """Nearest hit in each direction of the frame of odometry.
+
+    Attributes:
+        stamp: Time of its last beam [ns].
+        origin: Place from which it was seen, shape ``(2,)`` [m].
+        ranges: Distance of hits [m]; where beams have hit nothing their length, negative, and
+            infinite where there are none. Shape ``(N_DIRECTIONS,)``.
+    """
+
+    stamp: int
+    origin: Array
+    ranges: Array
+
+    @classmethod
+    def of(cls, stamp: int, origin: Array, ends: Array, hits: BoolArray) -> View:
+        """View by the ends of beams ``(P, 2)`` [m], and whether each has hit something."""
+        ranges = np.full(N_DIRECTIONS, np.inf)
+        look_at(ranges, origin, ends, hits)
+        return cls(stamp, origin, ranges)
+
+    def is_through(self, x: float, y: float) -> bool:
+        """True if it shows that nothing is at a place."""
+        return status(self.ranges, self.origin, x, y) == _FREE
+
+
+class ScanHistory:
+    """Views of one sensor."""
+
+    def __init__(self) -> None:
+        """Start without views."""
+        self._views: list[View] = []
+
+    def labels(self, points: Array, stamp: int) -> IntArray:
+        """`Label` of points that are hit at a time [ns], shape ``(P,)``."""
+        labels = np.zeros(len(points), np.int64)
+        if self._views:
+            views = self._views[::-1]
+            ages = np.array([stamp - each.stamp for each in views]) / _NS
+            origins = np.array([each.origin for each in views])
+            label(labels, points, np.array([each.ranges for each in views]), origins, ages)
+        return labels
+
+    def add(self, view: View) -> None:
+        """Keep a view, and drop those that are no longer needed."""
+        self._views.append(view)
+        kept, slot = [], -1
+        for each in self._views:
+            age = view.stamp - each.stamp
+            if age <= _DENSE or (age <= _SPAN and each.stamp // _SLOT != slot):
+                kept.append(each)
+            slot = each.stamp // _SLOT
+        self._views = kept
+
+
+_UNKNOWN, _FREE, _HIT = 0, 1, 2
+
+
+@allocation_free
+def look_at(ranges: Array, origin: Array, ends: Array, hits: BoolArray) -> None:
+    """Enter beams into a view."""
+    for i in range(ends.shape[0]):
+        x, y = ends[i, 0] - origin[0], ends[i, 1] - origin[1]
+        distance = math.sqrt(x * x + y * y)
+        if not 0.0 < distance < math.inf:
+            continue
+        place = math.floor(math.atan2(y, x) / _WIDTH) % N_DIRECTIONS
+        if hits[i]:
+            ranges[place] = distance if ranges[place] <= 0.0 else min(ranges[place], distance)
+        elif ranges[place] == math.inf:
+            ranges[place] = -distance
+
+
+@allocation_free
+def status(ranges: Array, origin: Array, at_x: float, at_y: float) -> int:
+    """Evidence of a view about a place: that it is free, that something is there, or neither.
+
+    All beams in directions that may be that of the place have to go beyond it.
+    """
+    x, y = at_x - origin[0], at_y - origin[1]
+    distance = math.sqrt(x * x + y * y)
+    if distance < _OFF:
+        return _UNKNOWN
+    margin = _OFF + _OFF_BY_RANGE * distance
+    half = 1 + math.ceil(max(_OFF / distance, _TURNED) / _WIDTH)
+    middle = math.floor(math.atan2(y, x) / _WIDTH)
+    beyond, unknown, is_hit, is_hidden = 0.0, 0, False, False
+    for k in range(middle - half, middle + half + 1):
+        found = ranges[k % N_DIRECTIONS]
+        unknown = unknown + 1 if found == math.inf else 0
+        if abs(found) > distance + margin:
+            beyond += (1.0 if found > 0.0 else _A_MISS) * (unknown == 0)
+        elif found >= distance - margin:
+            is_hit = True
+        elif found > 0.0:
+            is_hidden = True
+        is_hidden |= unknown > _HOLE
+    if is_hit:
+        return _HIT
+    return _FREE if beyond >= _ENOUGH and not is_hidden else _UNKNOWN
+
+
+@allocation_free
+def label(labels: IntArray, points: Array, views: Array, origins: Array, ages: Array) -> None:
+    """Label points by views ``(V, N_DIRECTIONS)``, the newest first, with their ages ``(V,)`` [s].
+
+    A single view that saw nothing there between two that did has missed it.
+    """
+    for i in range(points.shape[0]):
+        free, most, oldest = 0, 0, 0.0
+        for k in range(ages.shape[0]):
+            found = status(views[k], origins[k], points[i, 0], points[i, 1])
+            if found == _FREE:
+                free += 1
+                most = max(most, free)
+            elif found == _HIT:
+                free, oldest = 0, ages[k]
+        if most >= _IN_A_ROW:
+            labels[i] = 2
+        elif oldest >= _LONG_AGO:
+            labels[i] = 1

@@ -1,0 +1,286 @@
+"""Segments of a scan: neighbouring hits on one object."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from cmpsp_ros.arrays import Array, IntArray
+from cmpsp_ros.mpsp.jit import allocation_free
+
+_GAP: Final = 0.1
+_GAP_BY_STEP: Final = 1.5
+"""Distance of neighbours on one object [m], and by that of two beams at their range."""
+_HOLE: Final = 5.5
+"""Angle between neighbours on one object, in steps of the scanner: returns between may be lost."""
+_DEEP: Final = 0.1
+"""Depth of the notch between two round objects that touch [m]."""
+_WIDE: Final = 0.8
+"""Width above which a segment shows more than one person, and of each part then [m]."""
+_PERSON: Final = 0.6
+_LONG: Final = 2.5
+"""Width from which it is a wall, which does not move [m]."""
+_LARGEST: Final = 0.6
+"""Radius of the largest disc that is one object [m]; what is larger is a wall or has parts."""
+_FEWEST: Final = 3
+_LEG: Final = 0.15
+"""Radius up to which a segment may be a leg [m]."""
+_STRIDE: Final = 0.6
+"""Distance of the legs of one person [m]."""
+_AROUND: Final = 0.15
+"""Distance from where a mover is expected at which a hit may be on it [m]."""
+_STATIC, _ENTERED = 1, 2
+
+
+@dataclass(frozen=True, eq=False)
+class Segment:
+    """Hits on one object, or on one part of it.
+
+    Attributes:
+        members: Indices of its points, shape ``(P,)``.
+        right: Direction of its right edge, seen from the sensor [rad].
+        left: Direction of its left edge, not less [rad].
+        near: Distance of its nearest point [m].
+        front: That point [m].
+        is_cut: Whether something nearer hides what is left of it, and right of it.
+        entered: Number of points in places that were just seen free.
+        static: Number of points where something has long stood.
+        legs: Distances of the middles of the legs that it shows [m]; none for a body.
+    """
+
+    members: IntArray
+    right: float
+    left: float
+    near: float
+    front: tuple[float, float]
+    is_cut: tuple[bool, bool]
+    entered: int
+    static: int
+    legs: tuple[float, ...] = ()
+
+    @property
+    def radius(self) -> float:
+        """Radius of a disc that looks as wide from there [m]."""
+        sine = math.sin(min((self.left - self.right) / 2.0, 1.0))
+        return self.near * sine / (1.0 - sine)
+
+    @property
+    def has_entered(self) -> bool:
+        """True if it is where nothing was."""
+        return self.entered >= max(_FEWEST, 0.4 * len(self.members))
+
+    @property
+    def is_static(self) -> bool:
+        """True if it has long stood there."""
+        return 2 * self.static >= len(self.members)
+
+    def center(self, origin: Array, radius: float) -> tuple[float, float]:
+        """Centre of a disc of some radius [m]; from a cut edge it may reach farther."""
+        middle, half = (self.left + self.right) / 2.0, (self.left - self.right) / 2.0
+        ahead = sum(self.legs) / len(self.legs) if self.legs else self.near + radius
+        hidden = 0.0 if self.legs else max(radius - ahead * math.sin(half), 0.0)
+        across = hidden * (self.is_cut[0] - self.is_cut[1])
+        cosine, sine = math.cos(middle), math.sin(middle)
+        x, y = origin.tolist()
+        return x + ahead * cosine - across * sine, y + ahead * sine + across * cosine
+
+
+def segments_of(
+    origin: Array, points: Array, labels: IntArray, movers: Array, step: float
+) -> list[Segment] | None:
+    """Segments that may be people, or parts of something larger that moves; no walls.
+
+    None stands for a scan in which walls seem to have moved: odometry has jumped.
+
+    Args:
+        origin: Place of the sensor, shape ``(2,)`` [m].
+        points: Hits, shape ``(P, 2)`` [m].
+        labels: `Label` of each, shape ``(P,)``.
+        movers: Discs where movers are expected (x, y, radius), shape ``(M, 3)`` [m].
+        step: Angle between two beams [rad].
+    """
+    if len(points) < _FEWEST:
+        return []
+    away = points - origin
+    angles, ranges = np.arctan2(away[:, 1], away[:, 0]), np.hypot(away[:, 0], away[:, 1])
+    order = np.argsort(angles, kind='stable')
+    angles = angles[order]
+    # Begin behind the largest gap: no object is cut in two where angles begin anew.
+    begin = int(np.argmax(np.diff(angles, append=angles[0] + math.tau))) + 1
+    order, angles = np.roll(order, -begin), np.roll(angles, -begin)
+    angles[len(angles) - begin :] += math.tau
+    polar, places = np.column_stack([ranges[order], angles]), points[order]
+    bounds, parts, keys = (np.zeros(len(points) + 1, np.int64) for _ in range(3))
+    count = split(bounds, polar, places, step)
+    sorted_labels = labels[order]
+    count = divide(parts, keys, bounds[: count + 1], places, sorted_labels, movers)
+    if count < 0:
+        return None
+    table = np.empty((count, 10))
+    describe(table, parts, polar, sorted_labels, step)
+    found: list[Segment] = []
+    for first, last, *numbers in table[table[:, 1] - table[:, 0] >= 2.0].tolist():
+        right, left, near, cut_left, cut_right, entered, static, front = numbers
+        is_cut = bool(cut_left), bool(cut_right)
+        members = order[int(first) : int(last)]
+        nearest = tuple(places[int(front)].tolist())
+        each = Segment(members, right, left, near, nearest, is_cut, int(entered), int(static))
+        if each.radius <= _LARGEST:
+            _add_or_join(found, each, origin, movers)
+    return [each for each in found if len(each.members) >= _FEWEST]
+
+
+def _add_or_join(found: list[Segment], segment: Segment, origin: Array, movers: Array) -> None:
+    """Add a segment; one that may be a leg is joined to the other leg of that person."""
+    if segment.radius > _LEG or any(segment.is_cut):
+        found.append(segment)
+        return
+    segment = replace(segment, legs=(segment.near + segment.radius,))
+    x, y = segment.center(origin, 0.0)
+    owner = _nearest(movers, x, y)
+    for place in range(len(found) - 1, max(len(found) - 5, -1), -1):
+        other = found[place]
+        if len(other.legs) != 1 or segment.is_static != other.is_static:
+            continue
+        other_x, other_y = other.center(origin, 0.0)
+        is_near = math.hypot(x - other_x, y - other_y) <= _STRIDE
+        if is_near and _nearest(movers, other_x, other_y) == owner:
+            near, front = min((other.near, other.front), (segment.near, segment.front))
+            found[place] = Segment(
+                np.concatenate([other.members, segment.members]),
+                other.right,
+                segment.left,
+                near,
+                front,
+                (False, False),
+                other.entered + segment.entered,
+                other.static + segment.static,
+                other.legs + segment.legs,
+            )
+            return
+    found.append(segment)
+
+
+def _nearest(movers: Array, x: float, y: float) -> int:
+    """Index of the mover at a place, -1 for none."""
+    if not len(movers):
+        return -1
+    away = np.hypot(movers[:, 0] - x, movers[:, 1] - y)
+    nearest = int(np.argmin(away))
+    return nearest if away[nearest] <= _STRIDE else -1
+
+
+@allocation_free
+def split(bounds: IntArray, polar: Array, places: Array, step: float) -> int:
+    """Bounds of segments between jumps and at notches; their number is returned."""
+    count, low, peak, at = 0, polar[0, 0], polar[0, 0], 0
+    for i in range(1, polar.shape[0]):
+        distance, turned = polar[i, 0], polar[i, 1] - polar[i - 1, 1]
+        x, y = places[i, 0] - places[i - 1, 0], places[i, 1] - places[i - 1, 1]
+        reach = _GAP + _GAP_BY_STEP * distance * turned
+        is_new = turned > _HOLE * step or x * x + y * y > reach * reach
+        is_notch = distance < peak - _DEEP and peak > low + _DEEP
+        if is_new or is_notch:
+            count += 1
+            bounds[count] = i if is_new else at
+        if is_new or is_notch or distance < low:
+            low, peak, at = distance, distance, i
+        elif distance >= peak:
+            peak, at = distance, i
+    bounds[count + 1] = polar.shape[0]
+    return count + 1
+
+
+@allocation_free
+def divide(
+    parts: IntArray,
+    keys: IntArray,
+    bounds: IntArray,
+    places: Array,
+    labels: IntArray,
+    movers: Array,
+) -> int:
+    """Bounds of parts of wide segments: a person before a wall, several people, a trolley.
+
+    Their number is returned, or -1 where a wall is where nothing was: odometry has jumped.
+    """
+    count = 0
+    for k in range(bounds.shape[0] - 1):
+        first, last = bounds[k], bounds[k + 1]
+        parts[count] = first
+        count += 1
+        if _apart(places, first, last - 1) <= _WIDE:
+            continue
+        for i in range(first, last):
+            keys[i] = _key(places, labels, movers, i)
+        for i in range(first + 1, last - 1):
+            if keys[i] < 0 and keys[i - 1] == keys[i + 1]:
+                keys[i] = keys[i - 1]
+        begin = first
+        while begin < last:
+            end = begin + 1
+            while end < last and keys[end] == keys[begin]:
+                end += 1
+            if begin > first:
+                parts[count] = begin
+                count += 1
+            width = _apart(places, begin, end - 1)
+            if keys[begin] == -_ENTERED and width > _LONG:
+                return -1
+            if keys[begin] == -_ENTERED and width > _WIDE:
+                pieces, piece = math.ceil(width / _PERSON), 1
+                for i in range(begin + 1, end):
+                    if piece < pieces and _apart(places, begin, i) * pieces > piece * width:
+                        parts[count] = i
+                        count, piece = count + 1, piece + 1
+            begin = end
+    parts[count] = bounds[bounds.shape[0] - 1]
+    return count
+
+
+@allocation_free
+def _apart(places: Array, i: int, j: int) -> float:
+    return math.hypot(places[i, 0] - places[j, 0], places[i, 1] - places[j, 1])
+
+
+@allocation_free
+def _key(places: Array, labels: IntArray, movers: Array, i: int) -> int:
+    """Index of the mover that a point is on, or its label below zero."""
+    if labels[i] == _STATIC:
+        return -_STATIC
+    best, key = _AROUND, -_ENTERED if labels[i] == _ENTERED else -_STATIC
+    for j in range(movers.shape[0]):
+        away = math.hypot(places[i, 0] - movers[j, 0], places[i, 1] - movers[j, 1])
+        if away - movers[j, 2] < best:
+            best, key = away - movers[j, 2], j
+    return key
+
+
+@allocation_free
+def describe(table: Array, parts: IntArray, polar: Array, labels: IntArray, step: float) -> None:
+    """Rows of numbers that make a `Segment`."""
+    size = polar.shape[0]
+    for k in range(table.shape[0]):
+        first, last = parts[k], parts[k + 1]
+        near, front, entered, static = math.inf, first, 0.0, 0.0
+        for i in range(first, last):
+            if polar[i, 0] < near:
+                near, front = polar[i, 0], i
+            entered += labels[i] == _ENTERED
+            static += labels[i] == _STATIC
+        table[k, 0], table[k, 1] = first, last
+        table[k, 2], table[k, 3] = polar[first, 1] - step / 2.0, polar[last - 1, 1] + step / 2.0
+        table[k, 4], table[k, 9] = near, front
+        table[k, 5] = last < size and _hides(polar, last, last - 1, step)
+        table[k, 6] = first > 0 and _hides(polar, first - 1, first, step)
+        table[k, 7], table[k, 8] = entered, static
+
+
+@allocation_free
+def _hides(polar: Array, i: int, j: int, step: float) -> bool:
+    """True if a hit is before a neighbour, which may go on behind it."""
+    is_beside = abs(polar[i, 1] - polar[j, 1]) <= _HOLE * step
+    return is_beside and polar[i, 0] < polar[j, 0] - _DEEP

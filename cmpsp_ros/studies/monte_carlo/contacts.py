@@ -1,0 +1,221 @@
+"""Contacts of the robot with people, by the true paths of both, and the reason of each."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.guidance import NANOSECONDS
+from cmpsp_ros.simulator import cast, discs_of, edges_of
+from cmpsp_ros.world.obstacles import MovingDiscs
+
+if TYPE_CHECKING:
+    from cmpsp_ros.studies.monte_carlo.driving import DrivenRun
+
+ACTIVE: Final = 0.05
+"""Speed of the robot above which a contact is its own doing [m/s]."""
+
+STOOD: Final = 'it stood when it was touched, and drove away'
+ALL_HELD: Final = 'all assumptions held'
+TOO_FAST: Final = 'faster than max_obstacle_speed'
+TOO_SHARP: Final = 'sharper acceleration than people.max_acceleration'
+OUTSIDE: Final = 'outside the field of view'
+TOO_LATE: Final = 'out of sight until nearer than anybody could stop'
+
+_MAX_SPEED, _MAX_ACCELERATION, _ROUNDING = 1.6, 1.0, 1e-6
+_TOUCHING: Final = 0.02
+"""Clearance below which a person may have been stopped by the robot [m]."""
+
+_APART: Final = 1.0
+"""Time without touching after which another contact begins [s]."""
+
+_LOOKING_BACK: Final = 3.0
+"""Time before a contact in which the assumptions of the promise must hold [s]."""
+
+_RAYS: Final = 9
+
+
+@dataclass(frozen=True)
+class Contact:
+    """A contact with one person.
+
+    Attributes:
+        time: Time of the first touch, of an active contact while the robot moves [s].
+        person: Name of the person.
+        speed: Speed of the robot then [m/s].
+        is_active: True if the robot moved by itself while it touched.
+        reason: The assumption that did not hold, or that all did; empty if it is not active.
+    """
+
+    time: float
+    person: str
+    speed: float
+    is_active: bool
+    reason: str
+
+    @property
+    def sentence(self) -> str:
+        """The contact in words."""
+        if not self.is_active:
+            return f'{self.time:6.2f} s  {self.person} touches the robot at rest'
+        return f'{self.time:6.2f} s  {self.person}, robot at {self.speed:.2f} m/s: {self.reason}'
+
+
+@dataclass(frozen=True)
+class CrowdOutcome:
+    """Figures of a run among people.
+
+    Attributes:
+        scene: Name of its scene.
+        robot: Name of its robot.
+        is_noisy: True with missed returns and noise of odometry.
+        told: True if people were known exactly instead of seen.
+        people: Number of people.
+        contacts: All contacts, by time.
+        told_time: Arrival of the same run with people known exactly [s]; None if it does not
+            arrive without active contact, or was not made.
+        empty_time: The same without people.
+    """
+
+    scene: str
+    robot: str
+    is_noisy: bool
+    told: bool
+    people: int
+    contacts: tuple[Contact, ...]
+    told_time: float | None = None
+    empty_time: float | None = None
+
+    @property
+    def active(self) -> list[Contact]:
+        """Contacts while the robot moved."""
+        return [each for each in self.contacts if each.is_active]
+
+
+def clearance(driven: DrivenRun) -> Array:
+    """Clearance of each arc of the robot from each person, shape ``(K, P)`` [m]."""
+    stamps = np.array([each.stamp_ns for each in driven.motions])
+    poses = np.array([each.pose for each in driven.motions])
+    twists = np.array([each.twist for each in driven.motions])[:-1]
+    durations = np.diff(stamps) / NANOSECONDS
+    began = np.array([stamp for stamp, _ in driven.people])
+    states = np.array([each for _, each in driven.people])
+    steps = np.maximum(np.searchsorted(began, stamps[:-1], side='right') - 1, 0)
+    found = np.full((len(durations), states.shape[1]), math.inf)
+    for k, step in enumerate(steps.tolist()):
+        discs = _discs(states[step]).after((stamps[k] - began[step]) / NANOSECONDS)
+        arc = poses[k : k + 1], twists[k : k + 1], durations[k : k + 1], np.zeros(1)
+        for points, radius in driven.task.settings.bodies:
+            found[k] = np.minimum(found[k], discs.along(*arc, points)[0] - radius)
+    return found
+
+
+def contacts(driven: DrivenRun, names: Sequence[str]) -> tuple[Contact, ...]:
+    """Contacts of a run with people, by time."""
+    near = clearance(driven)
+    stamps = np.array([each.stamp_ns for each in driven.motions]) / NANOSECONDS
+    speeds = np.array([math.hypot(*_velocity(each.twist)) for each in driven.motions[:-1]])
+    found = []
+    for person, name in enumerate(names):
+        touching = np.flatnonzero(~(near[:, person] > 0.0))
+        if not len(touching):
+            continue
+        parts = np.flatnonzero(np.diff(stamps[touching]) > _APART) + 1
+        for episode in np.split(touching, parts):
+            active = episode[speeds[episode] > ACTIVE]
+            first = int(active[0] if len(active) else episode[0])
+            time, speed, reason = float(stamps[first]), float(speeds[first]), ''
+            if len(active):
+                stood = speeds[max(int(episode[0]) - 1, 0)] <= ACTIVE and first > episode[0]
+                free = stamps[:-1][near[:, person] > _TOUCHING]
+                reason = STOOD if stood else _reason(driven, person, time, free)
+            found.append(Contact(time, name, speed, bool(len(active)), reason))
+    return tuple(sorted(found, key=lambda each: each.time))
+
+
+def _reason(driven: DrivenRun, person: int, time: float, free: Array) -> str:
+    """The first assumption of the promise that did not hold before a contact.
+
+    A person who bumps into the robot is stopped by it: accelerations count at times ``free`` [s].
+    """
+    began = np.array([stamp for stamp, _ in driven.people]) / NANOSECONDS
+    before = np.flatnonzero((began > time - _LOOKING_BACK) & (began <= time))
+    states = np.array([driven.people[k][1][person] for k in before])
+    speeds = np.hypot(states[:, 2], states[:, 3])
+    if speeds.max(initial=0.0) > _MAX_SPEED + _ROUNDING:
+        return TOO_FAST
+    changes = np.hypot(*np.diff(states[:, 2:4], axis=0).T) / np.diff(began[before])
+    changes = changes[np.isin(began[before][1:], free)]
+    if changes.max(initial=0.0) > _MAX_ACCELERATION + _ROUNDING:
+        return TOO_SHARP
+    sights = [_sight(driven, int(k), person) for k in before]
+    if not sights or sights[-1] is None:
+        return OUTSIDE
+    hidden = [index for index, seen in enumerate(sights) if not seen]
+    if not hidden:
+        return ALL_HELD
+    appeared = min(hidden[-1] + 1, len(before) - 1)
+    if None in sights:
+        return OUTSIDE if not _could_stop(driven, int(before[appeared]), person) else ALL_HELD
+    return ALL_HELD if _could_stop(driven, int(before[appeared]), person) else TOO_LATE
+
+
+def _sight(driven: DrivenRun, step: int, person: int) -> bool | None:
+    """True if any part of a person is seen at a step; None outside the field of view."""
+    task = driven.task
+    assert task.scanner is not None  # noqa: S101 (people are seen by scanners alone)
+    stamp, states = driven.people[step]
+    pose = next(each.pose for each in driven.motions if each.stamp_ns >= stamp)
+    x, y, heading = pose.tolist()
+    ahead, left, turned = task.scanner.pose
+    x += math.cos(heading) * ahead - math.sin(heading) * left
+    y += math.sin(heading) * ahead + math.cos(heading) * left
+    (at_x, at_y, _, _, radius) = states[person].tolist()
+    away = math.hypot(at_x - x, at_y - y)
+    half = math.asin(min(radius / max(away, radius), 1.0))
+    bearings = math.atan2(at_y - y, at_x - x) + 0.98 * half * np.linspace(-1.0, 1.0, _RAYS)
+    relative = bearings - heading - turned
+    center = (task.scanner.angle_min + task.scanner.angle_max) / 2.0
+    width = (task.scanner.angle_max - task.scanner.angle_min) / 2.0
+    inside = np.abs((relative - center + math.pi) % math.tau - math.pi) <= width
+    if not inside.any():
+        return None
+    rays = np.column_stack([np.full(_RAYS, x), np.full(_RAYS, y), bearings])[inside]
+    shapes = task.scenario.obstacles
+    others = np.vstack([discs_of(shapes), np.delete(states, person, axis=0)])
+    first, own = np.empty(len(rays)), np.empty(len(rays))
+    cast(first, rays, np.zeros(len(rays)), edges_of(shapes), others)
+    cast(own, rays, np.zeros(len(rays)), np.empty((0, 4)), states[person : person + 1])
+    return bool((own < np.minimum(first, task.scanner.range_max)).any())
+
+
+def _could_stop(driven: DrivenRun, step: int, person: int) -> bool:
+    """True if a robot that sees a person at a step from then on can be at rest in time."""
+    settings, scanner = driven.task.settings, driven.task.scanner
+    assert scanner is not None  # noqa: S101 (people are seen by scanners alone)
+    stamp, states = driven.people[step]
+    motion = next(each for each in driven.motions if each.stamp_ns >= stamp)
+    velocity, (x, y, u, v, radius) = _velocity(motion.twist), states[person].tolist()
+    speed = math.hypot(*velocity)
+    braking = speed / settings.robot.max_acceleration
+    reaction = 1.0 / scanner.rate + settings.control_period + settings.command_delay
+    gap = math.dist(motion.pose[:2], (x, y)) - radius - settings.robot_radius
+    needed = speed * (reaction + braking / 2.0) + math.hypot(u, v) * (reaction + braking)
+    return gap > needed
+
+
+def _velocity(twist: Array) -> tuple[float, float]:
+    """Velocity ahead and to the left of a twist, of two or three parts [m/s]."""
+    parts = twist.tolist()
+    return parts[0], parts[1] if len(parts) > 2 else 0.0
+
+
+def _discs(states: Array) -> MovingDiscs:
+    names = tuple(str(index) for index in range(len(states)))
+    rows = np.hstack([states, np.zeros((len(states), 2))])
+    return MovingDiscs(names, rows, np.full(len(states), -1))

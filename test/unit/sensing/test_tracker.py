@@ -1,0 +1,117 @@
+"""Tracks of walkers among walls and posts, by a scanner with noise of 1 cm."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scanned_rooms import DOOR, ROOM, Faults, ScannedRoom, Score, straight
+
+from cmpsp_ros.world.grids import Cell
+
+ACROSS, SLOW = straight(5.0, 1.0, 0.0, 0.8), straight(5.0, 1.0, 0.0, 0.3)
+TOWARD, AWAY = straight(9.0, 3.2, -1.0, 0.0), straight(3.0, 3.2, 1.0, 0.0)
+NEAR, FAR = straight(4.0, 1.0, 0.0, 0.8), straight(6.0, 5.0, 0.0, -0.8)
+ABREAST = [straight(9.0, y, -0.7, 0.0) for y in (2.4, 2.95, 3.5)]
+POSTS = [(4.0, 1.0, 0.2), (6.0, 5.0, 0.3), (3.0, 4.5, 0.05), (7.0, 1.2, 0.1)]
+
+
+def turning(time):
+    return 1.0, 3.0, 1.2 * math.sin(time)
+
+
+def driving(time):
+    return 1.0 + 0.4 * time, 3.0 + 0.5 * math.sin(time / 2.0), 0.3 * math.sin(time)
+
+
+FAULTS = [
+    pytest.param(Faults(), id='none'),
+    pytest.param(Faults(missed=0.3), id='missed'),
+    pytest.param(Faults(unknown=0.3), id='unknown'),
+    pytest.param(Faults(odometry=(0.01, 0.005)), id='odometry'),
+]
+CASES = {
+    'across': ({'walkers': [ACROSS]}, 5.0, 0.7),
+    'slow': ({'walkers': [SLOW]}, 8.0, 1.5),
+    'toward': ({'walkers': [TOWARD]}, 6.0, 0.5),
+    'away': ({'walkers': [AWAY]}, 6.0, 0.5),
+    'two that cross': ({'walkers': [NEAR, FAR]}, 5.0, 0.8),
+    'three abreast': ({'walkers': ABREAST}, 8.0, 1.1),
+    'behind a pillar': ({'walkers': [FAR], 'posts': [(4.0, 3.0, 0.3)]}, 5.0, 0.8),
+    'turning robot': ({'walkers': [ACROSS], 'posts': POSTS[1:], 'robot': turning}, 5.0, 1.0),
+    'through a door': ({'edges': DOOR, 'walkers': [straight(10.0, 3.1, -0.9, 0.0)]}, 8.0, 0.7),
+    'along a wall': ({'walkers': [straight(9.0, 0.27, -0.8, 0.0)]}, 9.0, 0.9),
+}
+
+
+@pytest.mark.parametrize('faults', FAULTS)
+@pytest.mark.parametrize('name', CASES)
+def test_each_walker_is_one_track(name, faults):
+    room, until, latest = CASES[name]
+    score = Score(ScannedRoom(**room, faults=faults), until)
+    assert [len(each) for each in score.ids] == [1] * len(room['walkers'])
+    assert max(score.first) <= latest
+    assert not score.false
+    assert not score.missed
+    assert max(score.errors) < 0.2
+
+
+@pytest.mark.parametrize('faults', FAULTS)
+@pytest.mark.parametrize('robot', [turning, driving])
+@pytest.mark.parametrize('edges', [ROOM, DOOR])
+def test_nothing_moves_where_all_stands(edges, robot, faults):
+    score = Score(ScannedRoom(edges, POSTS, robot=robot, faults=faults), 15.0)
+    assert not score.false
+
+
+def occupied(sighting):
+    grid = sighting.grid
+    return grid.centers(*np.nonzero(grid.cells == Cell.OCCUPIED))
+
+
+@pytest.mark.parametrize('faults', FAULTS)
+def test_no_ghost_and_no_hole_is_left_behind(faults):
+    empty, walked = (
+        ScannedRoom(walkers=walkers, faults=faults)
+        for walkers in ([], [ACROSS, TOWARD, straight(2.0, 5.72, 0.8, 0.0)])
+    )
+    walls = occupied(Score(empty, 6.0).sighting)
+    found = occupied(Score(walked, 6.0).sighting)
+    away = np.abs(found[:, None] - walls).max(axis=2)
+    # Cells beside differ by noise, and some that returns are missed from.
+    assert away.min(axis=1).max() < 0.16
+    assert np.quantile(away.min(axis=0), 0.95) < 0.16
+
+
+def test_what_stops_is_static_until_it_goes_on():
+    def walker(time):
+        return 5.0, 1.0 + 0.8 * (min(time, 2.0) + max(time - 6.0, 0.0))
+
+    room = ScannedRoom(walkers=[walker])
+    stands = Score(room, 5.5).sighting
+    assert not stands.tracks
+    assert np.hypot(*(occupied(stands) - walker(5.5)).T).min() < 0.3
+    score = Score(room, 8.0, 5.6)
+    assert score.ids == [{0}]
+    assert score.first[0] <= 6.6
+    assert np.hypot(*(occupied(score.sighting) - walker(5.5)).T).min() > 0.5
+
+
+def test_a_jump_of_odometry_moves_nothing():
+    room = ScannedRoom(posts=POSTS, jumps=(2.0, (0.4, 0.2, 0.1)))
+    assert not Score(room, 6.0).false
+
+
+def test_tracks_are_predicted_for_the_time_of_odometry_and_forgotten_with_it():
+    room = ScannedRoom(walkers=[TOWARD])
+    sighting = Score(room, 2.0).sighting
+    (track,) = sighting.tracks
+    assert track.stamp == sighting.stamp
+    assert track.name == 'person 1'
+    assert (track.vx, track.vy) == pytest.approx((-1.0, 0.0), abs=0.1)
+    assert 0.0 < track.position_stddev < 0.1
+    assert 0.0 < track.velocity_stddev < 0.3
+    assert room.known.at(0, np.zeros(3)) is sighting
+    room.known.forget()
+    assert room.known.at(0, np.zeros(3)) is None

@@ -193,7 +193,7 @@ class AuditRecord:
             places = path.poses[np.clip(at - 1, 0, len(path.poses) - 1), :2].tolist()
             for each, place in zip(self.people, places, strict=True):
                 if math.dist(place, (each.x, each.y)) < _NEAR:
-                    for met in encounters(path, (each,), bodies, lasts):
+                    for met in encounters(path, (each,), bodies, lambda _: lasts):
                         yield replace(met, name=f'person {each.id}')
 
         return tuple(self._met(along))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +25,7 @@ from cmpsp_ros.bags.runs.odometry import (
     longest_interval,
     pieces,
 )
-from cmpsp_ros.bags.runs.run import DrivenPath, seen_at
+from cmpsp_ros.bags.runs.run import DrivenPath, lifetime, seen_at
 from cmpsp_ros.bags.runs.sensor_clearance import Knowledge, SensorClearance, look, sightings
 from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings, to_nanoseconds
 from cmpsp_ros.guidance.messages import Track
@@ -173,7 +173,7 @@ class AuditRecord:
     def encounters(self) -> tuple[Encounter, ...]:
         """The same path, with the moving obstacles at their predicted positions."""
         settings = self.settings
-        around = settings.bodies, settings.moving_obstacles.timeout
+        around = settings.bodies, partial(lifetime, settings=settings)
         return tuple(self._met(lambda path: encounters(path, self.tracks, *around)))
 
     @cached_property
@@ -220,7 +220,7 @@ class AuditRecord:
         moving = self.settings.moving_obstacles
         first = bisect_left(self._by_time, stamp - to_nanoseconds(moving.timeout), key=_stamp)
         last = bisect_right(self._by_time, stamp, key=_stamp)
-        tracks = seen_at(self._by_time[first:last], stamp, moving.timeout)
+        tracks = seen_at(self._by_time[first:last], stamp, self.settings)
         robots = [
             [*each.at(stamp)[:2].tolist(), moving.others_radius]
             for each in self.others.values()

@@ -7,23 +7,24 @@ from setuptools import find_packages, setup
 NAME = 'cmpsp_ros'
 SHARE = Path('share') / NAME
 
-# The solvers and rosbags are not in apt: rosdep cannot install them, pip does.
+# Lower bounds are what `make test-oldest` tests: requirements/oldest.txt. The nodes themselves need
+# numpy, scipy, numba and pyyaml only.
 INSTALL_REQUIRES = [
-    'numpy>=1.26',
-    'scipy>=1.11',
-    'numba>=0.59',  # with numpy 1.26; test_numba_versions.py
-    'llvmlite>=0.42',  # which numba is made of
-    'daqp>=0.11',
-    'qpsolvers>=4.3',
-    'clarabel>=0.11',
-    'rosbags>=0.11',
+    'numpy>=1.26.4',
+    'scipy>=1.11.4',
+    'numba>=0.59.0',
+    'llvmlite>=0.42.0',  # which numba is made of
+    'pyyaml>=6.0.1',
+    # bags
+    'rosbags>=0.11.9',  # whose storage classes bags reads and writes with
     'ruamel.yaml.clib>=0.2.8',  # rosbags reads QoS profiles with it several times as fast
-    'lz4>=4.0',
-    'backports.zstd>=1.0; python_version < "3.14"',
-    'pyyaml>=6.0',
-    'typer>=0.12',
-    'rich>=13.0',
-    'matplotlib>=3.6',
+    'lz4>=4.0.2',
+    'backports.zstd>=1.0.0; python_version < "3.14"',
+    # `cmpsp` and its pictures
+    'typer>=0.9.0',
+    'rich>=13.7.1',
+    'matplotlib>=3.6.3',
+    'pillow>=10.2.0',
 ]
 
 # ROS stays out of INSTALL_REQUIRES: on a robot it comes from apt or from source.
@@ -37,13 +38,14 @@ EXTRAS_REQUIRE = {
         'ros-jazzy-lifecycle-msgs',
         'ros-jazzy-rosgraph-msgs',
     ],
-    'dask': ['distributed>=2024.5'],
-    'casadi': ['casadi>=3.6'],
-    'mujoco': ['mujoco>=3.1'],
-    'parquet': ['pyarrow>=15.0'],
-    'report': ['plotly>=5.0'],  # its plotly.min.js goes into the page
+    'solvers': ['daqp>=0.11.0', 'qpsolvers>=4.3.3', 'clarabel>=0.11.0'],  # other QP back ends
+    'dask': ['distributed>=2024.5.0'],
+    'casadi': ['casadi>=3.6.7'],
+    'mujoco': ['mujoco>=3.1.6'],
+    'parquet': ['pyarrow>=15.0.0'],
+    'report': ['plotly>=5.15.0'],  # its plotly.min.js goes into the page
     'test': [
-        'pytest>=8.0,<9.2',  # with 9.2 pytest-xdist 3.8 ignores `xdist_group` (its issue 1386)
+        'pytest>=7.4.4,<9.2',  # with 9.2 pytest-xdist 3.8 ignores `xdist_group` (its issue 1386)
         'pytest-cov',
         'pytest-timeout',
         'pytest-xdist',
@@ -81,7 +83,7 @@ def shared_files(folder: str) -> list[tuple[str, list[str]]]:
 
 setup(
     name=NAME,
-    version='0.1.0',
+    version='1.0.0',
     packages=find_packages(include=[NAME, f'{NAME}.*'], exclude=['test*']),
     package_data={
         NAME: [
@@ -96,6 +98,7 @@ setup(
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (str(SHARE), ['package.xml']),
         *shared_files('config'),
+        *shared_files('doc'),
         *shared_files('launch'),
     ],
     python_requires='>=3.11',
@@ -110,14 +113,29 @@ setup(
         'Guidance of a two-wheeled robot through a point at a given time, between road '
         'edges and obstacles, by warm-started constrained model predictive static programming.'
     ),
+    long_description=Path('README.md').read_text(encoding='utf-8'),
+    long_description_content_type='text/markdown',
+    # The owner's to give: an address of the maintainer (twice above, and in package.xml), and the
+    # repository in project_urls.
     license='Apache-2.0',
+    keywords='robotics ROS 2 MPC MPSP optimal control guidance trajectory',
+    classifiers=[
+        'Development Status :: 5 - Production/Stable',
+        'Intended Audience :: Science/Research',
+        'License :: OSI Approved :: Apache Software License',
+        'Operating System :: POSIX :: Linux',
+        'Programming Language :: Python :: 3',
+        *(f'Programming Language :: Python :: 3.{minor}' for minor in range(11, 15)),
+        'Topic :: Scientific/Engineering',
+        'Typing :: Typed',
+    ],
     entry_points={
         'console_scripts': [
-            'cmpsp = cmpsp_ros.cli:main',
-            'guidance_node = cmpsp_ros.nodes.guidance.node:main',
-            'sim_node = cmpsp_ros.nodes.sim.node:main',
-            'recorder = cmpsp_ros.nodes.recording.recorder:main',
-            'viewer = cmpsp_ros.nodes.viewer:main',
+            'cmpsp = cmpsp_ros.programs:cmpsp',
+            'guidance_node = cmpsp_ros.programs:guidance_node',
+            'sim_node = cmpsp_ros.programs:sim_node',
+            'recorder = cmpsp_ros.programs:recorder',
+            'viewer = cmpsp_ros.programs:viewer',
         ]
     },
 )

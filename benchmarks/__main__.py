@@ -1,10 +1,8 @@
 """`make bench`, `cmpsp bench`: time control steps, or verify a QP solver."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Optional
 
 import typer
 
@@ -18,15 +16,13 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 @app.command()
 def bench(
     presets: Annotated[
-        list[str] | None,
+        Optional[list[str]],
         typer.Argument(
             metavar='PRESET', help="Presets, or parameter files; none: all, and the paper's runs."
         ),
     ] = None,
     runs: Annotated[int, typer.Option(min=1, help='Runs of each preset and of each method.')] = 20,
-    peers: Annotated[
-        bool, typer.Option('--peers', help='Time solvers of CasADi and acados as well.')
-    ] = False,
+    peers: Annotated[bool, typer.Option('--peers', help='Time solvers of CasADi as well.')] = False,
     latency: Annotated[
         bool, typer.Option('--latency', help='Time the node over DDS, in real time.')
     ] = False,
@@ -34,17 +30,18 @@ def bench(
         int, typer.Option(min=1, metavar='COUNT', help='Steps of which the longest are shown.')
     ] = 20_000,
     output: Annotated[
-        Path | None, typer.Option(help='New file ending in .json, or new or empty folder.')
+        Optional[Path], typer.Option(help='New file ending in .json, or new or empty folder.')
     ] = None,
     verify: Annotated[
-        int | None,
+        Optional[int],
         typer.Option(min=1, metavar='COUNT', help='Instead, check a QP back end on as many QPs.'),
     ] = None,
     verify_case: Annotated[
-        str | None, typer.Option(metavar='ID', help='Instead, check it on the one of that name.')
+        Optional[str], typer.Option(metavar='ID', help='Instead, check it on the one of that name.')
     ] = None,
     qp: Annotated[
-        str | None, typer.Option(metavar='NAME', help="The back end checked; without: guidance's.")
+        Optional[str],
+        typer.Option(metavar='NAME', help="The back end checked; without: guidance's."),
     ] = None,
     workers: Annotated[int, typer.Option(min=1, help='Processes that check.')] = 1,
     obstacles: Annotated[
@@ -54,7 +51,7 @@ def bench(
         bool, typer.Option('--sensors', help='Instead, time steps with a laser scanner.')
     ] = False,
     robots: Annotated[
-        int | None,
+        Optional[int],
         typer.Option(min=1, max=50, metavar='COUNT', help='Instead, so many robots at once.'),
     ] = None,
 ) -> None:

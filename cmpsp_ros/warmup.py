@@ -22,7 +22,7 @@ import numpy as np
 from cmpsp_ros.guidance import GuidanceSettings, prepare
 from cmpsp_ros.mpsp import Options, from_functions, solve
 from cmpsp_ros.mpsp.jit import compilations, entry_for, kernel_folder, prune, wanted_place
-from cmpsp_ros.mpsp.qp import CLARABEL, RICCATI_ACTIVE_SET
+from cmpsp_ros.mpsp.qp import CLARABEL, RICCATI_ACTIVE_SET, available
 from cmpsp_ros.mpsp.qp.active_set import correct, empty_active_set, empty_warm_start
 from cmpsp_ros.mpsp.qp.active_set import solve as solve_program
 from cmpsp_ros.mpsp.qp.riccati import empty_program
@@ -225,7 +225,7 @@ def _method() -> None:
         target=[0.0],
         g=lambda _k, x, _u: x - 2.0,
     )
-    for qp in (RICCATI_ACTIVE_SET, CLARABEL, 'daqp', 'hildreth'):
+    for qp in sorted({RICCATI_ACTIVE_SET, CLARABEL, 'daqp', 'hildreth'}.intersection(available())):
         options = Options(penalty_terminal=np.array([100.0]), penalty_path=np.array([100.0]), qp=qp)
         solve(problem, np.zeros((4, 1)), options, max_iterations=2)
 

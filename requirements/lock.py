@@ -46,8 +46,8 @@ def resolve(extras: str) -> dict[str, str]:
 
 def main() -> None:
     """Resolves, checks and writes the files."""
-    versions = resolve('ros,report,test,lint')
-    runtime = BUILD | set(resolve('ros,report'))
+    versions = resolve('ros,solvers,report,test,lint')
+    runtime = BUILD | set(resolve('ros,solvers,report'))
     if 'lark' in versions:
         sys.exit('lock: lark overwrites lark-parser, which ROS needs: drop what asks for it')
     texts = {name: [header, '# Written by `make lock`.'] for name, header in HEADERS.items()}

@@ -180,14 +180,6 @@ class Faults:
         assert fitting, f'{fallback}, {LEVELS[level]}: {sentence!r} fits none of {self.rows}'
         self.compared |= fitting
 
-    def assert_is(self, decision):
-        """A decision as its node publishes it, by key."""
-        self.assert_said(decision['fallback_level'], decision['level'][0], decision['reason'])
-
-    def assert_health(self, health):
-        """The same of diagnostics."""
-        self.assert_said('—', health['level'][0], health['said'])
-
 
 def _rows():
     for line in (ROOT / 'doc' / 'user' / 'faults.md').read_text(encoding='utf-8').splitlines():

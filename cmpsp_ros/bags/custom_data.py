@@ -24,7 +24,7 @@ SOFTWARE_KEY = 'cmpsp_ros.software'
 """Key in the bag's custom data: JSON text `{name: version}`."""
 
 # Versions that determine the last bits of a decision, and the writer of the file.
-_PACKAGES = ('numpy', 'scipy', 'numba', 'llvmlite', 'daqp', 'qpsolvers', 'rosbags', 'rclpy')
+_PACKAGES = ('numpy', 'scipy', 'numba', 'llvmlite', 'clarabel', 'rosbags', 'rclpy')
 
 
 _VALUE_FIELDS = (

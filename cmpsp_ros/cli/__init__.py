@@ -8,9 +8,10 @@ fast.
 from __future__ import annotations
 
 import gc
-from typing import Final
+from typing import Final, get_type_hints
 
 import typer
+import typer.core
 
 from cmpsp_ros.cli import bags, demo, live, studies
 from cmpsp_ros.cli.terminal import console, errors, exit_on, progress_bar
@@ -18,10 +19,22 @@ from cmpsp_ros.quick_exit import quick_exit
 
 _OBJECTS_BEFORE_COLLECTION: Final = 100_000
 
+# Plain help: rich, which draws boxes, takes longer to import than all the rest. In typer 0.9 no
+# markup mode is without them.
+vars(typer.core)['rich'] = None
+
+
+class _InOrder(typer.core.TyperGroup):
+    """Commands in the order in which they were added; typer 0.9 sorts them."""
+
+    def list_commands(self, _context: object) -> list[str]:
+        return list(self.commands)
+
+
 app = typer.Typer(
+    cls=_InOrder,
     help='Guidance of a differential-drive robot by C-MPSP.',
     no_args_is_help=True,
-    # Plain help: rich, which draws boxes, takes longer to import than all the rest.
     rich_markup_mode=None,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -46,6 +59,8 @@ for _command in (
 ):
     # The benchmarks have options of their own.
     passes_on = _command is studies.bench
+    # typer 0.9 overlooks options in annotations that are strings
+    _command.__annotations__ = get_type_hints(_command, include_extras=True)
     app.command(
         add_help_option=not passes_on,
         context_settings={'allow_extra_args': passes_on, 'ignore_unknown_options': passes_on},

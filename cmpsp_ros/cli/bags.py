@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Optional
 
 import typer
 
@@ -24,11 +25,13 @@ from cmpsp_ros.parameters import ParameterError
 if TYPE_CHECKING:
     from cmpsp_ros.bags import Names
 
+_Format = StrEnum('_Format', ['csv', 'parquet'])
+
 
 def audit(
     bag: Annotated[Path, typer.Argument(help='Bag, of our nodes or of any robot.')],
     junit: Annotated[
-        Path | None, typer.Option(metavar='FILE', help='Also write JUnit XML, for CI.')
+        Optional[Path], typer.Option(metavar='FILE', help='Also write JUnit XML, for CI.')
     ] = None,
     odom: Odom = None,
     cmd_vel: CmdVel = None,
@@ -65,7 +68,7 @@ def film(
         Path, typer.Option(metavar='FILE', help='New picture: .png, or an animated .gif.')
     ] = Path('film.gif'),
     at: Annotated[
-        list[float] | None,
+        Optional[list[float]],
         typer.Option(metavar='SECONDS', help='Time of a frame; may be repeated.'),
     ] = None,
 ) -> None:
@@ -110,9 +113,7 @@ def report(
 def export(
     bag: Annotated[Path, typer.Argument(help='Bag, of any robot.')],
     output: Annotated[Path, typer.Option(help='New folder of the tables.')],
-    form: Annotated[
-        Literal['csv', 'parquet'], typer.Option('--format', help='Format of the tables.')
-    ] = 'csv',
+    form: Annotated[_Format, typer.Option('--format', help='Format of the tables.')] = _Format.csv,
 ) -> None:
     """Write the contents of a bag as tables with units.
 
@@ -123,7 +124,7 @@ def export(
     from cmpsp_ros.bags import export as tables  # noqa: PLC0415 (starts faster without)
 
     with exit_on(BagError, code=2):
-        counts = tables.export(bag, output, form)
+        counts = tables.export(bag, output, 'parquet' if form is _Format.parquet else 'csv')
     for path, count in counts.items():
         say(f'{path}: {count} rows')
 
@@ -131,7 +132,7 @@ def export(
 def replay(
     bag: Annotated[Path, typer.Argument(help='Bag of a guidance node.')],
     tolerance: Annotated[
-        float | None,
+        Optional[float],
         typer.Option(
             min=0.0, metavar='REL', help='Tolerance of floats, for bags of another machine.'
         ),
@@ -139,7 +140,7 @@ def replay(
     assignments: Assignments = None,
     params_file: ParamsFile = None,
     output: Annotated[
-        Path | None, typer.Option(help='What if: new folder; <BAG>_what_if when absent.')
+        Optional[Path], typer.Option(help='What if: new folder; <BAG>_what_if when absent.')
     ] = None,
     namespace: Namespace = None,
     odom: Odom = None,

@@ -7,7 +7,7 @@ import signal
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING, Annotated, NoReturn
+from typing import TYPE_CHECKING, Annotated, NoReturn, Optional
 
 import typer
 
@@ -36,14 +36,14 @@ if TYPE_CHECKING:
 def demo(
     preset: Annotated[str, typer.Argument(help='Preset, or path of a parameter file.')] = 'case3',
     robot: Annotated[
-        str | None,
+        Optional[str],
         typer.Option(metavar='NAME', help='Robot of config/robots, or path of its file.'),
     ] = None,
     lockstep: Annotated[
         bool, typer.Option('--lockstep', help='As fast as the solver, and exactly repeatable.')
     ] = False,
     output: Annotated[
-        Path | None, typer.Option(help='Folder of the run; runs/<time> when absent.')
+        Optional[Path], typer.Option(help='Folder of the run; runs/<time> when absent.')
     ] = None,
     assignments: Assignments = None,
     view: Annotated[

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import shutil
 import time
+from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Optional
 
 import typer
 
@@ -13,22 +14,23 @@ from cmpsp_ros.bags import BagError
 from cmpsp_ros.cli.terminal import CmdVel, Namespace, Odom, complain, console, exit_on, remark, say
 from cmpsp_ros.parameters import ParameterError
 
+_Storage = StrEnum('_Storage', ['mcap', 'sqlite3'])
+_Compression = StrEnum('_Compression', ['none', 'zstd'])
+
 
 def record(
     output: Annotated[
-        Path | None, typer.Option(help='New folder of the bag; bags/<time> when absent.')
+        Optional[Path], typer.Option(help='New folder of the bag; bags/<time> when absent.')
     ] = None,
     topics: Annotated[
-        list[str] | None,
+        Optional[list[str]],
         typer.Option('--topic', metavar='NAME', help='Record this topic; may be repeated.'),
     ] = None,
     everything: Annotated[bool, typer.Option('--all', help='Record every topic.')] = False,
     namespace: Annotated[str, typer.Option(help='In which names are meant, as in /r1.')] = '',
-    storage: Annotated[
-        Literal['mcap', 'sqlite3'], typer.Option(help='Format of the files.')
-    ] = 'mcap',
+    storage: Annotated[_Storage, typer.Option(help='Format of the files.')] = _Storage.mcap,
     compression: Annotated[
-        Literal['none', 'zstd'] | None,
+        Optional[_Compression],
         typer.Option(help='Compression of the chunks of mcap; zstd when absent.'),
     ] = None,
     split_size: Annotated[
@@ -60,8 +62,8 @@ def record(
         # ROS does not know the type of an empty list.
         **({'topics': topics} if topics else {}),
         'own_topics': not (topics or everything),
-        'storage': storage,
-        **({'compression': compression} if compression else {}),
+        'storage': storage.value,
+        **({'compression': compression.value} if compression else {}),
         'split_size': split_size,
         'split_duration': split_duration,
         'use_sim_time': use_sim_time,
@@ -73,7 +75,7 @@ def record(
 def recover(
     bag: Annotated[Path, typer.Argument(help='Bag that was cut off, or one of its files.')],
     output: Annotated[
-        Path | None, typer.Option(help='New folder; <BAG>_recovered when absent.')
+        Optional[Path], typer.Option(help='New folder; <BAG>_recovered when absent.')
     ] = None,
 ) -> None:
     """Recover a valid bag from one whose recorder was killed.
@@ -101,7 +103,7 @@ def play(
         float, typer.Option(min=0.0, metavar='SECONDS', help='Where to begin in the recording.')
     ] = 0.0,
     duration: Annotated[
-        float | None,
+        Optional[float],
         typer.Option(min=0.0, metavar='SECONDS', help='Length to play; all when absent.'),
     ] = None,
     loop: Annotated[bool, typer.Option('--loop', help='Repeat it.')] = False,
@@ -109,10 +111,11 @@ def play(
         bool, typer.Option('--paused', help='Wait for the space key, or the service ~/resume.')
     ] = False,
     topics: Annotated[
-        list[str] | None, typer.Option('--topics', metavar='TOPIC', help='Only this; repeatable.')
+        Optional[list[str]],
+        typer.Option('--topics', metavar='TOPIC', help='Only this; repeatable.'),
     ] = None,
     remap: Annotated[
-        list[str] | None, typer.Option(metavar='OLD:=NEW', help='Another name; repeatable.')
+        Optional[list[str]], typer.Option(metavar='OLD:=NEW', help='Another name; repeatable.')
     ] = None,
     namespace: Annotated[str, typer.Option(help='Of the live nodes, as in /r1.')] = '',
     odom: Annotated[
@@ -159,7 +162,7 @@ def _unrecordable(
 
 def identify(
     bags: Annotated[
-        list[Path] | None, typer.Argument(metavar='BAG...', help='Bags of one robot.')
+        Optional[list[Path]], typer.Argument(metavar='BAG...', help='Bags of one robot.')
     ] = None,
     drive: Annotated[
         bool, typer.Option('--drive', help='Drive the robot for 20 s first, and record it.')
@@ -168,11 +171,12 @@ def identify(
     max_speed: Annotated[float, typer.Option(min=0.01, help='Limit of that drive [m/s].')] = 0.2,
     max_turn: Annotated[float, typer.Option(min=0.05, help='Limit of that drive [rad/s].')] = 1.0,
     robot: Annotated[
-        str | None,
+        Optional[str],
         typer.Option(metavar='NAME', help='What is known: of config/robots, or path of a file.'),
     ] = None,
     output: Annotated[
-        Path | None, typer.Option(help='New folder; <BAG>_identified, or identified, when absent.')
+        Optional[Path],
+        typer.Option(help='New folder; <BAG>_identified, or identified, when absent.'),
     ] = None,
     odom: Odom = None,
     cmd_vel: CmdVel = None,

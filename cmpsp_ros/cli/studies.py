@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Optional
 
 import typer
 
@@ -47,7 +47,7 @@ def bench(context: typer.Context) -> None:
 def paper(
     output: Annotated[Path, typer.Option(help='New or empty folder.')] = Path('paper'),
     only: Annotated[
-        list[str] | None,
+        Optional[list[str]],
         typer.Option(metavar='NAME', help='One figure or table, such as fig5; may be repeated.'),
     ] = None,
     judge: Annotated[
@@ -94,7 +94,7 @@ def study(
         typer.Option(metavar='ADDRESS', help='Dask scheduler whose workers share them instead.'),
     ] = '',
     output: Annotated[
-        Path | None, typer.Option(help='New folder, or one to continue; study_NAME when absent.')
+        Optional[Path], typer.Option(help='New folder, or one to continue; study_NAME when absent.')
     ] = None,
     judge: Annotated[
         bool, typer.Option('--judge', help='Solve each failed run with IPOPT (CasADi).')
@@ -104,7 +104,7 @@ def study(
         typer.Option(min=0, help="Of so many runs that arrived, compare the cost with IPOPT's."),
     ] = 0,
     only: Annotated[
-        int | None,
+        Optional[int],
         typer.Option('--run', min=0, metavar='NUMBER', help='Instead, repeat and draw one run.'),
     ] = None,
     obstacles: Annotated[int, typer.Option(min=0, max=6, help='Maximum number in one run.')] = 4,
@@ -157,7 +157,7 @@ def study(
 
 def warmup(
     presets: Annotated[
-        list[str] | None,
+        Optional[list[str]],
         typer.Argument(metavar='PRESET', help='Presets, or parameter files; none: everything.'),
     ] = None,
 ) -> None:

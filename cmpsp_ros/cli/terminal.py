@@ -5,7 +5,7 @@ from __future__ import annotations
 import errno
 from contextlib import contextmanager
 from functools import cache
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Optional
 
 import typer
 
@@ -17,18 +17,18 @@ if TYPE_CHECKING:
     from rich.progress import Progress
 
 Assignments = Annotated[
-    list[str] | None,
+    Optional[list[str]],
     typer.Option('--set', metavar='KEY=VALUE', help='Change a parameter; may be repeated.'),
 ]
 Odom = Annotated[
-    str | None, typer.Option(metavar='TOPIC', help='Odometry; <namespace>/odom when absent.')
+    Optional[str], typer.Option(metavar='TOPIC', help='Odometry; <namespace>/odom when absent.')
 ]
 CmdVel = Annotated[
-    str | None, typer.Option(metavar='TOPIC', help='Commands; <namespace>/cmd_vel when absent.')
+    Optional[str], typer.Option(metavar='TOPIC', help='Commands; <namespace>/cmd_vel when absent.')
 ]
-Namespace = Annotated[str | None, typer.Option(help='Namespace of the node, as in /r1.')]
+Namespace = Annotated[Optional[str], typer.Option(help='Namespace of the node, as in /r1.')]
 ParamsFile = Annotated[
-    str | None,
+    Optional[str],
     typer.Option(metavar='FILE', help='Parameters, or a preset, in place of those in the bag.'),
 ]
 

@@ -89,6 +89,16 @@ class MovingObstacles:
         'Age at which an obstacle that is not seen again is dropped.', POSITIVE)
     growth: float = setting(0.05, 'm/s',
         "Growth rate of an obstacle's predicted radius since it was last seen.", NOT_NEGATIVE)
+    quantile: float = setting(2.0, '',
+        'Standard deviations of position and velocity by which plans take an obstacle for larger '
+        'than it was seen.', NOT_NEGATIVE, key='people.quantile')
+    max_acceleration: float = setting(1.0, 'm/s^2',
+        'Largest acceleration of a moving obstacle, in any direction. No command leads to where '
+        'one could be by then, until the robot is at rest.', NOT_NEGATIVE,
+        key='people.max_acceleration')
+    max_speed: float = setting(1.6, 'm/s',
+        'Largest speed of a moving obstacle, unless it was seen to be faster.', NOT_NEGATIVE,
+        key='safety.max_obstacle_speed')
     others: tuple[str, ...] = setting((), '',
         'Namespaces of other robots, as in `[/r1, /r2]`. Their plans on '
         "`<namespace>/guidance/predicted_path` are avoided like moving obstacles. The robot's own "

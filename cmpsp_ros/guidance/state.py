@@ -129,6 +129,7 @@ class Following:
         standby: A plan that is improved while the robot waits.
         failures: Failed control steps in a row.
         end_speed: Largest speed at which a car may come to the goal; infinite for any [m/s].
+        refuge: Where the robot makes way to, if it does (x, y) [m].
     """
 
     previous_control: Array
@@ -138,6 +139,7 @@ class Following:
     standby: Plan | None = None
     failures: int = 0
     end_speed: float = math.inf
+    refuge: tuple[float, float] | None = None
 
     def brake(self, stamp: int, period: int, robot: Robot) -> None:
         """Give the next command of the ramp; one at rest or without a ramp stops at once.

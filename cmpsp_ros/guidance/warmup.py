@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import replace
+from importlib.util import find_spec
 from typing import get_args
 
 import numpy as np
@@ -48,7 +49,7 @@ _OFF = 1e-11
 # Corridors have the same code, and need scipy, which takes a third of a second to import.
 _A_ROAD = Annulus()
 _A_GRID = OccupancyGrid((50.0, 50.0, 0.0), 0.1, np.eye(8, dtype=np.uint8))
-_A_DISC = MovingDiscs(('disc',), np.zeros((1, 5)), 0.0, np.zeros(1, np.int64))
+_A_DISC = MovingDiscs(('disc',), np.zeros((1, 7)), np.zeros(1, np.int64))
 
 
 def prepare(settings: GuidanceSettings) -> None:
@@ -173,8 +174,9 @@ def _meet_trouble(settings: GuidanceSettings) -> None:
 
 
 def _meet_difficulties(settings: GuidanceSettings) -> None:
-    """Run the rarely used fallback: Clarabel, which is imported on first use."""
-    by_name = replace(settings, solver=replace(settings.solver, qp=CLARABEL))
+    """Run the rarely used fallback: Clarabel, which is imported on first use, where it is there."""
+    name = CLARABEL if find_spec('clarabel') else 'hildreth'
+    by_name = replace(settings, solver=replace(settings.solver, qp=name))
     period, final = to_nanoseconds(settings.control_period), to_nanoseconds(settings.final_time)
     horizon, pose = remaining(0, period, final), settings.road.middle()
     context = PlanningContext.at_pose(by_name, settings.world, pose, horizon)

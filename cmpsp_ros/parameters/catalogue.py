@@ -137,6 +137,7 @@ def _parameters() -> Iterator[Parameter]:
     moving = Group('Moving obstacles', 'guidance')
     own = 'capacity', 'timeout', 'growth'
     yield from moving.of(MovingObstacles, 'moving_obstacles.', own)
+    yield from moving.of(MovingObstacles, only=('quantile', 'max_acceleration'))
     sim_only = {'nodes': ('sim',), **_FIXED}
     yield moving('moving_obstacles.names', _STRINGS, [], '',
         'Obstacles that the simulator moves and publishes, each with its own block; omit it if '
@@ -169,6 +170,7 @@ def _parameters() -> Iterator[Parameter]:
     yield from solver.of(InitialGuess, 'initial_guess.')
     safety = Group('Safety', 'guidance')
     yield from safety.of(Safety, 'safety.')
+    yield from safety.of(MovingObstacles, only=('max_speed',))
     yield from safety.of(TaskSettings, only=('odom_timeout', 'failure_tolerance'))
 
     node = Group('Node', 'guidance', 'sim')

@@ -1,4 +1,4 @@
-"""Scene of a run as lines on the floor: one description for matplotlib, plotly and the film."""
+"""Scene of a run: one description for matplotlib, plotly, the film and the markers of RViz."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.guidance import GuidanceSettings
+from cmpsp_ros.guidance import GuidanceSettings, LawSettings, World
 from cmpsp_ros.guidance.formulation import sample_space
 from cmpsp_ros.robots import placed
 from cmpsp_ros.world.grids import Cell, OccupancyGrid
@@ -35,6 +35,7 @@ SEEN: Final = '#e0533d'
 UNSEEN: Final = '#b3bbc7'
 GOAL: Final = '#1b1f27'
 MOVING: Final = '#b03a8c'
+PERSON: Final = '#8c5a2b'
 MARGIN: Final = '#e69f00'
 LIMIT: Final = '#a63d40'
 TEXT: Final = '#1b1f27'
@@ -47,6 +48,9 @@ def bag_color(index: int) -> str:
 
 
 Lines = tuple[Array, ...]
+
+SIGMAS: Final = 2.0
+"""Standard deviations within which a moving obstacle is shown."""
 
 _WHOLE_MAP: Final = 20.0
 """Side up to which a map is shown as a whole [m]."""
@@ -90,6 +94,8 @@ LOOKS: Final = {
     'seen': Look('seen by sensors', SEEN, SEEN),
     'kept clear': Look('kept clear at samples', MARGIN, width=1.0, dash='dash'),
     'moving': Look('path of a moving obstacle', MOVING, width=1.0, dash='dashdot'),
+    'tracked': Look('track of what moves', MOVING, width=0.8, dash='dot'),
+    'person': Look('path of a person', PERSON, width=1.0),
     'robot': Look('other robot', TEXT, width=1.2, dash='dot'),
     'trail': Look('', '', width=0.6),
     'body': Look('robot', '', width=1.4),
@@ -99,11 +105,24 @@ LOOKS: Final = {
 
 @dataclass(frozen=True)
 class Part:
-    """Lines ``(K, 2)`` of one kind, closed where it is filled, and names with their places [m]."""
+    """All of one kind, at its place [m].
+
+    Attributes:
+        kind: Key of its look.
+        outlines: Lines ``(K, 2)``, closed where they are filled.
+        names: Names and their places.
+        discs: Centres and radii of discs, which a picture in three dimensions shows as solids.
+    """
 
     kind: str
-    lines: Lines
+    outlines: Lines
     names: tuple[tuple[str, Point], ...] = ()
+    discs: tuple[tuple[Point, float], ...] = ()
+
+    @property
+    def lines(self) -> Lines:
+        """All outlines, those of its discs among them."""
+        return (*self.outlines, *(outline_of([center], radius) for center, radius in self.discs))
 
     @property
     def look(self) -> Look:
@@ -122,17 +141,17 @@ def course(
     """Roads, obstacles that guidance knows, and those that only the simulator knows."""
     parts = [part for road in roads for part in _road(road)]
     for kind, shapes in (('obstacle', list(obstacles)), ('hidden', list(hidden))):
-        lines = tuple(line for each in shapes for line in each.outlines(each.radius))
+        others = (each for each in shapes if not each.is_disc)
+        lines = tuple(line for each in others for line in each.outlines(each.radius))
         names = tuple((each.name, each.center) for each in shapes if each.corners)
-        parts.append(Part(kind, lines, names))
+        discs = tuple((each.center, each.radius) for each in shapes if each.is_disc)
+        parts.append(Part(kind, lines, names, discs))
     return tuple(each for each in parts if each.lines)
 
 
-def kept_clear(settings: GuidanceSettings) -> Part:
+def kept_clear(settings: LawSettings, world: World) -> Part:
     """Minimum distance of the centres of the robot's discs from each obstacle at samples."""
-    radii = zip(
-        settings.obstacles, sample_space(settings, settings.world).radii.tolist(), strict=True
-    )
+    radii = zip(world.shapes, sample_space(settings, world).radii.tolist(), strict=True)
     return Part('kept clear', tuple(line for each, r in radii for line in each.outlines(r)))
 
 

@@ -2,19 +2,32 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from geometry_msgs.msg import TwistStamped
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.time import Time
 
 from benchmarks.common import BenchError
 from benchmarks.over_dds import latency
 from benchmarks.over_dds.latency import measure_latency
+from cmpsp_ros.nodes.common import SIM_ODOM
+from cmpsp_ros.nodes.common.topics import DECISION
 from cmpsp_ros.parameters import load_parameter_file
 from cmpsp_ros.parameters.files import write_parameter_file
 
 pytestmark = pytest.mark.integration
+
+PERIOD_NS = 20_000_000
+
+
+def values(**pairs: object) -> list[KeyValue]:
+    return [KeyValue(key=key, value=str(value)) for key, value in pairs.items()]
 
 
 @pytest.fixture
@@ -55,6 +68,44 @@ def test_a_whole_run_is_measured(short: Path, monkeypatch: pytest.MonkeyPatch, r
     assert found.miss < 2.0
     assert len(found.jitter) == len(found.total) - 1
     assert min(found.resident_active, found.resident_end) > 10.0
+
+
+def test_odometry_keeps_its_grid_and_commands_move_the_robot(probe, ros, tmp_path: Path):
+    odometry = []
+    listened = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
+    ros.node.create_subscription(SIM_ODOM.type, 'odom', odometry.append, listened)
+    commands = ros.node.create_publisher(TwistStamped, 'cmd_vel', 10)
+    decisions = ros.node.create_publisher(DECISION.type, '/guidance/decision', 100)
+    running = probe()
+
+    ros.spin_until(lambda: odometry and commands.get_subscription_count(), 30.0)
+    ros.spin_until(decisions.get_subscription_count)
+    first = odometry[0].pose.pose.position
+    assert (first.x, first.y) == (0.0, -9.25)
+
+    def drive():
+        message = TwistStamped()
+        message.header.stamp = odometry[-1].header.stamp
+        message.twist.linear.x = 1.0
+        commands.publish(message)
+        return odometry[-1].pose.pose.position.x > 0.1
+
+    ros.spin_until(drive)
+    stamps = np.array([Time.from_msg(each.header.stamp).nanoseconds for each in odometry])
+    assert (np.diff(stamps) % PERIOD_NS == 0).all()
+    assert (np.diff(stamps) > 0).all()
+
+    def decision(**entries):
+        return DECISION.type(status=[DiagnosticStatus(values=values(**entries))])
+
+    decisions.publish(decision(stamp=stamps[0], finished='false', halted='false', step_ms=0.25))
+    over = decision(stamp=stamps[-1], finished='true', halted='false')
+    ros.spin_until(lambda: decisions.publish(over) or (tmp_path / 'out.json').exists())
+    found = json.loads((tmp_path / 'out.json').read_text())
+    assert len(found['total_ms']) == len(found['own_ms']) <= 1
+    last = odometry[len(stamps) - 1].pose.pose.position
+    assert found['miss_m'] == pytest.approx(np.hypot(last.x - 2.8, last.y + 9.6))
+    assert running.process.poll() is None
 
 
 @pytest.mark.parametrize(

@@ -143,6 +143,14 @@ def test_another_run_begins_on_an_empty_page(start_view, start_robot, wait_until
     wait_until(lambda: page.updates()['run'] > before and page.updates()['series']['steps'], LIMIT)
 
 
+def test_an_address_of_another_machine_is_exit_code_2(spawn):
+    elsewhere = ['--host', '203.0.113.1', '--port', '8765']
+    running = spawn([sys.executable, '-m', 'cmpsp_ros.cli', 'view', *elsewhere])
+    assert running.wait(LIMIT) == 2
+    assert '203.0.113.1, port 8765: found Cannot assign requested address' in running.stderr
+    assert 'Traceback' not in running.stderr
+
+
 def test_a_demo_shows_itself(spawn, wait_until, tmp_path):
     with socket.create_server(('127.0.0.1', 0)) as free:
         port = free.getsockname()[1]

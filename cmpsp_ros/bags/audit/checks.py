@@ -7,6 +7,7 @@ from typing import Final
 
 from cmpsp_ros.bags.audit import command_checks as commands
 from cmpsp_ros.bags.audit import path_checks as paths
+from cmpsp_ros.bags.audit import promise_checks as promises
 from cmpsp_ros.bags.audit import stop_checks as stops
 from cmpsp_ros.bags.audit.finding import Finding
 from cmpsp_ros.bags.audit.record import AuditRecord
@@ -16,6 +17,7 @@ CHECKS: Final = (
     paths.road,
     paths.obstacles,
     paths.moving,
+    paths.people,
     paths.others,
     paths.margin,
     stops.goal,
@@ -25,6 +27,7 @@ CHECKS: Final = (
     commands.acceleration,
     commands.steering,
     paths.commanded,
+    promises.promise,
     commands.as_decided,
     commands.obeyed,
     stops.rate,

@@ -125,6 +125,18 @@ def moving(record: AuditRecord) -> Iterator[Sample]:
     yield from _apart(record.encounters, ', at its predicted position')
 
 
+@check('people', 'Path: people untouched', gaps=(path_gap,), **_APART)
+def people(record: AuditRecord) -> Iterator[Sample]:
+    """Clearance from people in the simulator at their true positions, while the robot moved."""
+    if not record.people:
+        if record.history.has_people:
+            raise NotJudgedError(f'The bag lacks the people in {record.places.sim}/people.')
+        raise SkippedError('No people are known to walk about.')
+    if not record.people_met:
+        raise SkippedError('Nobody comes near the robot.')
+    yield from _apart(record.people_met, ', at its true position')
+
+
 def _others_gap(record: AuditRecord, _worst: Sample) -> str:
     return record.others_sentence
 
@@ -218,8 +230,8 @@ def commanded(record: AuditRecord) -> Iterator[Sample]:
     for leg, seeing in zip(record.legs, record.knowledge(), strict=True):
         commands = leg.commands.chosen(np.all(np.isfinite(leg.commands.twists), axis=1))
         stamps = commands.stamps.tolist()
-        delays = [_effect_delay(record.history.at(each), estimates.get(each)) for each in stamps]
-        poses = _measured(leg, commands.stamps, np.array(delays))
+        delays = [effect_delay(record.history.at(each), estimates.get(each)) for each in stamps]
+        poses = measured(leg, commands.stamps, np.array(delays))
         near = math.nan
         for index, (pose, twist) in enumerate(zip(poses, commands.twists, strict=True)):
             stamp = stamps[index]
@@ -240,7 +252,7 @@ def commanded(record: AuditRecord) -> Iterator[Sample]:
             yield Sample(least, 0.0, stamp, -least - _ROUNDING, words=words)
 
 
-def _effect_delay(settings: GuidanceSettings, decision: DecisionRecord | None) -> float:
+def effect_delay(settings: GuidanceSettings, decision: DecisionRecord | None) -> float:
     """Delay from a command to its effect, as it was estimated when the command was decided [s]."""
     if decision is not None and decision.response_delay is not None:
         return float(decision.response_delay[0])
@@ -248,7 +260,7 @@ def _effect_delay(settings: GuidanceSettings, decision: DecisionRecord | None) -
     return settings.command_delay + (0.0 if lag is None else float(lag[0]))
 
 
-def _measured(leg: Leg, stamps: IntArray, delays: Array) -> Array:
+def measured(leg: Leg, stamps: IntArray, delays: Array) -> Array:
     """Latest poses when commands take effect, `delays` [s] after their stamps, ``(M, 3)``."""
     effects = stamps + np.round(np.multiply(delays, NANOSECONDS)).astype(np.int64)
     index = np.searchsorted(leg.odometry.stamps, effects, side='right') - 1

@@ -3,45 +3,23 @@
 from __future__ import annotations
 
 import math
-from typing import Final, NamedTuple
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.commands.decision_builder import DecisionBuilder
+from cmpsp_ros.guidance.commands.making_way import Choice, MakingWay
+from cmpsp_ros.guidance.commands.waiting import PATIENCE, meets_soon, reason_to_wait, turns
 from cmpsp_ros.guidance.decision import Decision, FallbackLevel, Plan
 from cmpsp_ros.guidance.planning.candidate import Candidate
 from cmpsp_ros.guidance.planning.plan_selector import PlanSelector
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 from cmpsp_ros.guidance.prediction.estimator import Estimate, Observation, PlanStart
+from cmpsp_ros.guidance.prediction.response import Risk
 from cmpsp_ros.guidance.safety.approach import STANDSTILL, Approach, Contact
 from cmpsp_ros.guidance.safety.fallback import Fallback, clear_fraction
 from cmpsp_ros.guidance.safety.validation import TOUCHING, Validation, Validator
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.state import LawState
 from cmpsp_ros.guidance.times import NANOSECONDS, to_nanoseconds
-
-PATIENCE: Final = 3
-"""Control steps for which a plan that gains too little is driven: it may yet be improved."""
-
-_TINY: Final = 1e-6
-"""Of lengths and of angles [m, rad]."""
-
-
-class Choice(NamedTuple):
-    """The plan to follow, before it is slowed down.
-
-    Attributes:
-        level: The fallback level.
-        reason: Why that level.
-        plan: The plan.
-        verdict: Of its check.
-        ahead: The first thing that it leads into.
-    """
-
-    level: FallbackLevel
-    reason: str
-    plan: Plan
-    verdict: Validation
-    ahead: Contact | None
 
 
 class Supervisor:
@@ -54,6 +32,7 @@ class Supervisor:
         self._fallback = Fallback(settings, validator)
         self._approach = Approach(settings, validator)
         self.decisions = DecisionBuilder(settings, validator)
+        self._making_way = MakingWay(settings, validator, self._approach, self.decisions)
 
     def reason_not_to_begin(self, state: LawState, estimate: Estimate) -> str:
         """Why no plan begins where the robot is, in a sentence; empty for no reason."""
@@ -69,7 +48,8 @@ class Supervisor:
                 f'Odometry is {error:.2g} m from where the commands lead, more than {allowed} m'
                 ' (safety.max_prediction_error).'
             )
-        return '' if estimate.start.moving.names else state.mission.closed_road.wait_reason
+        is_met = meets_soon(self._settings, estimate.start)
+        return '' if is_met else state.mission.closed_road.wait_reason
 
     def choose(
         self,
@@ -83,27 +63,33 @@ class Supervisor:
         mission, start, result = state.mission, estimate.start, selected.result
         mission.reaches_goal = False
         closed = self._closed_ahead(state, context, selected)
-        choose = self._accept if selected.admissible else self._fall_back
-        choice = choose(state, seen, context, selected, closed)
+        estimator, here = state.estimator, estimate.here
+        risk = estimator.response.risk(seen.stamp, estimator.commands)
+        choose = self._fall_back
+        if selected.admissible or self._clears_slowly(selected, context, here, risk):
+            choose = self._accept
+        choice = self._making_way.choose(state, seen, context, selected)
+        choice = choice or choose(state, seen, context, selected, closed)
         if isinstance(choice, Decision):
             return choice
-        level, reason, plan, verdict, ahead = choice
+        level, reason, plan, verdict, ahead, standby = choice
         if closed is not None and (ahead is None or closed.speed < ahead.speed):
             ahead = closed
         # It is improved unslowed: the contact that slows it down may be an error.
         state.following.plan = plan
+        if standby is not None:
+            state.following.wait(standby)
         self._drop_plan_after_failures(state)
-        estimator, here = state.estimator, estimate.here
-        risk = estimator.response.risk(seen.stamp, estimator.commands)
         limited = self._approach.limited(plan, verdict, ahead, start, context.pending, here, risk)
         if limited is None:
-            reason = f'The robot stops: no speed is clear of what its response may be. {reason}'
+            why = verdict.reason or 'No speed is clear of what its response may be.'
+            reason = f'The robot stops. {why} {reason}'
             return self.decisions.stop(
                 state, seen.stamp, seen.pose, reason, result, moving=start.moving
             )
         slower, verdict, remark = limited
         errors = selected.terminal_error, selected.heading_error
-        if not selected.admissible:
+        if plan is not selected.plan:
             errors = context.goal.errors(plan.poses[-1])
         error = errors[0] if slower is plan else context.goal.errors(slower.poses[-1])[0]
         mission.reaches_goal = error <= self._settings.goal_tolerance
@@ -111,6 +97,16 @@ class Supervisor:
         return self.decisions.follow(
             state, seen.stamp, level, reason, slower, verdict, errors, result, phases
         )
+
+    def _clears_slowly(
+        self, selected: Candidate, context: PlanningContext, here: PlanStart, risk: Risk
+    ) -> bool:
+        """True if a plan that something could run into is clear at a lower speed."""
+        start, plan, verdict = context.start, selected.plan, selected.verdict
+        if not (selected.result.solved and start.reachable.names):
+            return False
+        calm = self._approach.calmed(plan, verdict, start, context.pending, here, risk)
+        return calm is not None
 
     def _accept(
         self,
@@ -177,7 +173,7 @@ class Supervisor:
     ) -> Contact | None:
         """Obstacles that close the road; not checked while plans lead to the goal."""
         settings, closed_road, start = self._settings, state.mission.closed_road, context.start
-        if start.moving.names:
+        if meets_soon(self._settings, start):
             return None
         if not selected.feasible or selected.verdict.worst_margin < -TOUCHING:
             closed_road.look(settings, start, context.goal)
@@ -197,14 +193,14 @@ class Supervisor:
         mission, why = state.mission, ''
         is_near = closed is not None and closed.speed < self._settings.robot.max_speed
         # Before a moving obstacle it is not safe to wait.
-        if not context.start.moving.names:
+        if not meets_soon(self._settings, context.start):
             idle_steps = PATIENCE if is_near else mission.idle_steps
-            why, mission.idle_steps = _reason_to_wait(idle_steps, context, selected)
+            why, mission.idle_steps = reason_to_wait(idle_steps, context, selected)
         if closed is not None:
             if (why and is_near) or mission.closed_road.comes_no_nearer(closed, state.clock.now):
                 return mission.closed_road.wait_before(closed)
             return why
-        is_at_rest = ahead is not None and ahead.speed < STANDSTILL and not _turns(selected.plan)
+        is_at_rest = ahead is not None and ahead.speed < STANDSTILL and not turns(selected.plan)
         return f'The robot stops: {ahead}' if not why and is_at_rest else why
 
     def follow_late(
@@ -313,30 +309,3 @@ class Supervisor:
     def _drop_plan_after_failures(self, state: LawState) -> None:
         if state.following.failures >= self._settings.failure_tolerance:
             self.drop_plan(state)
-
-
-def _reason_to_wait(
-    idle_steps: int, context: PlanningContext, selected: Candidate
-) -> tuple[str, int]:
-    """Reason to wait rather than follow a plan that makes no progress, '' if none, and idle steps.
-
-    A closed road leaves time over, and nothing in the cost keeps a robot from driving to and fro
-    before it. Idle steps, this one included, are those without progress since a plan could reach
-    the goal.
-    """
-    if not (selected.result.elastic and selected.result.slack_terminal):
-        return '', 0
-    # Patience comes back with the goal only: else it would be spent on driving to and fro.
-    if context.is_gaining(selected.plan):
-        return '', idle_steps
-    if idle_steps < PATIENCE:
-        return '', idle_steps + 1
-    error = selected.terminal_error
-    reason = f'The robot waits: no plan soon gets it nearer to the goal, {error:.3g} m off at best.'
-    return reason, idle_steps + 1
-
-
-def _turns(plan: Plan) -> bool:
-    """True if a plan begins with a turn on the spot: no progress, but more is seen."""
-    along = math.dist(plan.poses[0, :2], plan.poses[1, :2])
-    return along < _TINY < abs(float(plan.poses[1, 2] - plan.poses[0, 2]))

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.guidance.messages.tracks import MovingObject, PeerTrajectory
+from cmpsp_ros.guidance.messages.tracks import MovingObject
+from cmpsp_ros.guidance.prediction.obstacle_tracker import ObstacleTracker, reachable_sets
 from cmpsp_ros.guidance.prediction.pending_commands import PendingCommands
 from cmpsp_ros.guidance.prediction.response_estimate import ResponseEstimate
 from cmpsp_ros.guidance.prediction.slip import SlipEstimate
 from cmpsp_ros.guidance.settings import LawSettings
-from cmpsp_ros.guidance.solver_settings import MovingObstacles
-from cmpsp_ros.guidance.times import NANOSECONDS, to_nanoseconds
+from cmpsp_ros.guidance.times import to_nanoseconds
 from cmpsp_ros.guidance.world import World
 from cmpsp_ros.robots import Robot
 from cmpsp_ros.sensing import Sighting
@@ -51,9 +50,10 @@ class PlanStart(NamedTuple):
         pose: Pose, shape ``(3,)`` [m, m, rad].
         robot: Kinematics, with the slip that is estimated.
         world: Road and static obstacles.
-        moving: Moving obstacles, from then on.
+        moving: Moving obstacles, from then on, as large as plans take them.
         progress: Arc length along the road of a place near the pose, NaN if not needed [m].
         previous_control: Control commanded until then, shape ``(r,)``.
+        reachable: All places that the same obstacles may reach.
     """
 
     pose: Array
@@ -62,6 +62,7 @@ class PlanStart(NamedTuple):
     moving: MovingDiscs = NOTHING_MOVES
     progress: float = math.nan
     previous_control: Array = AT_REST
+    reachable: MovingDiscs = NOTHING_MOVES
 
 
 class Estimate(NamedTuple):
@@ -129,10 +130,14 @@ class Estimator:
         `previous_control` ``(r,)``.
         """
         stamp, pose, road = seen.stamp, seen.pose, world.road
-        moving = self.tracker.update(stamp, pose, seen.tracks, self._settings.moving_obstacles)
+        known = self._settings.moving_obstacles
+        moving = self.tracker.update(stamp, pose, seen.tracks, known)
+        reachable = reachable_sets(stamp, seen.tracks, moving, known)
         changed = self._end_period(stamp, pose)
         self.progress = project_on_path(road, pose, self.progress)
-        here = PlanStart(pose, self.robot, world, moving, self.progress, previous_control)
+        here = PlanStart(
+            pose, self.robot, world, moving, self.progress, previous_control, reachable
+        )
         if not (self.response.delay or self.response.lag):
             self.delay = 0
             return Estimate(here, here, _NOTHING, 0, changed)
@@ -144,8 +149,13 @@ class Estimator:
             durations = np.append(durations, response.lag)
         ahead = self.robot.roll_out(pose, controls, durations)[-1]
         progress = project_on_path(road, ahead, self.progress)
-        later = moving.after(float(durations.sum()))
-        start = here._replace(pose=ahead, moving=later, progress=progress)
+        later = float(durations.sum())
+        start = here._replace(
+            pose=ahead,
+            moving=moving.after(later),
+            progress=progress,
+            reachable=reachable.after(later),
+        )
         return Estimate(here, start, under_way, self.delay, changed)
 
     def begin_period(self, seen: Observation, control: Array) -> None:
@@ -181,62 +191,3 @@ class Estimator:
         """Pose at an earlier time [ns], to which it is driven back by the commands since."""
         speeds, durations = self.commands.since(earlier, stamp, self.response.delay)
         return np.asarray(self.robot.roll_out(pose, speeds, -durations)[-1])
-
-
-class ObstacleTracker:
-    """Keeps each obstacle in its slot from one control step to the next.
-
-    So the constraints of a plan stay those that they were, and its warm start is worth something.
-
-    Attributes:
-        new_obstacle_seen: Whether the last update had an obstacle that the one before had not.
-    """
-
-    def __init__(self) -> None:
-        """Nothing is known."""
-        self._slots: dict[int | str, int] = {}
-        self._numbers: frozenset[int | str] = frozenset()
-        self.new_obstacle_seen = False
-
-    def update(
-        self, stamp: int, pose: Array, tracks: Sequence[MovingObject], settings: MovingObstacles
-    ) -> MovingDiscs:
-        """Moving obstacles at `stamp` [ns], for a robot at `pose` ``(3,)`` [m, m, rad]."""
-        if not tracks:
-            self.new_obstacle_seen = False
-            if self._numbers:
-                self._slots, self._numbers = {}, frozenset()
-            return NOTHING_MOVES
-        numbers = frozenset(each.id for each in tracks)
-        self.new_obstacle_seen, self._numbers = not numbers <= self._numbers, numbers
-        states = np.array([_state(each, stamp, settings) for each in tracks])
-        ways = {
-            index: each.path(stamp)
-            for index, each in enumerate(tracks)
-            if isinstance(each, PeerTrajectory)
-        }
-        names = tuple(each.name for each in tracks)
-        slots = np.full(len(tracks), -1, dtype=np.int64)
-        discs = MovingDiscs(names, states, settings.growth, slots, ways)
-        clearance = discs.clearance(pose).tolist()
-        nearest = sorted(range(len(tracks)), key=lambda i: (clearance[i], i))
-        self._assign([tracks[i].id for i in nearest[: settings.slots]], settings.slots)
-        slots[:] = [self._slots.get(each.id, -1) for each in tracks]
-        return discs
-
-    def _assign(self, numbers: Sequence[int | str], capacity: int) -> None:
-        kept = {each: self._slots[each] for each in numbers if each in self._slots}
-        free = iter(sorted(set(range(capacity)) - set(kept.values())))
-        # Those that were there before stay in the order of their slots.
-        self._slots = {each: kept[each] if each in kept else next(free) for each in numbers}
-
-
-def _state(seen: MovingObject, stamp: int, settings: MovingObstacles) -> tuple[float, ...]:
-    """Centre, velocity and radius of a moving object at an instant [ns]."""
-    age = (stamp - seen.stamp) / NANOSECONDS
-    if isinstance(seen, PeerTrajectory):
-        # A robot that stands is where it said, however long ago.
-        grown = 0.0 if seen.at_rest else settings.growth * age
-        return (*seen.position(stamp), 0.0, 0.0, settings.others_radius + grown)
-    x, y = seen.x + age * seen.vx, seen.y + age * seen.vy
-    return x, y, seen.vx, seen.vy, seen.radius + settings.growth * age

@@ -177,7 +177,8 @@ class Approach:
         if calm is None:
             return None
         if calm[0] is not plan:
-            remark += f' Slowed to {self._speed_of(calm[0]):.3g} m/s: {risk.remark}'
+            why = risk.remark if verdict.passed else verdict.reason
+            remark += f' Slowed to {self._speed_of(calm[0]):.3g} m/s: {why}'
         return (*calm, remark)
 
     def _speed_of(self, plan: Plan) -> float:
@@ -211,7 +212,7 @@ class Approach:
         Returns:
             It and its verdict, at the largest speed tried that is clear; None where none is.
         """
-        if not risk.responses:
+        if verdict.passed and not risk.responses:
             return plan, verdict
         # The margin is there for errors: plans keep it, and nothing asks for more.
         error = min(risk.error, (1.0 - _OF_MARGIN) * self._settings.safety.margin)

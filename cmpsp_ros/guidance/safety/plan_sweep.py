@@ -23,14 +23,14 @@ class PlanSweep(NamedTuple):
     """Result of `sweep_plan`: clearances [m] of a plan, and the obstacles that it is too close to.
 
     Obstacles are numbered: both edges of the road first, then the static ones, then the moving
-    discs. Committed steps are those that must be clear.
+    discs. Committed steps are those that must be clear of what stands still.
 
     Attributes:
         fastest: Maximum wheel speed [rad/s].
         committed: Minimum clearance of the committed steps.
         worst: Minimum clearance of the whole plan.
         nearest: Index of the obstacle of `worst`.
-        shortfall: Largest clearance that the committed steps lack.
+        shortfall: Largest clearance from what stands still that the committed steps lack.
         short_of: Index of the obstacle of `shortfall`.
         tightest: Clearance from that.
         edges: Minimum clearance of the whole plan from the road's edges.
@@ -72,7 +72,6 @@ def sweep_plan(
     first: Indices,
     radii: Array,
     moving: Array,
-    growth: float,
     progress: float,
     discs: Array,
 ) -> None:
@@ -92,8 +91,7 @@ def sweep_plan(
         corners: Of the obstacles, as `shape_functions` has them.
         first: Where the corners of each begin.
         radii: Least distances from the obstacles without theirs.
-        moving: States of the moving discs at the beginning of each step, shape ``(N, D, 5)``.
-        growth: Of their radii [m/s].
+        moving: States of the moving discs at the beginning of each step, shape ``(N, D, 7)``.
         progress: Arc length along the road of a place near the pose [m].
         discs: Centres of the robot's discs, in its frame, shape ``(E, 2)``.
     """
@@ -107,9 +105,6 @@ def sweep_plan(
     progress = road_functions.project(road, x, y, heading, progress)
     worst, at_rest = scratch[0], scratch[1]
     moved = N_EDGE_CONSTRAINTS + radii.shape[0]
-    standing = durations[0]
-    for k in range(1, committed):
-        standing += durations[k]
     # A robot that is too close already must not get closer than at rest.
     for i in range(discs.shape[0]):
         there_x, there_y = point_of(x, y, heading, discs, i)
@@ -122,9 +117,6 @@ def sweep_plan(
             if first[j + 1] - first[j] != 1:
                 distance -= ROUGHNESS
             _keep_least(at_rest, N_EDGE_CONSTRAINTS + j, i, distance)
-        for j in range(moving.shape[1]):
-            clearance = _clearance_at_rest(moving, j, growth, there_x, there_y, standing, between)
-            _keep_least(at_rest, moved + j, i, clearance - ROUGHNESS)
     for k in range(durations.shape[0]):
         whole = arc_of(x, y, heading, controls, k, durations[k], robot)
         before, begin_heading = progress, heading
@@ -149,10 +141,12 @@ def sweep_plan(
             # Where only the samples count, so does only the end of the time.
             begin, lasting = (0.0, durations[k]) if between else (durations[k], 0.0)
             for j in range(moving.shape[1]):
-                there_x, there_y, u, v, radius = disc_after(moving[k], j, begin, growth)
+                there_x, there_y, u, v, radius, growth = disc_after(moving[k], j, begin, lasting)
                 bound = math.inf if begins else worst[moved + j] + radius
-                least = sweep_moving(arc, lasting, there_x, there_y, u, v, growth, bound)
-                _record(result, worst, at_rest, begins, moved + j, least - radius, must, between)
+                least = sweep_moving(arc, lasting, there_x, there_y, u, v, growth, bound) - radius
+                if must and not least >= result.committed:
+                    result.committed = least
+                _record(result, worst, at_rest, begins, moved + j, least, False, between)
     nearest, total = 0, 0.0
     for what in range(worst.shape[0]):
         if worst[what] < worst[nearest]:
@@ -169,22 +163,6 @@ def sweep_plan(
 def _keep_least(least: Array, what: int, i: int, clearance: float) -> None:
     if i == 0 or clearance < least[what] or math.isnan(clearance):
         least[what] = clearance
-
-
-@allocation_free
-def _clearance_at_rest(
-    moving: Array, j: int, growth: float, x: float, y: float, duration: float, between: bool
-) -> float:
-    """Least clearance from a moving disc of a robot at rest for some time [m]."""
-    there_x, there_y, u, v, radius = disc_after(moving[0], j, 0.0, growth)
-    away_x, away_y = x - there_x, y - there_y
-    if between:
-        arc = arc_from(x, y, 0.0, 0.0, 0.0)
-        later = sweep_moving(arc, duration, there_x, there_y, u, v, growth, math.inf)
-    else:
-        later = math.hypot(away_x - duration * u, away_y - duration * v) - growth * duration
-    clearance: float = min(math.hypot(away_x, away_y), later) - radius
-    return clearance
 
 
 @allocation_free

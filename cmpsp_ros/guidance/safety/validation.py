@@ -15,6 +15,7 @@ from cmpsp_ros.guidance.formulation.ocp_functions import N_EDGE_CONSTRAINTS
 from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.prediction.response import Response, driven
 from cmpsp_ros.guidance.safety.plan_sweep import SWEEP, PlanSweep, sweep_plan
+from cmpsp_ros.guidance.safety.reach_check import ReachCheck
 from cmpsp_ros.guidance.safety.road_braking import brakings_on_road
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.world import SEEN, World
@@ -102,6 +103,7 @@ class Validator:
         self._is_steered = settings.robot.steering_limits is not None
         self._known: tuple[World, FreeSpace, Fields] | None = None
         self._period, self._max_change = settings.control_period, settings.max_wheel_change
+        self._reach = ReachCheck(settings, self._radius)
         self._found, self._scratch = np.zeros(1, SWEEP), np.empty((2, N_EDGE_CONSTRAINTS))
         start = PlanStart(np.zeros(3), settings.robot, World(OpenFloor()))
         rest = np.zeros((2, settings.robot.n_controls))
@@ -119,8 +121,8 @@ class Validator:
     ) -> Validation:
         """Roll out a plan and check whether its first command may be sent.
 
-        A robot already outside the road, or inside an obstacle, may not get deeper; where an
-        obstacle moves into it, not deeper than at rest. `controls` ``(N + 1, r)``, `durations`
+        A robot already outside the road, or inside an obstacle, may not get deeper. What moves
+        must not be able to reach it before it is at rest. `controls` ``(N + 1, r)``, `durations`
         ``(N,)`` [s].
         """
         verdict = self._check(start, controls, durations)
@@ -146,6 +148,8 @@ class Validator:
             reason = f'The next {durations[0]:.3g} s would come {close}.'
         elif self._max_change < math.inf:
             reason, ramp = self._ramp(start, controls, durations)
+        else:
+            reason = self._reach.reason(start, controls[:1], durations[:1])
         name, edges = _name_of(found.nearest, start), found.edges
         margins = found.committed, found.worst
         return Validation(not reason, reason, *margins, name, edges, found.others, ramp)
@@ -161,15 +165,18 @@ class Validator:
                 f' limit is {self._max_change!r} rad/s.'
             )
             return reason, NO_RAMP
-        reason = ''
+        reason, still = '', start._replace(moving=NOTHING_MOVES)
         for ramp in self._ramps(start, controls, durations):
             held = np.append(durations[:1], np.full(len(ramp), self._period))
             path = np.vstack([controls[:1], ramp])
-            found = self._swept(start, path, held, len(held))
-            if not found.shortfall > _ROUNDING:
-                return '', ramp
-            into = f'{-found.tightest:.3g} m into {_name_of(found.short_of, start)}'
-            reason = f'To stop after the next {held[0]:.3g} s leads {into}.'
+            found = self._swept(still, path, held, len(held))
+            if found.shortfall > _ROUNDING:
+                into = f'{-found.tightest:.3g} m into {_name_of(found.short_of, start)}'
+                reason = f'To stop after the next {held[0]:.3g} s leads {into}.'
+            else:
+                reason = self._reach.reason(start, path, held)
+                if not reason:
+                    return '', ramp
         return reason, NO_RAMP
 
     def _ramps(self, start: PlanStart, controls: Array, durations: Array) -> Iterator[Array]:
@@ -192,8 +199,10 @@ class Validator:
         held = np.stack([start.previous_control, start.previous_control])
         period, paced = np.array([self._period]), start.robot.time_scaling
         ramp = braking(held, period, self._period, self._max_change, paced, along=False)
-        shortfall = self._swept(start, ramp, np.full(len(ramp), self._period), len(ramp))[4]
-        return NO_RAMP if shortfall > _ROUNDING else ramp
+        durations = np.full(len(ramp), self._period)
+        shortfall = self._swept(start, ramp, durations, len(ramp)).shortfall
+        is_clear = shortfall <= _ROUNDING and not self._reach.reason(start, ramp, durations)
+        return ramp if is_clear else NO_RAMP
 
     def is_clear_with(
         self, response: Response, here: PlanStart, plan: Plan, ramp: Array, error: float
@@ -211,7 +220,7 @@ class Validator:
         effective = response.effective.copy()
         path = driven(effective, commands[lasting], durations[lasting], response.lag)
         found = self._swept(here, *path, len(path[1]))
-        if found.shortfall > _ROUNDING:
+        if found.shortfall > _ROUNDING or self._reach.reason(here, *path):
             return False
         if found.committed < error:
             error = (
@@ -232,7 +241,9 @@ class Validator:
         for k, begin in enumerate(begins.tolist()):
             at = start._replace(pose=poses[k], moving=start.moving.after(begin))
             arcs.append(self._check_arc(at, controls[k : k + 1], durations[k : k + 1]))
-        return reduce(Validation.followed_by, arcs)
+        verdict = reduce(Validation.followed_by, arcs)
+        reason = self._reach.reason(start, controls, durations) if verdict.passed else ''
+        return verdict._replace(passed=False, reason=reason) if reason else verdict
 
     def _check_arc(self, start: PlanStart, controls: Array, duration: Array) -> Validation:
         found = self._swept(start, controls, duration)
@@ -256,12 +267,11 @@ class Validator:
         self, start: PlanStart, controls: Array, durations: Array, committed: int = 1
     ) -> tuple[Any, ...]:
         """Arguments of `sweep_plan`, each always of the same type."""
-        pose, robot, world, moving, progress, _ = start
-        (space, fields), discs, legs = self._space(world), moving, _NO_LEGS
+        pose, robot, world, moving, progress, *_ = start
+        (space, fields), legs = self._space(world), _NO_LEGS
         things = len(world.names) + len(moving.names)
         if moving.names:
-            discs = moving.grown(self._radius)
-            legs = discs.legs(durations)
+            legs = moving.grown(self._radius).legs(durations)
         if self._scratch.shape[1] != things:
             self._scratch = np.empty((2, things))
         return (
@@ -279,7 +289,6 @@ class Validator:
             space.first,
             space.radii,
             legs,
-            discs.growth,
             float(progress),
             space.discs,
         )

@@ -39,7 +39,7 @@ RICCATI_ACTIVE_SET: Final = 'riccati_active_set'
 """The default back end."""
 
 CLARABEL: Final = 'clarabel'
-"""The back end that the default one falls back on."""
+"""The back end that the default one falls back on, where it is installed."""
 
 
 def solve(subproblem: Subproblem, penalties: Penalties | None) -> QPSolution:
@@ -99,9 +99,13 @@ _NATIVE: Final[dict[str, Backend]] = {
 }
 
 
+# Packages of back ends that need one
+_PACKAGES: Final = {CLARABEL: 'clarabel', 'daqp': 'daqp'}
+
+
 def available() -> tuple[str, ...]:
     """Names of all back ends installed here, the native ones first."""
-    native = tuple(_NATIVE)
+    native = tuple(name for name in _NATIVE if _is_installed(name))
     if find_spec('qpsolvers') is None:
         return native
     import qpsolvers  # noqa: PLC0415 (slow to import, and few runs need it)
@@ -116,11 +120,19 @@ def backend(name: str) -> Backend:
     Raises:
         ProblemError: No back end of that name is installed; says which are.
     """
-    if name in _NATIVE:
+    if name in _NATIVE and _is_installed(name):
         return _NATIVE[name]
     if name not in available():
-        raise ProblemError(f'qp: found {name!r}, wanted one of {", ".join(available())}')
+        raise ProblemError(
+            f'qp: found {name!r}, wanted one of {", ".join(available())};'
+            ' `pip install daqp qpsolvers clarabel` adds others'
+        )
     return partial(solve_by_qpsolvers, name)
+
+
+def _is_installed(name: str) -> bool:
+    package = _PACKAGES.get(name)
+    return package is None or find_spec(package) is not None
 
 
 def solve_qp(subproblem: Subproblem, name: str, penalties: Penalties | None = None) -> QPSolution:

@@ -17,8 +17,9 @@ from cmpsp_ros.world.obstacles.shape_functions import pieces_for
 
 Indices = IntArray
 
-# Columns of `MovingDiscs.states`.
-_PLACE, _VELOCITY, _RADIUS = slice(0, 2), slice(2, 4), 4
+# Columns of `MovingDiscs.states` and `MovingDiscs.legs`.
+_PLACE, _VELOCITY, _RADIUS, _GROWTH, _BEND = slice(0, 2), slice(2, 4), 4, 5, 6
+_COLUMNS = 7
 
 
 @dataclass(frozen=True)
@@ -30,8 +31,9 @@ class MovingDiscs:
 
     Attributes:
         names: Names in messages.
-        states: Centre, velocity and radius of each, shape ``(M, 5)`` [m, m, m/s, m/s, m].
-        growth: Of all radii with time: of the uncertainty where the discs will be [m/s].
+        states: Centre, velocity and radius of each, growth of the radius and its acceleration,
+            shape ``(M, 7)`` [m, m, m/s, m/s, m, m/s, m/s^2]: the radius is that of all places where
+            the disc may be.
         slots: Index of each one's rows of a plan's constraints, -1 for none, shape ``(M,)``.
         ways: Times from now on and places (t, x, y) by the index of a disc, each of shape
             ``(J, 3)`` [s, m, m]; the velocity in `states` does not count there.
@@ -39,7 +41,6 @@ class MovingDiscs:
 
     names: tuple[str, ...]
     states: Array
-    growth: float
     slots: Indices
     ways: Mapping[int, Array] = field(default_factory=dict)
 
@@ -54,6 +55,7 @@ class MovingDiscs:
         states = self.states.copy()
         centers, radii = self.at_times(np.array([seconds]))
         states[:, _PLACE], states[:, _RADIUS] = centers[0], radii[0]
+        states[:, _GROWTH] += seconds * states[:, _BEND]
         ways = {index: way - np.array([seconds, 0.0, 0.0]) for index, way in self.ways.items()}
         return replace(self, states=states, ways=ways)
 
@@ -64,6 +66,22 @@ class MovingDiscs:
         states = self.states.copy()
         states[:, _RADIUS] += distance
         return replace(self, states=states)
+
+    def within(self, point: Array, reach: float, seconds: float) -> Indices:
+        """Indices of those that may come as near to a point (x, y) as `reach` [m] in a time [s]."""
+        states = self.states
+        grown = states[:, _GROWTH] + 0.5 * seconds * states[:, _BEND]
+        nearer = (np.hypot(states[:, 2], states[:, 3]) + grown) * seconds
+        near = self.clearance(point) - nearer <= reach
+        near[list(self.ways)] = True
+        return np.flatnonzero(near)
+
+    def chosen(self, index: Indices) -> MovingDiscs:
+        """Some of them, in the order of their indices ``(K,)``."""
+        each = index.tolist()
+        ways = {new: self.ways[old] for new, old in enumerate(each) if old in self.ways}
+        names = tuple(self.names[old] for old in each)
+        return MovingDiscs(names, self.states[index], self.slots[index], ways)
 
     def clearance(self, point: Array) -> Array:
         """Distance of a point (x, y) from each at this instant, negative within; ``(M,)`` [m]."""
@@ -77,21 +95,25 @@ class MovingDiscs:
         centers = states[:, _PLACE] + times[:, None, None] * states[:, _VELOCITY]
         for index, way in self.ways.items():
             centers[:, index] = _on(way, times)
-        return centers, states[:, _RADIUS] + self.growth * times[:, None]
+        growth = states[:, _GROWTH] + 0.5 * times[:, None] * states[:, _BEND]
+        return centers, states[:, _RADIUS] + growth * times[:, None]
 
     def legs(self, durations: Array) -> Array:
-        """States at the beginnings of steps; in each the discs keep their velocity.
+        """States at the beginnings of steps; in each the discs keep their velocity and growth.
 
-        Where a way bends within a step its disc goes straight all the same, and is greater by as
-        much as the way strays from that. Shape ``(K, M, 5)`` for durations ``(K,)`` [s].
+        The chord of a radius that grows ever faster is above it. Where a way bends within a step
+        its disc goes straight all the same, and is greater by as much as the way strays from that.
+        Shape ``(K, M, 7)`` for durations ``(K,)`` [s].
         """
         if not len(self):
             return _NO_LEGS
         times = np.concatenate([[0.0], np.cumsum(durations)])
         centers, radii = self.at_times(times)
-        legs = np.empty((len(durations), len(self), 5))
+        legs = np.zeros((len(durations), len(self), _COLUMNS))
         legs[..., _PLACE], legs[..., _RADIUS] = centers[:-1], radii[:-1]
         legs[..., _VELOCITY] = self.states[:, _VELOCITY]
+        middle = 0.5 * (times[:-1] + times[1:])
+        legs[..., _GROWTH] = self.states[:, _GROWTH] + middle[:, None] * self.states[:, _BEND]
         for index, way in self.ways.items():
             places = centers[:, index]
             legs[:, index, _VELOCITY] = np.diff(places, axis=0) / durations[:, None]
@@ -144,21 +166,21 @@ class MovingDiscs:
         """
         clearance = np.empty((len(poses), len(self)))
         arrays = (np.ascontiguousarray(each) for each in (poses, twists, durations, times))
-        _along(clearance, points, self.states, self.growth, *arrays)
+        _along(clearance, points, self.states, *arrays)
         return clearance
 
     def _between(self, times: Array) -> tuple[Array, Array]:
         """Greatest radius and speed of each disc between two times, both ``(N, M)``."""
         durations = np.diff(times)
         legs = self.legs(durations)
-        radii = legs[..., _RADIUS] + self.growth * durations[:, None]
+        radii = legs[..., _RADIUS] + legs[..., _GROWTH] * durations[:, None]
         return radii, np.hypot(legs[..., 2], legs[..., 3])
 
 
-NOTHING_MOVES = MovingDiscs((), np.empty((0, 5)), 0.0, np.empty(0, np.int64))
+NOTHING_MOVES = MovingDiscs((), np.empty((0, _COLUMNS)), np.empty(0, np.int64))
 """No discs."""
 
-_NO_LEGS = np.empty((0, 0, 5))
+_NO_LEGS = np.empty((0, 0, _COLUMNS))
 
 
 def _on(way: Array, times: Array) -> Array:
@@ -182,7 +204,6 @@ def _along(
     clearance: Array,
     points: Array,
     states: Array,
-    growth: float,
     poses: Array,
     twists: Array,
     durations: Array,
@@ -193,7 +214,7 @@ def _along(
         for i in range(points.shape[0]):
             arc = arc_of_point(whole, poses[k, 2], points, i)
             for j in range(states.shape[0]):
-                x, y, u, v, radius = disc_after(states, j, times[k], growth)
+                x, y, u, v, radius, growth = disc_after(states, j, times[k], durations[k])
                 bound = np.inf if i == 0 else clearance[k, j] + radius
                 least = sweep_moving(arc, durations[k], x, y, u, v, growth, bound) - radius
                 if i == 0 or least < clearance[k, j] or np.isnan(least):
@@ -201,10 +222,15 @@ def _along(
 
 
 @allocation_free
-def disc_after(states: Array, j: int, time: float, growth: float) -> Any:
-    """Centre, velocity and radius of a disc (x, y, u, v, radius) some time later."""
-    u, v = states[j, 2], states[j, 3]
-    return states[j, 0] + time * u, states[j, 1] + time * v, u, v, states[j, 4] + growth * time
+def disc_after(states: Array, j: int, time: float, lasting: float) -> Any:
+    """Centre, velocity, radius and growth (x, y, u, v, radius, growth) of a disc some time later.
+
+    The growth is the mean one of the time that lasts from then on.
+    """
+    u, v, growth, bend = states[j, 2], states[j, 3], states[j, 5], states[j, 6]
+    radius = states[j, 4] + (growth + 0.5 * bend * time) * time
+    x, y = states[j, 0] + time * u, states[j, 1] + time * v
+    return x, y, u, v, radius, growth + bend * (time + 0.5 * lasting)
 
 
 @allocation_free

@@ -5,9 +5,10 @@ from __future__ import annotations
 import json
 
 import pytest
-from demo_folder import LIMIT, TOPICS, check_bag, check_folder
+from demo_folder import LIMIT, TOPICS, check_bag, check_folder, commands
 
 from cmpsp_ros.bags import Bag
+from cmpsp_ros.bags.runs import read_run
 
 pytestmark = pytest.mark.integration
 
@@ -53,6 +54,29 @@ def at_final_time(folder):
                 place = message.pose.pose.position
                 return ((place.x - 10.0) ** 2 + place.y**2) ** 0.5
     return None
+
+
+def test_two_runs_in_lockstep_command_the_same_and_force_replaces_a_run(start_demo, tmp_path):
+    folder, runs = tmp_path / 'deep' / 'run', []
+    for flags in ([], ['--force']):
+        running = start_demo('case3', '--lockstep', '--output', folder, *flags)
+        assert running.wait(LIMIT) == 0, running.stderr
+        runs.append((commands(folder)[0], read_run(folder / 'bag')))
+        if not flags:
+            inode = (folder / 'bag').stat().st_ino, (folder / 'summary.json').stat().st_mtime_ns
+            (folder / 'notes.txt').write_text('mine')
+            refused = start_demo('case3', '--lockstep', '--output', folder)
+            assert refused.wait(LIMIT) == 2
+            assert f'{folder}: found an existing folder' in ' '.join(refused.stderr.split())
+            assert '--force' in refused.stderr
+            unchanged = (folder / 'bag').stat().st_ino, (folder / 'summary.json').stat().st_mtime_ns
+            assert unchanged == inode
+    (first, one), (second, two) = runs
+    assert first[:51] == second[:51]
+    assert [each.points.tolist() for each in one.plans] == [e.points.tolist() for e in two.plans]
+    assert (folder / 'notes.txt').read_text() == 'mine'
+    (folder / 'notes.txt').unlink()
+    check_folder(folder, 'case3')
 
 
 def test_case_3_in_real_time(start_demo, tmp_path):

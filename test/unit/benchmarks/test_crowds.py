@@ -52,3 +52,24 @@ def test_the_command_for_obstacles(monkeypatch):
     assert done.exit_code == 0, done.output
     assert 'standing [us]' in done.stdout
     assert 'ratio' in done.stdout
+
+
+@pytest.fixture(scope='module')
+def seen():
+    return crowds.measure_sensors(1, ['unknown'])
+
+
+def test_every_part_of_a_run_is_timed(seen):
+    (unknown,) = seen
+    assert unknown.name == 'unknown'
+    assert unknown.cells == 200 * 200
+    assert unknown.step.count == unknown.field.count == unknown.search.count == 28 * 5
+    assert 0.0 < unknown.field.median < unknown.step.median
+
+
+def test_the_command_for_sensors(monkeypatch, seen):
+    monkeypatch.setattr(crowds, 'measure_sensors', lambda _: seen)
+    done = CliRunner().invoke(app, ['bench', '--sensors'], env={'COLUMNS': '120'})
+    assert done.exit_code == 0, done.output
+    assert 'unknown' in done.stdout
+    assert '40000' in done.stdout

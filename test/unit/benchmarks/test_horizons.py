@@ -6,7 +6,17 @@ from dataclasses import replace
 
 import pytest
 
+from benchmarks import horizons
+from benchmarks.common import BenchError
 from benchmarks.horizons import Growth, LongHorizons, LongStep, long_task, time_long_horizons
+from benchmarks.methods.ours import CondensedDaqp
+
+
+class Lazy(CondensedDaqp):
+    name = 'lazy'
+
+    def step(self, pose, U, durations):
+        return U
 
 
 def test_the_exponent_is_fitted_to_long_horizons_only():
@@ -46,6 +56,33 @@ def test_half_of_the_bounds_are_active_on_every_horizon():
         assert each.ratios == {}
     assert found.missing == {}
     assert len(told) == 2
+
+
+def test_a_peer_that_fails_says_why(monkeypatch):
+    class Failing:
+        name, largest = 'sqpmethod + piqp', 400
+
+        def prepare(self, steps):
+            pass
+
+        def step(self, pose, U, durations):
+            raise BenchError('out of order')
+
+    class Lazy(Failing):
+        name = 'sqpmethod + hpipm'
+
+        def step(self, pose, U, durations):
+            return 0.0 * U
+
+    missing = {'qrqp': 'not asked', 'casadi': 'not installed'}
+    monkeypatch.setattr(horizons, 'peers', lambda task: ([Failing(), Lazy()], missing))
+    found = time_long_horizons((25,), 1, beside=True)
+    assert found.found[0].ratios == {}
+    assert found.missing.keys() == {
+        'casadi', 'sqpmethod + piqp, N = 25', 'sqpmethod + hpipm, N = 25',
+    }  # fmt: skip
+    assert found.missing['sqpmethod + piqp, N = 25'] == 'out of order'
+    assert 'misses the goal' in found.missing['sqpmethod + hpipm, N = 25']
 
 
 def test_the_drive_is_the_same_at_every_number_of_steps():

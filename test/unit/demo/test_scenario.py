@@ -42,11 +42,15 @@ def test_a_file_is_named_by_its_stem(tmp_path):
     ('preset', 'assignments', 'said'),
     [
         ('case4', [], "'case4': found no such preset, wanted a preset"),
+        ('./none.yaml', [], 'none.yaml: found No such file or directory'),
         ('case3', ['weights.road_centre=1.0'], r'found an unknown .*mean weights.road_center\?'),
         ('case3', ['final_time'], 'found no key=value'),
         ('case3', ['final_time=soon'], "final_time: found 'soon', wanted a number >= 0"),
+        ('case3', ['initial_pose=[8.0,-6.0,0.0]'], 'initial_pose: found 0.7 m inside or'),
         ('case3', ['initial_pose=[0.0,0.0,0.0]'], 'initial_pose: found 9 m inside or'),
         ('case3', ['goal.position=[5.0,0.0]'], 'goal.position: found 4 m inside or'),
+        ('case3', ['road.inner_radius=11.0'], 'road.inner_radius: found 11.0 m, wanted less'),
+        ('case1', ['obstacles.names=[rock]'], 'obstacles.rock.center: found nothing, wanted'),
     ],
 )
 def test_what_is_wrong_is_told_by_key_found_and_wanted(preset, assignments, said):

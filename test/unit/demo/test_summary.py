@@ -98,12 +98,32 @@ def test_a_hole_in_the_true_path_is_not_judged(summary_of):
     assert 'not judged: the path is not recorded from 1.15 to 2.80 s (1.65 s)' in summary.failure
 
 
+def test_a_contact_beside_a_hole_is_one(summary_of):
+    seconds = np.arange(0.0, 4.01, 0.05)
+    lacking = driven(*seconds[(seconds < 1.2) | (seconds > 2.8)])
+    beside = summary_of(settings([(on_circle(0.9)[:2], 0.1)]), lacking)
+    assert beside.has_failed
+    assert 'by 0.1 m and not judged' in beside.failure
+
+
 def test_a_goal_in_a_hole_is_not_judged(summary_of):
     chosen = settings(final_time=2.0, goal=on_circle(9.0)[:2])
     seconds = np.arange(0.0, 4.01, 0.05)
     summary = summary_of(chosen, driven(*seconds[(seconds < 1.2) | (seconds > 2.8)]))
     assert (summary.miss, summary.reached, summary.has_failed) == (None, False, False)
     assert summary.failure.startswith('not judged')
+
+
+def test_an_arc_that_bulges_over_the_outer_edge_is_seen(summary_of):
+    # A chord of the circle of 10.99 m, driven straight, lies inside; with a bend it bulges out.
+    truth = [
+        (0, (-1.0, -10.9, -0.4), (2.02, 0.4)),
+        (SECOND, (1.0, -10.9, 0.4), (0.0, 0.0)),
+        (4 * SECOND, (1.0, -10.9, 0.4), (0.0, 0.0)),
+    ]
+    summary = summary_of(settings(goal=(1.0, -10.9)), truth)
+    assert summary.clearance < -0.05
+    assert summary.reached
 
 
 def test_the_miss_is_that_at_the_final_time_between_two_samples(summary_of):

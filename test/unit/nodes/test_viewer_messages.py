@@ -72,11 +72,11 @@ def test_the_course_is_all_that_stands_in_the_markers():
     kinds = [(each['kind'], each['of']) for each in course]
     assert kinds == [
         ('line', 'road'), ('line', 'road'), ('line', 'centre_line'),
-        ('disc', 'obstacles'), ('text', 'obstacle_names'), ('line', 'margins'),
-        ('disc', 'obstacles'), ('text', 'obstacle_names'), ('line', 'margins'),
-        ('disc', 'goal'),
+        ('disc', 'obstacles'), ('disc', 'obstacles'),
+        ('text', 'obstacle_names'), ('text', 'obstacle_names'),
+        ('line', 'margins'), ('line', 'margins'), ('disc', 'goal'),
     ]  # fmt: skip
-    assert (course[3]['at'], course[3]['size'], course[4]['text']) == ([8.0, -6.0], 1.4, 'a')
+    assert (course[3]['at'], course[3]['size'], course[5]['text']) == ([8.0, -6.0], 1.4, 'a')
     assert math.hypot(*course[1]['points'][50]) == pytest.approx(11.0)
 
 

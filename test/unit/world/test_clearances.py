@@ -128,7 +128,7 @@ def swept(robot, space, pose, controls, moving):
     plan = np.vstack([controls, controls[-1:]])
     sweep_plan(
         found, scratch, pose, plan, DURATIONS, robot.kinematics, len(DURATIONS), True,
-        *things, legs, moving.growth, math.nan, space.discs,
+        *things, legs, math.nan, space.discs,
     )  # fmt: skip
     return scratch[0].copy(), PlanSweep(*found[0].item())
 
@@ -173,7 +173,9 @@ def test_the_sweep_finds_what_a_dense_drive_finds(road, robot, footprint):
     model, seen = ROBOTS[robot][0], np.zeros(3, dtype=int)
     shapes, distances = zip(*SHAPES.values(), strict=True)
     space = FreeSpace.of(of_road, shapes, radius, body.discs)
-    cart = MovingDiscs(('cart',), np.array([CART]), GROWTH, np.zeros(1, np.int64)).grown(radius)
+    cart = MovingDiscs(('cart',), np.array([[*CART, GROWTH, 0.0]]), np.zeros(1, np.int64)).grown(
+        radius
+    )
     for pose, controls in drives(robot, 6):
         found, result = swept(model, space, pose, controls, cart)
         twists = [twist_of(robot, each) for each in controls]

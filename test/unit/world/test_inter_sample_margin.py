@@ -138,6 +138,17 @@ def test_inside_is_attained(limits, distance, period):
     assert furthest.max() == pytest.approx(distance, abs=1e-6)
 
 
+@pytest.mark.parametrize('limits', LIMITS)
+@pytest.mark.parametrize('distance', [0.0, 0.5, 9.0])
+def test_straight_line_is_a_lower_bound(limits, distance):
+    straight = math.hypot(distance, limits.speed * 0.2 / 2.0)
+    kept = outside(distance, limits, 0.2)
+    assert kept >= straight - 1e-12
+    if limits is TURNS_NEVER:
+        assert kept == pytest.approx(straight, abs=1e-12)
+        assert inside(distance, limits, 0.2) == distance
+
+
 @unhurried
 @given(
     distance=st.floats(0.0, 12.0),
@@ -159,6 +170,13 @@ def test_monotone_in_speed_and_period(distance, speed, more, period, longer):
     for other in (faster, later):
         assert other[0] >= base[0] - 1e-9
         assert other[1] <= base[1] + 1e-9
+
+
+def test_nothing_to_keep_for_a_robot_that_stands():
+    still = TwistLimits(0.0, 0.0)
+    for distance in (0.0, 0.7, 9.0):
+        assert outside(distance, still, 0.2) == distance
+        assert inside(distance, still, 0.2) == distance
 
 
 @unhurried

@@ -170,8 +170,8 @@ def test_samples_clear_of_what_moves_keep_arcs_clear(
     times = np.array([0.0, period])
 
     def kept(point):
-        states = np.array([[*point, *velocity, radius]])
-        discs = MovingDiscs(('it',), states, growth, np.zeros(1, np.int64))
+        states = np.array([[*point, *velocity, radius, growth, 0.0]])
+        discs = MovingDiscs(('it',), states, np.zeros(1, np.int64))
         if known:
             twists = ROBOT.twist(ROBOT.max_wheel_speed * np.array([wheels]))
             return discs.for_samples_of(times, twists, period)
@@ -204,8 +204,8 @@ KNOTS = st.lists(
 def on_a_way(knots, point=(0.0, 0.0), radius=0.2, growth=0.0):
     """A disc that goes from a point by known steps ``(duration, dx, dy)``."""
     way = np.cumsum([(0.0, *point), *knots], axis=0)
-    states = np.array([[*point, 0.0, 0.0, radius]])
-    return MovingDiscs(('it',), states, growth, np.zeros(1, np.int64), {0: way}), way
+    states = np.array([[*point, 0.0, 0.0, radius, growth, 0.0]])
+    return MovingDiscs(('it',), states, np.zeros(1, np.int64), {0: way}), way
 
 
 def places_on(way, times):
@@ -269,8 +269,8 @@ def test_samples_clear_of_a_known_way_keep_arcs_clear(
 
 
 def test_discs_out_of_reach_ask_for_nothing():
-    states = np.array([[3.0, 0.0, 0.0, 0.0, 0.5], [0.8, 0.0, 0.0, 0.0, 0.5]])
-    discs = MovingDiscs(('far', 'near'), states, 0.0, np.arange(2))
+    states = np.array([[3.0, 0.0, 0.0, 0.0, 0.5, 0.0, 0.0], [0.8, 0.0, 0.0, 0.0, 0.5, 0.0, 0.0]])
+    discs = MovingDiscs(('far', 'near'), states, np.arange(2))
     times = np.array([0.0, 0.2, 0.4, 2.0])
     _, radii = discs.tightened(times, ROBOT.twist_limits(), 0.2, np.zeros(3))
     assert (radii[:3, 0] == -np.inf).all()

@@ -6,6 +6,7 @@ objectives. arXiv:2405.12762 (2024).
 
 from __future__ import annotations
 
+from importlib.util import find_spec
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -71,13 +72,14 @@ def solve(subproblem: Subproblem, penalties: Penalties | None) -> QPSolution:
 
     `QPStatus.SOLVED` only where `kkt_residual` is within `TOLERANCE`, `QPStatus.INFEASIBLE` only
     where the rows in ``conflict`` prove it. `QPStatus.FAILED` otherwise: data that are not finite,
-    a Hessian that is not positive definite in the controls, or too little accuracy.
+    a Hessian that is not positive definite in the controls, too little accuracy, or no Clarabel.
     """
     size, lin = subproblem.size, subproblem.linearisation
     given = [subproblem.lower, subproblem.upper, subproblem.trust_radius]
     if penalties is not None:
         given += [penalties.terminal, penalties.path]
-    if lin.not_finite or any(np.isnan(each).any() for each in given):
+    is_finite = not (lin.not_finite or any(np.isnan(each).any() for each in given))
+    if not is_finite or find_spec('clarabel') is None:
         return QPSolution.unsolved(size, QPStatus.FAILED)
     program = _with_equalities(sparse_qp(subproblem, penalties))
     rows = program.rows
@@ -126,7 +128,9 @@ def cone_program(program: SparseQP, weight: Array) -> ConeProgram:
     no_limit = sparse.csc_array((len(slacks), hard.shape[1]))
     limits = np.where(side > 0.0, upper[rows], -lower[rows])
     return ConeProgram(
-        A=sparse.block_array([[hard, soft], [no_limit, -sparse.eye_array(len(slacks))]]).tocsc(),
+        A=sparse.csc_array(
+            sparse.bmat([[hard, soft], [no_limit, -sparse.identity(len(slacks))]], format='csc')
+        ),
         b=np.concatenate([np.zeros(first), limits, np.zeros(len(slacks))]),
         equalities=first + len(equal),
         first=first,

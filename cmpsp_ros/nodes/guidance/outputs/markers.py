@@ -11,11 +11,10 @@ from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from cmpsp_ros.guidance import NANOSECONDS
-from cmpsp_ros.guidance.formulation import sample_space
 from cmpsp_ros.guidance.messages import PeerTrajectory
 from cmpsp_ros.guidance.safety import plan_clearance
 from cmpsp_ros.nodes.common.messages import set_stamp
-from cmpsp_ros.view import LEVEL_COLORS
+from cmpsp_ros.view import LEVEL_COLORS, MOVING, SIGMAS, course, kept_clear
 from cmpsp_ros.world.obstacles import outline_of
 
 if TYPE_CHECKING:
@@ -28,9 +27,14 @@ if TYPE_CHECKING:
 
 _HEIGHT = 0.2
 
-_ROAD = ColorRGBA(r=0.45, g=0.45, b=0.45, a=1.0)
-_OBSTACLE = ColorRGBA(r=0.85, g=0.25, b=0.2, a=0.9)
-_MARGIN = ColorRGBA(r=0.95, g=0.6, b=0.1, a=0.9)
+_PARTS: Final = {
+    'edge': ('road', 0.05),
+    'center line': ('centre_line', 0.02),
+    'obstacle': ('obstacles', 0.05),
+    'kept clear': ('margins', 0.02),
+}
+"""Namespace and width of lines [m] by kind of part."""
+
 _GOAL = ColorRGBA(r=0.1, g=0.6, b=0.25, a=0.9)
 _PASSED = ColorRGBA(r=0.1, g=0.6, b=0.25, a=0.25)
 _ARROW = 0.5
@@ -49,8 +53,6 @@ _TEXT_HEIGHT: Final = 0.25
 _ABOVE: Final = 0.6
 _AHEAD: Final = 1.0
 """Time ahead for which positions of moving obstacles are shown [s]."""
-_SIGMAS: Final = 2.0
-"""Standard deviations within which a moving obstacle is shown."""
 
 
 def marker_array(
@@ -79,24 +81,15 @@ def marker_array(
         marker.pose.orientation.w = 1.0
         markers.append(marker)
 
-    road = world.road
-    for edge in road.edges():
-        add('road', _line(edge, 0.05, _ROAD))
-    if len(road.center_line()):
-        add('centre_line', _line(road.center_line(), 0.02, _ROAD))
-    kept = sample_space(settings, world)
-    for obstacle, center, radius in zip(
-        world.shapes, kept.centers.tolist(), kept.radii.tolist(), strict=True
-    ):
-        if obstacle.is_disc:
-            add('obstacles', _disc(obstacle.center, obstacle.radius, _OBSTACLE))
-        else:
-            for line in obstacle.outlines(obstacle.radius):
-                add('obstacles', _line(line, 0.05, _OBSTACLE))
-        if obstacle.corners:
-            add('obstacle_names', _text(center, obstacle.name))
-        for line in obstacle.outlines(radius):
-            add('margins', _line(line, 0.02, _MARGIN))
+    for part in (*course([world.road], world.shapes), kept_clear(settings, world)):
+        namespace, width = _PARTS.get(part.kind, ('', 0.0))
+        color = _color(part.look.color)
+        for center, radius in part.discs:
+            add(namespace, _disc(center, radius, color))
+        for line in part.outlines if namespace else ():
+            add(namespace, _line(line, width, color))
+        for name, place in part.names:
+            add('obstacle_names', _text(place, name))
     for goal in settings.goals:
         passed = ahead is not None and goal.time < ahead.time
         radius = max(settings.goal_tolerance, 0.1)
@@ -237,7 +230,9 @@ class PlanMarkers:
     def _ring(self, track: Track, center: tuple[float, float], age: float) -> Marker:
         """Distance that the robot's centre keeps from an obstacle seen so long before [s]."""
         settings = self._settings
-        radius = track.radius + settings.moving_obstacles.growth * age
+        moving = settings.moving_obstacles
+        doubt = track.position_stddev + age * track.velocity_stddev
+        radius = track.radius + moving.growth * age + moving.quantile * doubt
         radius += settings.robot_radius + settings.safety.margin
         return _line(outline_of([center], radius), _RING, _MOVING)
 
@@ -249,7 +244,7 @@ class PlanMarkers:
 
 def _doubt(track: Track, center: tuple[float, float], age: float) -> Marker:
     """The disc that a track may fill, so long after it was seen [s]."""
-    radius = track.radius + _SIGMAS * (track.position_stddev + age * track.velocity_stddev)
+    radius = track.radius + SIGMAS * (track.position_stddev + age * track.velocity_stddev)
     marker = _disc(center, radius, _PALE)
     # Below the object itself.
     marker.pose.position.z, marker.scale.z = -_WIDTH / 2.0, _RING
@@ -281,6 +276,6 @@ NEAR, HALFWAY, FAR = _color('#d55e00'), _color('#f0e442'), _color('#009e73')
 
 SCALE: Final = (*_between(NEAR, HALFWAY, 16), *_between(HALFWAY, FAR, 16), FAR)
 
-_MOVING: Final = _color('#b03a8c')
+_MOVING: Final = _color(MOVING)
 _PALE: Final = ColorRGBA(r=_MOVING.r, g=_MOVING.g, b=_MOVING.b, a=0.2)
 _COLORS: Final = {name: _color(text) for name, text in LEVEL_COLORS.items()}

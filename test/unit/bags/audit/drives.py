@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from bag_messages import (
+    CLOUD,
     EVENT,
     GRID,
     ODOMETRY,
@@ -15,6 +16,7 @@ from bag_messages import (
     SECOND,
     STAMPED,
     TWIST,
+    cloud,
     grid,
     header,
     make,
@@ -61,6 +63,8 @@ class Drive:
     changes: list = field(default_factory=list)
     restarts: list = field(default_factory=list)
     sightings: list = field(default_factory=list)
+    obstacles: list = field(default_factory=list)
+    people: list = field(default_factory=list)
     truth: list[Sample] = field(default_factory=list)
     sim: dict = field(default_factory=dict)
     frame_id: str = 'odom'
@@ -120,6 +124,14 @@ class Drive:
                 bag.write(cmd_vel, each.received, command(each, stamped=self.stamped))
             if self.decisions:
                 self._write_decisions(bag, f'{prefix}/guidance')
+            if self.obstacles:
+                bag.topic(f'{prefix}/moving_obstacles', CLOUD)
+            for stamp, rows in self.obstacles:
+                bag.write(f'{prefix}/moving_obstacles', stamp, raw(cloud(stamp, rows)))
+            if self.people:
+                bag.topic(f'{prefix}/sim/people', CLOUD)
+            for stamp, rows in self.people:
+                bag.write(f'{prefix}/sim/people', stamp, raw(cloud(stamp, rows)))
             if self.sightings:
                 bag.topic(f'{prefix}/guidance/sighting', GRID)
             for stamp, cells in self.sightings:

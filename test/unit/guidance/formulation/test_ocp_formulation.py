@@ -123,6 +123,14 @@ def test_each_sample_keeps_what_the_longer_of_its_two_steps_asks_for(road):
         np.testing.assert_array_equal(space.road.kept[k], wanted.road.kept[0])
 
 
+def test_steps_that_are_none_too_long_ask_for_one_space():
+    given = CASES['case 3']
+    space = space_of(given, GUESS, np.array([0.05, 0.2, 0.1]), TARGET)
+    wanted = sample_space(given, given.world)
+    np.testing.assert_array_equal(space.annulus.outer, wanted.annulus.outer)
+    np.testing.assert_array_equal(space.radii, wanted.radii)
+
+
 def test_odometry_that_is_a_little_late_asks_for_no_other_space():
     formulation = OcpFormulation(CASES['case 3'], WORLD)
     first = formulation.space(WORLD, GUESS, np.full(10, 0.2), TARGET)
@@ -181,3 +189,9 @@ def test_a_goal_near_an_obstacle_is_passed_and_the_obstacle_missed(margin):
     assert run.miss() < 1e-6
     assert clearance(run.path, given) >= margin
     assert {decision.level for decision in run.moves} == {FallbackLevel.NOMINAL}
+
+
+def test_a_goal_nearer_than_the_margin_is_no_reason_to_give_it_up():
+    given = settings((NEAR,), 51.0, safety=Safety(margin=0.08))
+    space = space_of(given, GUESS, np.full(10, 0.2), TARGET)
+    np.testing.assert_array_equal(space.radii, sample_space(given, given.world).radii)

@@ -57,7 +57,7 @@ before = code()
 assert before
 line = Corridor(((0.0, -9.0), (9.0, 0.0), (0.0, 9.0)), (1.0, 1.0, 1.0), (1.5, 1.5, 1.5))
 shape = convex('p', [(-4.0, -1.0), (-2.0, -1.0), (-2.0, 0.5)])
-discs = MovingDiscs(('m',), np.ones((1, 5)), 0.1, np.array([2]))
+discs = MovingDiscs(('m',), np.ones((1, 7)), np.array([2]))
 controls, durations, times = np.full((4, 2), 5.0), np.full(3, 0.2), np.arange(3.0)
 for road in (Annulus(), line, OpenFloor()):
     for obstacles in ((), (shape,), settings.obstacles):

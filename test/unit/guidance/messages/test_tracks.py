@@ -193,7 +193,7 @@ def looked(tracker, tracks, capacity=2, stamp=2 * NANOSECONDS):
 
 def test_brought_to_one_instant():
     discs = looked(ObstacleTracker(), [seen(3, 1.5, x=4.0)])
-    np.testing.assert_allclose(discs.states, [[4.5, 0.0, 1.0, 0.0, 0.15]])
+    np.testing.assert_allclose(discs.states, [[4.5, 0.0, 1.0, 0.0, 0.15, 0.1, 0.0]])
     assert discs.names == ('moving obstacle 3',)
     np.testing.assert_allclose(discs.after(1.0).states[0, [0, 4]], [5.5, 0.25])
 

@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from endless import NOISE, drive, is_steady
-from scenarios import PERIOD
+from scenarios import PERIOD, law_of
 from scenarios import drive as drive_law
 
-from cmpsp_ros.guidance import FallbackLevel, Follow, GuidanceLaw, GuidanceSettings
+from cmpsp_ros.guidance import FallbackLevel, Follow, Goal, GoalError, GuidanceLaw, GuidanceSettings
 from cmpsp_ros.robots import DifferentialDrive
 from cmpsp_ros.world.obstacles import Obstacle
 from cmpsp_ros.world.roads import Annulus, arc_length_to, lookahead_point
@@ -55,6 +55,12 @@ def test_it_ends_at_the_final_time_where_there_is_one():
     assert [decision.finished for decision in run.decisions] == [False] * 5 + [True] * 2
     assert not run.decisions[-1].missed
     assert run.decisions[0].time_left == 1.0
+
+
+def test_no_goal_is_taken():
+    law = law_of(settings(1.2))
+    with pytest.raises(GoalError, match='follows the road'):
+        law.set_goal(0, Goal((10.0, 0.0), 0.0))
 
 
 def test_a_line_ahead_is_on_the_centre_line_in_the_direction_driven():

@@ -44,6 +44,15 @@ def test_every_path_ends_at_the_pose(x, y, heading):
     assert lengths == sorted(lengths)
 
 
+@given(places, places, angles)
+def test_the_way_back_is_as_long(x, y, heading):
+    cosine, sine = math.cos(heading), math.sin(heading)
+    back = shortest_paths(-(x * cosine + y * sine), x * sine - y * cosine, -heading)
+    assert length_of(back[0]) == pytest.approx(
+        length_of(shortest_paths(x, y, heading)[0]), abs=1e-6
+    )
+
+
 @pytest.mark.parametrize(
     ('pose', 'length'),
     [

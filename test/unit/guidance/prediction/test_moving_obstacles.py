@@ -135,14 +135,23 @@ def test_what_drives_at_the_robot_is_evaded(fault):
 
 
 def test_a_robot_in_the_way_is_led_out(fault):
-    """What is told to be where the robot is, and drives on, does not freeze it."""
+    """What is told to be where the robot is, and stands there, does not freeze it."""
     x, y, _ = START
-    behind = (x - 0.25, y, 0.3, 0.0, 0.3)
+    behind = (x - 0.25, y, 0.0, 0.0, 0.3)
     decisions, _ = drive(OPEN, [behind], steps=10)
     assert decisions[0].clearance < 0.0
     assert_is(fault, decisions[0])
     assert FallbackLevel.STOP not in {each.level for each in decisions}
     assert decisions[-1].clearance > 0.0
+
+
+def test_what_drives_through_the_robot_passes_before_it_sets_out():
+    x, y, _ = START
+    decisions, least = drive(OPEN, [(x - 0.25, y, 0.3, -0.6, 0.3)], steps=10)
+    assert 'touches the robot' in decisions[0].reason
+    assert not decisions[0].wheel_speeds.any()
+    assert least >= 0.0
+    assert decisions[-1].wheel_speeds.any()
 
 
 def test_a_robot_that_is_surrounded_stands(fault):
@@ -198,15 +207,15 @@ def signed(obstacle, places):
     growth=st.sampled_from([0.0, 0.2]),
 )
 def test_no_plan_that_passes_comes_closer_than_it_may(obstacles, discs, wheels, radius, growth):
-    """Densely integrated: clear, or where it is too close already no deeper than standing is."""
+    """Densely integrated: clear, or no deeper in what it is too close to already and stands."""
     floor = replace(settings(tuple(obstacles), 51.0, ROAD), road=OpenFloor(), robot_radius=radius)
-    states = np.array([(*at, *velocity, size) for at, velocity, size in discs]).reshape(-1, 5)
+    states = [(*at, *velocity, size, growth, 1.0) for at, velocity, size in discs]
     names = tuple(f'moving {number}' for number in range(len(discs)))
-    moving = MovingDiscs(names, states, growth, np.full(len(discs), -1))
+    moving = MovingDiscs(names, np.array(states).reshape(-1, 7), np.full(len(discs), -1))
     controls = 51.0 * np.tile(wheels, (3, 1))
     durations = np.array([0.2, 0.2])
     verdict = Validator(floor).check(
-        start_of(floor, np.zeros(3), moving=moving), controls, durations
+        start_of(floor, np.zeros(3), moving=moving, reachable=moving), controls, durations
     )
     parts = np.full(PIECES, 0.2 / PIECES)
     path = floor.robot.roll_out(np.zeros(3), np.tile(controls[0], (PIECES, 1)), parts)[:, :2]
@@ -218,19 +227,18 @@ def test_no_plan_that_passes_comes_closer_than_it_may(obstacles, discs, wheels, 
         margins.append(clear.min())
     for at, velocity, size in discs:
         there = np.array(at) + times[:, None] * np.array(velocity)
-        grown = size + radius + growth * times
+        grown = size + radius + (growth + 0.5 * times) * times
         clear = np.linalg.norm(path - there, axis=1) - grown
-        # Between two looks what passes right over the robot may come as much nearer.
-        nearer = math.hypot(*velocity) * 0.1 / PIECES
-        standing = np.linalg.norm(there, axis=1) - grown - nearer
-        spare.append(clear.min() - min(standing.min(), 0.0))
+        floor_of = min(clear[0], 0.0) if math.hypot(*velocity) <= 0.05 else 0.0
+        if any(wheels):
+            spare.append(clear.min() - floor_of)
         margins.append(clear.min())
     step = 0.2 * 3.6 / PIECES
     if verdict.passed:
         assert min(spare, default=0.0) >= -ROUGHNESS - 1e-9
     else:
         # It is not refused for nothing.
-        assert min(spare) <= ROUGHNESS + step
+        assert min(spare) <= ROUGHNESS + step + 0.005
     if margins and math.isfinite(verdict.margin):
         assert verdict.margin <= min(margins) + 1e-9
-        assert verdict.margin >= min(margins) - ROUGHNESS - step
+        assert verdict.margin >= min(margins) - ROUGHNESS - step - 0.005

@@ -30,7 +30,8 @@ ROBOTS = {
     'sideways': (mecanum(0.2, 0.2, wheel_radius=0.05, max_wheel_speed=40.0), (0.6, 0.6, 1.0)),
 }
 TIMES = np.full(4, 0.2)
-CART = MovingDiscs(('cart',), np.array([[2.5, 1.5, -0.5, -0.3, 0.3]]), 0.05, np.zeros(1, np.int64))
+STATE = (2.5, 1.5, -0.5, -0.3, 0.3, 0.05, 0.0)
+CART = MovingDiscs(('cart',), np.array([STATE]), np.zeros(1, np.int64))
 
 
 def given_for(robot, obstacles=SHAPES, road=None):
@@ -70,7 +71,9 @@ def test_margins_are_those_of_a_fine_sampling_of_every_disc(name, bent):
     for _ in range(25):
         pose = np.array([*rng.uniform(-0.4, 0.4, 2), rng.uniform(-0.5, 0.5)])
         plan = rng.uniform(-1.0, 1.0, (5, len(spread))) * spread
-        start = start_of(given, pose, moving=CART, previous_control=np.zeros(len(spread)))
+        start = start_of(given, pose, moving=CART, reachable=CART)._replace(
+            previous_control=np.zeros(len(spread))
+        )
         verdict, least = validator.check(start, plan, TIMES), sampled(given, pose, plan, CART)
         gap = 5e-3 + 0.01 * abs(least.min())
         assert least[0].min() - gap <= verdict.margin <= least[0].min() + gap

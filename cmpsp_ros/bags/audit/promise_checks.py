@@ -1,0 +1,172 @@
+"""The promise, judged from the bag: each command leaves a stop that nothing that moves can reach.
+
+Nothing of the guidance is used for it: paths are sampled, and the places that an obstacle may reach
+are computed here once more, from the tracks and the parameters.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Final
+
+import numpy as np
+
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.bags.audit.finding import NotJudgedError, Sample, SkippedError, check
+from cmpsp_ros.bags.audit.legs import Commands
+from cmpsp_ros.bags.audit.path_checks import effect_delay, measured
+from cmpsp_ros.bags.audit.record import AuditRecord, path_gap
+from cmpsp_ros.bags.decision_record import DecisionRecord
+from cmpsp_ros.bags.runs.odometry import is_within
+from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings
+from cmpsp_ros.guidance.messages import Track
+from cmpsp_ros.robots import arc_ends, placed, with_side
+
+_STEP: Final = 0.01
+"""Time between two samples of a path [s]."""
+_TOLERANCE: Final = 5e-3
+"""What rounding, and sampling of the start, may take from a clearance [m]."""
+_ASSUMED: Final = {'people.max_acceleration', 'safety.max_obstacle_speed'}
+_STANDS: Final = 0.05
+"""Speed up to which an obstacle in contact counts as standing [m/s]."""
+
+
+def _kept_in_words(worst: Sample) -> str:
+    name, kept = worst.words['name'], worst.value
+    if worst.passes:
+        return f'Nothing could reach the robot before a stop; {name} comes to {kept:.3g} m.'
+    return f'{name} could be {-kept:.3g} m into the robot before a stop takes effect.'
+
+
+@check(
+    'promise', 'Commands: stop in time', unit='m', of_reach=True,
+    needs=('control_period',),
+    good=_kept_in_words, bad=_kept_in_words, nothing='The robot is not commanded to move.',
+    gaps=(path_gap,),
+)  # fmt: skip
+def promise(record: AuditRecord) -> Iterator[Sample]:
+    """Clearance of each command and a stop after it from all that an obstacle may reach.
+
+    A command that brakes as hard as the wheels can is not judged: there is nothing better.
+    """
+    known = {each.key: each for each in record.tracks}
+    wanted = {key for each in record.decisions for key in each.tracks if isinstance(key[0], int)}
+    if missing := sorted(wanted - known.keys()):
+        number, stamp = missing[0]
+        raise NotJudgedError(
+            f'{len(missing)} obstacles that decisions used are not in the bag, such as {number} at'
+            f' {record.seconds(stamp):.2f} s.'
+        )
+    if not known:
+        raise SkippedError('Nothing that moves is in the bag.')
+    if unknown := sorted(_ASSUMED - set(record.history.given)):
+        raise NotJudgedError(f'The parameters do not say {", ".join(unknown)}.')
+    decisions = {each.stamp: each for each in record.decisions}
+    tracks = sorted(record.tracks, key=lambda each: (each.stamp, each.id))
+    for leg in record.legs:
+        commands = leg.commands.chosen(np.all(np.isfinite(leg.commands.twists), axis=1))
+        stamps = commands.stamps.tolist()
+        delays = [effect_delay(record.history.at(each), decisions.get(each)) for each in stamps]
+        poses = measured(leg, commands.stamps, np.array(delays))
+        latest, following = {}, iter([*tracks, None])
+        upcoming = next(following)
+        for k, stamp in enumerate(stamps):
+            while upcoming is not None and upcoming.stamp <= stamp:
+                latest[upcoming.id] = upcoming
+                upcoming = next(following)
+            settings = record.history.at(stamp)
+            oldest = stamp - settings.moving_obstacles.timeout * NANOSECONDS
+            seen = [each for each in latest.values() if each.stamp >= oldest]
+            is_lost = is_within(stamp, leg.by_odometry.holes)
+            if not seen or is_lost or not commands.moving[k] or _brakes(settings, commands, k):
+                continue
+            begin = stamp + delays[k] * NANOSECONDS
+            stops = _stops(settings, poses[k], commands, k, decisions.get(stamp))
+            found = [_worst(settings, stop, seen, begin) for stop in stops]
+            spare, name = max(found, key=lambda each: each[0])
+            yield Sample(spare, 0.0, stamp, -spare - _TOLERANCE, words={'name': name})
+
+
+def _brakes(settings: GuidanceSettings, commands: Commands, k: int) -> bool:
+    """True if no wheel could be slower than a command makes it."""
+    robot, change = settings.robot, settings.max_wheel_change
+    if k == 0 or change == math.inf:
+        return False
+    before, now = (np.abs(robot.wheel_speeds(commands.twists[i])) for i in (k - 1, k))
+    return bool((now <= np.maximum(before - change, 0.0) + _TOLERANCE).all())
+
+
+def _stops(
+    settings: GuidanceSettings,
+    pose: Array,
+    commands: Commands,
+    k: int,
+    decision: DecisionRecord | None,
+) -> Iterator[tuple[Array, Array]]:
+    """Times ``(K,)`` and poses ``(K, 3)`` of a command and a stop after it.
+
+    It brakes with its curvature kept, or along the plan; each is a stop that it can do.
+    """
+    period, twist = settings.control_period, commands.twists[k]
+    if k + 1 < len(commands.stamps):
+        held = float(commands.stamps[k + 1] - commands.stamps[k]) / NANOSECONDS
+        period = min(max(held, 0.0), period) or period
+    count = math.ceil(period / _STEP)
+    scales, durations = [1.0] * count, [period / count] * count
+    fastest = float(np.abs(settings.robot.wheel_speeds(twist)).max())
+    scale, change = 1.0, settings.max_wheel_change / max(fastest, 1e-12)
+    while (scale := scale - change) > 0.0:
+        count = math.ceil(settings.control_period / _STEP)
+        scales += [scale] * count
+        durations += [settings.control_period / count] * count
+    times = np.cumsum([0.0, *durations])
+    twists = np.array(scales)[:, None] * twist
+    bent = [pose]
+    for each, duration in zip(twists, durations, strict=True):
+        bent.append(arc_ends(bent[-1][None], each[None], np.array([duration]))[0])
+    yield times, np.array(bent)
+    if decision is None or decision.path is None or len(decision.path) < 2:
+        return
+    places: Array = np.array([each[1:] for each in decision.path])
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(places[:, :2], axis=0).T))])
+    if along[-1] > 0.0:
+        driven = np.concatenate([[0.0], np.cumsum(np.hypot(*with_side(twists).T[:2]) * durations)])
+        headings = np.unwrap(places[:, 2])
+        columns = (places[:, 0], places[:, 1], headings)
+        yield times, np.column_stack([np.interp(driven, along, each) for each in columns])
+
+
+def _worst(
+    settings: GuidanceSettings, stop: tuple[Array, Array], seen: Sequence[Track], begin: float
+) -> tuple[float, str]:
+    """Least clearance on a path, beyond what is allowed [m], and from what.
+
+    `begin` is the time of its beginning [ns].
+    """
+    times, poses = stop
+    discs, radius = settings.footprint.discs, settings.robot_radius
+    points = np.array([placed(discs, each) for each in poses])
+    moving = settings.moving_obstacles
+    worst, name = math.inf, ''
+    for each in seen:
+        speed = math.hypot(each.vx, each.vy)
+        if speed > moving.max_speed and each.velocity_stddev > 0.0:
+            # Either it was seen wrong, or nothing was promised.
+            continue
+        since = (begin - each.stamp) / NANOSECONDS + times
+        ball = 3.0 * each.velocity_stddev * since
+        certain = each.radius + 3.0 * each.position_stddev
+        reach = certain + ball + 0.5 * moving.max_acceleration * since**2
+        center = np.array([each.x, each.y]) + since[:, None] * np.array([each.vx, each.vy])
+        away = np.linalg.norm(points - center[:, None], axis=-1).min(axis=1) - radius
+        clear = away - reach
+        # No faster than anything is, it is not out of this disc either.
+        if speed <= moving.max_speed:
+            still = np.linalg.norm(points - np.array([each.x, each.y]), axis=-1).min(axis=1)
+            clear = np.maximum(clear, still - radius - certain - moving.max_speed * since)
+        touched = away[0] - each.radius < 0.0 and speed > _STANDS
+        spare = float(clear.min()) - (0.0 if touched else min(float(clear[0]), 0.0))
+        if spare < worst:
+            worst, name = spare, each.name
+    return worst, name

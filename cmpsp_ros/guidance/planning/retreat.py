@@ -1,0 +1,241 @@
+"""Retreat from what comes at the robot and closes its way: to where it is not touched.
+
+On a grid around the robot, the cells in which it can be at a time without having been touched are
+those beside the ones of the time before, as far as they are clear by then. Of the cells that are
+left in the end, the robot goes to one where it can stay for long, and which is near.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from cmpsp_ros.arrays import Array, BoolArray, IntArray
+from cmpsp_ros.guidance.decision import Plan
+from cmpsp_ros.guidance.prediction.estimator import PlanStart
+from cmpsp_ros.guidance.safety.validation import TOUCHING
+from cmpsp_ros.guidance.settings import LawSettings
+from cmpsp_ros.guidance.times import Horizon
+from cmpsp_ros.robots import placed, within_ramp
+from cmpsp_ros.world import FreeSpace
+from cmpsp_ros.world.obstacles import MovingDiscs
+
+_CELLS: Final = 16
+"""Cells of the grid from the robot to its border, and times at which it is looked at."""
+_ROOM, _SOONEST, _LATEST = 2.0, 3.0, 6.0
+"""Distance that a robot can retreat in the time that is looked ahead [m], and its limits [s]."""
+_LONG: Final = 15.0
+"""Time from which on a place is as good as one for good [s]."""
+_LONGER: Final = 2.0
+"""Factor on the time for which a plan must be clear before a robot that makes way follows it."""
+_KEPT: Final = 1.0
+"""Time that another place must be better than the one chosen before [s]."""
+_SLOWED: Final = 0.7
+"""Speed of a robot that turns on its way, as a fraction of its largest."""
+_ALIGNED: Final = 0.5
+"""Angle to its way up to which a robot drives rather than turns on the spot [rad]."""
+_TURN_RATE: Final = 2.0
+_MOVES: Final = 0.05
+"""Speed from which on something counts that comes at the robot [m/s]."""
+
+
+class RetreatPlanner:
+    """Plans retreats for one set of settings."""
+
+    def __init__(self, settings: LawSettings) -> None:
+        """Take limits of the robot."""
+        self._settings, robot = settings, settings.robot
+        self._top = robot.max_speed if math.isfinite(robot.max_speed) else settings.pace
+        speed = _SLOWED * self._top
+        self._seconds = min(max(_ROOM / speed, _SOONEST), _LATEST)
+        self._cell = speed * self._seconds / _CELLS
+        self._kept = settings.circumscribed_radius + settings.safety.margin
+        axis = self._cell * np.arange(-_CELLS, _CELLS + 1)
+        self._grid = np.stack(np.meshgrid(axis, axis, indexing='ij'), axis=-1)
+
+    def threats(self, start: PlanStart) -> MovingDiscs:
+        """Obstacles that may come near in the time that is looked ahead, where they are expected.
+
+        Those that touch the robot already do not count, and neither do other robots.
+        """
+        moving, seconds = start.moving, self._seconds
+        reach = self._kept + self._cell * _CELLS
+        near = moving.within(start.pose, reach, seconds)
+        speeds = np.hypot(*moving.states[near, 2:4].T)
+        begins = self._clearance(start, moving.chosen(near), np.zeros(1))[0]
+        own = np.array([index not in moving.ways for index in near.tolist()], dtype=bool)
+        chosen = moving.chosen(near[(speeds > _MOVES) & (begins > 0.0) & own])
+        states = chosen.states.copy()
+        states[:, 5:] = 0.0
+        return replace(chosen, states=states)
+
+    def touched_at_rest(self, start: PlanStart, threats: MovingDiscs) -> str:
+        """Name of the first that touches a robot at rest; '' if none does."""
+        times = np.linspace(0.0, self._seconds, 4 * _CELLS)
+        touches = self._clearance(start, threats, times) < 0.0
+        if not touches.any():
+            return ''
+        return threats.names[int(touches[int(touches.any(axis=1).argmax())].argmax())]
+
+    def is_blocked(
+        self, plan: Plan, start: PlanStart, threats: MovingDiscs, *, for_long: bool
+    ) -> bool:
+        """True if a plan leads into something in the time that is looked ahead, or in a longer."""
+        ends = np.cumsum(plan.horizon.durations)
+        seconds = _LONGER * self._seconds if for_long else self._seconds
+        count = int(np.searchsorted(ends, seconds)) + 1
+        durations = plan.horizon.durations[:count]
+        twists, poses = start.robot.twist(plan.controls[: len(durations)]), plan.poses[:-1][:count]
+        times = ends[: len(durations)] - durations
+        settings, arcs = self._settings, (poses, twists, durations)
+        still = start.world.free_space(settings).along(*arcs, start.progress)
+        if still.min() < -TOUCHING:
+            return True
+        discs = threats.grown(settings.robot_radius)
+        return bool((discs.along(*arcs, times, settings.footprint.discs) < 0.0).any())
+
+    def find(
+        self,
+        start: PlanStart,
+        horizon: Horizon,
+        delay: int,
+        threats: MovingDiscs,
+        before: tuple[float, float] | None,
+    ) -> tuple[Plan, tuple[float, float]] | None:
+        """Plan to a refuge, and its position; None if there is none.
+
+        `delay` [ns]; `before` is the refuge chosen in the step before [m].
+        """
+        layers = self._layers(start, threats)
+        if not layers[-1].any():
+            return None
+        goal = self._refuge(start, threats, layers[-1], before)
+        path = self._path(layers, goal)
+        controls = self._controls(start, start.pose[:2] + path, horizon.durations)
+        poses = start.robot.roll_out(start.pose, controls, horizon.durations)
+        x, y = (start.pose[:2] + self._grid[goal]).tolist()
+        return Plan(horizon, controls, poses, delay), (x, y)
+
+    def _clearance(self, start: PlanStart, discs: MovingDiscs, times: Array) -> Array:
+        """Clearance of the robot at rest from each disc, shape ``(K, M)`` [m]."""
+        centers, radii = discs.at_times(times)
+        places = placed(self._settings.footprint.discs, start.pose)
+        away = np.linalg.norm(centers[:, :, None] - places, axis=-1).min(axis=-1)
+        clear: Array = away - radii - self._settings.robot_radius
+        return clear
+
+    def _layers(self, start: PlanStart, threats: MovingDiscs) -> list[BoolArray]:
+        """Cells in which the robot can be at each time, ``(G, G)``."""
+        places = start.pose[:2] + self._grid
+        flat = places.reshape(-1, 2)
+        space = FreeSpace.of(start.world.road, start.world.shapes, self._kept)
+        at = np.column_stack([flat, np.full(len(flat), start.pose[2])])
+        free = (space.at(at, start.progress).min(axis=1) >= 0.0).reshape(places.shape[:2])
+        free[_CELLS, _CELLS] = True
+        here = np.zeros(free.shape, dtype=bool)
+        here[_CELLS, _CELLS] = True
+        layers = [here]
+        times: Array = self._seconds / _CELLS * np.arange(1.0, _CELLS + 1)
+        centers, radii = threats.at_times(times)
+        for k in range(_CELLS):
+            spread = _spread(layers[-1], diagonal=k % 2 == 0) & free
+            for center, radius in zip(centers[k], radii[k], strict=True):
+                away = places - center
+                spread &= (away**2).sum(axis=-1) > (radius + self._kept) ** 2
+            layers.append(spread)
+        return layers
+
+    def _refuge(
+        self,
+        start: PlanStart,
+        threats: MovingDiscs,
+        cells: BoolArray,
+        before: tuple[float, float] | None,
+    ) -> tuple[int, int]:
+        """Index of the best cell: long to stay at, near, and where the robot is going already."""
+        index = np.argwhere(cells)
+        offsets = self._grid[cells]
+        places = start.pose[:2] + offsets
+        value = np.minimum(self._time_left(threats.after(self._seconds), places), _LONG)
+        value -= np.hypot(*offsets.T) / self._top
+        if before is not None:
+            is_near = np.hypot(*(places - np.array(before)).T) < 1.5 * self._cell
+            value = np.where(is_near, value + _KEPT, value)
+        row, column = index[int(value.argmax())].tolist()
+        return row, column
+
+    def _time_left(self, threats: MovingDiscs, places: Array) -> Array:
+        """Time until something touches a robot that stands at places ``(K, 2)`` [s]."""
+        states = threats.states
+        away, velocity = places[:, None] - states[:, :2], states[:, 2:4]
+        squared = (velocity**2).sum(axis=1)
+        along = (away * velocity).sum(axis=-1)
+        inside = (away**2).sum(axis=-1) - (states[:, 4] + self._kept) ** 2
+        root = along**2 - squared * inside
+        hits = (root > 0.0) & (along > 0.0)
+        times = np.where(hits, (along - np.sqrt(np.maximum(root, 0.0))) / squared, math.inf)
+        left: Array = np.maximum(times, 0.0).min(axis=1, initial=math.inf)
+        return left
+
+    def _path(self, layers: list[BoolArray], goal: tuple[int, int]) -> Array:
+        """Positions on the way to a cell, relative to the robot; it waits at the end."""
+        cells = [np.array(goal)]
+        for k in range(len(layers) - 2, -1, -1):
+            before = layers[k]
+            if before[tuple(cells[-1])]:
+                continue
+            beside = cells[-1] + _BESIDE
+            inside = beside[((beside >= 0) & (beside < len(before))).all(axis=1)]
+            known = inside[before[inside[:, 0], inside[:, 1]]]
+            # The straightest way: the cell nearest to the line to the robot.
+            cells.append(known[int(np.hypot(*(known - _CELLS).T).argmin())])
+        path: Array = self._grid[tuple(np.array(cells[::-1]).T)]
+        return path
+
+    def _controls(self, start: PlanStart, path: Array, durations: Array) -> Array:
+        """Controls along a path ``(K, 2)``, ahead or backwards, shape ``(N + 1, r)``."""
+        robot, settings = start.robot, self._settings
+        controls = np.zeros((len(durations) + 1, robot.n_controls))
+        pose, reached = start.pose, 0
+        for k, duration in enumerate(durations.tolist()):
+            while reached < len(path) - 1 and math.dist(pose[:2], path[reached]) < 2 * self._cell:
+                reached += 1
+            distance = math.dist(pose[:2], path[reached])
+            if distance < 0.5 * self._cell:
+                break
+            bearing = math.atan2(path[reached, 1] - pose[1], path[reached, 0] - pose[0])
+            twist = self._twist(math.remainder(bearing - pose[2], math.tau), distance, duration)
+            controls[k] = robot.limited(robot.controls(twist))
+            pose = robot.roll_out(pose, controls[k : k + 1], durations[k : k + 1])[-1]
+        limits = start.previous_control, settings.max_wheel_change, robot.time_scaling
+        return within_ramp(controls, durations, *limits)
+
+    def _twist(self, angle: float, distance: float, duration: float) -> Array:
+        """Twist towards a point at an angle ahead or behind."""
+        robot, speed = self._settings.robot, min(self._top, distance / duration)
+        if robot.drives_sideways:
+            return np.array([speed * math.cos(angle), speed * math.sin(angle), 0.0])
+        if abs(angle) > math.pi / 2.0:
+            angle, speed = math.remainder(angle - math.pi, math.tau), -speed
+        if robot.turns_on_the_spot and abs(angle) > _ALIGNED:
+            return np.array([0.0, math.copysign(min(abs(angle) / duration, _TURN_RATE), angle)])
+        curvature = 2.0 * math.sin(angle) / distance
+        curvature = min(max(curvature, -robot.max_curvature), robot.max_curvature)
+        return np.array([speed, abs(speed) * curvature])
+
+
+_BESIDE: Final[IntArray] = np.argwhere(np.ones((3, 3), dtype=bool)) - 1
+
+
+def _spread(cells: BoolArray, *, diagonal: bool) -> BoolArray:
+    """Cells and those beside them."""
+    spread = cells.copy()
+    spread[1:] |= cells[:-1]
+    spread[:-1] |= cells[1:]
+    source = spread.copy() if diagonal else cells
+    spread[:, 1:] |= source[:, :-1]
+    spread[:, :-1] |= source[:, 1:]
+    return spread

@@ -1,0 +1,127 @@
+"""Moving obstacles of a control step: as large as plans take them, and all that they may reach."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.guidance.messages.tracks import MovingObject, PeerTrajectory, Track
+from cmpsp_ros.guidance.solver_settings import MovingObstacles
+from cmpsp_ros.guidance.times import NANOSECONDS
+from cmpsp_ros.world.obstacles import NOTHING_MOVES, MovingDiscs
+
+_CERTAIN: Final = 3.0
+"""Standard deviations that a reachable set covers."""
+
+
+class ObstacleTracker:
+    """Keeps each obstacle in its slot from one control step to the next.
+
+    So the constraints of a plan stay those that they were, and its warm start is worth something.
+
+    Attributes:
+        new_obstacle_seen: Whether the last update had an obstacle that the one before had not.
+    """
+
+    def __init__(self) -> None:
+        """Nothing is known."""
+        self._slots: dict[int | str, int] = {}
+        self._numbers: frozenset[int | str] = frozenset()
+        self.new_obstacle_seen = False
+
+    def update(
+        self, stamp: int, pose: Array, tracks: Sequence[MovingObject], settings: MovingObstacles
+    ) -> MovingDiscs:
+        """Moving obstacles at `stamp` [ns], for a robot at `pose` ``(3,)`` [m, m, rad].
+
+        Each is a quantile larger than it was seen, in position and in velocity.
+        """
+        if not tracks:
+            self.new_obstacle_seen = False
+            if self._numbers:
+                self._slots, self._numbers = {}, frozenset()
+            return NOTHING_MOVES
+        numbers = frozenset(each.id for each in tracks)
+        self.new_obstacle_seen, self._numbers = not numbers <= self._numbers, numbers
+        states = np.array([_planned(each, stamp, settings) for each in tracks])
+        ways = {
+            index: each.path(stamp)
+            for index, each in enumerate(tracks)
+            if isinstance(each, PeerTrajectory)
+        }
+        names = tuple(each.name for each in tracks)
+        slots = np.full(len(tracks), -1, dtype=np.int64)
+        discs = MovingDiscs(names, states, slots, ways)
+        clearance = discs.clearance(pose).tolist()
+        nearest = sorted(range(len(tracks)), key=lambda i: (clearance[i], i))
+        self._assign([tracks[i].id for i in nearest[: settings.slots]], settings.slots)
+        slots[:] = [self._slots.get(each.id, -1) for each in tracks]
+        return discs
+
+    def _assign(self, numbers: Sequence[int | str], capacity: int) -> None:
+        kept = {each: self._slots[each] for each in numbers if each in self._slots}
+        free = iter(sorted(set(range(capacity)) - set(kept.values())))
+        # Those that were there before stay in the order of their slots.
+        self._slots = {each: kept[each] if each in kept else next(free) for each in numbers}
+
+
+def reachable_sets(
+    stamp: int, tracks: Sequence[MovingObject], planned: MovingDiscs, settings: MovingObstacles
+) -> MovingDiscs:
+    """All places that moving obstacles may reach from `stamp` [ns] on, in the order of the tracks.
+
+    Position and velocity are within three standard deviations of those seen, no speed is above the
+    largest, and the velocity changes no faster than told. Other robots keep to their plans.
+    """
+    if not tracks:
+        return NOTHING_MOVES
+    states = [
+        planned.states[index] if isinstance(each, PeerTrajectory) else _reach(each, stamp, settings)
+        for index, each in enumerate(tracks)
+    ]
+    return replace(planned, states=np.array(states))
+
+
+def _planned(seen: MovingObject, stamp: int, settings: MovingObstacles) -> tuple[float, ...]:
+    """State of a moving object at an instant [ns], as in `MovingDiscs.states`."""
+    age, growth = (stamp - seen.stamp) / NANOSECONDS, settings.growth
+    if isinstance(seen, PeerTrajectory):
+        # A robot that stands is where it said, however long ago.
+        grown = 0.0 if seen.at_rest else growth * age
+        return (*seen.position(stamp), 0.0, 0.0, settings.others_radius + grown, growth, 0.0)
+    growth += settings.quantile * seen.velocity_stddev
+    radius = seen.radius + settings.quantile * seen.position_stddev + growth * age
+    x, y = seen.x + age * seen.vx, seen.y + age * seen.vy
+    return x, y, seen.vx, seen.vy, radius, growth, 0.0
+
+
+def _reach(seen: Track, stamp: int, settings: MovingObstacles) -> tuple[float, ...]:
+    """The same of the places that an obstacle may reach."""
+    age, bend = (stamp - seen.stamp) / NANOSECONDS, settings.max_acceleration
+    vx, vy, growth = _velocities(seen, settings.max_speed)
+    radius = seen.radius + _CERTAIN * seen.position_stddev + (growth + 0.5 * bend * age) * age
+    return seen.x + age * vx, seen.y + age * vy, vx, vy, radius, growth + bend * age, bend
+
+
+def _velocities(seen: Track, top: float) -> tuple[float, float, float]:
+    """The smallest disc of velocities around those that are both likely and possible.
+
+    They are in a disc around the velocity seen, and in one of radius `top` around zero. Centre and
+    radius [m/s].
+    """
+    spread, speed = _CERTAIN * seen.velocity_stddev, math.hypot(seen.vx, seen.vy)
+    # One that is faster than anything should be has the velocity that was seen.
+    if speed + spread <= top or speed - spread >= top:
+        return seen.vx, seen.vy, spread
+    if spread >= speed + top or spread * spread >= speed * speed + top * top:
+        return 0.0, 0.0, top
+    if top * top >= speed * speed + spread * spread:
+        return seen.vx, seen.vy, spread
+    along = (speed * speed + top * top - spread * spread) / (2.0 * speed)
+    scale = along / speed
+    return scale * seen.vx, scale * seen.vy, math.sqrt(max(top * top - along * along, 0.0))

@@ -1,0 +1,77 @@
+"""Passive motion safety: nothing that moves can reach the robot before it is at rest.
+
+Each command and the stop after it are clear of every place that a moving obstacle may reach by
+then. So from any command the stop is clear, and it is what remains where no other command is: by
+induction nothing touches the robot while it moves.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.guidance.prediction.estimator import PlanStart
+from cmpsp_ros.guidance.settings import LawSettings
+from cmpsp_ros.robots import placed, speeds_and_turns
+from cmpsp_ros.world.obstacles import ROUGHNESS, MovingDiscs
+
+_ROUNDING: Final = 1e-6
+
+_STANDS: Final = 0.05
+"""Speed below which an obstacle may stand in contact with the robot for good [m/s]."""
+
+
+class ReachCheck:
+    """Checks paths to rest against the reachable sets of moving obstacles."""
+
+    def __init__(self, settings: LawSettings, radius: float) -> None:
+        """Take the robot's discs, each of a radius [m]."""
+        self._discs, self._radius = settings.footprint.discs, radius
+        self._extent = settings.footprint.reach + radius
+
+    def reason(self, start: PlanStart, controls: Array, durations: Array) -> str:
+        """Reason why a path to rest is not clear, in a sentence; '' if it is.
+
+        At rest nothing is asked. A robot that is within reach already may go where it is no nearer
+        at any time; what touches it and moves has to pass first.
+
+        `controls` ``(K, r)``, `durations` ``(K,)`` [s].
+        """
+        moving = start.reachable
+        if not moving.names:
+            return ''
+        twists = start.robot.twist(controls)
+        moves = np.flatnonzero(twists.any(axis=1))
+        if not len(moves):
+            return ''
+        count = int(moves[-1]) + 1
+        twists, durations = twists[:count], durations[:count]
+        seconds = float(durations.sum())
+        driven = float(np.abs(speeds_and_turns(twists)[:, 0]) @ durations)
+        near = moving.within(start.pose, driven + self._extent, seconds)
+        if not len(near):
+            return ''
+        discs = moving.chosen(near).grown(self._radius)
+        poses = start.robot.roll_out(start.pose, controls[:count], durations)[:-1]
+        times = np.cumsum(durations) - durations
+        least = discs.along(poses, twists, durations, times, self._discs).min(axis=0)
+        begins = self._clearance(start, discs)
+        touched = self._clearance(start, start.moving.chosen(near).grown(self._radius)) < 0.0
+        passes = np.hypot(*start.moving.states[near, 2:4].T) > _STANDS
+        floor = np.where(begins < 0.0, begins - ROUGHNESS, 0.0)
+        allowed = np.where(touched & passes, 0.0, floor)
+        short = allowed - least
+        worst = int(short.argmax())
+        if short[worst] <= _ROUNDING:
+            return ''
+        name = discs.names[worst]
+        if touched[worst]:
+            return f'{name} touches the robot, which stands until it has passed.'
+        return f'{name} could be {-float(least[worst]):.3g} m into the robot before it is at rest.'
+
+    def _clearance(self, start: PlanStart, discs: MovingDiscs) -> Array:
+        places = placed(self._discs, start.pose)
+        least: Array = np.min([discs.clearance(each) for each in places], axis=0)
+        return least

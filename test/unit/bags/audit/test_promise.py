@@ -1,0 +1,53 @@
+"""The audit of the promise: a stop that is clear of all that may come, after each command."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from drives import SECOND, START
+
+from cmpsp_ros.bags.audit import CheckOutcome
+from cmpsp_ros.guidance.messages import Track
+
+PASSED, FAILED, SKIPPED, NOT_JUDGED = CheckOutcome
+
+
+def beside(drive, seconds, distance, speed=0.0):
+    """An obstacle to the left of the robot at a time, which comes at it; seen then alone."""
+    stamp = START + round(seconds * SECOND)
+    x, y, heading = next(each.pose for each in drive.odometry if each.stamp == stamp)
+    out = np.array([-math.sin(heading), math.cos(heading)])
+    place = np.array([x, y]) + distance * out
+    drive.obstacles = [(stamp, [(7, *place, *(-speed * out), 0.3)])]
+    return drive
+
+
+def test_what_is_too_far_to_reach_the_robot_is_no_matter(drive, outcomes):
+    found = outcomes(beside(drive, 4.0, 2.5))['promise']
+    assert found.outcome is PASSED
+    assert found.worst > 0.0
+    assert 'moving obstacle 7' in found.sentence
+
+
+def test_what_could_reach_the_robot_before_the_next_command_is_caught(drive, outcomes):
+    found = outcomes(beside(drive, 4.0, 0.4, 1.6))['promise']
+    assert found.outcome is FAILED
+    assert found.at == pytest.approx(4.0, abs=0.3)
+    assert 'moving obstacle 7 could be' in found.sentence
+
+
+@pytest.mark.parametrize(('limit', 'outcome'), [(0.0, PASSED), (1.6, PASSED), (20.0, FAILED)])
+def test_the_limit_of_acceleration_is_that_of_the_parameters(drive, outcomes, limit, outcome):
+    drive.parameters['people.max_acceleration'] = limit
+    assert outcomes(beside(drive, 4.0, 0.4))['promise'].outcome is outcome
+
+
+def test_obstacles_that_decisions_used_and_the_bag_lacks_leave_it_open(drive, outcomes):
+    beside(drive, 4.0, 2.5)
+    used, lost = drive.decisions[20], drive.obstacles[0][1][0]
+    drive.decisions[20] = used._replace(tracks=(Track(8, used.stamp, 0.3, *lost[1:5]),))
+    found = outcomes(drive)['promise']
+    assert found.outcome is NOT_JUDGED
+    assert 'such as 8' in found.sentence

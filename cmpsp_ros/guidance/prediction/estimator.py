@@ -130,7 +130,7 @@ class Estimator:
         `previous_control` ``(r,)``.
         """
         stamp, pose, road = seen.stamp, seen.pose, world.road
-        known = self._settings.moving_obstacles
+        known = self._settings.tracked
         moving = self.tracker.update(stamp, pose, seen.tracks, known)
         reachable = reachable_sets(stamp, seen.tracks, moving, known)
         changed = self._end_period(stamp, pose)

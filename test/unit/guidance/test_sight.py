@@ -60,13 +60,13 @@ def test_the_robot_can_stop_within_what_it_has_seen():
 
 
 def test_it_can_stop_before_anything_that_may_come_from_where_it_has_not_seen():
-    reach = {'sensors.front.reach': 1.5, 'sim.scan.range_max': 1.5}
+    reach = {'sensors.front.reach': 1.0, 'sim.scan.range_max': 1.0}
     drives = [
         Drive(**FAST, **reach, **{'safety.stop_within_sight': given}, end=5.0)
         for given in ('stationary', 'moving')
     ]
     careful, more_careful = (max(speeds(each)) for each in drives)
-    # Less than 1.5 m to the edge, from where somebody may come at 1.6 m/s until it is at rest.
+    # Less than 1 m to the edge, from where somebody may come at 1.6 m/s until it is at rest.
     assert 0.1 < more_careful < careful
     assert any('no sensor has seen' in each.reason for each in drives[1].decisions)
 

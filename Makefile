@@ -15,10 +15,10 @@ export ROS_LOG_DIR ?= $(CURDIR)/.ros/log
 export MPLCONFIGDIR ?= $(CURDIR)/.cache/matplotlib
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-# Where ROS comes from: wheels, or the ROS 2 Jazzy that is sourced. There the system's numpy is
+# Where ROS comes from: wheels of Jazzy, or the ROS 2 that is sourced. There the system's numpy is
 # what ROS was built against and stays; --no-deps keeps pip from replacing it or anything of ROS.
-ifeq ($(ROS_DISTRO),jazzy)
-ROS := jazzy
+ifneq ($(filter $(ROS_DISTRO),jazzy kilted lyrical),)
+ROS := $(ROS_DISTRO)
 VENV_OPTIONS := --system-site-packages
 REQUIREMENTS := requirements/runtime.txt
 WITHOUT := numpy
@@ -64,11 +64,11 @@ $(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
 $(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || { \
     echo "error: $(PYTHON) has no venv module. On Debian and Ubuntu: apt install python3-venv" >&2; exit 1; }
 endef
-ifeq ($(ROS),jazzy)
+ifneq ($(ROS),wheels)
 define CHECK_ROS_PYTHON
 $(PYTHON) -c 'import rclpy' 2>/dev/null || { \
-    echo "error: ROS_DISTRO is jazzy, but $(PYTHON) cannot import rclpy. Is Jazzy sourced, and this" >&2; \
-    echo "       Jazzy's own Python (3.12)? Without a ROS: unset ROS_DISTRO, and the wheels do." >&2; exit 1; }; \
+    echo "error: ROS_DISTRO is $(ROS), but $(PYTHON) cannot import rclpy. Is it sourced, and this" >&2; \
+    echo "       its own Python (3.12; Lyrical: 3.14)? Without a ROS: unset ROS_DISTRO, and the wheels do." >&2; exit 1; }; \
 $(PYTHON) -c 'import numpy' 2>/dev/null || { \
     echo "error: $(PYTHON) has no numpy. On Ubuntu: apt install python3-numpy" >&2; exit 1; }
 endef
@@ -83,7 +83,7 @@ endef
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help demo test test-all test-oldest lint setup bench docs lock clean check-ros FORCE
+.PHONY: help demo test test-all test-oldest lint setup bench docs dist site lock clean check-ros FORCE
 
 help:  ## say what can be made
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-11s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -129,6 +129,23 @@ docs: setup  ## write doc/reference/topics.md and parameters.md, config/defaults
 	$(BIN)/python -m cmpsp_ros.parameters.documentation --write doc/reference/parameters.md
 	$(BIN)/python -m cmpsp_ros.parameters.documentation --defaults > config/defaults.yaml
 
+# Pages are copied, because they link to files beside doc/. Commands and API are of this tree.
+site: PAGES := .cache/pages
+site: $(PACKAGE)  ## build a site of the documentation into site/; a dead link is an error
+	test -x .cache/site/bin/mkdocs || { $(PYTHON) -m venv .cache/site; \
+	    .cache/site/bin/pip install --quiet -r requirements/site.txt; }
+	rm -rf $(PAGES)
+	mkdir -p $(PAGES)
+	cp -r README.md CONTRIBUTING.md CHANGELOG.rst LICENSE config doc $(PAGES)
+	$(BIN)/python -m cmpsp_ros.cli.documentation $(PAGES)/doc/reference
+	NO_MKDOCS_2_WARNING=1 .cache/site/bin/mkdocs build --quiet
+	@echo 'site/doc/start.html'
+
+dist: $(DEVELOPMENT)  ## build the sdist and the wheel into dist/
+	rm -rf dist build
+	$(BIN)/python setup.py --quiet sdist bdist_wheel
+	ls -l dist
+
 lock:  ## pin today's newest versions in requirements/
 	@$(CHECK_PYTHON)
 	rm -rf .cache/lock
@@ -137,14 +154,14 @@ lock:  ## pin today's newest versions in requirements/
 	rm -rf .cache/lock
 
 clean:  ## remove the environment and whatever can be made again (runs/ stays)
-	rm -rf $(VENV) build install log .ros .cache .mypy_cache .pytest_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) build dist site install log .ros .cache .mypy_cache .pytest_cache .ruff_cache .hypothesis
 	rm -rf .import_linter_cache .coverage htmlcov *.egg-info
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 check-ros:
-	@if [ -n "$$ROS_DISTRO" ] && [ "$$ROS_DISTRO" != jazzy ]; then \
-	    echo "error: ROS 2 '$$ROS_DISTRO' is sourced; this package is for Jazzy." >&2; \
-	    echo "       Source Jazzy, or use a shell without any ROS: the wheels do then." >&2; exit 1; fi
+	@if [ -n "$$ROS_DISTRO" ] && [ '$(ROS)' = wheels ]; then \
+	    echo "error: ROS 2 '$$ROS_DISTRO' is sourced; this package is for Jazzy, Kilted and Lyrical." >&2; \
+	    echo "       Source one of them, or use a shell without any ROS: the wheels do then." >&2; exit 1; fi
 
 # Same pins as in the environment that is there: a new date on the files is no reason to begin again.
 # Side by side, and nothing is compiled that is not imported: that would take half of the time.

@@ -83,7 +83,7 @@ def shared_files(folder: str) -> list[tuple[str, list[str]]]:
 
 setup(
     name=NAME,
-    version='0.1.0',
+    version='1.0.0',
     packages=find_packages(include=[NAME, f'{NAME}.*'], exclude=['test*']),
     package_data={
         NAME: [
@@ -98,6 +98,7 @@ setup(
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (str(SHARE), ['package.xml']),
         *shared_files('config'),
+        *shared_files('doc'),
         *shared_files('launch'),
     ],
     python_requires='>=3.11',
@@ -112,7 +113,22 @@ setup(
         'Guidance of a two-wheeled robot through a point at a given time, between road '
         'edges and obstacles, by warm-started constrained model predictive static programming.'
     ),
+    long_description=Path('README.md').read_text(encoding='utf-8'),
+    long_description_content_type='text/markdown',
+    # The owner's to give: an address of the maintainer (twice above, and in package.xml), and the
+    # repository in project_urls.
     license='Apache-2.0',
+    keywords='robotics ROS 2 MPC MPSP optimal control guidance trajectory',
+    classifiers=[
+        'Development Status :: 5 - Production/Stable',
+        'Intended Audience :: Science/Research',
+        'License :: OSI Approved :: Apache Software License',
+        'Operating System :: POSIX :: Linux',
+        'Programming Language :: Python :: 3',
+        *(f'Programming Language :: Python :: 3.{minor}' for minor in range(11, 15)),
+        'Topic :: Scientific/Engineering',
+        'Typing :: Typed',
+    ],
     entry_points={
         'console_scripts': [
             'cmpsp = cmpsp_ros.programs:cmpsp',

@@ -22,9 +22,7 @@ def bench(
         ),
     ] = None,
     runs: Annotated[int, typer.Option(min=1, help='Runs of each preset and of each method.')] = 20,
-    peers: Annotated[
-        bool, typer.Option('--peers', help='Time solvers of CasADi and acados as well.')
-    ] = False,
+    peers: Annotated[bool, typer.Option('--peers', help='Time solvers of CasADi as well.')] = False,
     latency: Annotated[
         bool, typer.Option('--latency', help='Time the node over DDS, in real time.')
     ] = False,

@@ -74,7 +74,7 @@ def unheard() -> Iterator[None]:
         yield
 
 
-_PACKAGES = ('numpy', 'numba', 'daqp', 'qpsolvers', 'casadi', 'acados_template', 'rclpy')
+_PACKAGES = ('numpy', 'numba', 'daqp', 'qpsolvers', 'casadi', 'rclpy')
 
 
 def machine() -> dict[str, str]:

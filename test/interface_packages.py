@@ -181,11 +181,40 @@ uint32 classification_age
 """,
     },
 }
+# Those of Jazzy are Kilted's too; here is what Lyrical has instead.
+LYRICAL = {
+    'nav2_msgs': {
+        'msg/TrackingFeedback.msg': """
+std_msgs/Header header
+float32 position_tracking_error
+float32 heading_tracking_error
+uint32 current_path_index
+geometry_msgs/PoseStamped robot_pose
+float32 distance_to_goal
+float32 speed
+float32 remaining_path_length
+""",
+        'action/FollowPath.action': """
+nav_msgs/Path path
+string controller_id
+string goal_checker_id
+string progress_checker_id
+---
+std_msgs/Empty result
+uint16 error_code
+string error_msg
+---
+nav2_msgs/TrackingFeedback tracking_feedback
+""",
+        'action/NavigateToPose.action': DEFINITIONS['nav2_msgs']['action/NavigateToPose.action']
+        + 'float32 position_tracking_error\nfloat32 heading_tracking_error\n',
+    }
+}
 
 
-def build(package: str, folder: Path) -> Path:
+def build(package: str, folder: Path, definitions: dict[str, dict[str, str]] = DEFINITIONS) -> Path:
     """Build a package that has definitions here, and return the folder to import it from."""
-    source, interfaces = folder / 'source', DEFINITIONS[package]
+    source, interfaces = folder / 'source', definitions[package]
     for name, text in interfaces.items():
         path = source / name
         path.parent.mkdir(parents=True, exist_ok=True)

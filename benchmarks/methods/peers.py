@@ -1,8 +1,7 @@
-"""Third-party solvers, each only if installed."""
+"""Solvers of CasADi, if it is installed."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from importlib.util import find_spec
 from typing import Any, Final
 
@@ -35,8 +34,6 @@ _IPOPT: Final = {
 }
 _FATROP: Final = {'print_level': 0, 'mu_init': 1e-3}
 
-_ACADOS_SOLVERS: Final = ('FULL_CONDENSING_DAQP', 'PARTIAL_CONDENSING_HPIPM')
-
 
 def peers(task: Task) -> tuple[list[Method], dict[str, str]]:
     """All that can be compared with here.
@@ -44,23 +41,8 @@ def peers(task: Task) -> tuple[list[Method], dict[str, str]]:
     Returns:
         The methods, and why the others are missing, by name.
     """
-    found: list[Method] = []
-    missing: dict[str, str] = {}
-    families: tuple[tuple[str, Callable[[Task], tuple[list[Method], dict[str, str]]]], ...] = (
-        ('casadi', _of_casadi),
-        ('acados_template', _of_acados),
-    )
-    for package, family in families:
-        if find_spec(package) is None:
-            missing[package] = 'not installed, so not tried here'
-            continue
-        methods, without = family(task)
-        found += methods
-        missing |= without
-    return found, missing
-
-
-def _of_casadi(task: Task) -> tuple[list[Method], dict[str, str]]:
+    if find_spec('casadi') is None:
+        return [], {'casadi': 'not installed, so not tried here'}
     import casadi  # noqa: PLC0415 (only if it is installed)
 
     from benchmarks.methods.casadi_methods import Converged, Sqp  # noqa: PLC0415
@@ -81,9 +63,3 @@ def _of_casadi(task: Task) -> tuple[list[Method], dict[str, str]]:
         else:
             missing[solver] = 'not part of this CasADi'
     return found, missing
-
-
-def _of_acados(task: Task) -> tuple[list[Method], dict[str, str]]:
-    from benchmarks.methods.acados_method import Acados  # noqa: PLC0415
-
-    return [Acados(task, solver) for solver in _ACADOS_SOLVERS], {}

@@ -19,12 +19,12 @@ from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.replay.node_parameters import hidden_obstacles
 from cmpsp_ros.bags.runs.goals import goals_driven_to
-from cmpsp_ros.bags.runs.run import read_driven, seen_at
+from cmpsp_ros.bags.runs.run import read_driven, read_tracks, seen_at
 from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings, to_nanoseconds
 from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.robots import DifferentialDrive
 from cmpsp_ros.simulator import Physics, mjcf
-from cmpsp_ros.view import Lines, Part, bodies, body, course
+from cmpsp_ros.view import SIGMAS, Lines, Part, bodies, body, course
 from cmpsp_ros.world.obstacles import Shape
 
 Point = tuple[float, float]
@@ -35,9 +35,15 @@ BELOW: Final = -10.0
 HEIGHT: Final = 0.12
 """Of obstacles [m]."""
 
+_STATURE, _TRACK = 0.4, 0.02
+"""Of people up to their shoulders, and of tracks of own sensors [m]."""
+
 _PURPLE: Final = '0.62 0.2 0.5 1'
+_DOUBT: Final = '0.62 0.2 0.5 0.25'
+_DARK: Final = '0.35 0.1 0.28 1'
+_BROWN: Final = '0.55 0.34 0.2 1'
 _GREEN: Final = '0.05 0.5 0.25 1'
-_LINE = 0.012
+_LINE, _SHORTEST = 0.012, 1e-6
 _PARTS: Final = {
     'edge': ('0.25 0.25 0.25 1', 2.0 * _LINE),
     'obstacle': ('0.8 0.25 0.18 1', _LINE),
@@ -71,6 +77,7 @@ def scene(
     moving: Sequence[int] = (),
     ends: Lines = (),
     hidden: Iterable[Shape] = (),
+    people: Sequence[int] = (),
 ) -> str:
     """The scene in MuJoCo's own format, with the robot's free joint first.
 
@@ -81,6 +88,7 @@ def scene(
         moving: Ids of the moving obstacles, each a body `moving 7` to be placed later.
         ends: Lines on the floor where the robot starts and ends, each ``(K, 2)`` [m].
         hidden: Obstacles that only the simulator knows.
+        people: Numbers of the simulator's people, each a body `person 3` to be placed later.
     """
     posts = (each for index, place in enumerate(goals) for each in _goal(index, place))
     parts = course([settings.road], settings.obstacles, hidden)
@@ -89,7 +97,7 @@ def scene(
     robot = mjcf(settings.robot, Physics(), 0.0) if has_wheels(settings) else _shaped(settings)
     head, rest = robot.split('<worldbody>', 1)
     body = rest.split('/>', 1)[1]  # its floor is a bare one
-    discs = ''.join(map(_disc, moving))
+    discs = ''.join((*map(_disc, moving), *map(_person, people)))
     body = body.replace('</worldbody>', f'{discs}</worldbody>', 1)
     return f'{head}{_LOOK}\n    {decoration}{body}'
 
@@ -123,9 +131,22 @@ def _shaped(settings: GuidanceSettings) -> str:
 
 
 def _disc(number: int) -> str:
-    """An obstacle that moves, below the floor until it is seen."""
-    geom = _geom('cylinder', f'1 {HEIGHT / 2.0}', (0.0, 0.0, 0.0), _PURPLE, f'moving {number}')
-    return f'<body name="moving {number}" mocap="true" pos="0 0 {BELOW}">{geom}</body>\n'
+    """An obstacle that moves, below the floor until it is seen, with its doubt and an arrow."""
+    name = f'moving {number}'
+    height = _TRACK if number >= Track.SEEN else HEIGHT
+    geoms = (
+        _geom('cylinder', f'1 {height / 2.0}', (0.0, 0.0, height / 2.0), _PURPLE, name),
+        _geom('cylinder', f'1 {_LINE / 4.0}', (0.0, 0.0, _LINE), _DOUBT, f'{name} doubt'),
+        _geom('box', f'1 {2.0 * _LINE} {_LINE}', (0.0, 0.0, height), _DARK, f'{name} way'),
+    )
+    return f'<body name="{name}" mocap="true" pos="0 0 {BELOW}">{"".join(geoms)}</body>\n'
+
+
+def _person(number: int) -> str:
+    """A person of the simulator, below the floor until there is one."""
+    name, size = f'person {number}', f'1 {_STATURE / 2.0}'
+    geom = _geom('capsule', size, (0.0, 0.0, _STATURE / 2.0), _BROWN, name)
+    return f'<body name="{name}" mocap="true" pos="0 0 {BELOW}">{geom}</body>\n'
 
 
 def _course(parts: Iterable[Part]) -> Iterator[str]:
@@ -150,7 +171,8 @@ def _goal(index: int, place: Point) -> Iterator[str]:
 
 def _line(corners: Array, radius: float, color: str, height: float = 0.0) -> Iterator[str]:
     for (x0, y0), (x1, y1) in pairwise(corners.tolist()):
-        if (x0, y0) != (x1, y1):
+        # MuJoCo refuses shorter ones.
+        if math.dist((x0, y0), (x1, y1)) > _SHORTEST:
             ends = f'{x0} {y0} {height} {x1} {y1} {height}'
             yield (
                 f'<geom type="capsule" fromto="{ends}" size="{radius}" rgba="{color}" '
@@ -169,13 +191,12 @@ def _geom(
 
 
 _STILL, _MOVING = (640, 480), (480, 320)
-_STILLS, _RATE = 4, 10
-_FAINT = 0.3
+_STILLS, _RATE, _FAINT = 4, 10, 0.3
 _WAY_POINTS, _WAY_RATE = 400, 25
 
 # The camera: behind the robot and above it, looking at a point ahead of it.
-_DISTANCE, _ELEVATION, _AHEAD = 1.3, -32.0, 0.5
-_USUAL_RADIUS = 0.15
+_DISTANCE, _ELEVATION, _AHEAD, _USUAL_RADIUS = 1.3, -32.0, 0.5, 0.15
+_AMONG_PEOPLE, _FROM_ABOVE = 3.0, -45.0
 
 
 def film(bag: Path, output: Path, seconds: Sequence[float]) -> int:
@@ -198,7 +219,9 @@ def film(bag: Path, output: Path, seconds: Sequence[float]) -> int:
         raise BagError(f'{output}: is there already')
     record, driven = read_record(bag), read_driven(bag)
     first, settings = record.start, record.history.at(record.start)
-    last = min(int(driven.stamps[-1]), first + to_nanoseconds(settings.final_time))
+    last = int(driven.stamps[-1])
+    if not settings.may_be_late:
+        last = min(last, first + to_nanoseconds(settings.final_time))
     length = (last - first) / NANOSECONDS
     if not all(0.0 <= each <= length for each in seconds):
         raise BagError(f'{bag}: found times {seconds} s, wanted times from 0 to {length:.2f} s')
@@ -209,16 +232,18 @@ def film(bag: Path, output: Path, seconds: Sequence[float]) -> int:
     way = [driven.at(int(each))[:2] for each in np.linspace(first, last, corners)]
     led = goals_driven_to(record.decisions, settings)
     goals = list(dict.fromkeys(goal.position for goal in (*settings.goals, *(g for _, g in led))))
-    moved = sorted({each.id for each in record.tracks})
     ends = bodies(body(settings), [driven.at(first), driven.at(last)]).lines
     with Bag(bag) as opened:
         hidden = hidden_obstacles(opened, record.places.node)
-    model = scene(settings, np.array(way), goals, moved, ends, hidden)
+        people = read_tracks(opened, record.places.people, None)
+    moved, walked = (sorted({each.id for each in some}) for some in (record.tracks, people))
+    model = scene(settings, np.array(way), goals, moved, ends, hidden, walked)
     moments = [
         _Moment(
             driven.at(stamp),
-            seen_at(record.tracks, stamp, settings.moving_obstacles.timeout),
+            seen_at(record.tracks, stamp, settings),
             next((goals.index(goal.position) for since, goal in led[::-1] if since <= stamp), -1),
+            seen_at(people, stamp, settings),
         )
         for stamp in stamps
     ]
@@ -237,11 +262,12 @@ def film(bag: Path, output: Path, seconds: Sequence[float]) -> int:
 
 @dataclass(frozen=True)
 class _Moment:
-    """Pose ``(3,)`` of the robot, moving obstacles, and index of the current goal, -1 for none."""
+    """Pose ``(3,)`` of the robot, all that moves, and index of the current goal, -1 for none."""
 
     pose: Array
     moving: list[Track]
     goal: int
+    people: Sequence[Track] = ()
 
 
 def _frames(
@@ -253,9 +279,12 @@ def _frames(
     camera = mujoco.MjvCamera()
     two_wheels = has_wheels(settings)
     axle = settings.robot.wheel_radius if two_wheels else 0.0
-    # Who is larger is looked at from further away.
+    # Who is larger is looked at from further away, and who is among people from above them.
     farther = 1.0 if two_wheels else max(1.0, settings.circumscribed_radius / _USUAL_RADIUS)
-    camera.distance, camera.elevation = farther * _DISTANCE, _ELEVATION
+    has_people = any(each.people for each in moments)
+    farther *= _AMONG_PEOPLE if has_people else 1.0
+    camera.distance = farther * _DISTANCE
+    camera.elevation = _FROM_ABOVE if has_people else _ELEVATION
     width, height = size
     try:
         renderer = mujoco.Renderer(world, height, width)
@@ -282,10 +311,18 @@ def _frames(
 def _arrange(world: Any, state: Any, moment: _Moment) -> None:
     """Place the moving obstacles, and highlight the current goal."""
     state.mocap_pos[:, 2] = BELOW
-    for each in moment.moving:
-        name = f'moving {each.id}'
-        world.geom(name).size[0] = each.radius
-        state.mocap_pos[world.body(name).mocapid[0]] = (each.x, each.y, HEIGHT / 2.0)
+    for kind, tracks in (('moving', moment.moving), ('person', moment.people)):
+        for each in tracks:
+            name = f'{kind} {each.id}'
+            place, turn = world.body(name).mocapid[0], math.atan2(each.vy, each.vx) / 2.0
+            state.mocap_pos[place] = each.x, each.y, 0.0
+            state.mocap_quat[place] = math.cos(turn), 0.0, 0.0, math.sin(turn)
+            world.geom(name).size[0] = each.radius
+            if kind == 'moving':
+                reach = each.radius + SIGMAS * each.position_stddev
+                world.geom(f'{name} doubt').size[0] = reach
+                way, half = world.geom(f'{name} way'), math.hypot(each.vx, each.vy) / 2.0
+                way.size[0] = way.pos[0] = max(half, _LINE)
     names = [world.geom(index).name for index in range(world.ngeom)]
     for index, name in enumerate(names):
         if name.startswith('goal '):

@@ -43,6 +43,11 @@ class Names:
         return f'{self.node}/tracks'
 
     @property
+    def people(self) -> str:
+        """Topic of the simulator's people as they truly are."""
+        return f'{self.sim}/people'
+
+    @property
     def sighting(self) -> str:
         """Topic of the known surroundings."""
         return f'{self.node}/sighting'

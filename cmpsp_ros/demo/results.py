@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import combinations, cycle
+from functools import partial
+from itertools import combinations, cycle, groupby
 from pathlib import Path
 
 import matplotlib as mpl
@@ -14,15 +15,18 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
-from cmpsp_ros.bags.runs import DrivenPath, Run, encounters, read_run, seen_at
+from cmpsp_ros.bags.runs import DrivenPath, Run, encounters, lifetime, read_run, seen_at
 from cmpsp_ros.demo.scenario import Scenario
 from cmpsp_ros.demo.summary import Summary, final_time, summarise, window
 from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings
 from cmpsp_ros.robots import REFERENCE_POINT
+from cmpsp_ros.sensing import Track
 from cmpsp_ros.view import (
     BAGS,
     LIMIT,
     MOVING,
+    PERSON,
+    Part,
     along,
     bodies,
     body,
@@ -90,25 +94,47 @@ def draw_trajectory(
 
 
 def _draw_moving(axes: Axes, run: Run, settings: GuidanceSettings, first: int, last: int) -> None:
-    """The path of a moving obstacle, and its position at the closest approach."""
-    timeout = settings.moving_obstacles.timeout
+    """Paths of all that moves, each with its position at the closest approach.
+
+    Of tracks of own sensors only the path: the people of the simulator show where they truly were.
+    """
+    for tracks, color, label in (
+        (run.told, MOVING, 'moving obstacle where nearest'),
+        (run.people, PERSON, 'person where nearest'),
+    ):
+        driven = run.driven.between(first, last)
+        _draw_encounters(axes, driven, tracks, settings, color, label)
+    grouped = groupby((each for each in run.tracks if each.is_seen), key=lambda each: each.id)
+    paths = [np.array([(each.x, each.y) for each in tracks]) for _, tracks in grouped]
+    draw(axes, traces([Part('tracked', tuple(paths))], ''))
+
+
+def _draw_encounters(
+    axes: Axes,
+    driven: DrivenPath,
+    tracks: Sequence[Track],
+    settings: GuidanceSettings,
+    color: str,
+    label: str | None,
+) -> None:
     nearest: dict[str, tuple[float, int]] = {}
     bodies = [(REFERENCE_POINT, 0.0)]
-    for each in encounters(run.driven.between(first, last), run.tracks, bodies, timeout):
+    lifetime_of = partial(lifetime, settings=settings)
+    for each in encounters(driven, tracks, bodies, lifetime_of):
         index = int(each.clearance.argmin())
         found = float(each.clearance[index]), int(each.stamps[index])
         nearest[each.name] = min(found, nearest.get(each.name, found))
-    for index, (name, (_, stamp)) in enumerate(nearest.items()):
-        way = np.array([(each.x, each.y) for each in run.tracks if each.name == name])
-        axes.plot(*way.T, color=MOVING, ls='-.', lw=0.8, zorder=2)
-        (there,) = (each for each in seen_at(run.tracks, stamp, timeout) if each.name == name)
-        center, robot = (there.x, there.y), run.driven.at(stamp)[:2]
-        label = 'moving obstacle where nearest' if index == 0 else None
-        axes.add_patch(Circle(center, there.radius, color=MOVING, lw=0, zorder=4, label=label))
-        axes.plot(*zip(center, robot, strict=True), color=MOVING, lw=1.0, zorder=4)
+    for name, (_, stamp) in nearest.items():
+        way = np.array([(each.x, each.y) for each in tracks if each.name == name])
+        axes.plot(*way.T, color=color, ls='-.', lw=0.8, zorder=2)
+        (there,) = (each for each in seen_at(tracks, stamp, settings) if each.name == name)
+        center, robot = (there.x, there.y), driven.at(stamp)[:2]
+        axes.add_patch(Circle(center, there.radius, color=color, lw=0, zorder=4, label=label))
+        axes.plot(*zip(center, robot, strict=True), color=color, lw=1.0, zorder=4)
         axes.plot(*robot, '.', color=_DRIVEN, ms=8, zorder=6)
-        when = f'{(stamp - first) / NANOSECONDS:.1f} s'
+        when = f'{(stamp - int(driven.stamps[0])) / NANOSECONDS:.1f} s'
         axes.annotate(when, center, (9, -14), textcoords='offset points', zorder=6)
+        label = None
 
 
 def draw_controls(run: Run, settings: GuidanceSettings, path: Path) -> Figure:

@@ -6,6 +6,7 @@ import json
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from cmpsp_ros.bags.runs import (
     holes,
     in_words,
     is_within,
+    lifetime,
     longest_interval,
     mean_speed,
     overlaps,
@@ -148,7 +150,7 @@ def window(run: Run, settings: GuidanceSettings) -> tuple[int, int]:
 def summarise(run: Run, settings: GuidanceSettings, preset: str) -> Summary:
     """Figures of a recorded run."""
     first, last = window(run, settings)
-    driven, timeout = run.driven.between(first, last), settings.moving_obstacles.timeout
+    driven, lifetime_of = run.driven.between(first, last), partial(lifetime, settings=settings)
     interval = longest_interval(run.driven.stamps, settings)
     begin, end = int(run.driven.stamps[0]), int(run.driven.stamps[-1])
     unknown = [
@@ -161,7 +163,11 @@ def summarise(run: Run, settings: GuidanceSettings, preset: str) -> Summary:
         clearance = settings.world.clearance(
             settings, part.poses[:-1], part.twists[:-1], part.durations
         )
-        met = encounters(part, run.tracks, settings.bodies, timeout)
+        met = [
+            each
+            for tracks in (run.tracks if not run.people else run.told, run.people)
+            for each in encounters(part, tracks, settings.bodies, lifetime_of)
+        ]
         least = [float(each.clearance[~each.stands].min(initial=np.inf)) for each in met]
         nearest += [float(clearance.min()), *least]
     passings = []

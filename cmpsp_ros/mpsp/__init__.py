@@ -37,6 +37,8 @@ if TYPE_CHECKING:
         Step,
         Violation,
     )
-    from cmpsp_ros.mpsp.sqp.cmpsp import CMPSP, solve
+    from cmpsp_ros.mpsp.scaling import Scaling
+    from cmpsp_ros.mpsp.sqp.cmpsp import CMPSP
+    from cmpsp_ros.mpsp.sqp.solve import solve
 
 __getattr__, __all__ = lazy_exports(__name__, __file__)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,6 +22,10 @@ _TOLERANCES: Final = (
 )
 
 
+Method = Literal['auto', 'cmpsp', 'multiple_shooting']
+_PENALTY: Final = 1e3
+
+
 @dataclass(frozen=True)
 class Options:
     """Options of the iteration.
@@ -31,15 +35,16 @@ class Options:
 
     Attributes:
         penalty_terminal: Weight of each terminal output in merit and relaxation, one for all or
-            shape ``(m,)``; not negative.
+            shape ``(m,)``; not negative. None for 1000 in scaled units.
         penalty_path: Weight of each path constraint in merit and relaxation, one for all or shape
             ``(l,)``; not negative, infinite for a linear one that is never relaxed and that the
-            guess meets.
+            guess meets. None for 1000 in scaled units.
+        method: How `solve` goes about it: ``cmpsp``, the paper's iteration; ``multiple_shooting``
+            with exact second derivatives; ``auto`` begins with the former and goes on with the
+            latter where it has not converged after 15 iterations or ends in another way.
+        scaling: Whether `solve` scales the problem; tolerances are then relative to its units.
         qp: Name of the QP back end; not asked where the closed form (35) will do.
         hessian: Which Hessian of the cost.
-        constraint_curvature: Whether the curvature of dynamics, outputs and path constraints is
-            added to the Hessian, weighted with the latest multipliers. The problem must provide it.
-            Where the constraints are strongly curved the iteration converges much faster with it.
         elastic: Whether a subproblem without a feasible point is solved relaxed.
         trust_radius: Largest predicted change of each state component in one iteration, one for
             all or shape ``(n,)``, infinite where free; None for no trust region.
@@ -49,24 +54,25 @@ class Options:
         control_tolerance: ``eps_U`` of Sec. 4.
         violation_tolerance: Largest path constraint (4) at a solution, absolute. Sec. 4 does not
             ask for it, but without it a point outside the constraints could pass for one.
-        kkt_tolerance: Violation of the optimality conditions, relative to the size of the data, at
-            which a run has converged, however long its last step was; 0 for none.
+        kkt_tolerance: Largest violation of the optimality conditions at a solution, relative to 1
+            plus the largest part of the gradient.
         growth_limit: Growth of the controls or the cost since the guess, as a factor, from which
             on a run has diverged.
     """
 
-    penalty_terminal: ArrayLike
-    penalty_path: ArrayLike
+    penalty_terminal: ArrayLike | None = None
+    penalty_path: ArrayLike | None = None
+    method: Method = 'auto'
+    scaling: bool = True
     qp: str = RICCATI_ACTIVE_SET
     hessian: Hessian = 'gauss_newton'
-    constraint_curvature: bool = False
     elastic: bool = True
     trust_radius: ArrayLike | None = None
     line_search: bool = True
     output_tolerance: float = 1e-9
     control_tolerance: float = 1e-6
     violation_tolerance: float = 1e-6
-    kkt_tolerance: float = 0.0
+    kkt_tolerance: float = 1e-6
     growth_limit: float = 1e10
 
     def fitted(self, size: Dimensions) -> tuple[Array, Array, Array]:
@@ -76,6 +82,9 @@ class Options:
             ProblemError: Names the option, or says which QP back ends are installed.
         """
         backend(self.qp)
+        if self.method not in get_args(Method):
+            wanted = ', '.join(get_args(Method))
+            raise ProblemError(f'method: found {self.method!r}, wanted one of {wanted}')
         for name in _TOLERANCES:
             value = getattr(self, name)
             if not value >= 0.0:
@@ -88,8 +97,8 @@ class Options:
         )
 
 
-def _not_negative(name: str, value: ArrayLike, length: int) -> Array:
-    array = numbers(name, value)
+def _not_negative(name: str, value: ArrayLike | None, length: int) -> Array:
+    array = numbers(name, _PENALTY if value is None else value)
     if array.shape not in {(), (length,)}:
         raise ProblemError(f'{name}: found shape {array.shape}, wanted {(length,)}')
     if not (array >= 0.0).all():

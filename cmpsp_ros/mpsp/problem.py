@@ -174,6 +174,16 @@ class OptimalControlProblem(ABC):
         All but ``exact`` must leave the condensed Hessian positive semi-definite.
         """
 
+    def next_states(self, X: Array, U: Array) -> Array:  # noqa: ARG002
+        """Dynamics (1) of each stage by itself, ``F_k(X_k, U_k)``, shape ``(N, n)``. Optional.
+
+        States ``(N + 1, n)`` need not fit the controls. Multiple shooting needs it.
+
+        Raises:
+            ProblemError: This problem does not have it.
+        """
+        raise ProblemError('next_states: this problem does not provide it')
+
     def constraint_curvature(
         self,
         X: Array,  # noqa: ARG002
@@ -192,7 +202,7 @@ class OptimalControlProblem(ABC):
         Raises:
             ProblemError: This problem does not have it.
         """
-        raise ProblemError('constraint_curvature: found True, but this problem does not provide it')
+        raise ProblemError('constraint_curvature: this problem does not provide it')
 
     def check(self) -> None:
         """Raise `ProblemError` unless bounds and target fit the dimensions and each other."""

@@ -89,7 +89,8 @@ class Iterate:
     """State of the iteration after `index` = ``i`` steps: ``U``, ``X`` and their evaluation.
 
     `guess_size` is that of the guess; controls before the last step, and that step, are None at the
-    start.
+    start. `gap` is the largest gap between the states and the dynamics (1), 0 where the controls
+    lead to these states; only multiple shooting has gaps.
     """
 
     index: int
@@ -99,6 +100,7 @@ class Iterate:
     guess_size: Size
     previous_U: Array | None = None
     step: Step | None = None
+    gap: float = 0.0
 
     @property
     def not_finite(self) -> str:
@@ -120,9 +122,11 @@ class Record:
         step_length: Length that the line search took; 0 at the guess.
         terminal_error: ``|Y_N - Y_N*|``.
         violation: Largest path constraint (4), 0 where all are met.
+        gap: Largest gap between states and dynamics, in scaled units; 0 but for multiple shooting.
         kkt_residual: Violation of the optimality conditions of the problem itself at the iterate,
             with its latest multipliers (0 at the guess): stationarity, feasibility, signs and
-            complementarity, relative to the size of the data. NaN where they are.
+            complementarity, relative to the size of the data; of the scaled problem. NaN where they
+            are.
         terminal_multipliers: ``lambda``, shape ``(m,)``.
         path_multipliers: ``rho``, shape ``(N + 1, l)``.
         bound_multipliers: ``beta``, shape ``(N + 1, r)``, positive at the upper bound.
@@ -136,6 +140,7 @@ class Record:
     step_length: float
     terminal_error: float
     violation: float
+    gap: float
     kkt_residual: float
     terminal_multipliers: Array
     path_multipliers: Array
@@ -153,24 +158,32 @@ class Record:
         return frozenset((int(k), int(j)) for k, j in np.argwhere(self.bound_multipliers))
 
 
-def record(at: Iterate, subproblem: Subproblem | None) -> Record:
-    """Measure an iterate; its subproblem has the gradients, None where it is not finite."""
-    step, evaluation, residual = at.step, at.evaluation, math.nan
+def residual_at(at: Iterate, subproblem: Subproblem | None) -> float:
+    """KKT residual of an iterate with its latest multipliers; NaN without a subproblem."""
+    if subproblem is None:
+        return math.nan
+    # A point that is its own subproblem's solution, with dU = 0, meets the conditions.
+    here = QPSolution.unsolved(subproblem.size, QPStatus.SOLVED)
+    if at.step is not None:
+        applies = subproblem.linearisation.g != -np.inf
+        here = replace(
+            here,
+            terminal=at.step.terminal_multipliers,
+            path=np.where(applies, at.step.path_multipliers, 0.0),
+            bounds=at.step.bound_multipliers,
+        )
+    return kkt_residual(subproblem, here, None)
+
+
+def record(at: Iterate, residual: float) -> Record:
+    """Measure an iterate whose KKT residual is known."""
+    step, evaluation = at.step, at.evaluation
     g, moved = evaluation.g, 0.0 if at.previous_U is None else np.linalg.norm(at.U - at.previous_U)
     terminal = np.zeros_like(evaluation.output_error)
     path, bounds = np.zeros_like(g), np.zeros_like(at.U)
     if step is not None:
         terminal, path = step.terminal_multipliers, step.path_multipliers
         bounds = step.bound_multipliers
-    if subproblem is not None:
-        # A point that is its own subproblem's solution, with dU = 0, meets the conditions.
-        here = replace(
-            QPSolution.unsolved(subproblem.size, QPStatus.SOLVED),
-            terminal=terminal,
-            path=np.where(subproblem.linearisation.g == -np.inf, 0.0, path),
-            bounds=bounds,
-        )
-        residual = kkt_residual(subproblem, here, None)
     return Record(
         at.index,
         at.U,
@@ -179,6 +192,7 @@ def record(at: Iterate, subproblem: Subproblem | None) -> Record:
         0.0 if step is None else step.length,
         float(np.linalg.norm(evaluation.output_error)),
         float(g.max(initial=0.0)),
+        at.gap,
         residual,
         terminal,
         path,
@@ -194,15 +208,38 @@ class Status(Enum):
     """End of a C-MPSP run; the value is a sentence for the user."""
 
     CONVERGED = (
-        'Converged: terminal error, control change and constraint violation are below their '
-        'tolerances.'
+        'Converged: optimality conditions, terminal error, control change and constraint violation '
+        'are within their tolerances.'
     )
-    ITERATION_LIMIT = 'Stopped at the iteration limit before all tolerances were met.'
-    INFEASIBLE = 'The linearised constraints contradict each other; slack was needed to the end.'
-    DIVERGED = 'The controls or the cost grow without bound.'
-    STALLED = 'No step along the search direction lowers the merit function any more.'
-    QP_FAILED = 'The QP back end found no solution of the subproblem.'
-    NOT_FINITE = 'The prediction or its derivatives are not finite numbers.'
+    ITERATION_LIMIT = (
+        'Stopped at the iteration limit before all tolerances were met. Raise the limit, or start '
+        'nearer.'
+    )
+    TIME_LIMIT = 'Stopped at the time limit before all tolerances were met.'
+    INFEASIBLE = (
+        'The linearised constraints contradict each other; slack was needed to the end. Relax what '
+        'is not met, or start from a guess on another side of it.'
+    )
+    DIVERGED = (
+        'The controls or the cost grow without bound. Bound the controls, or check the sign of the '
+        'cost.'
+    )
+    STALLED = (
+        'No step along the search direction lowers the merit function any more. Check the '
+        'derivatives (check_derivatives) and whether the functions have kinks.'
+    )
+    NOT_A_MINIMUM = (
+        'The first-order conditions hold, but the cost curves down along the constraints: a '
+        'maximum or a saddle. Start from a guess without symmetries.'
+    )
+    QP_FAILED = (
+        'The QP back end found no solution of the subproblem. Try another one (Options.qp), or a '
+        'positive weight on every control.'
+    )
+    NOT_FINITE = (
+        'The prediction or its derivatives are not finite numbers. Start from controls along which '
+        'they are.'
+    )
 
 
 @dataclass(frozen=True)
@@ -256,6 +293,10 @@ class Solution:
         bound_multipliers: ``beta``, shape ``(N + 1, r)``, positive at an upper bound, negative at
             a lower one.
         violated: Constraints not met at the last iterate, the worst first.
+        is_minimum: True where the cost was found not to curve down along the active constraints;
+            None where this was not judged: the run did not converge, or the problem does not give
+            the curvature of its constraints.
+        scaling: Units in which it was solved, in one line.
     """
 
     iterate: Iterate
@@ -265,6 +306,8 @@ class Solution:
     path_multipliers: Array
     bound_multipliers: Array
     violated: tuple[Violation, ...]
+    is_minimum: bool | None = None
+    scaling: str = ''
 
     @property
     def curvature_lost(self) -> int:
@@ -286,6 +329,8 @@ class Solution:
             named = '; '.join(str(violation) for violation in self.violated[:_NAMED])
             more = len(self.violated) - _NAMED
             parts.append(f'Not met: {named}' + (f'; and {more} more.' if more > 0 else '.'))
+        if self.status is Status.CONVERGED and self.is_minimum is None:
+            parts.append('Second-order conditions were not judged: no constraint_curvature.')
         if self.curvature_lost:
             parts.append(f'The Hessian had lost curvature in {self.curvature_lost} iterations.')
         return ' '.join(parts)

@@ -118,7 +118,7 @@ def check(
         _regular(active, rank, ratio),
         _second_order(problem, solution, null_space),
     ]
-    if solution.status is not Status.CONVERGED:
+    if solution.status not in {Status.CONVERGED, Status.NOT_A_MINIMUM}:
         parts = [
             part._replace(verdict=Verdict.CANNOT_TELL, remark=f'not converged; {part.remark}')
             for part in parts

@@ -45,9 +45,16 @@ class Track:
     def name(self) -> str:
         """Name in messages."""
         source, number = divmod(self.id, self.SEEN)
+        if self.is_seen:
+            return f'person {number}'
         if source > 1:
             return f'object {number} of tracker {source - 1}'
-        return f'person {number}' if source == 1 else f'moving obstacle {self.id}'
+        return f'moving obstacle {self.id}'
+
+    @property
+    def is_seen(self) -> bool:
+        """True if own sensors have seen it."""
+        return self.SEEN <= self.id < 2 * self.SEEN
 
     @property
     def key(self) -> tuple[int, int]:

@@ -35,6 +35,7 @@ SEEN: Final = '#e0533d'
 UNSEEN: Final = '#b3bbc7'
 GOAL: Final = '#1b1f27'
 MOVING: Final = '#b03a8c'
+PERSON: Final = '#8c5a2b'
 MARGIN: Final = '#e69f00'
 LIMIT: Final = '#a63d40'
 TEXT: Final = '#1b1f27'
@@ -47,6 +48,9 @@ def bag_color(index: int) -> str:
 
 
 Lines = tuple[Array, ...]
+
+SIGMAS: Final = 2.0
+"""Standard deviations within which a moving obstacle is shown."""
 
 _WHOLE_MAP: Final = 20.0
 """Side up to which a map is shown as a whole [m]."""
@@ -90,6 +94,8 @@ LOOKS: Final = {
     'seen': Look('seen by sensors', SEEN, SEEN),
     'kept clear': Look('kept clear at samples', MARGIN, width=1.0, dash='dash'),
     'moving': Look('path of a moving obstacle', MOVING, width=1.0, dash='dashdot'),
+    'tracked': Look('track of what moves', MOVING, width=0.8, dash='dot'),
+    'person': Look('path of a person', PERSON, width=1.0),
     'robot': Look('other robot', TEXT, width=1.2, dash='dot'),
     'trail': Look('', '', width=0.6),
     'body': Look('robot', '', width=1.4),

@@ -11,13 +11,15 @@ from cmpsp_ros.arrays import Array
 from cmpsp_ros.bags.report.charts import Figure, axis, escaped, layout, suffix
 from cmpsp_ros.bags.report.view import MOST_PLANS, View, thinned
 from cmpsp_ros.bags.runs.goals import goals_driven_to
-from cmpsp_ros.bags.runs.run import DrivenPath
+from cmpsp_ros.bags.runs.run import DrivenPath, lifetime
 from cmpsp_ros.guidance import Goal
 from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.view import (
     LOOKS,
     MOVING,
+    PERSON,
     SEEN,
+    SIGMAS,
     TEXT,
     UNSEEN,
     arrow,
@@ -70,7 +72,8 @@ def moving(views: Sequence[View]) -> list[dict[str, Any]]:
                 for seconds, goal in goals_over_time(view)
             ],
             'moving': [_of_obstacle(view, each) for each in view.tracks],
-            'timeout': view.settings.moving_obstacles.timeout,
+            'people': [_of_obstacle(view, each) for each in view.people],
+            'sigmas': SIGMAS,
         }
         for view in views
     ]
@@ -112,10 +115,10 @@ def _of_obstacle(view: View, tracks: Sequence[Track]) -> dict[str, Any]:
     chosen = [tracks[k] for k in thinned(np.arange(len(tracks)), MOST_PLANS)]
     columns = {
         name: numbers(np.array([getattr(each, name) for each in chosen]))
-        for name in ('x', 'y', 'vx', 'vy', 'radius')
+        for name in (*Track.FIELDS, *Track.DOUBTS)
     }
     times = np.array([view.record.seconds(each.stamp) for each in chosen])
-    return {'t': numbers(times), **columns}
+    return {'t': numbers(times), 'timeout': lifetime(tracks[0], view.settings), **columns}
 
 
 _PANEL, _GAP = 520, 0.13
@@ -205,7 +208,10 @@ def _run(number: int, view: View) -> Iterator[Figure]:
     ring = {'symbol': 'circle-open', 'size': 30, 'line': {'width': 2}, 'color': color}
     hidden = {'showlegend': False}
     for name, mode, look in (
+        ('doubts', 'lines', {**moving, **hidden, 'opacity': 0.2}),
         ('moving', 'lines', {**moving, **hidden, 'opacity': 0.85}),
+        ('velocities', 'lines', {'line': {'color': MOVING, 'width': 2.0}, **hidden}),
+        ('people', 'lines', {'line': {'color': PERSON, 'width': 2.0}, **hidden}),
         ('others', 'lines', {'fill': 'toself', 'fillcolor': '#d9dce2', 'line': grey, **hidden}),
         ('plan', 'lines+markers', {
             'line': {'color': color, 'width': 1.2, 'dash': 'dot'},

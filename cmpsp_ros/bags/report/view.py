@@ -19,7 +19,7 @@ from cmpsp_ros.bags.audit.record import EDGES
 from cmpsp_ros.bags.decision_record import DecisionRecord, read_decisions
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.replay.node_parameters import hidden_obstacles
-from cmpsp_ros.bags.runs.run import DrivenPath, Planned, plans_in
+from cmpsp_ros.bags.runs.run import DrivenPath, Planned, plans_in, read_tracks
 from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings, World
 from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.robots import Signal
@@ -64,6 +64,7 @@ class View:
         plans: Some of the plans, in order of time; none if they were not recorded.
         grids: Some of the grids that sensors had shown, with their times [ns].
         hidden: Obstacles that only the simulator knows; none without our simulator.
+        people: True positions of each of its people, in order of time.
         version: Version of this package that recorded it, or empty.
     """
 
@@ -74,6 +75,7 @@ class View:
     plans: tuple[Planned, ...]
     grids: tuple[tuple[int, OccupancyGrid], ...]
     hidden: tuple[Shape, ...]
+    people: tuple[tuple[Track, ...], ...]
     version: str
 
     @property
@@ -97,10 +99,12 @@ class View:
 
     @cached_property
     def run(self) -> tuple[Part, ...]:
-        """Margins, moving obstacles, other robots, and last the robot itself at both ends."""
+        """Margins, all that moves, other robots, and last the robot itself at both ends."""
         return (
             kept_clear(self.settings, self.settings.world),
-            *(_moving(each) for each in self.tracks),
+            *(_moving(each) for each in self.tracks if not each[0].is_seen),
+            Part('tracked', tuple(_places(each) for each in self.tracks if each[0].is_seen)),
+            *(self._person(each) for each in self.people),
             *(self._other(name, each) for name, each in self.others.items()),
             trail(self.settings, self.poses),
             bodies(body(self.settings), self.poses[[0, -1]]),
@@ -109,8 +113,7 @@ class View:
     @cached_property
     def tracks(self) -> tuple[tuple[Track, ...], ...]:
         """Received positions of each moving obstacle, in order of time."""
-        grouped = groupby(self.record.tracks, key=lambda each: each.id)
-        return tuple(tuple(tracks) for _, tracks in grouped)
+        return _by_id(self.record.tracks)
 
     @cached_property
     def others(self) -> dict[str, DrivenPath]:
@@ -231,6 +234,22 @@ class View:
             for k, end in pairwise([*begins, len(decisions)])
         )
 
+    def _person(self, tracks: Sequence[Track]) -> Part:
+        """Path of a person, and the body where it was nearest to the robot, with the time."""
+        nearest, seconds = self._nearest(tracks)
+        center = nearest.x, nearest.y
+        name = f'{seconds:.1f} s', center
+        return Part('person', (_places(tracks),), (name,), ((center, nearest.radius),))
+
+    def _nearest(self, tracks: Sequence[Track]) -> tuple[Track, float]:
+        """Track at the closest approach to the robot, and its time [s]."""
+        times = self._seconds(np.array([each.stamp for each in tracks], dtype=np.int64))
+        robot = np.column_stack(
+            [np.interp(times, self.times, each) for each in self.poses[:, :2].T]
+        )
+        index = int(np.hypot(*(_places(tracks) - robot).T).argmin())
+        return tracks[index], float(times[index])
+
     def _other(self, name: str, driven: DrivenPath) -> Part:
         ends = bodies(disc(self.settings.moving_obstacles.others_radius), driven.poses[[0, -1]])
         x, y, _ = driven.poses[len(driven.poses) // 4].tolist()
@@ -252,9 +271,10 @@ def view(path: Path, label: str, record: AuditRecord) -> View:
         decisions = read_decisions(bag, record.places.decision)
         grids = tuple(_grids(bag, record.places.sighting))
         hidden = hidden_obstacles(bag, record.places.node)
+        people = _by_id(read_tracks(bag, record.places.people, None))
     plans = tuple(found[each] for each in thinned(np.arange(len(found)), MOST_PLANS))
     findings = audit_record(record)
-    return View(label, record, decisions, findings, plans, grids, hidden, version)
+    return View(label, record, decisions, findings, plans, grids, hidden, people, version)
 
 
 def _grids(bag: Bag, topic: str) -> Iterator[tuple[int, OccupancyGrid]]:
@@ -297,9 +317,16 @@ def _least(times: Array, values: dict[str, Array]) -> tuple[Array, dict[str, Arr
     return times[begins], {name: np.minimum.reduceat(each, begins) for name, each in values.items()}
 
 
+def _by_id(tracks: Sequence[Track]) -> tuple[tuple[Track, ...], ...]:
+    return tuple(tuple(each) for _, each in groupby(tracks, key=lambda each: each.id))
+
+
+def _places(tracks: Sequence[Track]) -> Array:
+    return np.array([(each.x, each.y) for each in tracks])
+
+
 def _moving(tracks: Sequence[Track]) -> Part:
-    places = np.array([(each.x, each.y) for each in tracks])
-    return Part('moving', (places,), ((tracks[0].name, (tracks[0].x, tracks[0].y)),))
+    return Part('moving', (_places(tracks),), ((tracks[0].name, (tracks[0].x, tracks[0].y)),))
 
 
 def _shown(decision: DecisionRecord) -> str:

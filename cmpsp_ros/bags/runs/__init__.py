@@ -10,4 +10,4 @@ from cmpsp_ros.bags.runs.odometry import (
     overlaps,
     pieces,
 )
-from cmpsp_ros.bags.runs.run import DrivenPath, Run, read_run, seen_at
+from cmpsp_ros.bags.runs.run import DrivenPath, Run, lifetime, read_run, seen_at

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -37,16 +37,16 @@ class Encounter:
 
 
 def encounters(
-    path: DrivenPath, tracks: Sequence[Track], bodies: Bodies, timeout: float
+    path: DrivenPath, tracks: Sequence[Track], bodies: Bodies, lifetime_of: Callable[[Track], float]
 ) -> Iterator[Encounter]:
     """Every part of a path with the moving obstacles of that time, at constant velocity.
 
-    An obstacle that is not seen again is dropped after `timeout` [s]; `bodies` as in
+    An obstacle that is not seen again is dropped after its lifetime [s]; `bodies` as in
     `GuidanceSettings.bodies`.
     """
     begin, end = int(path.stamps[0]), int(path.stamps[-1])
     for index, each in enumerate(tracks):
-        until = each.stamp + round(timeout * NANOSECONDS)
+        until = each.stamp + round(lifetime_of(each) * NANOSECONDS)
         if index + 1 < len(tracks) and tracks[index + 1].id == each.id:
             until = min(until, tracks[index + 1].stamp)
         first, last = max(each.stamp, begin), min(until, end)
@@ -94,7 +94,7 @@ def robot_encounters(
     """
     grown = [(points, own + radius) for points, own in bodies]
     for namespace, other in others.items():
-        for each in encounters(path, _tracks(other), grown, timeout):
+        for each in encounters(path, _tracks(other), grown, lambda _: timeout):
             yield replace(each, name=f'robot {namespace}')
 
 

@@ -12,10 +12,13 @@ from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.bags.decision_record import DecisionRecord, read_decisions
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.guidance import NANOSECONDS
+from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings
 from cmpsp_ros.guidance.messages import Track, TrackError, heading_of, tracks_of
 from cmpsp_ros.robots import arc_ends, plain
 from cmpsp_ros.sensing import stamp_of
+
+_PERIODS = 1.5
+"""Control periods for which what own sensors have seen counts."""
 
 
 def read_tracks(bag: Bag, topic: str, frame_id: str | None) -> tuple[Track, ...]:
@@ -38,19 +41,38 @@ def read_tracks(bag: Bag, topic: str, frame_id: str | None) -> tuple[Track, ...]
     return tuple(found[key] for key in sorted(found))
 
 
-def seen_at(tracks: Iterable[Track], stamp: int, timeout: float) -> list[Track]:
+def seen_at(tracks: Iterable[Track], stamp: int, settings: GuidanceSettings) -> list[Track]:
     """Moving obstacles as known at an instant [ns], brought to it, by number.
 
-    One that is not seen again is forgotten after `timeout` [s].
+    One that is not seen again is forgotten after `lifetime`.
     """
-    oldest = stamp - round(timeout * NANOSECONDS)
-    latest = {each.id: each for each in tracks if oldest <= each.stamp <= stamp}
+    latest = {
+        each.id: each
+        for each in tracks
+        if 0 <= stamp - each.stamp <= round(lifetime(each, settings) * NANOSECONDS)
+    }
     return [_after(each, stamp) for each in latest.values()]
+
+
+def lifetime(track: Track, settings: GuidanceSettings) -> float:
+    """Time for which a track counts without being seen again [s].
+
+    The sensors of the robot say by their next sighting what they do not see any longer.
+    """
+    return (
+        _PERIODS * settings.control_period if track.is_seen else settings.moving_obstacles.timeout
+    )
 
 
 def _after(track: Track, stamp: int) -> Track:
     age = (stamp - track.stamp) / NANOSECONDS
-    return replace(track, stamp=stamp, x=track.x + age * track.vx, y=track.y + age * track.vy)
+    return replace(
+        track,
+        stamp=stamp,
+        x=track.x + age * track.vx,
+        y=track.y + age * track.vy,
+        position_stddev=track.position_stddev + age * track.velocity_stddev,
+    )
 
 
 @dataclass(frozen=True)
@@ -117,6 +139,7 @@ class Run:
         plans: In order; empty if they were not recorded.
         driven: The driven path, from `read_driven`.
         tracks: Moving obstacles as received, by id and time.
+        people: The simulator's people as they truly were, by number and time.
         wheel_stamps: IntArray of the wheel speeds [ns], shape ``(W,)``.
         wheel_speeds: Wheel speeds of all wheels, driven or, without a simulator, commanded; shape
             ``(W, wheels)`` [rad/s].
@@ -126,8 +149,14 @@ class Run:
     plans: tuple[Planned, ...]
     driven: DrivenPath
     tracks: tuple[Track, ...]
+    people: tuple[Track, ...]
     wheel_stamps: IntArray
     wheel_speeds: Array
+
+    @property
+    def told(self) -> tuple[Track, ...]:
+        """Moving obstacles but for those that own sensors have seen."""
+        return tuple(each for each in self.tracks if not each.is_seen)
 
 
 def read_run(path: Path, namespace: str = '') -> Run:
@@ -147,10 +176,12 @@ def read_run(path: Path, namespace: str = '') -> Run:
         node = 'sim' if f'{namespace}/sim/truth' in bag.topics else 'guidance'
         stamps, speeds = _wheels(bag, f'{namespace}/{node}/wheel_speeds')
         moving = bag.as_decided_on(f'{namespace}/guidance', 'moving_obstacles')
-        told, seen = (
-            read_tracks(bag, each, None) for each in (moving, f'{namespace}/guidance/tracks')
+        told, seen, people = (
+            read_tracks(bag, each, None)
+            for each in (moving, f'{namespace}/guidance/tracks', f'{namespace}/sim/people')
         )
-        return Run(decisions, plans, driven_in(bag, namespace), told + seen, stamps, speeds)
+        driven = driven_in(bag, namespace)
+        return Run(decisions, plans, driven, told + seen, people, stamps, speeds)
 
 
 def read_driven(path: Path, namespace: str = '') -> DrivenPath:

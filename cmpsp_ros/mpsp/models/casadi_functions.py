@@ -225,6 +225,9 @@ class _CasadiProblem(StageProblem):
         ahead = self._roll_out(self._start, U[:-1].T, self._p[:-1].T).full()
         return np.vstack([self._start, ahead.T])
 
+    def next_states(self, X: Array, U: Array) -> Array:
+        return self._over_horizon('step', X, U)[0][:-1, :, 0]
+
     def evaluate(self, X: Array, U: Array) -> Evaluation:
         cost, h, g = self._over_horizon('value', X, U)
         g = np.where(self._applies, g[:, :, 0], -np.inf)

@@ -127,6 +127,10 @@ class ControlRateProblem(OptimalControlProblem):
         _put_previous(self._data.previous, self._data.steps, np.ascontiguousarray(U), X)
         return X
 
+    def next_states(self, X: Array, U: Array) -> Array:
+        """States of the inner problem at the next stage, each beside the control before it."""
+        return np.hstack([self._inner.next_states(X[:, : self._inner.size.state], U), U[:-1]])
+
     def evaluate(self, X: Array, U: Array) -> Evaluation:
         """Value of the inner problem and the cost of its changes of control."""
         _, steps, weight, _, max_change, rows, _ = self._data

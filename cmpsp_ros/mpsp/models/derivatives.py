@@ -42,7 +42,7 @@ class StageFunction:
         self._states = states
 
     def __call__(self, k: int, Z: NDArray[Any]) -> NDArray[Any]:
-        """The value: NaN where Python's arithmetic raises, complex where ``Z`` is.
+        """The value: NaN where Python's arithmetic overflows, complex where ``Z`` is.
 
         Raises:
             ProblemError: The value has the wrong shape or is no number.
@@ -51,7 +51,7 @@ class StageFunction:
             with np.errstate(all='ignore'):
                 # Copies: the function may work in place.
                 found = self._function(k, Z[: self._states].copy(), Z[self._states :].copy())
-        except ArithmeticError:
+        except OverflowError:
             nan = complex(np.nan, np.nan) if np.iscomplexobj(Z) else np.nan
             return np.full(self.shape, nan)
         try:

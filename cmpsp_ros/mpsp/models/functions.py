@@ -240,6 +240,10 @@ class _FunctionsProblem(StageProblem):
             X[k + 1] = self._functions.F(k, np.concatenate([X[k], U[k]]))
         return X
 
+    def next_states(self, X: Array, U: Array) -> Array:
+        Z = np.hstack([X, U])
+        return np.array([self._functions.F(k, Z[k]) for k in range(self.size.horizon)])
+
     def evaluate(self, X: Array, U: Array) -> Evaluation:
         Z, f = np.hstack([X, U]), self._functions
         cost, g = 0.0, np.empty((len(Z), self.size.path))

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -15,17 +12,7 @@ from cmpsp_ros.mpsp.qp import QPStatus
 from cmpsp_ros.mpsp.qp.active_set.records import put_derivatives
 from cmpsp_ros.mpsp.qp.riccati.program import Records
 from cmpsp_ros.mpsp.qp.subproblem import Subproblem
-from cmpsp_ros.mpsp.results import (
-    SLACK_TOLERANCE,
-    Iterate,
-    Record,
-    Size,
-    Solution,
-    Status,
-    Step,
-    record,
-    violations,
-)
+from cmpsp_ros.mpsp.results import SLACK_TOLERANCE, Iterate, Size, Status, Step
 from cmpsp_ros.mpsp.sqp.driver import Driver, Functions
 from cmpsp_ros.mpsp.sqp.workspace import Phase
 
@@ -44,11 +31,7 @@ class CMPSP:
         self._problem = problem
         self._options = options
         self._trust_radius = fitted[-1]
-        self._driver = Driver(
-            size,
-            *fitted,
-            (options.qp, 'exact' if options.constraint_curvature else options.hessian),
-        )
+        self._driver = Driver(size, *fitted, (options.qp, options.hessian))
         ws = self._driver.ws
         ws.run['line_search'], ws.run['elastic'] = options.line_search, options.elastic
         # `full_change` is measured where there is a tolerance.
@@ -75,16 +58,6 @@ class CMPSP:
         """The quadratic program (45) (54) (57) at an iterate."""
         problem = self._problem
         linearisation = problem.linearise(at.X, at.U, self._options.hessian)
-        if self._options.constraint_curvature and at.step is not None:
-            path = np.where(linearisation.g == -np.inf, 0.0, at.step.path_multipliers)
-            mu, terminal = costates(linearisation, at.step)[1:], at.step.terminal_multipliers
-            XX, UX, UU = problem.constraint_curvature(at.X, at.U, mu, terminal, path)
-            linearisation = replace(
-                linearisation,
-                L_XX=linearisation.L_XX + XX,
-                L_UX=linearisation.L_UX + UX,
-                L_UU=linearisation.L_UU + UU,
-            )
         lower, upper = problem.control_lower - at.U, problem.control_upper - at.U
         return Subproblem(linearisation, lower, upper, self._trust_radius)
 
@@ -149,20 +122,6 @@ class CMPSP:
             at_bottom = step.gains_nothing_on(at.evaluation)
             return Status.INFEASIBLE if at_bottom else Status.STALLED
         return None
-
-    def conclude(self, at: Iterate, status: Status, history: Sequence[Record]) -> Solution:
-        """The solution of a run that ends at an iterate."""
-        options, last = self._options, history[-1]
-        output_tolerance = options.output_tolerance * self._target_size
-        return Solution(
-            at,
-            status,
-            tuple(history),
-            last.terminal_multipliers,
-            last.path_multipliers,
-            last.bound_multipliers,
-            violations(at.evaluation, output_tolerance, options.violation_tolerance),
-        )
 
     @property
     def _target_size(self) -> float:
@@ -232,55 +191,3 @@ def _summary(driver: Driver, subproblem: Subproblem) -> Step:
         bool(run['is_corrected']),
         not_finite,
     )
-
-
-def costates(linearisation: Linearisation, step: Step) -> Array:
-    """Multipliers of the dynamics (1), for which the Lagrangian is stationary in the states.
-
-    The gradient of the cost to go by ``X_k``, shape ``(N + 1, n)``.
-    """
-    lin = linearisation
-    rows = np.einsum('kli,kl->ki', lin.g_X, step.path_multipliers)
-    found: Array = lin.L_X + rows
-    found[-1] += lin.h_X.T @ step.terminal_multipliers
-    for k in reversed(range(len(lin.A))):
-        found[k] += lin.A[k].T @ found[k + 1]
-    return found
-
-
-def solve(
-    problem: OptimalControlProblem, U: ArrayLike, options: Options, max_iterations: int
-) -> Solution:
-    """Iterate from a guess until the iteration ends by itself or at the limit.
-
-    Args:
-        problem: The problem.
-        U: Guessed control history ``U^0``, shape ``(N + 1, r)``.
-        options: How the iteration is run.
-        max_iterations: Iterations at most.
-
-    Returns:
-        How the run ended, with a record of every iterate.
-
-    Raises:
-        ProblemError: The guess or an option does not fit the problem, or the problem's bounds,
-            target or derivatives do not fit its dimensions.
-    """
-    problem.check()
-    iteration = CMPSP(problem, options)
-    iterate = iteration.init(U)
-    if not iterate.not_finite:
-        problem.linearise(iterate.X, iterate.U, options.hessian).check_shapes(problem.size)
-    history = []
-    while True:
-        status = iteration.terminate(iterate)
-        # The subproblem at the new iterate gives its KKT residual, and the next step needs it.
-        subproblem = iteration.subproblem(iterate) if not iterate.not_finite else None
-        history.append(record(iterate, subproblem))
-        if history[-1].kkt_residual <= options.kkt_tolerance > 0.0:
-            status = Status.CONVERGED
-        if status is None and iterate.index >= max_iterations:
-            status = Status.ITERATION_LIMIT
-        if status is not None:
-            return iteration.conclude(iterate, status, history)
-        iterate = iteration.step(iterate, subproblem)

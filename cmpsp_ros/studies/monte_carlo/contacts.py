@@ -20,13 +20,17 @@ if TYPE_CHECKING:
 ACTIVE: Final = 0.05
 """Speed of the robot above which a contact is its own doing [m/s]."""
 
+STOOD: Final = 'it stood when it was touched, and drove away'
 ALL_HELD: Final = 'all assumptions held'
 TOO_FAST: Final = 'faster than max_obstacle_speed'
 TOO_SHARP: Final = 'sharper acceleration than people.max_acceleration'
 OUTSIDE: Final = 'outside the field of view'
 TOO_LATE: Final = 'out of sight until nearer than anybody could stop'
 
-_MAX_SPEED, _MAX_ACCELERATION, _ROUNDING = 1.6, 1.0, 1e-6
+_ROUNDING: Final = 1e-6
+_TOUCHING: Final = 0.02
+"""Clearance below which a person may have been stopped by the robot [m]."""
+
 _APART: Final = 1.0
 """Time without touching after which another contact begins [s]."""
 
@@ -53,6 +57,13 @@ class Contact:
     speed: float
     is_active: bool
     reason: str
+
+    @property
+    def sentence(self) -> str:
+        """The contact in words."""
+        if not self.is_active:
+            return f'{self.time:6.2f} s  {self.person} touches the robot at rest'
+        return f'{self.time:6.2f} s  {self.person}, robot at {self.speed:.2f} m/s: {self.reason}'
 
 
 @dataclass(frozen=True)
@@ -118,22 +129,30 @@ def contacts(driven: DrivenRun, names: Sequence[str]) -> tuple[Contact, ...]:
         for episode in np.split(touching, parts):
             active = episode[speeds[episode] > ACTIVE]
             first = int(active[0] if len(active) else episode[0])
-            time, speed = float(stamps[first]), float(speeds[first])
-            reason = _reason(driven, person, time) if len(active) else ''
+            time, speed, reason = float(stamps[first]), float(speeds[first]), ''
+            if len(active):
+                stood = speeds[max(int(episode[0]) - 1, 0)] <= ACTIVE and first > episode[0]
+                free = stamps[:-1][near[:, person] > _TOUCHING]
+                reason = STOOD if stood else _reason(driven, person, time, free)
             found.append(Contact(time, name, speed, bool(len(active)), reason))
     return tuple(sorted(found, key=lambda each: each.time))
 
 
-def _reason(driven: DrivenRun, person: int, time: float) -> str:
-    """The first assumption of the promise that did not hold before a contact."""
+def _reason(driven: DrivenRun, person: int, time: float, free: Array) -> str:
+    """The first assumption of the promise that did not hold before a contact.
+
+    A person who bumps into the robot is stopped by it: accelerations count at times ``free`` [s].
+    """
     began = np.array([stamp for stamp, _ in driven.people]) / NANOSECONDS
     before = np.flatnonzero((began > time - _LOOKING_BACK) & (began <= time))
     states = np.array([driven.people[k][1][person] for k in before])
     speeds = np.hypot(states[:, 2], states[:, 3])
-    if speeds.max(initial=0.0) > _MAX_SPEED + _ROUNDING:
+    assumed = driven.task.settings.moving_obstacles
+    if speeds.max(initial=0.0) > assumed.max_speed + _ROUNDING:
         return TOO_FAST
     changes = np.hypot(*np.diff(states[:, 2:4], axis=0).T) / np.diff(began[before])
-    if changes.max(initial=0.0) > _MAX_ACCELERATION + _ROUNDING:
+    changes = changes[np.isin(began[before][1:], free)]
+    if changes.max(initial=0.0) > assumed.max_acceleration + _ROUNDING:
         return TOO_SHARP
     sights = [_sight(driven, int(k), person) for k in before]
     if not sights or sights[-1] is None:

@@ -107,7 +107,8 @@ def run_one(study: Study, number: int, folder: Path) -> tuple[StudyOutcome, list
     """Make one run again and draw it into a folder, whose other files stay.
 
     Returns:
-        Its outcome, the decision at each change of fallback level, and the picture.
+        Its outcome, the decision at each change of fallback level and all contacts with people, and
+        the picture.
 
     Raises:
         StudyError: The picture cannot be written.
@@ -118,7 +119,9 @@ def run_one(study: Study, number: int, folder: Path) -> tuple[StudyOutcome, list
     with _disk_errors(folder):
         folder.mkdir(parents=True, exist_ok=True)
         picture = _draw_one(folder, study, driven)
-    return outcome(driven), _changes(driven), picture
+    made = outcome(driven)
+    met = () if made.crowd is None else made.crowd.contacts
+    return made, [*_changes(driven), *(each.sentence for each in met)], picture
 
 
 def make_runs(
@@ -283,11 +286,8 @@ def _draw_one(folder: Path, study: Study, driven: DrivenRun) -> Path:
     made = outcome(driven)
     title = f'{study.command(number)}\n{made.verdict(study.tolerance).value}, '
     title += f'miss {made.miss:.3g} m, clearance {made.clearance:+.3f} m'
-    if made.crowd is not None and made.crowd.active:
-        title += '\n' + '; '.join(
-            f'{each.time:.1f} s {each.person} at {each.speed:.2f} m/s: {each.reason}'
-            for each in made.crowd.active
-        )
+    if made.crowd is not None:
+        title = '\n'.join([title, *(each.sentence for each in made.crowd.active)])
     return pictures.draw_run(folder / f'run_{number:05d}.png', title, driven)
 
 

@@ -99,7 +99,8 @@ _ARTEFACTS: Final[Mapping[str, Artefact]] = {
         'Zero, one and two obstacles', _with_guess,
     ),
     'fig11': Artefact(
-        'Wheel speeds with zero, one and two obstacles', figures.fig11, few_obstacles, _WHEELS, '',
+        'Wheel speeds with zero, one and two obstacles',
+        lambda sheet: figures.obstacle_wheel_speeds(sheet, 'Fig. 11'), few_obstacles, _WHEELS, '',
         _wheels_with_guess,
     ),
     'fig12': Artefact(
@@ -107,7 +108,8 @@ _ARTEFACTS: Final[Mapping[str, Artefact]] = {
         'Three, four and five obstacles', _with_guess,
     ),
     'fig13': Artefact(
-        'Wheel speeds with three, four and five obstacles', figures.fig13, many_obstacles, _WHEELS,
+        'Wheel speeds with three, four and five obstacles',
+        lambda sheet: figures.obstacle_wheel_speeds(sheet, 'Fig. 13'), many_obstacles, _WHEELS,
         '', _wheels_with_guess,
     ),
     'timing': Artefact('Computing time', convergence.timing),

@@ -116,7 +116,7 @@ def fig4(sheet: Sheet) -> None:
 
 def table_1(sheet: Sheet) -> None:
     """The four guesses, and all ten runs by the paper's text alone."""
-    _objectives(sheet, 'table1_all')
+    _admissible(sheet, 'table1_all')
     sheet.lab.progress('driving all ten runs as the text has them, and with one plan alone')
     ten = [*cases(), *table1(), *table2()]
     others = {
@@ -177,7 +177,7 @@ def table_2(sheet: Sheet) -> None:
 
 def fig8(sheet: Sheet) -> None:
     """Trajectories from the three headings."""
-    _objectives(sheet, 'fig8_objectives', otherwise=True)
+    _admissible(sheet, 'fig8_objectives', otherwise=True)
     distances = apart([drive.path for drive in sheet.panels.plain])
     pairs = ', '.join(f'{value * 1e3:.0f}' for value in distances)
     sheet.claim('fig8_different', bool((distances > _DIFFERENT).all()), pairs=pairs)
@@ -200,8 +200,7 @@ def fig10(sheet: Sheet) -> None:
     speed = guess.controls[0, 0]
     sheet.claim('fig10_straight', ClaimVerdict.UNDECIDABLE, speed=speed, turned=turned)
     costs = ', '.join(f'{drive.path.cost:.1f}' for drive in sheet.panels.bound)
-    verdict = ClaimVerdict.DEPENDS if _is_admissible(sheet.panels) else ClaimVerdict.FAILS
-    sheet.claim('fig10_intuitive', verdict, costs=costs, **_admissible(sheet.panels))
+    _admissible(sheet, 'fig10_intuitive', ClaimVerdict.DEPENDS, costs=costs)
     sheet.numbers |= _optima(sheet)
 
 
@@ -210,8 +209,7 @@ def fig12(sheet: Sheet) -> None:
     bound = sheet.panels.bound
     costs, optima = [drive.path.cost for drive in bound], _optima(sheet)
     sheet.claim('fig12_positions', ClaimVerdict.UNDECIDABLE)
-    admissible = _admissible(sheet.panels)
-    sheet.claim('fig12_admissible', _is_admissible(sheet.panels), **admissible)
+    _admissible(sheet, 'fig12_admissible')
     shares = [float((np.abs(drive.path.off_center) > _NEAR_EDGE).mean()) for drive in bound]
     text = ', '.join(f'{share:.0%}' for share in shares)
     sheet.claim('fig12_boundary', ClaimVerdict.DEPENDS, shares=text)
@@ -237,50 +235,37 @@ def fig12(sheet: Sheet) -> None:
     sheet.tables.append(Table('Where the obstacles are', columns, rows))
 
 
-def fig11(sheet: Sheet) -> None:
-    """Wheel speeds with zero, one and two obstacles."""
-    _obstacle_wheel_speeds(sheet, 'Fig. 11')
-
-
-def fig13(sheet: Sheet) -> None:
-    """Wheel speeds with three, four and five obstacles."""
-    _obstacle_wheel_speeds(sheet, 'Fig. 13')
-
-
-def _obstacle_wheel_speeds(sheet: Sheet, figure: str) -> None:
+def obstacle_wheel_speeds(sheet: Sheet, figure: str) -> None:
+    """Wheel speeds with several numbers of obstacles, in a figure of the paper."""
     guess = sheet.panels.plain[0].experiment.settings.initial_guess.wheel_speeds
     largest = max(float(drive.path.peaks.max()) for drive in sheet.panels.drives)
     verdict = ClaimVerdict.UNDECIDABLE
     sheet.claim('wheel_speeds', verdict, figure=figure, guess=guess, largest=largest)
 
 
-def _objectives(sheet: Sheet, key: str, *, otherwise: bool = False) -> None:
+def _admissible(
+    sheet: Sheet,
+    key: str,
+    verdict: ClaimVerdict = ClaimVerdict.HOLDS,
+    *,
+    otherwise: bool = False,
+    **values: object,
+) -> None:
     """Claim that all runs arrive and keep clear; the second reason may be for cut corners."""
-    plain, bound = sheet.panels
-    miss, kept = worst_miss(sheet.panels.drives), least_clearance(bound, between_samples=True)
-    cut = least_clearance(plain, between_samples=True)
+    (plain, bound), drives = sheet.panels, sheet.panels.drives
+    miss, kept = worst_miss(drives), least_clearance(bound, between_samples=True)
+    at, cut = (least_clearance(plain, between_samples=each) for each in (False, True))
+    holds = miss < ARRIVED and kept >= 0.0 and within_limits(drives)
     sheet.claim(
         key,
-        miss < ARRIVED and kept >= 0.0 and within_limits(sheet.panels.drives),
+        verdict if holds else ClaimVerdict.FAILS,
         otherwise=otherwise and cut < 0.0,
         miss=miss,
         kept=millimetres(kept),
+        at=millimetres(at),
         cut=millimetres(cut),
+        **values,
     )
-
-
-def _admissible(panels: Panels) -> dict[str, Any]:
-    return {
-        'miss': worst_miss(panels.drives),
-        'kept': millimetres(least_clearance(panels.bound, between_samples=True)),
-        'at': millimetres(least_clearance(panels.plain, between_samples=False)),
-        'cut': millimetres(least_clearance(panels.plain, between_samples=True)),
-    }
-
-
-def _is_admissible(panels: Panels) -> bool:
-    kept = least_clearance(panels.bound, between_samples=True)
-    return worst_miss(panels.drives) < ARRIVED and kept >= 0.0 and within_limits(panels.drives)
 
 
 def _optima(sheet: Sheet) -> dict[str, Any]:

@@ -148,7 +148,7 @@ def recorded_settings(folder):
 def distances(driven, tracks):
     """Least distance of a path from each obstacle, by name, as it was told of [m]."""
     nearest = {}
-    for each in encounters(driven, tracks, [(REFERENCE_POINT, 0.0)], 1.0):
+    for each in encounters(driven, tracks, [(REFERENCE_POINT, 0.0)], lambda _: 1.0):
         known = nearest.get(each.name, math.inf)
         nearest[each.name] = min(known, float(each.clearance.min()))
     return nearest

@@ -8,22 +8,27 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bag_messages import (
+    CLOUD,
     JOINTS,
     ODOMETRY,
     PLAIN_DECISION,
     SECOND,
     STATUS,
+    cloud,
     joints,
     odometry,
     raw,
     status,
 )
+from matplotlib.patches import Circle
 
 from cmpsp_ros.bags import BagWriter
 from cmpsp_ros.bags.runs import read_run
 from cmpsp_ros.demo import load_scenario
 from cmpsp_ros.demo.results import draw_controls, draw_fleet, draw_trajectory
+from cmpsp_ros.demo.summary import summarise
 from cmpsp_ros.robots import arc_ends
+from cmpsp_ros.sensing import Track
 
 LENGTH = 2.0
 
@@ -32,7 +37,7 @@ LENGTH = 2.0
 def driven(tmp_path):
     """A scenario and a run at a constant twist from its start: `driven(preset, twist)`."""
 
-    def made(preset, motion=(0.3, 0.0), namespace=''):
+    def made(preset, motion=(0.3, 0.0), namespace='', *, people=False):
         lockstep = not namespace
         scenario = load_scenario(preset, [], lockstep=lockstep, namespace=namespace)
         settings = replace(scenario.settings, final_time=LENGTH)
@@ -51,6 +56,11 @@ def driven(tmp_path):
                 bag.write(f'{namespace}/sim/truth', stamp, raw(odometry(stamp, pose, motion)))
                 speeds = raw(joints(stamp, tuple(wheels.tolist())))
                 bag.write(f'{namespace}/sim/wheel_speeds', stamp, speeds)
+            for topic, number in (('sim/people', 0), ('guidance/tracks', Track.SEEN + 1)):
+                bag.topic(f'{namespace}/{topic}', CLOUD)
+                for stamp in stamps[::10].tolist() if people else ():
+                    walked = cloud(stamp, [(number, 1.0, 2.0 - stamp / SECOND, 0.0, -1.0, 0.25)])
+                    bag.write(f'{namespace}/{topic}', stamp, raw(walked))
             bag.write(f'{namespace}/guidance/decision', 0, raw(status(**PLAIN_DECISION, stamp=0)))
         return replace(scenario, settings=settings), read_run(path, namespace)
 
@@ -73,6 +83,17 @@ def test_the_legend_is_below_the_axis_and_names_what_is_there(driven, tmp_path, 
     assert ('obstacle' in named) == (preset != 'clutter')
     assert {'start and end', 'driven', 'goal'} <= named
     assert ('robot' in named) == (preset != 'case3')
+
+
+def test_people_are_drawn_where_they_were_nearest_and_their_clearance_counts(driven, tmp_path):
+    scenario, run = driven('clutter', people=True)
+    figure = draw_trajectory(run, scenario.settings, tmp_path / 'path.png')
+    assert {'person where nearest', 'track of what moves'} <= set(labels(figure.axes[0]))
+    (disc,) = (each for each in figure.axes[0].patches if isinstance(each, Circle))
+    assert disc.center == pytest.approx((1.0, 0.0), abs=0.05)
+    assert run.told == ()
+    away = float(np.hypot(0.4, 0.02)) - 0.25 - scenario.settings.robot_radius
+    assert summarise(run, scenario.settings, 'clutter').clearance == pytest.approx(away, abs=0.05)
 
 
 def test_shapes_at_the_border_are_shown_whole(driven, tmp_path):

@@ -9,7 +9,7 @@ import pytest
 
 from cmpsp_ros.mpsp import Dimensions, Evaluation, Linearisation, OptimalControlProblem, Options
 from cmpsp_ros.mpsp.models.derivatives import check_derivatives
-from cmpsp_ros.mpsp.sqp.cmpsp import solve
+from cmpsp_ros.mpsp.sqp.solve import solve
 
 
 class LinearQuadratic(OptimalControlProblem):

@@ -8,7 +8,7 @@ from problems import VanDerPol
 
 from cmpsp_ros.mpsp import Options
 from cmpsp_ros.mpsp.convergence import Convergence
-from cmpsp_ros.mpsp.sqp.cmpsp import solve
+from cmpsp_ros.mpsp.sqp.solve import solve
 
 TARGET = np.array([[1.0, -2.0], [0.5, 3.0]])
 DIRECTION = np.array([[0.6, 0.0], [0.0, -0.8]])

@@ -10,7 +10,7 @@ from problems import LinearQuadratic, VanDerPol
 
 from cmpsp_ros.mpsp import Dimensions, Evaluation, Options, ProblemError
 from cmpsp_ros.mpsp.results import Status, Violation, violations
-from cmpsp_ros.mpsp.sqp.cmpsp import solve
+from cmpsp_ros.mpsp.sqp.solve import solve
 
 NOTHING = Evaluation(0.0, np.empty(0), np.empty((3, 0)))
 

@@ -10,7 +10,7 @@ from cmpsp_ros.mpsp import Options
 from cmpsp_ros.mpsp.models.functions import from_functions
 from cmpsp_ros.mpsp.qp.dense import condense
 from cmpsp_ros.mpsp.results import Status
-from cmpsp_ros.mpsp.sqp.cmpsp import solve
+from cmpsp_ros.mpsp.sqp.solve import solve
 from cmpsp_ros.mpsp.theorem2 import Verdict, check, lagrangian_gradient, lagrangian_hessian
 
 YES, NO, CANNOT_TELL = Verdict.YES, Verdict.NO, Verdict.CANNOT_TELL
@@ -152,8 +152,8 @@ def test_a_saddle_along_the_constraint():
         return 0.5 * (u @ u) + u[0]
 
     problem = one_step(L, h=lambda x, u: np.array([x @ x]), target=[1.0])
-    solution = solved(problem, np.array([[1.0, 0.0], [0.0, 0.0]]))
-    assert solution.status is Status.CONVERGED
+    solution = solved(problem, np.array([[1.0, 0.0], [0.0, 0.0]]), method='cmpsp')
+    assert solution.status is Status.NOT_A_MINIMUM
     found = check(problem, solution)
     # Multiplier of the circle -1, so 1 - 2 along it.
     assert found.second_order.verdict is NO

@@ -23,23 +23,35 @@ function latest(times, t) {
   return low - 1;
 }
 
-/** Outlines of moving obstacles, predicted from when each was last seen. */
-function outlines(bag, t) {
+/** Lines of all that moves at a time, predicted from when each was last seen. */
+function moved(tracks, t, shape) {
   const found = { x: [], y: [] };
-  for (const each of bag.moving) {
+  for (const each of tracks) {
     const k = latest(each.t, t);
-    if (k < 0 || t - each.t[k] > bag.timeout) continue;
-    for (let corner = 0; corner <= CORNERS; corner += 1) {
-      const angle = (2 * Math.PI * corner) / CORNERS;
-      const age = t - each.t[k];
-      found.x.push(each.x[k] + age * each.vx[k] + each.radius[k] * Math.cos(angle));
-      found.y.push(each.y[k] + age * each.vy[k] + each.radius[k] * Math.sin(angle));
+    if (k < 0 || t - each.t[k] > each.timeout) continue;
+    const age = t - each.t[k];
+    const center = [each.x[k] + age * each.vx[k], each.y[k] + age * each.vy[k]];
+    for (const [x, y] of shape(each, k, age)) {
+      found.x.push(center[0] + x);
+      found.y.push(center[1] + y);
     }
     found.x.push(null);
     found.y.push(null);
   }
   return found;
 }
+
+function circle(radius) {
+  return Array.from({ length: CORNERS + 1 }, (_, corner) => {
+    const angle = (2 * Math.PI * corner) / CORNERS;
+    return [radius * Math.cos(angle), radius * Math.sin(angle)];
+  });
+}
+
+const outline = (each, k) => circle(each.radius[k]);
+const doubt = (sigmas) => (each, k, age) => circle(
+  each.radius[k] + sigmas * (each.position_stddev[k] + age * each.velocity_stddev[k]));
+const velocity = (each, k) => [[0, 0], [each.vx[k], each.vy[k]]];
 
 /** A point of each robot on its path, as the last that is not after t. */
 function placeAt(path, t) {
@@ -88,7 +100,10 @@ function movePath(t) {
   data.bags.forEach((bag, number) => {
     const goal = goalAt(bag, t);
     const pose = placeAt(bag, t);
-    fill(number, 'moving', outlines(bag, t));
+    fill(number, 'doubts', moved(bag.moving, t, doubt(bag.sigmas)));
+    fill(number, 'moving', moved(bag.moving, t, outline));
+    fill(number, 'velocities', moved(bag.moving, t, velocity));
+    fill(number, 'people', moved(bag.people, t, outline));
     fill(number, 'others', othersAt(bag, t));
     fill(number, 'plan', bag.plans[latest(bag.planTimes, t)] || { x: [], y: [] });
     fill(number, 'driven to', goal ? { x: [goal[1]], y: [goal[2]] } : { x: [], y: [] });

@@ -128,9 +128,9 @@ def cone_program(program: SparseQP, weight: Array) -> ConeProgram:
     no_limit = sparse.csc_array((len(slacks), hard.shape[1]))
     limits = np.where(side > 0.0, upper[rows], -lower[rows])
     return ConeProgram(
-        A=sparse.block_array(
-            [[hard, soft], [no_limit, -sparse.diags_array(np.ones(len(slacks)))]]
-        ).tocsc(),
+        A=sparse.csc_array(
+            sparse.bmat([[hard, soft], [no_limit, -sparse.identity(len(slacks))]], format='csc')
+        ),
         b=np.concatenate([np.zeros(first), limits, np.zeros(len(slacks))]),
         equalities=first + len(equal),
         first=first,

@@ -118,7 +118,7 @@ def sparse_qp(subproblem: Subproblem, penalties: Penalties | None) -> SparseQP:
     cross = _blocks(lin.L_UX[1:], every[1:], every[:-1], K, N)
     below = _blocks(np.triu(lin.L_XX[1:]), every[:-1], every[:-1], N)
     by_control = _blocks(lin.B, every[:-1], every[:-1], N, K)
-    by_state = sparse.diags_array(np.ones(N * n)) - _blocks(lin.A[1:], later + 1, later, N)
+    by_state = sparse.csr_array(sparse.identity(N * n)) - _blocks(lin.A[1:], later + 1, later, N)
 
     path, trust = rows.path, rows.trust
     stage = np.concatenate([np.full(m, N), path[0], trust[0], np.repeat(every, r)])
@@ -131,7 +131,7 @@ def sparse_qp(subproblem: Subproblem, penalties: Penalties | None) -> SparseQP:
         _blocks(G_X[moves, None], moves, stage[moves] - 1, len(stage), N),
     ]
     return SparseQP(
-        sparse.block_array([[H, cross], [None, below]], format='csc'),
+        sparse.csc_array(sparse.bmat([[H, cross], [None, below]])),
         np.concatenate([lin.L_U.ravel(), lin.L_X[1:].ravel()]),
         sparse.hstack([-by_control, by_state], format='csr'),
         sparse.hstack(G, format='csr'),

@@ -16,6 +16,7 @@ from cmpsp_ros.guidance.messages import TransformError
 from cmpsp_ros.nodes.common.messages import set_pose
 from cmpsp_ros.nodes.common.topic import Listener
 from cmpsp_ros.nodes.common.topics import GOAL_POSE
+from cmpsp_ros.nodes.guidance.inputs import nav2
 from cmpsp_ros.robots import speeds_and_turns
 
 try:
@@ -240,13 +241,13 @@ class GoalActions:
             self._node.get_logger().warning(f'{name} is aborted: {error}')
             cause = 'transform' if isinstance(error.__cause__, TransformError) else 'refused'
             handle.abort()
-            return _result(kind, cause, str(error))
+            return nav2.result(kind, _CODES[cause], str(error))
         self.abort('Another goal came.')
         begun = self._node.get_clock().now().nanoseconds
         running = self._running = _Running(name, handle, goal, begun, Future())
         end, cause, reason = await running.ended
         end()
-        return _result(kind, cause, reason)
+        return nav2.result(kind, _CODES[cause], reason)
 
     def _end(self, end: Callable[[], None], cause: str, reason: str) -> None:
         running, self._running = self._running, None
@@ -256,12 +257,12 @@ class GoalActions:
     def _feedback(
         self, running: _Running, decision: Decision, pose: Sequence[float], far: float
     ) -> Any:
-        if running.name == FOLLOW:
-            speed = float(speeds_and_turns(decision.twist)[0])
-            return FollowPath.Feedback(distance_to_goal=far, speed=speed)
         here, now = PoseStamped(), self._node.get_clock().now()
         here.header.frame_id, here.header.stamp = self._frame_id, now.to_msg()
         set_pose(here.pose, pose)
+        if running.name == FOLLOW:
+            speed = float(speeds_and_turns(decision.twist)[0])
+            return nav2.follow_path_feedback(FollowPath, here, far, speed)
         return NavigateToPose.Feedback(
             current_pose=here,
             navigation_time=_duration((now.nanoseconds - running.begun) / NANOSECONDS),
@@ -273,12 +274,3 @@ class GoalActions:
 def _duration(seconds: float) -> Duration:
     sec, nanosec = divmod(round(max(0.0, seconds) * NANOSECONDS), NANOSECONDS)
     return Duration(sec=sec, nanosec=nanosec)
-
-
-def _result(kind: Any, cause: str, reason: str) -> Any:
-    result = kind.Result()
-    # Which fields there are depends on the version of Nav2; Jazzy had no text at first.
-    for field, value in (('error_code', _CODES[cause]), ('error_msg', reason)):
-        if hasattr(result, field):
-            setattr(result, field, value)
-    return result

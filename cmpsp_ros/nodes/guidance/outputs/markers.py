@@ -14,7 +14,7 @@ from cmpsp_ros.guidance import NANOSECONDS
 from cmpsp_ros.guidance.messages import PeerTrajectory
 from cmpsp_ros.guidance.safety import plan_clearance
 from cmpsp_ros.nodes.common.messages import set_stamp
-from cmpsp_ros.view import LEVEL_COLORS, MOVING, course, kept_clear
+from cmpsp_ros.view import LEVEL_COLORS, MOVING, SIGMAS, course, kept_clear
 from cmpsp_ros.world.obstacles import outline_of
 
 if TYPE_CHECKING:
@@ -53,8 +53,6 @@ _TEXT_HEIGHT: Final = 0.25
 _ABOVE: Final = 0.6
 _AHEAD: Final = 1.0
 """Time ahead for which positions of moving obstacles are shown [s]."""
-_SIGMAS: Final = 2.0
-"""Standard deviations within which a moving obstacle is shown."""
 
 
 def marker_array(
@@ -232,7 +230,9 @@ class PlanMarkers:
     def _ring(self, track: Track, center: tuple[float, float], age: float) -> Marker:
         """Distance that the robot's centre keeps from an obstacle seen so long before [s]."""
         settings = self._settings
-        radius = track.radius + settings.moving_obstacles.growth * age
+        moving = settings.moving_obstacles
+        doubt = track.position_stddev + age * track.velocity_stddev
+        radius = track.radius + moving.growth * age + moving.quantile * doubt
         radius += settings.robot_radius + settings.safety.margin
         return _line(outline_of([center], radius), _RING, _MOVING)
 
@@ -244,7 +244,7 @@ class PlanMarkers:
 
 def _doubt(track: Track, center: tuple[float, float], age: float) -> Marker:
     """The disc that a track may fill, so long after it was seen [s]."""
-    radius = track.radius + _SIGMAS * (track.position_stddev + age * track.velocity_stddev)
+    radius = track.radius + SIGMAS * (track.position_stddev + age * track.velocity_stddev)
     marker = _disc(center, radius, _PALE)
     # Below the object itself.
     marker.pose.position.z, marker.scale.z = -_WIDTH / 2.0, _RING

@@ -15,6 +15,7 @@ from PIL import Image
 from cmpsp_ros.bags import BagError
 from cmpsp_ros.bags.film import film, scene
 from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
+from cmpsp_ros.sensing import Track
 from cmpsp_ros.view import bodies, body
 from cmpsp_ros.world.obstacles import Obstacle
 
@@ -66,6 +67,20 @@ def test_the_scene_has_road_obstacles_goal_way_and_robot():
         assert (np.abs(distances - radius) < 2e-3).sum() == len(edge) - 1
     # Two pieces of the way have a length, one has none.
     assert lines.sum() == 2 * (len(edge) - 1) + 2
+
+
+def test_what_moves_has_its_doubt_and_its_way_and_people_stand_up():
+    settings = guidance_settings(TABLE.resolve(load_parameter_file('case3')))
+    way, seen = np.array([[0.0, -9.25], [1e-9, -9.25], [1.0, -9.0]]), Track.SEEN + 1
+    text = scene(settings, way, moving=[7, seen], people=[0])
+    model = mujoco.MjModel.from_xml_string(text)
+    for number, height in ((7, 0.12), (seen, 0.02)):
+        name = f'moving {number}'
+        assert 2.0 * model.geom(name).size[1] == pytest.approx(height)
+        assert model.geom(f'{name} doubt').rgba[3] < 0.5
+        assert model.geom(f'{name} way').bodyid == model.body(name).id
+    assert model.geom('person 0').type == mujoco.mjtGeom.mjGEOM_CAPSULE
+    assert model.body('person 0').mocapid[0] == 2
 
 
 def test_where_it_starts_and_ends_is_on_the_floor_and_hidden_obstacles_are_pale():

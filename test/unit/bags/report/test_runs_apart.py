@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from bag_messages import GRID, ODOMETRY, SECOND, TWIST, grid, odometry, raw, twist
+from bag_messages import CLOUD, GRID, ODOMETRY, SECOND, TWIST, cloud, grid, odometry, raw, twist
 
 from cmpsp_ros.bags import BagWriter
 from cmpsp_ros.bags.audit import Sources, read_record
@@ -17,6 +17,7 @@ from cmpsp_ros.bags.report.picture import draw_report
 from cmpsp_ros.bags.report.view import view
 from cmpsp_ros.parameters import TABLE, load_parameter_file
 from cmpsp_ros.robots import arc_ends
+from cmpsp_ros.sensing import Track
 
 LENGTH = 2.0
 FLOOR = {
@@ -38,7 +39,7 @@ def rows(start, motion):
 def seen(tmp_path):
     """The view of a run at a constant twist: `seen(name, parameters, twist=..., others=...)`."""
 
-    def made(name, given, motion=(0.5, 0.0), *, others=(), sim=None, cells=None):
+    def made(name, given, motion=(0.5, 0.0), *, others=(), sim=None, cells=None, moving=()):
         given = TABLE.resolve(given)
         with BagWriter(tmp_path / name) as bag:
             starts = {'/r1': (given['initial_pose'], motion), **dict(others)}
@@ -52,6 +53,10 @@ def seen(tmp_path):
             if cells is not None:
                 bag.topic('/r1/guidance/sighting', GRID)
                 bag.write('/r1/guidance/sighting', SECOND, raw(grid(SECOND, cells, (1.0, 1.0))))
+            for topic, walks in dict(moving).items():
+                bag.topic(topic, CLOUD)
+                for stamp in range(0, SECOND + 1, SECOND // 5):
+                    bag.write(topic, stamp, raw(cloud(stamp, walks(stamp / SECOND))))
             bag.set_parameters('/r1/guidance', given)
             if sim is not None:
                 bag.set_parameters('/r1/sim', TABLE.resolve({**given, **sim}))
@@ -155,6 +160,30 @@ def test_the_other_robots_of_a_fleet_are_there_with_their_clearance(seen):
     (near,) = traces(clearance([one]), 'other robots')
     # They pass each other at 1 m.
     assert min(near['y']) == pytest.approx(1.0 - 0.2 - 0.25, abs=1e-3)
+
+
+def test_people_are_shown_as_they_were_and_as_they_were_tracked(seen, tmp_path):
+    """One walks past at 1 m/s, 1 m ahead of the robot's start, and is seen 0.1 m beside."""
+    one = seen('people', FLOOR, moving={
+        '/r1/sim/people': lambda t: [(0, 1.0, 1.5 - t, 0.0, -1.0, 0.25)],
+        '/r1/guidance/tracks': lambda t: [(Track.SEEN + 3, 1.1, 1.5 - t, 0.0, -1.0, 0.25)],
+    })  # fmt: skip
+    (track,) = traces(path([one]), 'track of what moves')
+    assert [track[each] for each in 'xy'] == [
+        [1.1] * 6,
+        pytest.approx([1.5 - 0.2 * k for k in range(6)]),
+    ]
+    (walked,) = traces(path([one]), 'path of a person')
+    assert walked['x'][:6] == [1.0] * 6
+    (named,) = (each for each in path([one])['data'] if each['name'] == 'names')
+    assert named['text'] == ['1.0 s'], 'where it was nearest'
+    (bag,) = moving([one])
+    ((person,), (seen_as,)) = bag['people'], bag['moving']
+    assert (person['y'][-1], person['vy'][-1], person['radius'][-1]) == (0.5, -1.0, 0.25)
+    assert (seen_as['timeout'], person['timeout']) == pytest.approx((0.3, 1.0))
+    assert seen_as['position_stddev'] == [0.0] * 6
+    draw_report([one], tmp_path / 'people.png')
+    assert (tmp_path / 'people.png').read_bytes().startswith(b'\x89PNG')
 
 
 HIDDEN = {

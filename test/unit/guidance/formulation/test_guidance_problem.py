@@ -11,7 +11,7 @@ from cmpsp_ros.guidance.formulation.guidance_problem import N_EDGE_CONSTRAINTS
 from cmpsp_ros.mpsp import Options
 from cmpsp_ros.mpsp.qp.curvature import nearest_positive_semidefinite
 from cmpsp_ros.mpsp.results import Status
-from cmpsp_ros.mpsp.sqp.cmpsp import solve
+from cmpsp_ros.mpsp.sqp.solve import solve
 from cmpsp_ros.robots import DifferentialDrive
 from cmpsp_ros.world import FreeSpace
 from cmpsp_ros.world.grids import GridObstacle, OccupancyGrid

@@ -7,7 +7,7 @@ import numpy as np
 
 from cmpsp_ros.mpsp import Options
 from cmpsp_ros.mpsp.results import Status
-from cmpsp_ros.mpsp.sqp.cmpsp import solve
+from cmpsp_ros.mpsp.sqp.solve import solve
 
 _QUIET = {
     'print_time': False,

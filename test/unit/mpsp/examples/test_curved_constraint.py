@@ -7,8 +7,8 @@ from reference_solution import assert_agrees, options_for
 
 from cmpsp_ros.mpsp.models.casadi_functions import from_casadi
 from cmpsp_ros.mpsp.results import Status
-from cmpsp_ros.mpsp.sqp.cmpsp import solve
 from cmpsp_ros.mpsp.sqp.driver import BackEnd
+from cmpsp_ros.mpsp.sqp.solve import solve
 
 FIRST = np.array([[np.cos(1.0), np.sin(1.0)], [0.0, 0.0]])
 
@@ -35,7 +35,7 @@ def inequality():
 @pytest.mark.parametrize('penalty', [3.0, 1e2, 1e4])
 def test_full_steps_are_kept(state, rate, penalty):
     problem = from_casadi(**state())
-    options = options_for(problem, penalty=penalty)
+    options = options_for(problem, penalty=penalty, method='cmpsp', scaling=False)
     solution = assert_agrees(problem, state(), FIRST, options, 120)
     np.testing.assert_allclose(solution.iterate.U[0], [1.0, 0.0], atol=1e-6)
     assert {record.step_length for record in solution.history[20:]} == {1.0}
@@ -47,6 +47,6 @@ def test_full_steps_are_kept(state, rate, penalty):
 def test_they_are_refused_without_the_second_order_correction(state, monkeypatch):
     monkeypatch.setattr(BackEnd, 'correct', lambda _self, _output_error, _g: None)
     problem = from_casadi(**state())
-    solution = solve(problem, FIRST, options_for(problem, penalty=1e3), 60)
+    solution = solve(problem, FIRST, options_for(problem, penalty=1e3, method='cmpsp'), 60)
     assert solution.status is not Status.CONVERGED
     assert sum(record.step_length < 0.1 for record in solution.history[1:]) > 30

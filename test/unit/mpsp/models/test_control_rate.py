@@ -7,7 +7,7 @@ from problems import LinearQuadratic, VanDerPol, assert_derivatives
 from cmpsp_ros.mpsp import Options, ProblemError
 from cmpsp_ros.mpsp.models import ControlRateProblem
 from cmpsp_ros.mpsp.results import Status
-from cmpsp_ros.mpsp.sqp.cmpsp import solve
+from cmpsp_ros.mpsp.sqp.solve import solve
 
 
 def test_derivatives():

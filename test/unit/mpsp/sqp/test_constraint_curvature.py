@@ -13,8 +13,7 @@ from cmpsp_ros.mpsp import (
     from_functions,
     solve,
 )
-from cmpsp_ros.mpsp.sqp import CMPSP
-from cmpsp_ros.mpsp.sqp.cmpsp import costates
+from cmpsp_ros.mpsp.sqp.lagrangian import costates
 
 N, T = 12, 0.1
 
@@ -82,11 +81,13 @@ def test_it_is_the_derivative_of_the_gradient(make, with_rate):
 
 def test_costates_make_the_lagrangian_stationary_in_the_states():
     problem = by_casadi()
-    solution = solve(problem, np.zeros((N + 1, 1)), options_for(problem), 100)
+    solution = solve(
+        problem, np.zeros((N + 1, 1)), options_for(problem, control_tolerance=1e-8), 100
+    )
     assert solution.status is Status.CONVERGED
     at = solution.iterate
     lin = problem.linearise(at.X, at.U)
-    mu = costates(lin, at.step)
+    mu = costates(lin, at.step.terminal_multipliers, at.step.path_multipliers)
     # What is left is the gradient in the controls, 0 at a solution.
     reduced = lin.L_U + np.einsum('kla,kl->ka', lin.g_U, at.step.path_multipliers)
     reduced[:-1] += np.einsum('kia,ki->ka', lin.B, mu[1:])
@@ -115,22 +116,27 @@ def cart_pole():
     )  # fmt: skip
 
 
-def test_with_it_a_swing_up_converges_and_without_it_does_not():
+def test_a_swing_up_converges_by_multiple_shooting_and_not_by_the_papers_iteration():
     problem = cart_pole()
-    guess = 0.1 * np.sin(np.arange(41.0))[:, None]
-    with_it = solve(problem, guess, options_for(problem, constraint_curvature=True), 120)
-    without = solve(problem, guess, options_for(problem), 120)
-    assert with_it.status is Status.CONVERGED
-    assert without.status is Status.ITERATION_LIMIT
-    assert with_it.history[-1].kkt_residual < 1e-10 < without.history[-1].kkt_residual
+    guess = np.zeros((41, 1))
+    shot, papers = (
+        solve(problem, guess, options_for(problem, method=method), 120)
+        for method in ('multiple_shooting', 'cmpsp')
+    )
+    assert shot.status is Status.CONVERGED
+    assert shot.is_minimum
+    assert papers.status is Status.ITERATION_LIMIT
+    assert shot.history[-1].kkt_residual < 1e-10 < papers.history[-1].kkt_residual
     # Quadratic at the end: the last full steps square the error.
-    errors = [each.kkt_residual for each in with_it.history[-4:-1]]
+    errors = [each.kkt_residual for each in shot.history[-4:-1]]
     assert errors[1] < 0.05 * errors[0]
 
 
-def test_a_problem_that_does_not_tell_it_says_so():
+def test_a_problem_that_lacks_it_says_so():
     problem = VanDerPol()
-    iteration = CMPSP(problem, options_for(problem, constraint_curvature=True))
-    at = iteration.step(iteration.init(np.zeros((21, 1))))
-    with pytest.raises(ProblemError, match='constraint_curvature: found True'):
-        iteration.step(at)
+    with pytest.raises(ProblemError, match=r'lacks next_states or constraint_curvature'):
+        solve(problem, np.zeros((21, 1)), options_for(problem, method='multiple_shooting'), 5)
+    solution = solve(problem, np.zeros((21, 1)), options_for(problem), 100)
+    assert solution.status is Status.CONVERGED
+    assert solution.is_minimum is None
+    assert 'not judged' in solution.sentence

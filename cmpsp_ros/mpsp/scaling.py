@@ -1,0 +1,230 @@
+"""Automatic scaling: a problem in units of its own, and its results in the user's units again."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.mpsp.options import Options
+from cmpsp_ros.mpsp.problem import Evaluation, Hessian, Linearisation, OptimalControlProblem
+from cmpsp_ros.mpsp.qp.dense.condensing import sensitivities
+from cmpsp_ros.mpsp.results import Iterate, Step
+
+# A state that the guess moves by less than this part of what the controls can reach tells nothing.
+_STANDS_STILL = 1e-3
+# One that the guess moves by so much more than that diverges along it.
+_UNLIKELY = 1e3
+
+
+@dataclass(frozen=True)
+class Scaling:
+    """Units of a problem: a number of the user's is that of the scaled problem times its unit.
+
+    Attributes:
+        state: Shape ``(n,)``.
+        control: Shape ``(r,)``.
+        output: Shape ``(m,)``.
+        path: Shape ``(l,)``.
+        cost: Of ``J``.
+    """
+
+    state: Array
+    control: Array
+    output: Array
+    path: Array
+    cost: float
+
+    @classmethod
+    def of(
+        cls,
+        problem: OptimalControlProblem,
+        options: Options,
+        X: Array,
+        U: Array,
+        lin: Linearisation,
+    ) -> Scaling:
+        """Units from bounds, guess ``(N + 1, n)`` and ``(N + 1, r)``, and derivatives along it.
+
+        A control's unit is its largest bound, else its largest guess, else what moves the output by
+        its own unit. A state's unit is its size at the start, in the target or along the guess, or
+        what the controls can reach soon where it hardly moves. An output's unit is the size of its
+        target or of its states at the start. Path constraints have the units that make their
+        largest derivative 1, and so has the cost. A change of the user's units changes all of them
+        alike, and nothing in the scaled problem. Constraints whose penalties are given keep the
+        user's units, in which the penalties compare them.
+        """
+        blocks = sensitivities(lin.A, lin.B)
+        S_N = np.einsum('mi,jia->jma', lin.h_X, blocks[:, -1])
+        S_N[-1] += lin.h_U
+        start, largest = np.abs(X[0]), np.abs(X).max(axis=0)
+        output = np.maximum(np.abs(problem.target), np.abs(lin.h_X) @ start)
+        control = _control_units(problem, U, S_N, np.maximum(output, np.abs(lin.output_error)))
+        # Over the whole horizon what is unstable would have no scale.
+        soon = max(1, len(U) // 4) + 1
+        reach = np.sqrt(np.einsum('jkia,a->ki', blocks[:, :soon] ** 2, control**2)).max(axis=0)
+        known = np.maximum(start, _asked_for(lin.h_X, problem.target))
+        seen = np.maximum(known, np.minimum(largest, _UNLIKELY * np.maximum(known, reach)))
+        state = _or_one(np.where(seen > _STANDS_STILL * reach, seen, reach))
+        spread = np.abs(lin.h_X) @ state + np.abs(lin.h_U) @ control
+        has_units = options.penalty_terminal is None, options.penalty_path is None
+        applies = (lin.g != -np.inf)[:, :, None]
+        by_state = np.where(applies, np.abs(lin.g_X) * state, 0.0)
+        by_control = np.where(applies, np.abs(lin.g_U) * control, 0.0)
+        parts = (
+            lin.L_X * state, lin.L_U * control,
+            lin.L_XX * state * state[:, None], lin.L_UU * control * control[:, None],
+        )  # fmt: skip
+        return cls(
+            state,
+            control,
+            _or_one(np.where(output > 0.0, output, spread) if has_units[0] else 0.0 * output),
+            _or_one(
+                np.concatenate([by_state, by_control], axis=2).max(axis=(0, 2), initial=0.0)
+                if has_units[1]
+                else np.zeros(problem.size.path)
+            ),
+            float(_or_one(np.array(max(np.abs(part).max() for part in parts)))),
+        )
+
+    @classmethod
+    def none(cls, problem: OptimalControlProblem) -> Scaling:
+        """The user's units."""
+        size = problem.size
+        return cls(
+            np.ones(size.state), np.ones(size.control), np.ones(size.output), np.ones(size.path),
+            1.0,
+        )  # fmt: skip
+
+    def options(self, options: Options, problem: OptimalControlProblem) -> Options:
+        """Options of the scaled problem.
+
+        Penalties and the trust radius are in the user's units; tolerances are relative to the
+        units here, that of the terminal error to the target where this is larger.
+        """
+        given = options.penalty_terminal, options.penalty_path, options.trust_radius
+        terminal, path, radius = (None if each is None else np.asarray(each) for each in given)
+        length = float(np.linalg.norm(problem.target)) or 1.0
+        return replace(
+            options,
+            penalty_terminal=None if terminal is None else terminal / self.cost,
+            penalty_path=None if path is None else path / self.cost,
+            trust_radius=None if radius is None else radius / self.state,
+            output_tolerance=options.output_tolerance
+            * (max(1.0, 1.0 / length) if terminal is None else 1.0),
+        )
+
+    def unscaled(self, at: Iterate) -> Iterate:
+        """An iterate of the scaled problem in the user's units."""
+        value, step, before = at.evaluation, at.step, at.previous_U
+        return replace(
+            at,
+            U=at.U * self.control,
+            X=at.X * self.state,
+            evaluation=Evaluation(
+                value.cost * self.cost, value.output_error * self.output, value.g * self.path
+            ),
+            previous_U=None if before is None else before * self.control,
+            step=None if step is None else self._unscaled_step(step),
+        )
+
+    def _unscaled_step(self, step: Step) -> Step:
+        return replace(
+            step,
+            slack_terminal=step.slack_terminal * self.output,
+            slack_path=step.slack_path * self.path,
+            terminal_multipliers=step.terminal_multipliers * self.cost / self.output,
+            path_multipliers=step.path_multipliers * self.cost / self.path,
+            bound_multipliers=step.bound_multipliers * self.cost / self.control,
+        )
+
+    def __str__(self) -> str:
+        """The units in one line."""
+        named = ('state', 'control', 'output', 'path')
+        parts = [f'{name} {np.array2string(getattr(self, name), precision=3)}' for name in named]
+        return f'Units: {", ".join(parts)}, cost {self.cost:.3g}.'
+
+
+class ScaledProblem(OptimalControlProblem):
+    """A problem in other units."""
+
+    def __init__(self, problem: OptimalControlProblem, scaling: Scaling) -> None:
+        """Take the problem and its units."""
+        self._problem, self._scaling = problem, scaling
+        self.size = problem.size
+        self.control_lower = problem.control_lower / scaling.control
+        self.control_upper = problem.control_upper / scaling.control
+        self.target = problem.target / scaling.output
+
+    def predict(self, U: Array) -> Array:
+        """States along scaled controls."""
+        return self._problem.predict(U * self._scaling.control) / self._scaling.state
+
+    def next_states(self, X: Array, U: Array) -> Array:
+        """Dynamics of each stage, as described in `OptimalControlProblem`."""
+        unit = self._scaling
+        return self._problem.next_states(X * unit.state, U * unit.control) / unit.state
+
+    def evaluate(self, X: Array, U: Array) -> Evaluation:
+        """Scaled cost, terminal error and path constraints."""
+        unit = self._scaling
+        found = self._problem.evaluate(X * unit.state, U * unit.control)
+        return Evaluation(
+            found.cost / unit.cost, found.output_error / unit.output, found.g / unit.path
+        )
+
+    def linearise(self, X: Array, U: Array, hessian: Hessian = 'gauss_newton') -> Linearisation:
+        """Derivatives of scaled functions by scaled variables."""
+        unit = self._scaling
+        x, u, y, g = unit.state, unit.control, unit.output[:, None], unit.path[:, None]
+        lin = self._problem.linearise(X * x, U * u, hessian)
+        return Linearisation(
+            lin.A * x / x[:, None], lin.B * u / x[:, None],
+            lin.L_X * x / unit.cost, lin.L_U * u / unit.cost,
+            *self._second(lin.L_XX, lin.L_UX, lin.L_UU),
+            lin.output_error / unit.output, lin.h_X * x / y, lin.h_U * u / y,
+            lin.g / unit.path, lin.g_X * x / g, lin.g_U * u / g,
+        )  # fmt: skip
+
+    def constraint_curvature(
+        self, X: Array, U: Array, costates: Array, terminal: Array, path: Array
+    ) -> tuple[Array, Array, Array]:
+        """Second derivatives, as described in `OptimalControlProblem`."""
+        unit = self._scaling
+        J = unit.cost
+        found = self._problem.constraint_curvature(
+            X * unit.state, U * unit.control,
+            costates * J / unit.state, terminal * J / unit.output, path * J / unit.path,
+        )  # fmt: skip
+        return self._second(*found)
+
+    def _second(self, XX: Array, UX: Array, UU: Array) -> tuple[Array, Array, Array]:
+        x, u, J = self._scaling.state, self._scaling.control, self._scaling.cost
+        return XX * x * x[:, None] / J, UX * x * u[:, None] / J, UU * u * u[:, None] / J
+
+
+def _control_units(problem: OptimalControlProblem, U: Array, S_N: Array, wanted: Array) -> Array:
+    bounds = np.stack([problem.control_lower, problem.control_upper])
+    found = np.abs(np.where(np.isfinite(bounds), bounds, 0.0)).max(axis=(0, 1))
+    found = np.where(found > 0.0, found, np.abs(U).max(axis=0))
+    reach = np.sqrt((S_N**2).sum(axis=0))
+    for a in np.flatnonzero(found == 0.0):
+        helps = (reach[:, a] > 0.0) & (wanted > 0.0)
+        found[a] = (wanted[helps] / reach[helps, a]).min(initial=np.inf)
+    return _or_one(found)
+
+
+def _asked_for(h_X: Array, target: Array) -> Array:
+    """Value of each state that the target asks for, where an output is of one state alone."""
+    found = np.zeros(h_X.shape[1])
+    for j in np.flatnonzero(np.count_nonzero(h_X, axis=1) == 1):
+        i = int(np.flatnonzero(h_X[j])[0])
+        found[i] = max(found[i], abs(target[j] / h_X[j, i]))
+    return found
+
+
+def _or_one(units: Array) -> Array:
+    """Units, 1 where one is 0 or not finite."""
+    found: Array = np.where((units > 0.0) & np.isfinite(units), units, 1.0)
+    return found

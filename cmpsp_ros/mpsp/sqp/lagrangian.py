@@ -1,0 +1,161 @@
+"""Second derivatives of the Lagrangian, and directions along which it curves down."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from cmpsp_ros.arrays import Array, BoolArray
+from cmpsp_ros.mpsp.problem import Linearisation, OptimalControlProblem
+from cmpsp_ros.mpsp.qp.active_set.records import is_positive_definite
+from cmpsp_ros.mpsp.qp.dense.condensing import condense
+from cmpsp_ros.mpsp.qp.subproblem import Subproblem
+from cmpsp_ros.mpsp.results import Iterate
+
+# Relative sizes: a multiplier or a distance that counts as 0, and a curvature that does.
+_ACTIVE = 1e-6
+_CURVATURE = 1e-7
+# Weight of rows that hold, relative to the Hessian, where curvature along them is looked for.
+_HELD = 1e4
+
+
+class Curvature(NamedTuple):
+    """Derivatives at an iterate, and the Hessian of its Lagrangian.
+
+    Attributes:
+        linearisation: Derivatives, with the exact Hessian of the cost.
+        costates: Multipliers of the dynamics, as `costates`.
+        H: Blocks by ``(X_k, U_k)``, shape ``(N + 1, n + r, n + r)``.
+    """
+
+    linearisation: Linearisation
+    costates: Array
+    H: Array
+
+
+def costates(lin: Linearisation, terminal: Array, path: Array) -> Array:
+    """Multipliers of the dynamics (1), for which the Lagrangian is stationary in the states.
+
+    The gradient of the cost to go by ``X_k``, shape ``(N + 1, n)``, from ``lambda (m,)`` and
+    ``rho (N + 1, l)``.
+    """
+    found: Array = lin.L_X + np.einsum('kli,kl->ki', lin.g_X, np.where(lin.g == -np.inf, 0.0, path))
+    found[-1] += lin.h_X.T @ terminal
+    for k in reversed(range(len(lin.A))):
+        found[k] += lin.A[k].T @ found[k + 1]
+    return found
+
+
+def lagrangian_curvature(
+    problem: OptimalControlProblem, at: Iterate, lin: Linearisation | None = None
+) -> Curvature:
+    """Hessian blocks of the Lagrangian at an iterate, with its latest multipliers.
+
+    Raises:
+        ProblemError: The problem does not give the curvature of its constraints.
+    """
+    if lin is None:
+        lin = problem.linearise(at.X, at.U, 'exact')
+    terminal, path, _ = multipliers(at, lin)
+    mu = costates(lin, terminal, path)
+    XX, UX, UU = problem.constraint_curvature(at.X, at.U, mu[1:], terminal, path)
+    return Curvature(lin, mu, stage_blocks(lin.L_XX + XX, lin.L_UX + UX, lin.L_UU + UU))
+
+
+def multipliers(at: Iterate, lin: Linearisation) -> tuple[Array, Array, Array]:
+    """``lambda``, ``rho`` and ``beta`` of an iterate, 0 at the guess."""
+    if at.step is None:
+        return np.zeros_like(lin.output_error), np.zeros_like(lin.g), np.zeros_like(at.U)
+    path = np.where(lin.g == -np.inf, 0.0, at.step.path_multipliers)
+    return at.step.terminal_multipliers, path, at.step.bound_multipliers
+
+
+def stage_blocks(XX: Array, UX: Array, UU: Array) -> Array:
+    """Blocks by ``X``, ``UX`` and ``U`` as one by ``(X_k, U_k)``."""
+    joint: Array = np.block([[XX, UX.swapaxes(1, 2)], [UX, UU]])
+    return joint
+
+
+def with_hessian(lin: Linearisation, H: Array) -> Linearisation:
+    """A linearisation with other Hessian blocks by ``(X_k, U_k)``."""
+    n = lin.A.shape[1]
+    blocks = H[:, :n, :n], H[:, n:, :n], H[:, n:, n:]
+    XX, UX, UU = (np.ascontiguousarray(block) for block in blocks)
+    return replace(lin, L_XX=XX, L_UX=UX, L_UU=UU)
+
+
+def hold_rows(found: Curvature, path: BoolArray, bounds: BoolArray, weight: float) -> Array:
+    """Hessian blocks with ``weight/2 |row|^2`` for terminal, path and bound rows that are held.
+
+    The masks are ``(N + 1, l)`` and ``(N + 1, r)``. Along the rows nothing changes; a Hessian that
+    is positive there becomes positive everywhere, if the weight is large enough.
+    """
+    lin, H = found.linearisation, found.H.copy()
+    n = lin.A.shape[1]
+    h_Z = np.hstack([lin.h_X, lin.h_U])
+    H[-1] += weight * h_Z.T @ h_Z
+    g_Z = np.concatenate([lin.g_X, lin.g_U], axis=2)
+    for k, j in np.argwhere(path):
+        H[k] += weight * np.outer(g_Z[k, j], g_Z[k, j])
+    for k, a in np.argwhere(bounds):
+        H[k, n + a, n + a] += weight
+    return H
+
+
+def descent_curvature(problem: OptimalControlProblem, at: Iterate) -> Array | None:
+    """Direction along which the cost falls by curvature alone; None at a minimum.
+
+    A direction ``(N + 1, r)`` of length 1 that keeps the active constraints and along which the
+    Hessian of the Lagrangian is negative: the iterate, at which the first-order conditions hold, is
+    a saddle or a maximum. One Riccati sweep at a minimum, else eigenvalues of the condensed one.
+
+    Raises:
+        ProblemError: The problem does not give the curvature of its constraints.
+    """
+    found = lagrangian_curvature(problem, at)
+    lin, size = found.linearisation, problem.size
+    _, rho, beta = multipliers(at, lin)
+    scale = _ACTIVE * (1.0 + float(np.abs(found.costates).max()))
+    lower, upper = problem.control_lower - at.U, problem.control_upper - at.U
+    is_bound = (np.abs(beta) > scale) | (lower == upper)
+    weight = _HELD * float(np.abs(found.H).max())
+    held = with_hessian(lin, hold_rows(found, rho > scale, is_bound, weight))
+    free = np.full(size.state, np.inf)
+    least = _CURVATURE * float(np.abs(found.H).max())
+    if is_positive_definite(Subproblem(held, lower, upper, free), least):
+        return None
+    qp = condense(with_hessian(lin, found.H), lower, upper)
+    tight = -qp.g > -_ACTIVE
+    strong = tight & (rho[qp.path_stage, qp.path_index] > scale)
+    unit = np.eye(len(qp.c))
+    weak = np.concatenate([
+        qp.B_C[tight & ~strong],
+        unit[(qp.upper <= _ACTIVE) & ~is_bound.ravel()],
+        -unit[(-qp.lower <= _ACTIVE) & ~is_bound.ravel()],
+    ])  # fmt: skip
+    rows = np.concatenate([qp.S_N, qp.B_C[strong], unit[is_bound.ravel()]])
+    for constraints in (rows, np.concatenate([rows, weak])):
+        direction = _most_negative(qp.H, constraints)
+        if direction is None:
+            return None
+        for sign in (1.0, -1.0):
+            if (weak @ (sign * direction) <= _ACTIVE).all():
+                return sign * direction.reshape(at.U.shape)
+    return None
+
+
+def _most_negative(H: Array, rows: Array) -> Array | None:
+    """Unit vector of the least eigenvalue of ``H`` along ``rows d = 0``; None if not negative."""
+    length = np.linalg.norm(rows, axis=1, keepdims=True)
+    _, values, right = np.linalg.svd(rows / np.where(length > 0.0, length, 1.0))
+    Z = right[int(np.count_nonzero(values > 1e-10 * values.max(initial=0.0))) :].T
+    if not Z.shape[1]:
+        return None
+    eigenvalues, vectors = np.linalg.eigh(Z.T @ H @ Z)
+    if eigenvalues[0] >= -_CURVATURE * np.abs(H).max():
+        return None
+    found: Array = Z @ vectors[:, 0]
+    # Eigenvectors have no sign of their own.
+    return found * np.sign(found[np.abs(found).argmax()])

@@ -1,0 +1,265 @@
+"""`solve`: scaling, the paper's iteration, multiple shooting where it fails, honest endings."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.mpsp.arguments import ProblemError
+from cmpsp_ros.mpsp.jit.watch import progress as compiling
+from cmpsp_ros.mpsp.options import Options
+from cmpsp_ros.mpsp.problem import OptimalControlProblem
+from cmpsp_ros.mpsp.results import (
+    Iterate,
+    Record,
+    Solution,
+    Status,
+    record,
+    residual_at,
+    violations,
+)
+from cmpsp_ros.mpsp.scaling import ScaledProblem, Scaling
+from cmpsp_ros.mpsp.sqp.cmpsp import CMPSP
+from cmpsp_ros.mpsp.sqp.lagrangian import descent_curvature
+from cmpsp_ros.mpsp.sqp.multiple_shooting import MultipleShooting
+
+_PAPERS: Final = 15
+"""Iterations of the paper's kind, after which ``auto`` goes on by multiple shooting."""
+
+# Violation, relative to that of the guess, up to which multiple shooting begins where the paper's
+# iteration ended.
+_WORTH_KEEPING = 0.1
+# How often a point that is no minimum is left along a direction of negative curvature, and how far.
+_ESCAPES, _ESCAPE = 3, 0.1
+
+
+def solve(
+    problem: OptimalControlProblem,
+    U: ArrayLike,
+    options: Options | None = None,
+    max_iterations: int = 200,
+    *,
+    time_limit: float = np.inf,
+    progress: Callable[[Record], object] | None = None,
+) -> Solution:
+    """Iterate from a guess until the iteration ends by itself or at a limit.
+
+    Args:
+        problem: The problem.
+        U: Guessed control history ``U^0``, shape ``(N + 1, r)``.
+        options: How the iteration is run.
+        max_iterations: Iterations at most.
+        time_limit: Time after which no iteration begins [s].
+        progress: Called with the record of each iterate.
+
+    Returns:
+        How the run ended, with a record of every iterate.
+
+    Raises:
+        ProblemError: The guess or an option does not fit the problem, or the problem's bounds,
+            target or derivatives do not fit its dimensions.
+    """
+    options = options or Options()
+    if isinstance(max_iterations, bool) or max_iterations != int(max_iterations):
+        raise ProblemError(f'max_iterations: found {max_iterations!r}, wanted a whole number')
+    if max_iterations < 0:
+        raise ProblemError(f'max_iterations: found {max_iterations}, wanted at least 0')
+    if not time_limit > 0.0:
+        raise ProblemError(f'time_limit: found {time_limit}, wanted a positive number of seconds')
+    problem.check()
+    options.fitted(problem.size)
+    guess = np.clip(problem.checked_controls(U), problem.control_lower, problem.control_upper)
+    deadline = time.monotonic() + time_limit
+    with compiling():
+        run = _Run.begin(problem, guess, options)
+        return run.finish(int(max_iterations), deadline, progress or (lambda _: None))
+
+
+@dataclass
+class _Run:
+    """A run in scaled units: the problem, both iterations, the iterate and what came of it."""
+
+    given: OptimalControlProblem
+    problem: ScaledProblem
+    scaling: Scaling
+    options: Options
+    papers: CMPSP
+    shooting: MultipleShooting | None
+    at: Iterate
+    is_shooting: bool = False
+    escapes: int = 0
+    before: Iterate | None = None
+
+    @classmethod
+    def begin(cls, problem: OptimalControlProblem, U: Array, options: Options) -> _Run:
+        X = problem.predict(U)
+        scaling = Scaling.none(problem)
+        if np.isfinite(X).all():
+            lin = problem.linearise(X, U, options.hessian)
+            lin.check_shapes(problem.size)
+            if options.scaling:
+                scaling = Scaling.of(problem, options, X, U, lin)
+        scaled = ScaledProblem(problem, scaling)
+        if options.scaling:
+            options = scaling.options(options, scaled)
+        papers = CMPSP(scaled, options)
+        at = papers.init(U / scaling.control)
+        shooting = None
+        may_shoot = options.method != 'cmpsp' and options.line_search and np.isfinite(X).all()
+        if may_shoot and _can_shoot(scaled, at):
+            shooting = MultipleShooting(scaled, options)
+        elif options.method == 'multiple_shooting':
+            raise ProblemError(
+                "method: found 'multiple_shooting', but the problem lacks next_states or "
+                'constraint_curvature, or is not finite along the guess'
+            )
+        return cls(problem, scaled, scaling, options, papers, shooting, at)
+
+    def finish(
+        self, max_iterations: int, deadline: float, progress: Callable[[Record], object]
+    ) -> Solution:
+        """Iterate to the end."""
+        guess, history = self.at, list[Record]()
+        if self.options.method == 'multiple_shooting':
+            self._shoot(guess)
+        while True:
+            at = self.at
+            # The subproblem at the new iterate gives its KKT residual, and the next step needs it.
+            subproblem = None if at.not_finite else self._method.subproblem(at)
+            residual = residual_at(at, subproblem)
+            shown = self._shown()
+            history.append(record(shown, residual))
+            progress(history[-1])
+            status, is_minimum, goes_on = self._status(residual), None, False
+            is_last = at.index >= max_iterations
+            if status is Status.CONVERGED:
+                direction, is_minimum = self._judge()
+                if direction is not None:
+                    status = Status.NOT_A_MINIMUM
+                    goes_on = not is_last and self._escape(direction)
+            elif not is_last and self._papers_failed(status):
+                self.before = at
+                is_better = _violation(at) <= _WORTH_KEEPING * _violation(guess)
+                self._shoot(at if is_better else replace(guess, index=at.index))
+                goes_on = True
+            if not goes_on:
+                if status is None and is_last:
+                    status = Status.ITERATION_LIMIT
+                if status is None and time.monotonic() >= deadline:
+                    status = Status.TIME_LIMIT
+                if status is not None:
+                    if self._resume(status, is_last):
+                        continue
+                    return self._conclude(shown, status, history, is_minimum)
+            if goes_on or subproblem is None:
+                subproblem = self._method.subproblem(self.at)
+            self.at = self._method.step(self.at, subproblem)
+
+    @property
+    def _method(self) -> CMPSP | MultipleShooting:
+        return self.shooting if self.shooting is not None and self.is_shooting else self.papers
+
+    def _shown(self) -> Iterate:
+        """The iterate in the user's units, in which bounds hold to the last bit."""
+        at = self.scaling.unscaled(self.at)
+        return replace(at, U=np.clip(at.U, self.given.control_lower, self.given.control_upper))
+
+    def _status(self, residual: float) -> Status | None:
+        """Status as of `CMPSP.terminate`; converged only where the KKT conditions hold."""
+        status = self.papers.terminate(self.at)
+        if status is Status.CONVERGED:
+            holds = residual <= self.options.kkt_tolerance and self.at.gap == 0.0
+            return status if holds else None
+        return status
+
+    def _papers_failed(self, status: Status | None) -> bool:
+        is_over = status is not None or self.at.index >= _PAPERS
+        return is_over and not self.is_shooting and self.shooting is not None
+
+    def _resume(self, status: Status, is_last: bool) -> bool:
+        """Go back to the paper's iteration where multiple shooting ends with more violation."""
+        before, self.before = self.before, None
+        if before is None or is_last or status in {Status.CONVERGED, Status.NOT_A_MINIMUM}:
+            return False
+        if _violation(before) >= _violation(self.at):
+            return False
+        self.at, self.shooting = replace(before, index=self.at.index + 1), None
+        return True
+
+    def _shoot(self, at: Iterate) -> None:
+        """Go on from an iterate by multiple shooting."""
+        if self.shooting is not None:
+            self.at, self.is_shooting = self.shooting.start(at), True
+
+    def _judge(self) -> tuple[Array | None, bool | None]:
+        """Direction of negative curvature at the iterate, and whether it is a minimum."""
+        try:
+            direction = descent_curvature(self.problem, self.at)
+        except ProblemError:
+            return None, None
+        return direction, direction is None
+
+    def _escape(self, direction: Array) -> bool:
+        """Leave a point that is no minimum; false where that was tried often enough."""
+        if self.shooting is None or self.escapes == _ESCAPES:
+            return False
+        self.escapes += 1
+        U = self.at.U + _ESCAPE * direction / np.abs(direction).max()
+        at = self.papers.init(U)
+        if at.not_finite:
+            return False
+        self._shoot(replace(at, index=self.at.index, guess_size=self.at.guess_size))
+        return True
+
+    def _conclude(
+        self, at: Iterate, status: Status, history: list[Record], is_minimum: bool | None
+    ) -> Solution:
+        """The solution, with the last iterate in the user's units."""
+        last, options = history[-1], self.options
+        length = float(np.linalg.norm(self.problem.target)) or 1.0
+        scaled = violations(
+            self.at.evaluation, options.output_tolerance * length, options.violation_tolerance
+        )
+        named = {(each.stage, each.index, each.is_terminal) for each in scaled}
+        return Solution(
+            at,
+            status,
+            tuple(history),
+            last.terminal_multipliers,
+            last.path_multipliers,
+            last.bound_multipliers,
+            tuple(
+                each
+                for each in violations(at.evaluation, 0.0, 0.0)
+                if (each.stage, each.index, each.is_terminal) in named
+            ),
+            is_minimum,
+            str(self.scaling),
+        )
+
+
+def _violation(at: Iterate) -> float:
+    """Violation of an iterate, infinite where it is not finite."""
+    value = at.evaluation
+    total = float(np.abs(value.output_error).sum() + np.maximum(value.g, 0.0).sum())
+    return np.inf if at.not_finite else total
+
+
+def _can_shoot(problem: OptimalControlProblem, at: Iterate) -> bool:
+    """True where the problem gives what multiple shooting asks for."""
+    size = problem.size
+    try:
+        problem.next_states(at.X, at.U)
+        problem.constraint_curvature(
+            at.X, at.U, np.zeros((size.horizon, size.state)), np.zeros(size.output),
+            np.zeros((size.horizon + 1, size.path)),
+        )  # fmt: skip
+    except ProblemError:
+        return False
+    return True

@@ -175,6 +175,6 @@ def _worst(
 
 
 def _largest_speed(times: Array, points: Array) -> float:
-    """Of all points of the robot ``(K, P, 2)``, by their samples [m/s]."""
+    """Largest speed of the points of the robot ``(K, P, 2)`` [m/s]."""
     moved = np.linalg.norm(np.diff(points, axis=0), axis=-1).max(axis=1)
     return float((moved / np.maximum(np.diff(times), 1e-9)).max(initial=0.0))

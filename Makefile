@@ -83,7 +83,7 @@ endef
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help demo test test-all test-oldest lint setup bench docs dist lock clean check-ros FORCE
+.PHONY: help demo test test-all test-oldest lint setup bench docs dist site lock clean check-ros FORCE
 
 help:  ## say what can be made
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-11s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -129,6 +129,18 @@ docs: setup  ## write doc/reference/topics.md and parameters.md, config/defaults
 	$(BIN)/python -m cmpsp_ros.parameters.documentation --write doc/reference/parameters.md
 	$(BIN)/python -m cmpsp_ros.parameters.documentation --defaults > config/defaults.yaml
 
+# Pages are copied, because they link to files beside doc/. Commands and API are of this tree.
+site: PAGES := .cache/pages
+site: $(PACKAGE)  ## build a site of the documentation into site/; a dead link is an error
+	test -x .cache/site/bin/mkdocs || { $(PYTHON) -m venv .cache/site; \
+	    .cache/site/bin/pip install --quiet -r requirements/site.txt; }
+	rm -rf $(PAGES)
+	mkdir -p $(PAGES)
+	cp -r README.md CONTRIBUTING.md CHANGELOG.rst LICENSE config doc $(PAGES)
+	$(BIN)/python -m cmpsp_ros.cli.documentation $(PAGES)/doc/reference
+	NO_MKDOCS_2_WARNING=1 .cache/site/bin/mkdocs build --quiet
+	@echo 'site/doc/start.html'
+
 dist: $(DEVELOPMENT)  ## build the sdist and the wheel into dist/
 	rm -rf dist build
 	$(BIN)/python setup.py --quiet sdist bdist_wheel
@@ -142,7 +154,7 @@ lock:  ## pin today's newest versions in requirements/
 	rm -rf .cache/lock
 
 clean:  ## remove the environment and whatever can be made again (runs/ stays)
-	rm -rf $(VENV) build dist install log .ros .cache .mypy_cache .pytest_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) build dist site install log .ros .cache .mypy_cache .pytest_cache .ruff_cache .hypothesis
 	rm -rf .import_linter_cache .coverage htmlcov *.egg-info
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 

@@ -65,9 +65,10 @@ def bench(
         console().print(crowds.obstacles_table(crowds.measure_obstacles(runs)).rich())
         return
     if sensors:
-        from benchmarks import crowds  # noqa: PLC0415 (compiles kernels)
+        from benchmarks import crowds, tracking  # noqa: PLC0415 (compiles kernels)
 
         console().print(crowds.sensors_table(crowds.measure_sensors(runs)).rich())
+        console().print(tracking.tracking_table(tracking.measure_tracking()).rich())
         return
     if verify is not None or verify_case is not None:
         from cmpsp_ros.guidance import SolverSettings  # noqa: PLC0415 (loads kernels)

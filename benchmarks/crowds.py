@@ -271,7 +271,8 @@ def _sensor_steps(preset: str) -> Iterator[tuple[float, ...]]:
             sighting = eyes.see(stamp, pose)
             seen = time.thread_time_ns()
             if law.is_due(stamp):
-                decision = law.step(Observation(stamp, pose, (), sighting))
+                tracks = () if sighting is None else sighting.tracks
+                decision = law.step(Observation(stamp, pose, tracks, sighting))
                 decided = time.thread_time_ns()
                 if decision is None or decision.finished or sighting is None:
                     return

@@ -12,6 +12,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from importlib.metadata import version
 from itertools import groupby
 from pathlib import Path
 
@@ -26,6 +27,7 @@ _LEAST_SPACE = 4096
 _COMPILES = 'Compiling kernels'
 """What `ProgressLine` says every few seconds."""
 _DOMAINS = range(1, 101)
+_RCLPY_OF_FAST_DDS_3 = 8
 _PROFILES = 'FASTRTPS_DEFAULT_PROFILES_FILE'
 _PR_SET_PDEATHSIG = 1
 _claims: list[socket.socket] = []
@@ -48,7 +50,9 @@ def use_free_domain() -> int:
             _claim(candidate)
             os.environ['ROS_DOMAIN_ID'] = str(candidate)
             os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-            os.environ.setdefault(_PROFILES, str(Path(__file__).with_name('fastdds.xml')))
+            # Fast DDS 3, from Kilted on, has other names for these.
+            if int(version('rclpy').partition('.')[0]) < _RCLPY_OF_FAST_DDS_3:
+                os.environ.setdefault(_PROFILES, str(Path(__file__).with_name('fastdds.xml')))
             return candidate
     raise DemoError(f'ROS domains {_DOMAINS[0]} to {_DOMAINS[-1]} are all in use on this machine')
 

@@ -37,6 +37,7 @@ from cmpsp_ros.view import (
     frame,
     goals_trace,
     kept_clear,
+    legend_below,
     map_corners,
     traces,
     trail,
@@ -88,7 +89,7 @@ def draw_trajectory(
     rows = math.ceil(len(labels) / _COLUMNS)
     width, height = high - low
     figure.set_size_inches(_WIDTH, _WIDTH * height / width + _BELOW + _ROW * rows)
-    figure.legend(handles, labels, loc='outside lower center', ncols=_COLUMNS)
+    legend_below(figure, handles, labels, ncols=_COLUMNS)
     figure.savefig(path, dpi=120)
     return figure
 

@@ -35,6 +35,9 @@ class MovingObject:
         is_moving: Whether it counts as moving.
         evidence: Scans that showed that it moves, less those that did not.
         gone: Scans in a row that saw through the place where it should be.
+        still: Time in sight for which it has stood still [ns].
+        unproved: Time in sight since a scan last showed that it moves [ns].
+        sightings: Number of scans that have shown it.
     """
 
     number: int
@@ -53,7 +56,8 @@ class MovingObject:
     is_moving: bool = False
     evidence: int = 0
     gone: int = 0
-    moved: int = 0
+    still: int = 0
+    unproved: int = 0
     sightings: int = 1
 
     def predict(self, stamp: int) -> None:
@@ -87,11 +91,12 @@ class MovingObject:
         """Speed [m/s]."""
         return math.hypot(self.vx, self.vy)
 
-    def settle(self) -> None:
-        """Count as static again after some time without motion."""
-        if self.speed > _STILL_SPEED:
-            self.moved = self.stamp
-        elif self.stamp - self.moved > _STILL_AFTER:
+    def settle(self, elapsed: int, *, moves: bool) -> None:
+        """Count as static again after some time in sight [ns] without motion or evidence for it."""
+        elapsed = min(elapsed, _STILL_AFTER // 4)
+        self.still = 0 if self.speed > _STILL_SPEED else self.still + elapsed
+        self.unproved = 0 if moves else self.unproved + elapsed
+        if max(self.still, self.unproved) > _STILL_AFTER:
             self.is_moving, self.evidence = False, 0
 
     def track(self, stamp: int) -> Track:

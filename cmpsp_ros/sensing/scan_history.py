@@ -128,19 +128,20 @@ def status(ranges: Array, origin: Array, at_x: float, at_y: float) -> int:
     margin = _OFF + _OFF_BY_RANGE * distance
     half = 1 + math.ceil(max(_OFF / distance, _TURNED) / _WIDTH)
     middle = math.floor(math.atan2(y, x) / _WIDTH)
-    beyond, unknown, is_hit, is_hidden = 0.0, 0, False, False
+    # A hit at the place itself decides, and there most hits are.
+    if abs(ranges[middle % N_DIRECTIONS] - distance) <= margin:
+        return _HIT
+    beyond, unknown, is_hidden = 0.0, 0, False
     for k in range(middle - half, middle + half + 1):
         found = ranges[k % N_DIRECTIONS]
         unknown = unknown + 1 if found == math.inf else 0
+        if abs(found - distance) <= margin:
+            return _HIT
         if abs(found) > distance + margin:
             beyond += (1.0 if found > 0.0 else _A_MISS) * (unknown == 0)
-        elif found >= distance - margin:
-            is_hit = True
         elif found > 0.0:
             is_hidden = True
         is_hidden |= unknown > _HOLE
-    if is_hit:
-        return _HIT
     return _FREE if beyond >= _ENOUGH and not is_hidden else _UNKNOWN
 
 

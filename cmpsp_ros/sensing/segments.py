@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from cmpsp_ros.arrays import Array, IntArray
+from cmpsp_ros.arrays import Array, BoolArray, IntArray
 from cmpsp_ros.mpsp.jit import allocation_free
 
 _GAP: Final = 0.1
@@ -143,7 +143,8 @@ def _add_or_join(found: list[Segment], segment: Segment, origin: Array, movers: 
     owner = _nearest(movers, x, y)
     for place in range(len(found) - 1, max(len(found) - 5, -1), -1):
         other = found[place]
-        if len(other.legs) != 1 or segment.is_static != other.is_static:
+        is_alike = owner >= 0 or segment.is_static == other.is_static
+        if len(other.legs) != 1 or not is_alike:
             continue
         other_x, other_y = other.center(origin, 0.0)
         is_near = math.hypot(x - other_x, y - other_y) <= _STRIDE
@@ -257,6 +258,17 @@ def _key(places: Array, labels: IntArray, movers: Array, i: int) -> int:
         if away - movers[j, 2] < best:
             best, key = away - movers[j, 2], j
     return key
+
+
+@allocation_free
+def keep_within(chosen: BoolArray, points: Array, discs: Array) -> None:
+    """Unset those of the chosen points that are in none of some discs (x, y, radius)."""
+    for i in range(points.shape[0]):
+        is_within = False
+        for j in range(discs.shape[0]):
+            x, y = points[i, 0] - discs[j, 0], points[i, 1] - discs[j, 1]
+            is_within |= x * x + y * y < discs[j, 2] * discs[j, 2]
+        chosen[i] &= is_within
 
 
 @allocation_free

@@ -8,11 +8,11 @@ from typing import Final
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from cmpsp_ros.arrays import Array, BoolArray, IntArray
+from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.sensing.beams import Beams
 from cmpsp_ros.sensing.moving_object import MovingObject
 from cmpsp_ros.sensing.scan_history import N_DIRECTIONS, Label, ScanHistory, View
-from cmpsp_ros.sensing.segments import Segment, segments_of
+from cmpsp_ros.sensing.segments import Segment, keep_within, segments_of
 from cmpsp_ros.sensing.track import Track
 
 MOVING: Final = -1
@@ -33,10 +33,12 @@ _LOST: Final = 2 * _NS
 _FORGOTTEN: Final = _NS * 35 // 100
 """Time after which a mover, and another object, is dropped without being seen [ns]."""
 _CONFIRMED, _SEEN_ENOUGH, _GONE = 2, 3, 3
-_FAR: Final = 0.3
-"""Distance that shows a motion where the place left behind is seen to be empty [m]."""
-_SIGNIFICANT: Final = 16.0
+_SIGNIFICANT: Final = 4.0
+"""Squared speed that is no error, in variances of the velocity."""
 _FEW: Final = 3
+"""Hits where nothing was, from which that shows motion."""
+_DIRECTIONS: Final = 32
+"""Beams by which the angle between two is found."""
 _SAME: Final = 0.2
 """Distance of two tracks of the same object [m]."""
 _LONG: Final = 2.5
@@ -71,12 +73,10 @@ class Tracker:
         labels = history.labels(points, beams.stamp)
         for each in self._objects:
             each.predict(beams.stamp)
-        movers = np.array(
-            [(each.x, each.y, each.radius) for each in self._objects if each.is_moving]
-        ).reshape(-1, 3)
-        found = segments_of(origin, points, labels, movers, _step(beams))
+        found = segments_of(origin, points, labels, self._movers(), _step(beams))
         if found is None:
             self._histories, found = {sensor: (history := ScanHistory())}, []
+            self._objects = [each for each in self._objects if each.is_moving]
         begun = []
         for known, segment in self._associated(found, origin):
             if known is not None and self._follow(known, segment, origin, view):
@@ -84,7 +84,9 @@ class Tracker:
             owner = known or self._begin(segment, origin, beams.stamp)
             if owner is not None:
                 owners[hits[segment.members]] = MOVING if owner.is_moving else owner.number
-        owners[hits[self._on_movers(points) & (labels != Label.STATIC)]] = MOVING
+        on_movers = labels != Label.STATIC
+        keep_within(on_movers, points, self._movers(_AROUND))
+        owners[hits[on_movers]] = MOVING
         self._drop(view)
         history.add(view)
         return owners, begun
@@ -93,15 +95,11 @@ class Tracker:
         """Tracks of all that moves, predicted for a time [ns]."""
         return tuple(each.track(stamp) for each in self._objects if each.is_moving)
 
-    def _on_movers(self, points: Array) -> BoolArray:
-        """True for each of some points that is on something that moves."""
+    def _movers(self, around: float = 0.0) -> Array:
+        """Discs of what moves, with so much around them (x, y, radius), ``(M, 3)`` [m]."""
         movers = [each for each in self._objects if each.is_moving]
-        places = np.array([(each.x, each.y, each.radius) for each in movers]).reshape(-1, 3)
-        away = points[:, None] - places[:, :2]
-        found: BoolArray = (np.square(away).sum(axis=2) < np.square(places[:, 2] + _AROUND)).any(
-            axis=1
-        )
-        return found
+        discs = [(each.x, each.y, each.radius + around) for each in movers]
+        return np.array(discs).reshape(-1, 3)
 
     def _associated(
         self, found: list[Segment], origin: Array
@@ -138,25 +136,23 @@ class Tracker:
 
     def _follow(self, each: MovingObject, segment: Segment, origin: Array, view: View) -> bool:
         """Take in what is seen of an object; True if it has begun to move."""
-        is_cut = any(segment.is_cut)
+        elapsed, is_cut = each.stamp - each.seen, any(segment.is_cut)
         radius = each.radius if is_cut else max(segment.radius, _LEGS if segment.legs else _BODY)
         each.correct(*segment.center(origin, each.radius), radius, _variance(segment))
-        if each.is_moving:
-            each.settle()
-            return False
-        left = math.hypot(each.x - each.origin[0], each.y - each.origin[1]) > _FAR
+        has_left = view.is_through(*each.origin)
         is_fast = each.speed**2 > _SIGNIFICANT * each.velocity_variance
-        moves = left and view.is_through(*each.origin)
-        if segment.has_entered or (is_fast and (moves or segment.entered >= _FEW)):
-            each.evidence += 1
-        else:
-            each.evidence = max(each.evidence - 1, 0)
+        moves = segment.has_entered or (is_fast and (has_left or segment.entered >= _FEW))
+        if each.is_moving:
+            each.origin = segment.front if has_left else each.origin
+            each.settle(elapsed, moves=moves or has_left)
+            return False
+        each.evidence = each.evidence + 1 if moves else max(each.evidence - 1, 0)
         each.sightings += 1
         if each.evidence < _CONFIRMED or each.sightings < _SEEN_ENOUGH:
             return False
         self._name += not each.name
         each.name = each.name or self._name
-        each.is_moving, each.moved = True, each.stamp
+        each.is_moving, each.still, each.unproved = True, 0, 0
         return True
 
     def _drop(self, view: View) -> None:
@@ -179,7 +175,7 @@ class Tracker:
 
 def _hits(beams: Beams) -> IntArray:
     """Indices of hits; of a cloud the nearest in each direction."""
-    hits = np.flatnonzero(beams.hits & np.isfinite(beams.ends).all(axis=1))
+    hits = np.flatnonzero(beams.hits & np.isfinite(beams.ends[:, 0] + beams.ends[:, 1]))
     if beams.is_sweep or not len(hits):
         return hits
     away = beams.ends[hits] - beams.starts.mean(axis=0)
@@ -194,10 +190,10 @@ def _step(beams: Beams) -> float:
     """Angle between neighbouring beams [rad]."""
     if not beams.is_sweep:
         return math.tau / N_DIRECTIONS
-    along = beams.ends - beams.starts
-    along = along[np.hypot(along[:, 0], along[:, 1]) > 0.0]
-    turned = np.diff(np.arctan2(along[:, 1], along[:, 0])) % math.tau
-    return float(np.median(turned)) if len(turned) else math.tau / N_DIRECTIONS
+    known = np.flatnonzero(beams.ends[:, 0] != beams.starts[:, 0])[:_DIRECTIONS]
+    along = beams.ends[known] - beams.starts[known]
+    turned = np.sort(np.diff(np.arctan2(along[:, 1], along[:, 0])) % math.tau)
+    return float(turned[len(turned) // 2]) if len(turned) else math.tau / N_DIRECTIONS
 
 
 def _variance(segment: Segment) -> float:

@@ -8,15 +8,14 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Final
 
 import numpy as np
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.setting import POSITIVE, Range, setting
 from cmpsp_ros.simulator.laser import cast
 from cmpsp_ros.simulator.measurement import Stream, generator
+from cmpsp_ros.simulator.settings import PeopleSettings, Walker
 from cmpsp_ros.simulator.walking import choose_velocities
 
 Point = tuple[float, float]
@@ -34,40 +33,6 @@ _SPACING: Final = 0.7
 _FROM_WALL, _SHORTEST, _ATTEMPTS = 0.1, 0.5, 16
 _LEG, _HALF_STANCE, _STRIDE, _SWING = 0.06, 0.1, 1.3, 0.16
 """Radius of a leg, half the distance of both, length of two steps, amplitude of a foot [m]."""
-
-
-# fmt: off
-@dataclass(frozen=True)
-class Walker:
-    """A person, or a group that walks together."""
-
-    name: str
-    position: Point
-    motion: Literal['straight', 'waypoints', 'random'] = setting('straight', '',
-        'Path: `straight` ahead from wall to wall, `waypoints` there and back, or `random` from '
-        'point to point.', live=False)
-    heading: float = setting(0.0, 'rad', 'Initial direction of a `straight` path.', live=False)
-    waypoints: tuple[float, ...] = setting((), 'm',
-        'Points to visit after the initial position, there and back: x and y of each.', live=False)
-    speed: float = setting(1.0, 'm/s', 'Walking speed.', Range(0.0, 10.0), live=False)
-    radius: float = setting(0.25, 'm', 'Radius of the body.', POSITIVE, live=False)
-    gives_way: bool = setting(True, '',
-        'Whether this person avoids the robot and other people; otherwise looks at nobody.',
-        live=False)
-    count: int = setting(1, '', 'Number of people who walk together.', Range(1, 12), live=False)
-
-
-@dataclass(frozen=True)
-class PeopleSettings:
-    """All people of a simulation."""
-
-    walkers: tuple[Walker, ...] = ()
-    acceleration: float = setting(0.8, 'm/s^2', 'Limit of their acceleration.', POSITIVE,
-        live=False)
-    legs: bool = setting(False, '',
-        'Whether the scanner sees two legs of each person instead of the body.', live=False)
-    seed: int = 0
-# fmt: on
 
 
 class People:

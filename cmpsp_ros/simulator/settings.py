@@ -1,4 +1,4 @@
-"""Settings of the simulated robot, its odometry, its physics and its laser scanner."""
+"""Settings of the simulated robot, its odometry, physics and laser scanner, and of people."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from cmpsp_ros.robots import Robot
 
 Vector = tuple[float, float, float]
+Point = tuple[float, float]
 
 _ANGLE = Range(-math.tau, math.tau)
 _PROBABILITY = Range(0.0, 1.0)
@@ -135,4 +136,38 @@ class LaserSettings:
     def angle_increment(self) -> float:
         """Angle between two beams [rad]."""
         return (self.angle_max - self.angle_min) / (self.count - 1)
+# fmt: on
+
+
+# fmt: off
+@dataclass(frozen=True)
+class Walker:
+    """A person, or a group that walks together."""
+
+    name: str
+    position: Point
+    motion: Literal['straight', 'waypoints', 'random'] = setting('straight', '',
+        'Path: `straight` ahead from wall to wall, `waypoints` there and back, or `random` from '
+        'point to point.', live=False)
+    heading: float = setting(0.0, 'rad', 'Initial direction of a `straight` path.', live=False)
+    waypoints: tuple[float, ...] = setting((), 'm',
+        'Points to visit after the initial position, there and back: x and y of each.', live=False)
+    speed: float = setting(1.0, 'm/s', 'Walking speed.', Range(0.0, 10.0), live=False)
+    radius: float = setting(0.25, 'm', 'Radius of the body.', POSITIVE, live=False)
+    gives_way: bool = setting(True, '',
+        'Whether this person avoids the robot and other people; otherwise looks at nobody.',
+        live=False)
+    count: int = setting(1, '', 'Number of people who walk together.', Range(1, 12), live=False)
+
+
+@dataclass(frozen=True)
+class PeopleSettings:
+    """All people of a simulation."""
+
+    walkers: tuple[Walker, ...] = ()
+    acceleration: float = setting(0.8, 'm/s^2', 'Limit of their acceleration.', POSITIVE,
+        live=False)
+    legs: bool = setting(False, '',
+        'Whether the scanner sees two legs of each person instead of the body.', live=False)
+    seed: int = 0
 # fmt: on

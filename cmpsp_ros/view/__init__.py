@@ -5,7 +5,15 @@ from typing import TYPE_CHECKING
 from cmpsp_ros.front_door import lazy_exports
 
 if TYPE_CHECKING:
-    from cmpsp_ros.view.drawing import PER_ARC, along, draw, draw_obstacles, draw_road, show
+    from cmpsp_ros.view.drawing import (
+        PER_ARC,
+        along,
+        draw,
+        draw_obstacles,
+        draw_road,
+        legend_below,
+        show,
+    )
     from cmpsp_ros.view.plotly_traces import (
         arrow,
         coordinates,

@@ -6,8 +6,10 @@ from collections.abc import Iterable, Sequence
 from html import unescape
 from typing import Any
 
+import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure, SubFigure
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path
 from matplotlib.patheffects import withStroke
@@ -30,6 +32,21 @@ _POINT = 0.75
 _SYMBOLS = {'circle': 'o', 'star': '*', 'square': 's'}
 _DASHES = {'solid': '-', 'dash': '--', 'dot': ':', 'dashdot': '-.'}
 """Matplotlib's names for plotly's."""
+
+
+def legend_below(figure: Figure | SubFigure, *keys: Sequence[Any], **options: Any) -> None:
+    """Legend below all axes of a figure with constrained layout.
+
+    Matplotlib 3.6 has no place outside the axes; there the legend's height is kept free.
+    """
+    if mpl.__version_info__ >= (3, 7):
+        figure.legend(*keys, loc='outside lower center', **options)
+        return
+    legend = figure.legend(*keys, loc='lower center', **options)
+    whole: Any = figure.figure
+    whole.draw_without_rendering()
+    below = legend.get_window_extent().height / figure.bbox.height
+    whole.get_layout_engine().set(rect=(0.0, below, 1.0, 1.0 - below))
 
 
 def draw_road(axes: Axes, road: Road, face: str, edge: str) -> None:

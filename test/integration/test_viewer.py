@@ -204,7 +204,7 @@ def test_it_shows_what_moves_and_the_goal_driven_to(start_view, wait_until, ros,
 
     updates = wait_until(shown, LIMIT)
     assert updates['moving'] == [{'at': [1.0, 2.0], 'size': 0.6, 'doubt': 0.9, 'to': [1.5, 2.25]}]
-    goal = [updates['decision'][f'goal_{each}'] for each in ('name', 'x', 'y', 'time')]
+    goal = [updates['decision'][each] for each in ('goal', 'goal_x', 'goal_y', 'goal_time')]
     assert goal == ['b', 0.5, -1.0, 17.0]
     dom, complaints = browse(page)
     assert complaints == []

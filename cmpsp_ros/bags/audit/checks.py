@@ -17,6 +17,7 @@ CHECKS: Final = (
     paths.road,
     paths.obstacles,
     paths.moving,
+    paths.people,
     paths.others,
     paths.margin,
     stops.goal,

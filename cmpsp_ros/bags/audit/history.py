@@ -48,12 +48,14 @@ class History:
         epochs: In order of time, at least one; the first began before the recording.
         simulated: True if the robot is simulated, so that all obstacles are known.
         has_traffic: True if the simulator moves obstacles.
+        has_people: True if people walk in it.
     """
 
     given: frozenset[str]
     epochs: tuple[Epoch, ...]
     simulated: bool = False
     has_traffic: bool = False
+    has_people: bool = False
 
     @property
     def starts(self) -> list[int]:
@@ -121,8 +123,12 @@ def _with_course(history: History, bag: Bag, node: str) -> History:
         epoch = history.epoch_at(since)
         hidden = course[bisect_right(starts, since) - 1][1]
         epochs.append(replace(epoch, since=since, hidden=hidden))
-    moves = bool(bag.parameters[node].get('moving_obstacles.names'))
-    return replace(history, epochs=tuple(epochs), simulated=True, has_traffic=moves)
+    moves, walk = (
+        bool(bag.parameters[node].get(f'{each}.names'))
+        for each in ('moving_obstacles', 'sim.people')
+    )
+    known = replace(history, epochs=tuple(epochs), simulated=True)
+    return replace(known, has_traffic=moves, has_people=walk)
 
 
 def _changes(bag: Bag, node: str) -> Iterator[tuple[int, int, dict[str, Any]]]:

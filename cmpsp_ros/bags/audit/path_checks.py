@@ -125,6 +125,18 @@ def moving(record: AuditRecord) -> Iterator[Sample]:
     yield from _apart(record.encounters, ', at its predicted position')
 
 
+@check('people', 'Path: people untouched', gaps=(path_gap,), **_APART)
+def people(record: AuditRecord) -> Iterator[Sample]:
+    """Clearance from people in the simulator at their true positions, while the robot moved."""
+    if not record.people:
+        if record.history.has_people:
+            raise NotJudgedError(f'The bag lacks the people in {record.places.sim}/people.')
+        raise SkippedError('No people are known to walk about.')
+    if not record.people_met:
+        raise SkippedError('Nobody comes near the robot.')
+    yield from _apart(record.people_met, ', at its true position')
+
+
 def _others_gap(record: AuditRecord, _worst: Sample) -> str:
     return record.others_sentence
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -30,6 +31,9 @@ from cmpsp_ros.bags.runs.sensor_clearance import Knowledge, SensorClearance, loo
 from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings, to_nanoseconds
 from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.world.roads import FAR
+
+_NEAR = 3.0
+"""Distance from the robot within which people are judged [m]."""
 
 EDGES = 2
 """The first columns of a clearance are the road's edges."""
@@ -96,6 +100,7 @@ class AuditRecord:
         commands: All commands.
         decisions: All decisions; none in the bag of another program.
         tracks: Moving obstacles as received, by id and time.
+        people: People in the simulator as they truly were, by id and time.
         others: Paths of the other robots to be avoided, by namespace.
         pairs: Pairs of commands and decisions.
         is_ours: True if the bag has the parameters of a guidance node of this package.
@@ -109,6 +114,7 @@ class AuditRecord:
     commands: Commands
     decisions: tuple[DecisionRecord, ...]
     tracks: tuple[Track, ...]
+    people: tuple[Track, ...]
     others: Mapping[str, DrivenPath]
     pairs: Pairs
     is_ours: bool
@@ -175,6 +181,22 @@ class AuditRecord:
         settings = self.settings
         around = settings.bodies, partial(lifetime, settings=settings)
         return tuple(self._met(lambda path: encounters(path, self.tracks, *around)))
+
+    @cached_property
+    def people_met(self) -> tuple[Encounter, ...]:
+        """The same path, with the people near it at their true positions."""
+        bodies, stamps = self.settings.bodies, np.unique([each.stamp for each in self.people])
+        lasts = float(np.diff(stamps).max(initial=0)) / NANOSECONDS
+
+        def along(path: DrivenPath) -> Iterator[Encounter]:
+            at = np.searchsorted(path.stamps, [each.stamp for each in self.people], side='right')
+            places = path.poses[np.clip(at - 1, 0, len(path.poses) - 1), :2].tolist()
+            for each, place in zip(self.people, places, strict=True):
+                if math.dist(place, (each.x, each.y)) < _NEAR:
+                    for met in encounters(path, (each,), bodies, lambda _: lasts):
+                        yield replace(met, name=f'person {each.id}')
+
+        return tuple(self._met(along))
 
     @cached_property
     def robot_encounters(self) -> tuple[Encounter, ...]:

@@ -100,6 +100,7 @@ def _record(bag: Bag, sources: Sources) -> AuditRecord:
         commands=commands,
         decisions=decisions,
         tracks=tracks,
+        people=read_tracks(bag, f'{places.sim}/people', frame_id),
         others=others,
         pairs=pairs,
         is_ours=places.node in bag.parameters,

@@ -27,7 +27,7 @@ TOO_SHARP: Final = 'sharper acceleration than people.max_acceleration'
 OUTSIDE: Final = 'outside the field of view'
 TOO_LATE: Final = 'out of sight until nearer than anybody could stop'
 
-_MAX_SPEED, _MAX_ACCELERATION, _ROUNDING = 1.6, 1.0, 1e-6
+_ROUNDING: Final = 1e-6
 _TOUCHING: Final = 0.02
 """Clearance below which a person may have been stopped by the robot [m]."""
 
@@ -147,11 +147,12 @@ def _reason(driven: DrivenRun, person: int, time: float, free: Array) -> str:
     before = np.flatnonzero((began > time - _LOOKING_BACK) & (began <= time))
     states = np.array([driven.people[k][1][person] for k in before])
     speeds = np.hypot(states[:, 2], states[:, 3])
-    if speeds.max(initial=0.0) > _MAX_SPEED + _ROUNDING:
+    assumed = driven.task.settings.moving_obstacles
+    if speeds.max(initial=0.0) > assumed.max_speed + _ROUNDING:
         return TOO_FAST
     changes = np.hypot(*np.diff(states[:, 2:4], axis=0).T) / np.diff(began[before])
     changes = changes[np.isin(began[before][1:], free)]
-    if changes.max(initial=0.0) > _MAX_ACCELERATION + _ROUNDING:
+    if changes.max(initial=0.0) > assumed.max_acceleration + _ROUNDING:
         return TOO_SHARP
     sights = [_sight(driven, int(k), person) for k in before]
     if not sights or sights[-1] is None:

@@ -16,7 +16,15 @@ from cmpsp_ros.studies.common import WIDTH, plot_style
 from cmpsp_ros.studies.monte_carlo.contacts import contacts
 from cmpsp_ros.studies.monte_carlo.driving import DrivenRun
 from cmpsp_ros.studies.monte_carlo.outcome import RunVerdict, StudyOutcome
-from cmpsp_ros.view import LEVEL_COLORS, PER_ARC, along, draw_obstacles, draw_road, show
+from cmpsp_ros.view import (
+    LEVEL_COLORS,
+    PER_ARC,
+    along,
+    draw_obstacles,
+    draw_road,
+    legend_below,
+    show,
+)
 
 _DPI: Final = 150
 _SMALLEST_MISS: Final = 1e-16
@@ -78,7 +86,7 @@ def _paths(
         named.add(verdict)
         axes.plot(each.x, each.y, color=color, lw=width, alpha=0.8, label=label)
     axes.set_aspect('equal')
-    figure.legend(loc='outside lower center', ncols=len(named))
+    legend_below(figure, ncols=len(named))
     axes.set_title(title)
     return figure
 
@@ -175,7 +183,7 @@ def _draw_clearance(axes: Axes, driven: DrivenRun) -> None:
     axes.axhline(0.0, color=_RIM, ls='--', lw=0.8)
     axes.set(xlabel='time [s]', ylabel='clearance [m]', ylim=(-0.1, 1.2))
     keys = axes.get_legend_handles_labels()
-    axes.figure.legend(*keys, loc='outside lower center', ncols=6, fontsize=6.0)
+    legend_below(axes.figure, *keys, ncols=6, fontsize=6.0)
 
 
 def _save(figure: Figure, path: Path) -> Path:

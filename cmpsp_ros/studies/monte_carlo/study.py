@@ -43,7 +43,7 @@ _NOISY_TURN: Final = 4
 _DRAWN: Final = ('obstacles.', 'sim.obstacles.', 'road.points', 'road.half_width')
 """What presets have and every run draws for itself."""
 
-_PATIENCE: Final = 30.0, 3.0
+_PATIENCE: Final = 30.0, 2.0
 """Time [s], and multiple of that for the straight way, after which a run among people ends."""
 
 _PACE: Final = 0.95

@@ -61,6 +61,8 @@ def test_metadata(path):
     assert set(found['custom_data']) == {PARAMETERS_KEY, SOFTWARE_KEY, VERSION_KEY, 'key'}
     assert found['custom_data']['key'] == 'ä: [\n'
     (topic,) = found['topics_with_message_count']
+    known = 'RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18'
+    assert topic['topic_metadata']['type_description_hash'] == known
     (profile,) = topic['topic_metadata']['offered_qos_profiles']
     assert profile['reliability'] == 'reliable'
     assert profile['durability'] == 'transient_local'

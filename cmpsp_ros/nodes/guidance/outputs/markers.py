@@ -230,7 +230,9 @@ class PlanMarkers:
     def _ring(self, track: Track, center: tuple[float, float], age: float) -> Marker:
         """Distance that the robot's centre keeps from an obstacle seen so long before [s]."""
         settings = self._settings
-        radius = track.radius + settings.moving_obstacles.growth * age
+        moving = settings.moving_obstacles
+        doubt = track.position_stddev + age * track.velocity_stddev
+        radius = track.radius + moving.growth * age + moving.quantile * doubt
         radius += settings.robot_radius + settings.safety.margin
         return _line(outline_of([center], radius), _RING, _MOVING)
 

@@ -64,6 +64,7 @@ class Drive:
     restarts: list = field(default_factory=list)
     sightings: list = field(default_factory=list)
     obstacles: list = field(default_factory=list)
+    people: list = field(default_factory=list)
     truth: list[Sample] = field(default_factory=list)
     sim: dict = field(default_factory=dict)
     frame_id: str = 'odom'
@@ -127,6 +128,10 @@ class Drive:
                 bag.topic(f'{prefix}/moving_obstacles', CLOUD)
             for stamp, rows in self.obstacles:
                 bag.write(f'{prefix}/moving_obstacles', stamp, raw(cloud(stamp, rows)))
+            if self.people:
+                bag.topic(f'{prefix}/sim/people', CLOUD)
+            for stamp, rows in self.people:
+                bag.write(f'{prefix}/sim/people', stamp, raw(cloud(stamp, rows)))
             if self.sightings:
                 bag.topic(f'{prefix}/guidance/sighting', GRID)
             for stamp, cells in self.sightings:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -23,8 +24,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cmpsp_ros.bags import BagError, BagWriter
-from cmpsp_ros.bags.runs import DrivenPath, read_run
+from cmpsp_ros.bags.runs import DrivenPath, read_run, seen_at
+from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 from cmpsp_ros.robots import arc_ends, arc_from, reach_of
+from cmpsp_ros.sensing import Track
 
 
 def driven(twists, seconds, begin=5 * SECOND):
@@ -177,3 +180,16 @@ def test_decisions_of_another_program_are_refused_as_such(tmp_path):
     bag = write(tmp_path / 'bag', {**topics(), '/guidance/decision': (STATUS, [foreign])})
     with pytest.raises(BagError, match='/guidance/decision'):
         read_run(bag)
+
+
+def test_what_own_sensors_no_longer_see_is_forgotten_by_their_next_sighting():
+    settings = guidance_settings(TABLE.resolve(load_parameter_file('case3')))
+    told = Track(7, 0, 0.3, 1.0, 0.0, 0.5, 0.0)
+    seen = replace(told, id=Track.SEEN + 7, position_stddev=0.1, velocity_stddev=0.2)
+    (one, other) = seen_at([told, seen], SECOND // 4, settings)
+    assert (one.x, other.x) == (1.125, 1.125)
+    assert (one.position_stddev, other.position_stddev) == pytest.approx((0.0, 0.15))
+    assert [each.id for each in seen_at([told, seen], SECOND // 2, settings)] == [7]
+    assert seen_at([told, seen], 2 * SECOND, settings) == []
+    assert (told.name, seen.name) == ('moving obstacle 7', 'person 7')
+    assert replace(told, id=3 * Track.SEEN + 4).name == 'object 4 of tracker 2'

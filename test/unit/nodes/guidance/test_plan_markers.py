@@ -165,6 +165,12 @@ def test_a_track_in_doubt_has_discs_that_it_may_fill(decision):
         assert shown[namespace].color.a < 0.5
     later = shown['moving_doubts_foreseen'].pose.position
     assert (later.x, later.y) == (4.25, -8.625)
+    wider = settings_of(**{'people.quantile': 3.0, 'moving_obstacles.growth': 0.0})
+    markers = PlanMarkers(wider).fill(decision._replace(tracks=(seen,))).markers
+    (ring,) = (each for each in markers if each.ns == 'moving_margins')
+    kept = 0.3 + 3.0 * 0.2 + wider.robot_radius + wider.safety.margin
+    for point in ring.points:
+        assert math.dist((point.x, point.y), (4.75, -8.875)) == pytest.approx(kept)
 
 
 def test_what_moves_reddens_the_stages_that_it_comes_near(fill, decision):

@@ -1,0 +1,54 @@
+"""The audit of people: judged by where the simulator truly had them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from drives import START
+
+from cmpsp_ros.bags.audit import CheckOutcome
+
+PASSED, FAILED, SKIPPED, NOT_JUDGED = CheckOutcome
+
+
+def beside(drive, distance, begin=3.0, end=5.0):
+    """Somebody who keeps at a distance to the left of the robot for a while, and of another."""
+    for each in drive.odometry:
+        if begin <= (each.stamp - START) / 1e9 <= end:
+            x, y, heading = each.pose
+            place = x - distance * math.sin(heading), y + distance * math.cos(heading)
+            drive.people.append((each.stamp, [(0, *place, 0.0, 0.0, 0.25)]))
+    return drive
+
+
+@pytest.mark.parametrize(('distance', 'outcome'), [(0.6, PASSED), (0.2, FAILED)])
+def test_people_are_judged_by_their_true_positions(drive, outcomes, distance, outcome):
+    found = outcomes(beside(drive, distance))['people']
+    assert found.outcome is outcome
+    assert found.worst == pytest.approx(distance - 0.25, abs=0.03)
+    assert 'person 0' in found.sentence
+
+
+def test_who_walks_into_a_robot_at_rest_is_not_driven_into(drive, outcomes):
+    last = drive.odometry[-1].pose
+    place = np.add(last[:2], [0.1, 0.0])
+    stamps = [each.stamp for each in drive.odometry if (each.stamp - START) / 1e9 > 10.2]
+    drive.people = [(each, [(0, *place, 0.0, 0.0, 0.25)]) for each in stamps]
+    found = outcomes(drive)['people']
+    assert found.outcome is SKIPPED
+    assert 'stands while anything moves' in found.sentence
+
+
+def test_people_who_are_not_in_the_bag_leave_it_open(drive, outcomes):
+    drive.sim = {'sim.people.names': ['ann'], 'sim.people.ann.position': [1.0, 2.0]}
+    found = outcomes(drive)['people']
+    assert found.outcome is NOT_JUDGED
+    assert '/sim/people' in found.sentence
+
+
+def test_who_is_far_away_is_no_matter(drive, outcomes):
+    found = outcomes(beside(drive, 5.0))['people']
+    assert found.outcome is SKIPPED
+    assert 'Nobody comes near' in found.sentence

@@ -29,6 +29,7 @@ SHOWN = (
     'guidance/predicted_path',
     'guidance/sighting',
     'guidance/footprint',
+    'guidance/tracks',
     'map',
     'scan',
 )

@@ -1,8 +1,5 @@
 """The catalogue: every row is whole, and what the nodes rely on stays fixed while they run."""
 
-import subprocess
-import sys
-
 import pytest
 
 from cmpsp_ros.parameters import TABLE
@@ -51,9 +48,3 @@ def test_what_needs_a_restart():
         'sim.people.acceleration', 'sim.people.legs',
         'plant', 'physics.mass', 'physics.friction', 'physics.torque', 'physics.odometry',
     }  # fmt: skip
-
-
-def test_the_table_is_read_without_compiled_code():
-    """A recorder needs the table as well, and would take twice the memory."""
-    code = 'import sys, cmpsp_ros.parameters.catalogue; sys.exit("numba" in sys.modules)'
-    assert subprocess.run([sys.executable, '-c', code], check=False).returncode == 0

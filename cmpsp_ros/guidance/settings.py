@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
 from typing import Final, Self
 
 from cmpsp_ros.guidance.goals import Follow, Goal, Target
@@ -20,6 +21,9 @@ from cmpsp_ros.sensing import SightSettings
 
 GOAL: Final = 'goal'
 """Name of the last of several goals."""
+
+_SEEN_AT_A_TIME: Final = 8
+"""Moving obstacles that plans consider where only sensors tell of them."""
 
 _FRACTION_OF_TOP_SPEED, _WITHOUT_LIMIT = 0.8, 1.0
 
@@ -64,6 +68,14 @@ class LawSettings(TaskSettings):
     def max_wheel_change(self) -> float:
         """Maximum wheel-speed change between commands, for any step [rad/s]; may be infinite."""
         return self.robot.max_wheel_acceleration * self.control_period
+
+    @cached_property
+    def tracked(self) -> MovingObstacles:
+        """Settings for moving obstacles, with room for those that sensors see."""
+        moving, sight = self.moving_obstacles, self.sight
+        if moving.capacity or not (sight.sensors and sight.moving):
+            return moving
+        return replace(moving, capacity=_SEEN_AT_A_TIME)
 
     @property
     def target(self) -> Target:

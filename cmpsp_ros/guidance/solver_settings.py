@@ -84,7 +84,8 @@ class MovingObstacles:
 
     capacity: int = setting(0, '',
         'Maximum number of moving obstacles considered; they arrive on `moving_obstacles`. 0: the '
-        'topic is not subscribed to.', Range(0, 64), live=False)
+        'topic is not subscribed to, and 8 that sensors see are considered.', Range(0, 64),
+        live=False)
     timeout: float = setting(1.0, 's',
         'Age at which an obstacle that is not seen again is dropped.', POSITIVE)
     growth: float = setting(0.05, 'm/s',
@@ -128,9 +129,10 @@ class Safety:
     max_prediction_error: float = setting(0.5, 'm',
         'Distance of odometry from its prediction one control step before at which the robot '
         'stops. 0: predictions are not checked, and the response is not corrected.', NOT_NEGATIVE)
-    stop_within_sight: bool = setting(True, '',
+    stop_within_sight: Literal['off', 'stationary', 'moving'] = setting('stationary', '',
         'Whether a robot with sensors drives slowly enough to stop before space that they have '
-        'not seen.')
+        'not seen: `stationary`; `moving`: also before anything could come from there at '
+        '`safety.max_obstacle_speed`, though no slower than 0.1 m/s.')
     max_odom_jump: float = setting(0.1, 'm',
         'Distance by which the position may differ between two odometry messages, beyond the '
         'distance that the wheels allow, with a quarter more than their limit; and twice as many '

@@ -28,8 +28,8 @@ _STEP: Final = 0.01
 _TOLERANCE: Final = 5e-3
 """What rounding, and sampling of the start, may take from a clearance [m]."""
 _ASSUMED: Final = {'people.max_acceleration', 'safety.max_obstacle_speed'}
-_STANDS: Final = 0.05
-"""Speed up to which an obstacle in contact counts as standing [m/s]."""
+_CREEP: Final = 0.051
+"""Speed up to which a robot in contact counts as standing [m/s]."""
 
 
 def _kept_in_words(worst: Sample) -> str:
@@ -165,8 +165,16 @@ def _worst(
         if speed <= moving.max_speed:
             still = np.linalg.norm(points - np.array([each.x, each.y]), axis=-1).min(axis=1)
             clear = np.maximum(clear, still - radius - certain - moving.max_speed * since)
-        touched = away[0] - each.radius < 0.0 and speed > _STANDS
+        if away[0] - each.radius < 0.0 and _largest_speed(times, points) <= _CREEP:
+            continue
+        touched = away[0] - each.radius < 0.0
         spare = float(clear.min()) - (0.0 if touched else min(float(clear[0]), 0.0))
         if spare < worst:
             worst, name = spare, each.name
     return worst, name
+
+
+def _largest_speed(times: Array, points: Array) -> float:
+    """Largest speed of the points of the robot ``(K, P, 2)`` [m/s]."""
+    moved = np.linalg.norm(np.diff(points, axis=0), axis=-1).max(axis=1)
+    return float((moved / np.maximum(np.diff(times), 1e-9)).max(initial=0.0))

@@ -59,7 +59,7 @@ class OcpFormulation:
     def __init__(self, settings: LawSettings, world: World) -> None:
         """Take weights from the settings, and the number of constraints from the world."""
         self.settings = settings
-        self._slots = settings.moving_obstacles.slots
+        self._slots = settings.tracked.slots
         obstacles = len(world.shapes) + self._slots
         # The robot cannot exceed its own limits: they are never relaxed.
         changes = rate_rows(settings.max_wheel_change, settings.robot.rate_limits)

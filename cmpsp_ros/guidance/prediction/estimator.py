@@ -9,7 +9,11 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.messages.tracks import MovingObject
-from cmpsp_ros.guidance.prediction.obstacle_tracker import ObstacleTracker, reachable_sets
+from cmpsp_ros.guidance.prediction.obstacle_tracker import (
+    ObstacleTracker,
+    reachable_sets,
+    within_reach,
+)
 from cmpsp_ros.guidance.prediction.pending_commands import PendingCommands
 from cmpsp_ros.guidance.prediction.response_estimate import ResponseEstimate
 from cmpsp_ros.guidance.prediction.slip import SlipEstimate
@@ -130,9 +134,10 @@ class Estimator:
         `previous_control` ``(r,)``.
         """
         stamp, pose, road = seen.stamp, seen.pose, world.road
-        known = self._settings.moving_obstacles
-        moving = self.tracker.update(stamp, pose, seen.tracks, known)
-        reachable = reachable_sets(stamp, seen.tracks, moving, known)
+        known = self._settings.tracked
+        tracks = within_reach(seen.tracks, pose, self.robot.max_speed)
+        moving = self.tracker.update(stamp, pose, tracks, known)
+        reachable = reachable_sets(stamp, tracks, moving, known)
         changed = self._end_period(stamp, pose)
         self.progress = project_on_path(road, pose, self.progress)
         here = PlanStart(

@@ -15,8 +15,23 @@ from cmpsp_ros.guidance.solver_settings import MovingObstacles
 from cmpsp_ros.guidance.times import NANOSECONDS
 from cmpsp_ros.world.obstacles import NOTHING_MOVES, MovingDiscs
 
+_AHEAD: Final = 10.0
+"""Time after which no encounter is predicted [s]."""
 _CERTAIN: Final = 3.0
 """Standard deviations that a reachable set covers."""
+
+
+def within_reach(
+    tracks: Sequence[MovingObject], pose: Array, speed: float
+) -> tuple[MovingObject, ...]:
+    """Moving objects that a robot of a speed [m/s] at a pose ``(3,)`` may meet before long."""
+    return tuple(
+        each
+        for each in tracks
+        if isinstance(each, PeerTrajectory)
+        or math.hypot(each.x - pose[0], each.y - pose[1]) - each.radius
+        <= (math.hypot(each.vx, each.vy) + speed) * _AHEAD
+    )
 
 
 class ObstacleTracker:

@@ -17,7 +17,9 @@ from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.prediction.response import Risk
+from cmpsp_ros.guidance.safety.reach_check import CREEP
 from cmpsp_ros.guidance.safety.road_braking import brakings_on_road
+from cmpsp_ros.guidance.safety.unseen import PEEP, is_clear_of_unseen
 from cmpsp_ros.guidance.safety.validation import TOUCHING, Validation, Validator
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.world import World
@@ -27,6 +29,8 @@ from cmpsp_ros.world.grids import Cell, GridObstacle, OccupancyGrid
 from cmpsp_ros.world.roads import OpenFloor
 
 _SPEEDS: Final = (1.0, 0.75, 0.5, 0.25, 0.0)
+_NEARLY: Final = 0.98
+"""Part of a limit of speed that rounding leaves below it."""
 
 _OF_MARGIN: Final = 0.2
 """Part of `safety.margin` that wheels which lag must keep: lags between those tried may lead a
@@ -177,9 +181,15 @@ class Approach:
         if calm is None:
             return None
         if calm[0] is not plan:
-            why = risk.remark if verdict.passed else verdict.reason
+            why = verdict.reason or self._why_slow(plan, verdict, start) or risk.remark
             remark += f' Slowed to {self._speed_of(calm[0]):.3g} m/s: {why}'
         return (*calm, remark)
+
+    def _why_slow(self, plan: Plan, verdict: Validation, start: PlanStart) -> str:
+        watches = self._settings.safety.stop_within_sight == 'moving'
+        if not watches or self._sees_enough(plan, verdict.ramp, start):
+            return ''
+        return 'something could come from where no sensor has seen.'
 
     def _speed_of(self, plan: Plan) -> float:
         return _speed(self._settings.robot.twist(plan.controls[0]))
@@ -212,16 +222,19 @@ class Approach:
         Returns:
             It and its verdict, at the largest speed tried that is clear; None where none is.
         """
-        if verdict.passed and not risk.responses:
+        watches = self._settings.safety.stop_within_sight == 'moving'
+        if verdict.passed and not risk.responses and not watches:
             return plan, verdict
         # The margin is there for errors: plans keep it, and nothing asks for more.
         error = min(risk.error, (1.0 - _OF_MARGIN) * self._settings.safety.margin)
-        for fraction in _SPEEDS:
+        for fraction in self._fractions(plan, passed=verdict.passed):
             slower, checked = plan, verdict
             if fraction < 1.0:
                 slower = self.scaled(plan, start, fraction)
                 durations = plan.horizon.durations
                 checked = self._validator.check(start, slower.controls, durations, pending)
+            if watches and not self._sees_enough(slower, checked.ramp, start):
+                continue
             if checked.passed and all(
                 self._lag_validator.is_clear_with(
                     each, here, slower, checked.ramp, fraction * error
@@ -231,9 +244,26 @@ class Approach:
                 return slower, checked
         return None
 
+    def _fractions(self, plan: Plan, *, passed: bool) -> Iterator[float]:
+        """Fractions of a plan's speed that are tried, with those of creeping where that may do."""
+        yield from _SPEEDS[:-1]
+        speed, slowest = self._speed_of(plan), _SPEEDS[-2]
+        if self._settings.safety.stop_within_sight == 'moving' and speed > 0.0:
+            yield min(PEEP / speed, slowest)
+        if not passed and speed > 0.0:
+            yield min(_NEARLY * CREEP / speed, slowest)
+        yield _SPEEDS[-1]
+
+    def _sees_enough(self, plan: Plan, ramp: Array, start: PlanStart) -> bool:
+        """True if nothing out of sight can reach the robot before it is at rest."""
+        path = np.vstack([plan.controls[:1], ramp.reshape(-1, plan.controls.shape[1])])
+        held = [self._settings.control_period] * (len(path) - 1)
+        durations = np.append(plan.horizon.durations[:1], held)
+        return is_clear_of_unseen(self._settings, start, path, durations)
+
     def _seen(self, world: World) -> GridObstacle | None:
         """Seen grid, if the robot must be able to stop within it."""
-        return world.seen if self._settings.safety.stop_within_sight else None
+        return None if self._settings.safety.stop_within_sight == 'off' else world.seen
 
     def _sight(self, world: World, grid: OccupancyGrid, poses: Array) -> FreeSpace:
         """Known space around a path ``(K, 3)``, up to the first unknown place on it."""

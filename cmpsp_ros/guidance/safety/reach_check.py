@@ -7,6 +7,7 @@ induction nothing touches the robot while it moves.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -19,8 +20,9 @@ from cmpsp_ros.world.obstacles import ROUGHNESS, MovingDiscs
 
 _ROUNDING: Final = 1e-6
 
-_STANDS: Final = 0.05
-"""Speed below which an obstacle may stand in contact with the robot for good [m/s]."""
+CREEP: Final = 0.05
+"""Speed up to which the robot may leave what touches it and stands, and that counts as standing
+[m/s]: faster, the contact would be one of a robot that moves."""
 
 
 class ReachCheck:
@@ -28,14 +30,15 @@ class ReachCheck:
 
     def __init__(self, settings: LawSettings, radius: float) -> None:
         """Take the robot's discs, each of a radius [m]."""
-        self._discs, self._radius = settings.footprint.discs, radius
+        self._footprint, self._radius = settings.footprint, radius
+        self._discs = settings.footprint.discs
         self._extent = settings.footprint.reach + radius
 
     def reason(self, start: PlanStart, controls: Array, durations: Array) -> str:
         """Reason why a path to rest is not clear, in a sentence; '' if it is.
 
         At rest nothing is asked. A robot that is within reach already may go where it is no nearer
-        at any time; what touches it and moves has to pass first.
+        at any time. What touches it and moves has to pass first; from what stands it may creep.
 
         `controls` ``(K, r)``, `durations` ``(K,)`` [s].
         """
@@ -56,19 +59,26 @@ class ReachCheck:
         discs = moving.chosen(near).grown(self._radius)
         poses = start.robot.roll_out(start.pose, controls[:count], durations)[:-1]
         times = np.cumsum(durations) - durations
-        least = discs.along(poses, twists, durations, times, self._discs).min(axis=0)
-        begins = self._clearance(start, discs)
-        touched = self._clearance(start, start.moving.chosen(near).grown(self._radius)) < 0.0
-        passes = np.hypot(*start.moving.states[near, 2:4].T) > _STANDS
-        floor = np.where(begins < 0.0, begins - ROUGHNESS, 0.0)
-        allowed = np.where(touched & passes, 0.0, floor)
+        arcs = poses, twists, durations, times, self._discs
+        least, begins = discs.along(*arcs).min(axis=0), self._clearance(start, discs)
+        seen = start.moving.chosen(near).grown(self._radius)
+        there = self._clearance(start, seen)
+        touched, stands = there < 0.0, np.hypot(*seen.states[:, 2:4].T) <= CREEP
+        allowed = np.where(begins < 0.0, begins - ROUGHNESS, 0.0)
+        if touched.any():
+            fastest = np.abs(self._footprint.speeds_and_turns(twists)[:, 0]).max()
+            states = seen.states.copy()
+            states[:, 5:] = 0.0
+            nearer = replace(seen, states=states).along(*arcs).min(axis=0) < there - ROUGHNESS
+            creeps = stands & ~nearer & (fastest <= CREEP)
+            allowed = np.where(touched, np.where(creeps, -np.inf, np.inf), allowed)
         short = allowed - least
         worst = int(short.argmax())
         if short[worst] <= _ROUNDING:
             return ''
         name = discs.names[worst]
         if touched[worst]:
-            return f'{name} touches the robot, which stands until it has passed.'
+            return f'{name} touches the robot, which stands until it has gone.'
         return f'{name} could be {-float(least[worst]):.3g} m into the robot before it is at rest.'
 
     def _clearance(self, start: PlanStart, discs: MovingDiscs) -> Array:

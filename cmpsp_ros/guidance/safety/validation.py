@@ -99,7 +99,7 @@ class Validator:
         self._margin = settings.safety.margin if with_margin else 0.0
         self._radius = settings.robot_radius + self._margin
         self._between = settings.safety.between_samples
-        self._slots = settings.moving_obstacles.slots
+        self._slots = settings.tracked.slots
         self._is_steered = settings.robot.steering_limits is not None
         self._known: tuple[World, FreeSpace, Fields] | None = None
         self._period, self._max_change = settings.control_period, settings.max_wheel_change

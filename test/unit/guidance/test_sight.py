@@ -51,12 +51,24 @@ def speeds(drive):
 
 def test_the_robot_can_stop_within_what_it_has_seen():
     reach = {'sensors.front.reach': 1.0, 'sim.scan.range_max': 1.0}
-    blind = Drive(**FAST, **reach, **{'safety.stop_within_sight': False}, end=5.0)
+    blind = Drive(**FAST, **reach, **{'safety.stop_within_sight': 'off'}, end=5.0)
     assert max(speeds(blind)) > 1.2
     careful = Drive(**FAST, **reach, end=5.0)
     # A metre from the scanner, 0.86 m from the footprint, less the margin: in 0.7 s and on.
     assert 0.4 < max(speeds(careful)) < 0.86 / 0.7
     assert any('has not been seen yet' in each.reason for each in careful.decisions)
+
+
+def test_it_can_stop_before_anything_that_may_come_from_where_it_has_not_seen():
+    reach = {'sensors.front.reach': 1.0, 'sim.scan.range_max': 1.0}
+    drives = [
+        Drive(**FAST, **reach, **{'safety.stop_within_sight': given}, end=5.0)
+        for given in ('stationary', 'moving')
+    ]
+    careful, more_careful = (max(speeds(each)) for each in drives)
+    # Less than 1 m to the edge, from where somebody may come at 1.6 m/s until it is at rest.
+    assert 0.1 < more_careful < careful
+    assert any('no sensor has seen' in each.reason for each in drives[1].decisions)
 
 
 CLOUD = {

@@ -220,6 +220,7 @@ def test_no_plan_that_passes_comes_closer_than_it_may(obstacles, discs, wheels, 
     parts = np.full(PIECES, 0.2 / PIECES)
     path = floor.robot.roll_out(np.zeros(3), np.tile(controls[0], (PIECES, 1)), parts)[:, :2]
     times = np.linspace(0.0, 0.2, PIECES + 1)
+    fastest = abs(float(floor.robot.twist(controls[0])[0]))
     spare, margins = [], []
     for obstacle in obstacles:
         clear = signed(obstacle, path) - radius
@@ -229,16 +230,20 @@ def test_no_plan_that_passes_comes_closer_than_it_may(obstacles, discs, wheels, 
         there = np.array(at) + times[:, None] * np.array(velocity)
         grown = size + radius + (growth + 0.5 * times) * times
         clear = np.linalg.norm(path - there, axis=1) - grown
-        floor_of = min(clear[0], 0.0) if math.hypot(*velocity) <= 0.05 else 0.0
-        if any(wheels):
-            spare.append(clear.min() - floor_of)
+        if clear[0] < 0.0:
+            # From what stands it may creep away; all else has to pass first.
+            creeps = math.hypot(*velocity) <= 0.05 and fastest <= 0.05
+            nominal = np.linalg.norm(path - there, axis=1)
+            spare += [nominal.min() - nominal[0] if creeps else -math.inf] if any(wheels) else []
+        elif any(wheels):
+            spare.append(clear.min())
         margins.append(clear.min())
     step = 0.2 * 3.6 / PIECES
     if verdict.passed:
         assert min(spare, default=0.0) >= -ROUGHNESS - 1e-9
     else:
         # It is not refused for nothing.
-        assert min(spare) <= ROUGHNESS + step + 0.005
+        assert min(spare) <= ROUGHNESS + step + 0.02
     if margins and math.isfinite(verdict.margin):
         assert verdict.margin <= min(margins) + 1e-9
         assert verdict.margin >= min(margins) - ROUGHNESS - step - 0.005

@@ -138,7 +138,7 @@ site: $(PACKAGE)  ## build a site of the documentation into site/; a dead link i
 	mkdir -p $(PAGES)
 	cp -r README.md CONTRIBUTING.md CHANGELOG.rst LICENSE config doc $(PAGES)
 	$(BIN)/python -m cmpsp_ros.cli.documentation $(PAGES)/doc/reference
-	NO_MKDOCS_2_WARNING=1 .cache/site/bin/mkdocs build --quiet
+	NO_MKDOCS_2_WARNING=1 .cache/site/bin/mkdocs build
 	@echo 'site/doc/start.html'
 
 dist: $(DEVELOPMENT)  ## build the sdist and the wheel into dist/

@@ -47,13 +47,13 @@ class Scaling:
     ) -> Scaling:
         """Units from bounds, guess ``(N + 1, n)`` and ``(N + 1, r)``, and derivatives along it.
 
-        A control's unit is its largest bound, else its largest guess, else what moves the output by
-        its own unit. A state's unit is its size at the start, in the target or along the guess, or
-        what the controls can reach soon where it hardly moves. An output's unit is the size of its
-        target or of its states at the start. Path constraints have the units that make their
-        largest derivative 1, and so has the cost. A change of the user's units changes all of them
-        alike, and nothing in the scaled problem. Constraints whose penalties are given keep the
-        user's units, in which the penalties compare them.
+        A control's unit is its largest bound, else its largest guess or what moves the output by
+        its own unit, if that is more. A state's unit is its size at the start, in the target or
+        along the guess, or what the controls can reach soon where it hardly moves. An output's
+        unit is the size of its target or of its states at the start. Path constraints have the
+        units that make their largest derivative 1, and so has the cost. A change of the user's
+        units changes all of them alike, and nothing in the scaled problem. Constraints whose
+        penalties are given keep the user's units, in which the penalties compare them.
         """
         blocks = sensitivities(lin.A, lin.B)
         S_N = np.einsum('mi,jia->jma', lin.h_X, blocks[:, -1])
@@ -207,11 +207,11 @@ class ScaledProblem(OptimalControlProblem):
 def _control_units(problem: OptimalControlProblem, U: Array, S_N: Array, wanted: Array) -> Array:
     bounds = np.stack([problem.control_lower, problem.control_upper])
     found = np.abs(np.where(np.isfinite(bounds), bounds, 0.0)).max(axis=(0, 1))
-    found = np.where(found > 0.0, found, np.abs(U).max(axis=0))
     reach = np.sqrt((S_N**2).sum(axis=0))
     for a in np.flatnonzero(found == 0.0):
         helps = (reach[:, a] > 0.0) & (wanted > 0.0)
-        found[a] = (wanted[helps] / reach[helps, a]).min(initial=np.inf)
+        needed = (wanted[helps] / reach[helps, a]).min() if helps.any() else 0.0
+        found[a] = max(np.abs(U[:, a]).max(), needed)
     return _or_one(found)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,7 +17,7 @@ from cmpsp_ros.mpsp.arguments import (
     whole_number,
 )
 from cmpsp_ros.mpsp.models.functions import StageProblem
-from cmpsp_ros.mpsp.problem import Dimensions, Evaluation, Hessian, OptimalControlProblem
+from cmpsp_ros.mpsp.problem import Dimensions, Evaluation, Hessian
 from cmpsp_ros.mpsp.qp.curvature import nearest_positive_semidefinite
 
 if TYPE_CHECKING:
@@ -41,7 +41,9 @@ def from_casadi(
     p: Any = None,
     p_values: ArrayLike | None = None,
     applies: ArrayLike | None = None,
-) -> OptimalControlProblem:
+    T: Any = None,
+    final_time: tuple[float, float, float] | None = None,
+) -> CasadiProblem:
     """Set up a problem (1)-(6) from CasADi expressions of one stage.
 
     The cost is the sum of ``L`` and ``1/2 |residuals|^2``, of which one may be missing. With the
@@ -67,6 +69,11 @@ def from_casadi(
         p: Symbol of the data that vary with the stage, a column; None for none.
         p_values: Its values, shape ``(N + 1, size of p)`` or, for a scalar ``p``, ``(N + 1,)``.
         applies: Which path constraints apply at which stage, shape ``(N + 1, l)``; None for all.
+        T: Symbol of a final time that is free, a scalar; ``F``, ``L``, ``residuals``, ``h`` and
+            ``g`` may depend on it, as on a step of length ``T / N``. None where it is fixed.
+        final_time: Least, guessed and largest final time. It becomes the last state, and its
+            change from the guess the last control, which is free at stage 0 and 0 later: controls
+            ``(N + 1, r + 1)``.
 
     Returns:
         The problem. Its first linearisation raises `ProblemError` where a derivative is not finite.
@@ -76,6 +83,26 @@ def from_casadi(
         ProblemError: Names the argument, with the value found and the one wanted.
     """
     casadi = _casadi()
+    if T is not None:
+        if final_time is None or not 0.0 < final_time[0] <= final_time[1] <= final_time[2]:
+            order = '0 < least <= guess <= largest'
+            raise ProblemError(f'final_time: found {final_time}, wanted {order}')
+        bounds = control_bounds(lower, upper, (whole_number('horizon', horizon) + 1, u.shape[0]))
+        lower, upper = _with_time_bounds(*bounds, final_time)
+        x0 = np.append(vector('x0', x0), final_time[1])
+        old = [x, u, T]
+        x, u = (type(each).sym(name, each.shape[0] + 1) for name, each in {'x': x, 'u': u}.items())
+        ahead = x[-1] + u[-1]
+        new = [x[:-1], u[:-1], ahead]
+        F, L, residuals, h, g = (
+            None
+            if each is None
+            else casadi.substitute([_column(casadi, 'expression', each, type(x))], old, new)[0]
+            for each in (F, L, residuals, h, g)
+        )
+        F = casadi.vertcat(F, ahead)
+    elif final_time is not None:
+        raise ProblemError('T: found none with final_time, wanted its symbol')
     N, start = whole_number('horizon', horizon), vector('x0', x0)
     n = len(start)
     if p is None:
@@ -109,7 +136,7 @@ def from_casadi(
             raise ProblemError(f'applies: found shape {wanted.shape}, wanted {applying.shape}')
         applying &= wanted
     applying[0] &= np.array(casadi.which_depends(columns['g'], u, 1, True), dtype=bool)[:path]
-    return _CasadiProblem(
+    return CasadiProblem(
         Dimensions(N, n, r, columns['h'].shape[0], path),
         start,
         expressions,
@@ -129,6 +156,16 @@ def _casadi() -> ModuleType:
         ) from error
     module: ModuleType = casadi
     return module
+
+
+def _with_time_bounds(
+    lower: Array, upper: Array, final_time: tuple[float, float, float]
+) -> tuple[Array, Array]:
+    """Bounds with those of the change of the final time, which happens at stage 0."""
+    least, guess, largest = final_time
+    change = np.zeros((2, len(lower), 1))
+    change[:, 0, 0] = least - guess, largest - guess
+    return np.hstack([lower, change[0]]), np.hstack([upper, change[1]])
 
 
 def _column(casadi: ModuleType, name: str, value: Any, kind: type) -> Any:
@@ -205,7 +242,9 @@ class _Expressions:
             raise ProblemError(f'{name}: found a symbol other than x, u and p: {error}') from error
 
 
-class _CasadiProblem(StageProblem):
+class CasadiProblem(StageProblem):
+    """A problem from CasADi expressions."""
+
     def __init__(
         self,
         size: Dimensions,
@@ -221,14 +260,30 @@ class _CasadiProblem(StageProblem):
         self._roll_out = expressions.made('step').mapaccum(size.horizon)
         self._mapped: dict[str, Any] = {}
 
+    def updated(
+        self,
+        *,
+        x0: ArrayLike | None = None,
+        target: ArrayLike | None = None,
+        p_values: ArrayLike | None = None,
+    ) -> Self:
+        """As `StageProblem.updated`, or with other data ``p_values``."""
+        other = super().updated(x0=x0, target=target)
+        if p_values is not None:
+            vars(other)['_p'] = _values(p_values, self._p.shape)
+        return other
+
     def predict(self, U: Array) -> Array:
+        """States along controls."""
         ahead = self._roll_out(self._start, U[:-1].T, self._p[:-1].T).full()
         return np.vstack([self._start, ahead.T])
 
     def next_states(self, X: Array, U: Array) -> Array:
+        """Dynamics of each stage."""
         return self._over_horizon('step', X, U)[0][:-1, :, 0]
 
     def evaluate(self, X: Array, U: Array) -> Evaluation:
+        """Cost, terminal error and path constraints."""
         cost, h, g = self._over_horizon('value', X, U)
         g = np.where(self._applies, g[:, :, 0], -np.inf)
         return Evaluation(float(cost.sum()), h[-1, :, 0] - self.target, g)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable
-from typing import Any, Literal, NamedTuple, get_args
+from copy import copy
+from typing import Any, Literal, NamedTuple, Self, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -44,6 +45,19 @@ class StageProblem(OptimalControlProblem):
         self.control_lower, self.control_upper = bounds
         self.check()
         self._start, self._checked = start, False
+
+    def updated(self, *, x0: ArrayLike | None = None, target: ArrayLike | None = None) -> Self:
+        """The same problem from another initial state, or to another target; nothing is rebuilt.
+
+        Raises:
+            ProblemError: Names the argument, with the value found and the one wanted.
+        """
+        other = copy(self)
+        if x0 is not None:
+            vars(other)['_start'] = vector('x0', x0, self.size.state)
+        if target is not None:
+            other.target = vector('target', target, self.size.output)
+        return other
 
     def linearise(self, X: Array, U: Array, hessian: Hessian = 'gauss_newton') -> Linearisation:
         """Derivatives along a trajectory.
@@ -114,7 +128,7 @@ def from_functions(
     lower: ArrayLike | None = None,
     upper: ArrayLike | None = None,
     derivatives: Derivatives = 'auto',
-) -> OptimalControlProblem:
+) -> StageProblem:
     """Set up a problem (1)-(6) from functions of one stage, for trying things out.
 
     Functions take ``k``, a state of shape ``(n,)`` and a control of shape ``(r,)``, may depend on

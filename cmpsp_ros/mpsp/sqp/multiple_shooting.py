@@ -108,6 +108,8 @@ class MultipleShooting:
                     self._adapt(length, attempt, size, point.violation)
                     return self._moved(at, self._closed(after), way, found, length, is_corrected)
             self._proximal = max(1e-4 * size, 10.0 * self._proximal)
+            # No proximal term shortens a step to constraints that nearly depend on each other.
+            self._is_cautious |= attempt >= _SHORT and self._options.elastic
         step = not_finite(at, found) if way is None else summary(at, way, found, 0.0)
         return replace(at, index=at.index + 1, previous_U=at.U, step=step)
 

@@ -39,10 +39,6 @@ class Options:
         penalty_path: Weight of each path constraint in merit and relaxation, one for all or shape
             ``(l,)``; not negative, infinite for a linear one that is never relaxed and that the
             guess meets. None for 1000 in scaled units.
-        method: How `solve` goes about it: ``cmpsp``, the paper's iteration; ``multiple_shooting``
-            with exact second derivatives; ``auto`` begins with the former and goes on with the
-            latter where it has not converged after 15 iterations or ends in another way.
-        scaling: Whether `solve` scales the problem; tolerances are then relative to its units.
         qp: Name of the QP back end; not asked where the closed form (35) will do.
         hessian: Which Hessian of the cost.
         elastic: Whether a subproblem without a feasible point is solved relaxed.
@@ -58,12 +54,14 @@ class Options:
             plus the largest part of the gradient.
         growth_limit: Growth of the controls or the cost since the guess, as a factor, from which
             on a run has diverged.
+        method: How `solve` goes about it: ``cmpsp``, the paper's iteration; ``multiple_shooting``
+            with exact second derivatives; ``auto`` begins with the former and goes on with the
+            latter where it has not converged after 15 iterations or ends in another way.
+        scaling: Whether `solve` scales the problem; tolerances are then relative to its units.
     """
 
     penalty_terminal: ArrayLike | None = None
     penalty_path: ArrayLike | None = None
-    method: Method = 'auto'
-    scaling: bool = True
     qp: str = RICCATI_ACTIVE_SET
     hessian: Hessian = 'gauss_newton'
     elastic: bool = True
@@ -74,6 +72,8 @@ class Options:
     violation_tolerance: float = 1e-6
     kkt_tolerance: float = 1e-6
     growth_limit: float = 1e10
+    method: Method = 'auto'
+    scaling: bool = True
 
     def fitted(self, size: Dimensions) -> tuple[Array, Array, Array]:
         """Penalties of outputs ``(m,)`` and paths ``(l,)``, and the trust region's radius ``(n,)``.

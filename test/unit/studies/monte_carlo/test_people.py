@@ -70,6 +70,15 @@ def test_a_robot_that_is_told_arrives_and_again_the_same_way():
     assert StudyOutcome.from_values(json.loads(made.to_json())) == made
 
 
+def test_a_run_that_takes_too_long_ends_at_rest_and_not_blind():
+    """The law would put its final time off again, and nobody looks for people any more."""
+    limit = ('robot.max_wheel_acceleration=25.0',)
+    task = Study('people', scene='hall', robot='own', told=True, assignments=limit).run(0)
+    driven = drive(replace(task, patience=4.0))
+    assert any(np.any(each.twist) for each in driven.motions if each.stamp_ns < 4_000_000_000)
+    assert not any(np.any(each.twist) for each in driven.motions if each.stamp_ns > 7_000_000_000)
+
+
 def past(walker, speed, walls=(), acceleration=50.0):
     """A robot that drives straight on from the origin, whoever is there."""
     task = Study('people', scene='hall', robot='own').run(0)

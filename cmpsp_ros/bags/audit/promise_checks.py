@@ -18,6 +18,7 @@ from cmpsp_ros.bags.audit.legs import Commands
 from cmpsp_ros.bags.audit.path_checks import effect_delay, measured
 from cmpsp_ros.bags.audit.record import AuditRecord, path_gap
 from cmpsp_ros.bags.decision_record import DecisionRecord
+from cmpsp_ros.bags.runs import lifetime
 from cmpsp_ros.bags.runs.odometry import is_within
 from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings
 from cmpsp_ros.guidance.messages import Track
@@ -76,8 +77,11 @@ def promise(record: AuditRecord) -> Iterator[Sample]:
                 latest[upcoming.id] = upcoming
                 upcoming = next(following)
             settings = record.history.at(stamp)
-            oldest = stamp - settings.moving_obstacles.timeout * NANOSECONDS
-            seen = [each for each in latest.values() if each.stamp >= oldest]
+            seen = [
+                each
+                for each in latest.values()
+                if stamp - each.stamp <= lifetime(each, settings) * NANOSECONDS
+            ]
             is_lost = is_within(stamp, leg.by_odometry.holes)
             if not seen or is_lost or not commands.moving[k] or _brakes(settings, commands, k):
                 continue

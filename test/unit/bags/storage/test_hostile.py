@@ -122,7 +122,7 @@ RESTARTS = """cmpsp_ros.restarts: '{{"/a": {}}}'\n    x: '"""
         ('name: /a', 'name: 5', 'topic is a int, wanted a str'),
         ('message_count: 3\n', 'message_count: x\n', 'not a readable bag'),
         ("compression_mode: ''", 'compression_mode: file', 'not a readable bag'),
-        ('cmpsp_ros.version: 0', 'cmpsp_ros.version: [0', 'not YAML'),
+        ('cmpsp_ros.version: ', 'cmpsp_ros.version: [', 'not YAML'),
         ('cmpsp_ros.version: ', 'cmpsp_ros.version: !!int 4 #', 'wanted a str'),
         ("parameters: '{", "parameters: '{/guidance", 'not a readable bag'),
         ("parameters: '{", "parameters: '" + '[' * 100_000 + '{', 'not a readable bag'),

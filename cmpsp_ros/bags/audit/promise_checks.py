@@ -17,7 +17,6 @@ from cmpsp_ros.bags.audit.finding import NotJudgedError, Sample, SkippedError, c
 from cmpsp_ros.bags.audit.legs import Commands
 from cmpsp_ros.bags.audit.path_checks import effect_delay, measured
 from cmpsp_ros.bags.audit.record import AuditRecord, path_gap
-from cmpsp_ros.bags.decision_record import DecisionRecord
 from cmpsp_ros.bags.runs import lifetime
 from cmpsp_ros.bags.runs.odometry import is_within
 from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings
@@ -29,6 +28,8 @@ _STEP: Final = 0.01
 _TOLERANCE: Final = 5e-3
 """What rounding, and sampling of the start, may take from a clearance [m]."""
 _ASSUMED: Final = {'people.max_acceleration', 'safety.max_obstacle_speed'}
+_AT_REST: Final = 1e-6
+"""Fraction of a command that is rounding, and no motion."""
 _CREEP: Final = 0.051
 """Speed up to which a robot in contact counts as standing [m/s]."""
 
@@ -86,7 +87,7 @@ def promise(record: AuditRecord) -> Iterator[Sample]:
             if not seen or is_lost or not commands.moving[k] or _brakes(settings, commands, k):
                 continue
             begin = stamp + delays[k] * NANOSECONDS
-            stops = _stops(settings, poses[k], commands, k, decisions.get(stamp))
+            stops = _stops(settings, poses[k], commands, k, record.plans.get(stamp))
             found = [_worst(settings, stop, seen, begin) for stop in stops]
             spare, name = max(found, key=lambda each: each[0])
             yield Sample(spare, 0.0, stamp, -spare - _TOLERANCE, words={'name': name})
@@ -102,11 +103,7 @@ def _brakes(settings: GuidanceSettings, commands: Commands, k: int) -> bool:
 
 
 def _stops(
-    settings: GuidanceSettings,
-    pose: Array,
-    commands: Commands,
-    k: int,
-    decision: DecisionRecord | None,
+    settings: GuidanceSettings, pose: Array, commands: Commands, k: int, plan: Array | None
 ) -> Iterator[tuple[Array, Array]]:
     """Times ``(K,)`` and poses ``(K, 3)`` of a command and a stop after it.
 
@@ -120,7 +117,7 @@ def _stops(
     scales, durations = [1.0] * count, [period / count] * count
     fastest = float(np.abs(settings.robot.wheel_speeds(twist)).max())
     scale, change = 1.0, settings.max_wheel_change / max(fastest, 1e-12)
-    while (scale := scale - change) > 0.0:
+    while (scale := scale - change) > _AT_REST:
         count = math.ceil(settings.control_period / _STEP)
         scales += [scale] * count
         durations += [settings.control_period / count] * count
@@ -130,14 +127,12 @@ def _stops(
     for each, duration in zip(twists, durations, strict=True):
         bent.append(arc_ends(bent[-1][None], each[None], np.array([duration]))[0])
     yield times, np.array(bent)
-    if decision is None or decision.path is None or len(decision.path) < 2:
+    if plan is None:
         return
-    places: Array = np.array([each[1:] for each in decision.path])
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(places[:, :2], axis=0).T))])
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(plan[:, :2], axis=0).T))])
     if along[-1] > 0.0:
         driven = np.concatenate([[0.0], np.cumsum(np.hypot(*with_side(twists).T[:2]) * durations)])
-        headings = np.unwrap(places[:, 2])
-        columns = (places[:, 0], places[:, 1], headings)
+        columns = plan[:, 0], plan[:, 1], np.unwrap(plan[:, 2])
         yield times, np.column_stack([np.interp(driven, along, each) for each in columns])
 
 

@@ -78,10 +78,13 @@ def promise(record: AuditRecord) -> Iterator[Sample]:
                 latest[upcoming.id] = upcoming
                 upcoming = next(following)
             settings = record.history.at(stamp)
+            # A newer sighting without it says that it is gone.
+            newest = max((each.stamp for each in latest.values() if each.is_seen), default=0)
             seen = [
                 each
                 for each in latest.values()
                 if stamp - each.stamp <= lifetime(each, settings) * NANOSECONDS
+                and (each.stamp == newest or not each.is_seen)
             ]
             is_lost = is_within(stamp, leg.by_odometry.holes)
             if not seen or is_lost or not commands.moving[k] or _brakes(settings, commands, k):

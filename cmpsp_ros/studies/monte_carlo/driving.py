@@ -178,12 +178,12 @@ def _brake(plant: Plant, driven: DrivenRun, law: GuidanceLaw, period: int) -> No
     """Let the law bring the robot to rest after the final time, or where patience is at an end."""
     moves, gave_up = True, law.ends_at is not None and law.ends_at > driven.end
     while moves:
-        pose = plant.measure()
+        pose, decision = plant.measure(), None
         if gave_up:
             decision = law.halt(plant.stamp_ns, 'The run takes too long.', braking=True)
             period = to_nanoseconds(driven.task.settings.control_period)
-        else:
-            decision = None if pose is None else law.step(Observation(plant.stamp_ns, pose))
+        elif pose is not None:
+            decision = law.step(Observation(plant.stamp_ns, pose))
         if decision is not None:
             plant.command(plant.stamp_ns, *decision.twist.tolist())
             moves = bool(np.any(decision.twist))

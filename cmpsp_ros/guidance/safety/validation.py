@@ -148,7 +148,7 @@ class Validator:
             reason = f'The next {durations[0]:.3g} s would come {close}.'
         elif self._max_change < math.inf:
             reason, ramp = self._ramp(start, controls, durations)
-        else:
+        elif start.reachable.names:
             reason = self._reach.reason(start, controls[:1], durations[:1])
         name, edges = _name_of(found.nearest, start), found.edges
         margins = found.committed, found.worst

@@ -153,11 +153,13 @@ class Estimator:
         `previous_control` ``(r,)``.
         """
         stamp, pose, road = seen.stamp, seen.pose, world.road
-        known = self._settings.tracked
-        tracks = within_reach(seen.tracks, pose, self.robot.max_speed)
-        expected = as_expected(tracks, self._settings.control_period)
-        moving = self.tracker.update(stamp, pose, expected, known)
-        reachable = reachable_sets(stamp, tracks, moving, known)
+        moving = reachable = NOTHING_MOVES
+        if seen.tracks or self.tracker.ids:
+            known, tracks = self._settings.tracked, seen.tracks
+            tracks = within_reach(tracks, pose, self.robot.max_speed)
+            expected = as_expected(tracks, self._settings.control_period)
+            moving = self.tracker.update(stamp, pose, expected, known)
+            reachable = reachable_sets(stamp, tracks, moving, known)
         changed = self._end_period(stamp, pose)
         self.progress = project_on_path(road, pose, self.progress)
         here = PlanStart(

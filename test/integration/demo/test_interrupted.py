@@ -46,7 +46,7 @@ def are_gone(pids):
 
 
 def decided(folder):
-    """Whether the demo's run is well under way."""
+    """True once the demo's run is well under way."""
     log = folder / 'guidance_node.log'
     return log.exists() and 'nominal' in log.read_text()
 

@@ -130,6 +130,7 @@ class GuidanceLaw:
 
     def _observe(self, observation: Observation) -> float:
         """Take in sightings and search results; delay of the last command [s]."""
+        self._state.mission.watch.drive(observation.pose)
         self._see(observation)
         if observation.sighting is not None and self._state.clock.start is None:
             # Before time 0 there is time for it.
@@ -143,6 +144,8 @@ class GuidanceLaw:
     def _see(self, observation: Observation) -> None:
         state, sighting = self._state, observation.sighting
         is_searched = state.mission.searched is not state.world.searched
+        if sighting is None and is_searched:
+            state.world = replace(state.world, searched=state.mission.searched)
         if sighting is None or (sighting.stamp == state.sighted and not is_searched):
             return
         state.sighted = sighting.stamp

@@ -148,8 +148,8 @@ def _lengths(search: MapSearch, goal: Point) -> tuple[Array, Array]:
         line = np.zeros(costs.shape, dtype=bool)
         line[tuple(nodes_near(field, search.kept.points).T)] = True
         costs[signed_distances(line) * cell > _BESIDE] *= 1.0 + search.kept.reluctance
-    for each in search.blocked:
-        row, column = nodes_near(field, np.array(each)).tolist()
+    for place in search.blocked:
+        row, column = nodes_near(field, np.array(place)).tolist()
         around = math.ceil(2.0 * search.body / cell)
         part = np.s_[max(row - around, 0) : row + around + 1]
         beside = np.s_[max(column - around, 0) : column + around + 1]

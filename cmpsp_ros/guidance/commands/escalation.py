@@ -14,8 +14,8 @@ from cmpsp_ros.guidance.commands.decision_builder import DecisionBuilder
 from cmpsp_ros.guidance.commands.making_way import Choice
 from cmpsp_ros.guidance.decision import Decision, FallbackLevel
 from cmpsp_ros.guidance.goals import Target
+from cmpsp_ros.guidance.mission.back_out import back_out, turn_round
 from cmpsp_ros.guidance.mission.progress_watch import Remedy
-from cmpsp_ros.guidance.planning.back_out import back_out, turn_round
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 from cmpsp_ros.guidance.prediction.estimator import Observation, PlanStart
 from cmpsp_ros.guidance.safety.approach import Approach
@@ -79,9 +79,7 @@ class Escalation:
             if found:
                 seconds = self._settings.patience
                 why = f'There was no progress for {seconds:g} s: {found}'
-                return self._decisions.stop(
-                    state, seen.stamp, seen.pose, why, moving=start.moving
-                )
+                return self._decisions.stop(state, seen.stamp, seen.pose, why, moving=start.moving)
         return None
 
     def _remedy(self, state: LawState, context: PlanningContext) -> Choice | str:

@@ -21,7 +21,7 @@ _LONGEST: Final = 400
 
 
 class Remedy(IntEnum):
-    """What is done about a lack of progress, in this order."""
+    """Remedies for a lack of progress, in the order in which they are tried."""
 
     NONE = 0
     OTHER_CLASS = 1

@@ -39,7 +39,7 @@ _SEEN: Final = f'obstacle {SEEN}'
 _TO_REST: Final = 4.0
 """Time constants for which a lagging wheel is watched after the last command."""
 CHANGE_ROUNDING: Final = 1e-6
-"""What a solver may leave over of a limit on the change of a wheel's speed [rad/s]."""
+"""Excess that a solver may leave over a limit on the change of a wheel's speed [rad/s]."""
 
 
 class Validation(NamedTuple):

@@ -130,7 +130,6 @@ class GuidanceLaw:
 
     def _observe(self, observation: Observation) -> float:
         """Take in sightings and search results; delay of the last command [s]."""
-        self._state.mission.watch.drive(observation.pose)
         self._see(observation)
         if observation.sighting is not None and self._state.clock.start is None:
             # Before time 0 there is time for it.
@@ -274,6 +273,7 @@ class GuidanceLaw:
         """
         assert self._state.last is not None  # noqa: S101 (there was a step)
         observation, decision = self._state.last
+        self._state.mission.watch.drive(observation.pose)
         if late:
             self._state.take_back(late)
             why = f'It took {late:.3g} s and was not sent, for it came too late.'

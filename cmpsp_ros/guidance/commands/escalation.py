@@ -179,13 +179,16 @@ class Escalation:
                 point = replace(search, wanted=0.0, margin=0.0, body=0.0)
                 line = point.line(start.pose[:2], goal, _SPACING)
                 places = [line if len(line) else np.array([goal])]
-        body, parts = self._settings.robot_radius, []
+        body, parts, fits = self._settings.robot_radius, [], True
         for each in places:
             (x, y), clear, name = self._tightest(start, each)
-            beside = max(clear + body, 0.0)
+            beside, fits = max(clear + body, 0.0), fits and clear >= 0.0
             parts.append(f'past {name} at ({x:.2f}, {y:.2f}), which leaves {beside:.3f} m')
         margin = self._settings.safety.margin
         state.mission.unreachable = (
             f'The goal is unreachable: no plan gets {", nor ".join(parts)} beside the path; the'
             f' robot needs {body:.3f} m, and {margin:.3f} m of margin.'
         )
+        if fits and state.last is not None:
+            # The width is not the cause: the last step says what is.
+            state.mission.unreachable += f' {state.last[1].reason}'

@@ -75,7 +75,8 @@ class Supervisor:
         choice = None
         if start.moving.names or state.following.refuge is not None:
             choice = self._making_way.choose(state, seen, context, selected)
-        if choice is None and not meets_soon(self._settings, start):
+        is_counted = choice is None and (not reached or mission.watch.steps > 0)
+        if is_counted and not meets_soon(self._settings, start):
             choice = self._escalation.choose(state, seen, context, reached=reached)
         choice = choice or choose(state, seen, context, selected, closed)
         if isinstance(choice, Decision):

@@ -115,7 +115,8 @@ class MultipleShooting:
 
     def _point(self, X: Array, U: Array) -> Point:
         with np.errstate(all='ignore'):
-            value, gaps = self._problem.evaluate(X, U), self._problem.next_states(X, U) - X[1:]
+            value, ahead = self._problem.evaluate_with_next(X, U)
+            gaps = ahead - X[1:]
             total = np.abs(gaps).sum() + np.abs(value.output_error).sum()
         return Point(X, U, value, gaps, float(total + np.maximum(value.g, 0.0).sum()))
 

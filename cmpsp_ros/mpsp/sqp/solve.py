@@ -24,7 +24,7 @@ from cmpsp_ros.mpsp.results import (
     residual_at,
     violations,
 )
-from cmpsp_ros.mpsp.scaling import ScaledProblem, Scaling
+from cmpsp_ros.mpsp.scaling import Scaling
 from cmpsp_ros.mpsp.sqp.cmpsp import CMPSP
 from cmpsp_ros.mpsp.sqp.lagrangian import descent_curvature
 from cmpsp_ros.mpsp.sqp.multiple_shooting import MultipleShooting
@@ -86,7 +86,7 @@ class _Run:
     """A run in scaled units: the problem, both iterations, the iterate and what came of it."""
 
     given: OptimalControlProblem
-    problem: ScaledProblem
+    problem: OptimalControlProblem
     scaling: Scaling
     options: Options
     papers: CMPSP
@@ -105,7 +105,7 @@ class _Run:
             lin.check_shapes(problem.size)
             if options.scaling:
                 scaling = Scaling.of(problem, options, X, U, lin)
-        scaled = ScaledProblem(problem, scaling)
+        scaled = scaling.applied_to(problem)
         if options.scaling:
             options = scaling.options(options, scaled)
         papers = CMPSP(scaled, options)

@@ -68,7 +68,7 @@ def solve_from(subproblem: Subproblem, penalties: Penalties | None, warm: WarmSt
             if space.program.head['is_proved'][0] or _contradict(subproblem, conflict):
                 return otherwise
     warm.clear()
-    answer = clarabel_backend.solve(subproblem, penalties)
+    answer = _checked(subproblem, penalties, clarabel_backend.solve(subproblem, penalties))
     return otherwise if answer.status is QPStatus.FAILED else answer
 
 
@@ -143,6 +143,13 @@ def solve_qp(subproblem: Subproblem, name: str, penalties: Penalties | None = No
     conditions.
     """
     solution = backend(name)(subproblem, penalties)
+    # The active-set method checks its answers itself, in the records that it works on.
+    return solution if name == RICCATI_ACTIVE_SET else _checked(subproblem, penalties, solution)
+
+
+def _checked(
+    subproblem: Subproblem, penalties: Penalties | None, solution: QPSolution
+) -> QPSolution:
     if solution.status is QPStatus.SOLVED:
         residual = kkt_residual(subproblem, solution, penalties)
         if not residual <= TOLERANCE:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import ctypes
 import struct
 from functools import cache
+from itertools import pairwise
 from typing import Any, Final
 
 import llvmlite.binding as llvm
@@ -38,26 +39,28 @@ class StageCode:
         Raises:
             NotImplementedError: It has an operation without machine code here, or too many.
         """
-        self._outputs = [function.numel_out(i) for i in range(function.n_out())]
+        sizes = [function.numel_out(i) for i in range(function.n_out())]
+        self._ends = np.cumsum([0, *sizes]).tolist()
         arrays = function.n_in() + function.n_out()
         self._engine, self._call = _compiled(_Text(function, lanes).text, arrays)
 
     def __call__(self, *inputs: Array) -> list[Array]:
         """Outputs at all stages, ``(stages, numbers)`` each, for inputs of this form."""
-        outputs = [np.empty((len(inputs[0]), each)) for each in self._outputs]
-        self._run(*inputs, *outputs, stages=len(inputs[0]))
-        return outputs
+        stages, ends = len(inputs[0]), self._ends
+        whole = np.empty(stages * ends[-1])
+        held = [np.ascontiguousarray(each, float) for each in inputs]
+        first = whole.ctypes.data
+        places = [first + 8 * stages * end for end in ends[:-1]]
+        self._call(*(each.ctypes.data for each in held), *places, stages)
+        return [whole[stages * a : stages * b].reshape(stages, b - a) for a, b in pairwise(ends)]
 
     def roll_out(self, start: Array, *inputs: Array) -> Array:
         """States ``(stages + 1, n)``, each the only output for the last one; of a single lane."""
-        states = np.empty((len(inputs[0]) + 1, len(start)))
+        stages, states = len(inputs[0]), np.empty((len(inputs[0]) + 1, len(start)))
         states[0] = start
-        self._run(states, *inputs, states[1:], stages=len(inputs[0]))
-        return states
-
-    def _run(self, *arrays: Array, stages: int) -> None:
-        held = [np.ascontiguousarray(each, float) for each in arrays]
+        held = [states, *(np.ascontiguousarray(each, float) for each in inputs), states[1:]]
         self._call(*(each.ctypes.data for each in held), stages)
+        return states
 
 
 class _Text:
@@ -80,7 +83,8 @@ class _Text:
     def _instruction(self, name: str, k: int) -> None:
         f, work = self._function, self._work
         if name == 'OUTPUT':
-            self._store(*f.instruction_output(k), work[f.instruction_input(k)[0]])
+            array, index = f.instruction_output(k)
+            self._store(array, index, work[f.instruction_input(k)[0]])
             return
         if name == 'CONST':
             found = self._constant(f.instruction_constant(k))
@@ -152,11 +156,9 @@ class _Text:
         *rest, last = [*numbers] if self._lanes == 1 else ['undef', *numbers]
         if not rest:
             return str(last)
-        vector = rest[0]
+        vector = str(rest[0])
         for lane, number in enumerate([*rest[1:], last]):
-            vector = self._line(
-                f'insertelement {self._type} {vector}, double {number}, i32 {lane}'
-            )
+            vector = self._line(f'insertelement {self._type} {vector}, double {number}, i32 {lane}')
         return vector
 
     def _place(self, array: str, size: int, index: int, lane: int) -> str:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -35,10 +37,8 @@ class Expressions:
         self._casadi = casadi
         given = self._function('given', symbols, columns)
         kind = type(symbols['x'])
-        try:
+        with suppress(RuntimeError):
             given, kind = given.expand(), casadi.SX
-        except RuntimeError:
-            pass
         n, r, p = (each.shape[0] for each in symbols.values())
         self.sizes = n, r, columns['h'].shape[0], columns['g'].shape[0], 1
         self._z, self._data = kind.sym('z', n + r), kind.sym('data', p + sum(self.sizes))
@@ -60,9 +60,7 @@ class Expressions:
         casadi = self._casadi
         p = self._data.shape[0] - sum(self.sizes)
         ends = np.cumsum([0, p, *self.sizes]).tolist()
-        p, X, U, Y, G, J = (
-            self._data[a:b] for a, b in zip(ends[:-1], ends[1:], strict=True)
-        )
+        p, X, U, Y, G, J = (self._data[a:b] for a, b in pairwise(ends))
         F, L, R, h, g = given.call([x * X, u * U, p])
         return F / X, casadi.sum1(L) / J, R / casadi.sqrt(J), h / Y, g / G
 
@@ -87,13 +85,14 @@ class Expressions:
         casadi, n, z = self._casadi, self.sizes[0], self._z
         F, L, R, h, g = self._stage
         cost, more = L + 0.5 * casadi.sumsqr(R), []
+        matrices: list[Any] = []
         if name == 'value':
-            vectors, matrices = [cost, h, g, F], []
+            vectors = [cost, h, g, F]
         elif name == 'curvature':
             column = casadi.vertcat(F, h, g)
             more = [type(z).sym('w', column.shape[0]), type(z).sym('v', z.shape[0])]
             gradient = casadi.gradient(casadi.dot(more[0], column), z)
-            vectors, matrices = [casadi.jtimes(gradient, z, more[1])], []
+            vectors = [casadi.jtimes(gradient, z, more[1])]
         else:
             gradient = casadi.gradient(cost, z)
             vectors = [h, g, gradient[:n], gradient[n:]]

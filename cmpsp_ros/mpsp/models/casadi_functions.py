@@ -268,18 +268,19 @@ class CasadiProblem(StageProblem):
 
     def _linearised(self, X: Array, U: Array, hessian: Hessian) -> Linearisation:
         name = 'gauss_newton' if hessian == 'gauss_newton' else 'exact'
-        h, g, L_X, L_U, A, B, h_X, h_U, g_X, g_U, *second = self._evaluated(
-            name, np.hstack([X, U])
-        )
+        h, g, L_X, L_U, A, B, h_X, h_U, g_X, g_U, *second = self._evaluated(name, np.hstack([X, U]))
         if hessian == 'gauss_newton':
-            second = [*self._blocks(nearest_positive_semidefinite(second[0]) + second[1])]
-        elif hessian == 'projected':
-            second = [*project_stages(*second)]
+            blocks = self._blocks(nearest_positive_semidefinite(second[0]) + second[1])
+        else:
+            blocks = second[0], second[1], second[2]
+        if hessian == 'projected':
+            blocks = project_stages(*blocks)
         if not self._applies.all():
             g[~self._applies] = -np.inf
             g_X[~self._applies], g_U[~self._applies] = 0.0, 0.0
+        L_XX, L_UX, L_UU = (np.ascontiguousarray(block) for block in blocks)
         return Linearisation(
-            A[:-1], B[:-1], L_X, L_U, *map(np.ascontiguousarray, second),
+            A[:-1], B[:-1], L_X, L_U, L_XX, L_UX, L_UU,
             h[-1] - self.target, h_X[-1], h_U[-1], g, g_X, g_U,
         )  # fmt: skip
 

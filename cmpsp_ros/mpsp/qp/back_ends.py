@@ -135,13 +135,20 @@ def _is_installed(name: str) -> bool:
     return package is None or find_spec(package) is not None
 
 
-def solve_qp(subproblem: Subproblem, name: str, penalties: Penalties | None = None) -> QPSolution:
+def solve_qp(
+    subproblem: Subproblem,
+    name: str,
+    penalties: Penalties | None = None,
+    warm: WarmStart | None = None,
+) -> QPSolution:
     """Solve a subproblem by a back end's name, and check the answer.
 
-    Penalties are the weights of the exact L1 relaxation of (54) and (57); None keeps them hard. The
-    status is `QPStatus.FAILED` where a back end claims a solution that does not meet the optimality
-    conditions.
+    `warm` is as in `solve_from`, for the default back end. Penalties are the weights of the exact
+    L1 relaxation of (54) and (57); None keeps them hard. The status is `QPStatus.FAILED` where a
+    back end claims a solution that does not meet the optimality conditions.
     """
+    if warm is not None and name == RICCATI_ACTIVE_SET:
+        return solve_from(subproblem, penalties, warm)
     solution = backend(name)(subproblem, penalties)
     # The active-set method checks its answers itself, in the records that it works on.
     return solution if name == RICCATI_ACTIVE_SET else _checked(subproblem, penalties, solution)

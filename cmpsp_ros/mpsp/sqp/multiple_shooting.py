@@ -21,7 +21,14 @@ import numpy as np
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.options import Options
 from cmpsp_ros.mpsp.problem import Linearisation, OptimalControlProblem
-from cmpsp_ros.mpsp.qp import RICCATI_ACTIVE_SET, Penalties, QPSolution, QPStatus, solve_qp
+from cmpsp_ros.mpsp.qp import (
+    RICCATI_ACTIVE_SET,
+    Penalties,
+    QPSolution,
+    QPStatus,
+    no_warm_start,
+    solve_qp,
+)
 from cmpsp_ros.mpsp.qp.active_set.records import is_positive_definite
 from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 from cmpsp_ros.mpsp.results import Iterate
@@ -32,7 +39,6 @@ from cmpsp_ros.mpsp.sqp.lagrangian import (
     multipliers,
     response,
     stage_blocks,
-    with_hessian,
 )
 from cmpsp_ros.mpsp.sqp.shooting_records import (
     Direction,
@@ -73,6 +79,8 @@ class MultipleShooting:
         self._proximal, self._last_length, self._in_vain = 0.0, 0.0, 0
         self._is_cautious, self._violation = False, 0.0
         self._here: Point | None = None
+        # The first Hessian that is tried, and the active rows of the last program.
+        self._choice, self._warm = 0, no_warm_start(problem.size)
 
     def start(self, at: Iterate) -> Iterate:
         """Begin at an iterate; its multipliers are forgotten, and estimated anew."""
@@ -80,7 +88,8 @@ class MultipleShooting:
         violation = self._here.violation
         self._funnel, self._begins_near = max(1.0, 1.25 * violation), violation < _FAR
         self._proximal, self._last_length, self._in_vain = 0.0, 0.0, 0
-        self._is_cautious = False
+        self._is_cautious, self._choice = False, 0
+        self._warm.clear()
         return replace(at, step=None)
 
     def subproblem(self, at: Iterate) -> Subproblem:
@@ -147,14 +156,14 @@ class MultipleShooting:
         gaps = point.gaps if gaps is None else gaps
         error, g = values or (point.evaluation.output_error, point.evaluation.g)
         e = response(lin.A, gaps)
-        change = np.einsum('kij,kj->ki', H[:, :, : e.shape[1]], e)
-        lin = replace(
-            with_hessian(lin, H),
-            L_X=lin.L_X + change[:, : e.shape[1]],
-            L_U=lin.L_U + change[:, e.shape[1] :],
-            output_error=error + lin.h_X @ e[-1],
-            g=self._changed(lin, g, np.einsum('kli,ki->kl', lin.g_X, e)),
-        )
+        n = e.shape[1]
+        change = np.einsum('kij,kj->ki', H[:, :, :n], e)
+        XX, UX, UU = map(np.ascontiguousarray, (H[:, :n, :n], H[:, n:, :n], H[:, n:, n:]))
+        lin = Linearisation(
+            lin.A, lin.B, lin.L_X + change[:, :n], lin.L_U + change[:, n:], XX, UX, UU,
+            error + lin.h_X @ e[-1], lin.h_X, lin.h_U,
+            self._changed(lin, g, np.einsum('kli,ki->kl', lin.g_X, e)), lin.g_X, lin.g_U,
+        )  # fmt: skip
         return self._with_bounds(lin, U), e
 
     def _changed(self, lin: Linearisation, g: Array, change: Array) -> Array:
@@ -167,10 +176,14 @@ class MultipleShooting:
         proximal = self._proximal * np.eye(found.H.shape[1])
         solution, qp, e = None, None, None
         weights, shift = self._hard, self._proximal
-        for H in () if self._is_cautious else self._convex_choices(at, point, found, size):
+        choices = self._convex_choices(at, point, found, size)
+        for choice, H in () if self._is_cautious else enumerate(choices):
+            if choice < self._choice:
+                continue
             qp, e = self._shifted(found, H + proximal, point)
             solution = self._solved(qp)
             if solution is not None:
+                self._choice = min(choice, 1)
                 break
         is_relaxed = solution is None or (
             solution.status is not QPStatus.SOLVED and self._options.elastic
@@ -201,7 +214,7 @@ class MultipleShooting:
         is_ours = self._options.qp == RICCATI_ACTIVE_SET
         if not is_ours and not is_positive_definite(qp):
             return None
-        solution = solve_qp(qp, self._options.qp)
+        solution = solve_qp(qp, self._options.qp, None, self._warm)
         is_doubtful = is_ours and solution.status is QPStatus.FAILED
         return None if is_doubtful and not is_positive_definite(qp) else solution
 

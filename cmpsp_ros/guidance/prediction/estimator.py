@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.guidance.messages.tracks import MovingObject
+from cmpsp_ros.guidance.messages.tracks import MovingObject, Track
 from cmpsp_ros.guidance.prediction.obstacle_tracker import (
     ObstacleTracker,
     reachable_sets,
@@ -29,6 +31,23 @@ AT_REST: Final = np.zeros(2)
 
 _NOTHING: Final = np.empty((0, 0)), np.empty(0)
 """Controls that a robot without a delay is driven by until a new one takes effect."""
+
+
+def as_expected(tracks: Sequence[MovingObject], period: float) -> tuple[MovingObject, ...]:
+    """Tracks as plans take them: doubt about a velocity counts until the next control step [s].
+
+    That one plans anew. Over a long horizon, doubt that grows on would fill all space.
+    """
+    return tuple(
+        replace(
+            each,
+            position_stddev=each.position_stddev + period * each.velocity_stddev,
+            velocity_stddev=0.0,
+        )
+        if isinstance(each, Track) and each.velocity_stddev > 0.0
+        else each
+        for each in tracks
+    )
 
 
 class Observation(NamedTuple):
@@ -134,10 +153,13 @@ class Estimator:
         `previous_control` ``(r,)``.
         """
         stamp, pose, road = seen.stamp, seen.pose, world.road
-        known = self._settings.tracked
-        tracks = within_reach(seen.tracks, pose, self.robot.max_speed)
-        moving = self.tracker.update(stamp, pose, tracks, known)
-        reachable = reachable_sets(stamp, tracks, moving, known)
+        moving = reachable = NOTHING_MOVES
+        if seen.tracks or self.tracker.ids:
+            known, tracks = self._settings.tracked, seen.tracks
+            tracks = within_reach(tracks, pose, self.robot.max_speed)
+            expected = as_expected(tracks, self._settings.control_period)
+            moving = self.tracker.update(stamp, pose, expected, known)
+            reachable = reachable_sets(stamp, tracks, moving, known)
         changed = self._end_period(stamp, pose)
         self.progress = project_on_path(road, pose, self.progress)
         here = PlanStart(

@@ -182,6 +182,10 @@ class TaskSettings:
     may_be_late: bool = setting(False, '',
         'Whether the final time is put off where the path to the goal proves longer than the time '
         'that is left; else the robot stops at the final time.', key='goal.may_be_late')
+    patience: float = setting(3.0, 's',
+        'Time without progress towards the goal after which the robot tries other ways, backs out '
+        'and turns, each for as long; then it stops for good. 0: it waits.', NOT_NEGATIVE,
+        key='goal.patience')
     hold: bool = setting(False, '',
         'Whether the robot returns to the goal when it is moved away after arrival; otherwise it '
         'stays stopped.', key='goal.hold')

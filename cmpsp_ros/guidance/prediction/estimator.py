@@ -19,6 +19,7 @@ from cmpsp_ros.guidance.prediction.obstacle_tracker import (
 from cmpsp_ros.guidance.prediction.pending_commands import PendingCommands
 from cmpsp_ros.guidance.prediction.response_estimate import ResponseEstimate
 from cmpsp_ros.guidance.prediction.slip import SlipEstimate
+from cmpsp_ros.guidance.prediction.standing import StandingPeople
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.times import to_nanoseconds
 from cmpsp_ros.guidance.world import World
@@ -76,7 +77,8 @@ class PlanStart(NamedTuple):
         moving: Moving obstacles, from then on, as large as plans take them.
         progress: Arc length along the road of a place near the pose, NaN if not needed [m].
         previous_control: Control commanded until then, shape ``(r,)``.
-        reachable: All places that the same obstacles may reach.
+        reachable: All places that the same obstacles may reach, and then those of people who have
+            stopped.
     """
 
     pose: Array
@@ -115,6 +117,7 @@ class Estimator:
         commands: The commands of the run.
         response: Estimate of how the robot responds to commands.
         tracker: Slots of moving obstacles.
+        people: Seen people who have stopped.
         progress: Arc length of the robot along the road, NaN if not needed [m].
         delay: From a command to its effect, with the lag that is estimated [ns].
     """
@@ -125,6 +128,7 @@ class Estimator:
         self._use(settings)
         self.commands = PendingCommands(self.robot.n_controls)
         self.response, self.tracker = ResponseEstimate(settings), ObstacleTracker()
+        self.people = StandingPeople()
         self.progress, self.delay = math.nan, 0
 
     def _use(self, settings: LawSettings) -> None:
@@ -160,6 +164,11 @@ class Estimator:
             expected = as_expected(tracks, self._settings.control_period)
             moving = self.tracker.update(stamp, pose, expected, known)
             reachable = reachable_sets(stamp, tracks, moving, known)
+        self.people.update(stamp, seen.tracks, seen.sighting)
+        if standing := self.people.standing:
+            known = self._settings.tracked
+            planned = ObstacleTracker().update(stamp, pose, standing, known)
+            reachable = reachable.joined(reachable_sets(stamp, standing, planned, known))
         changed = self._end_period(stamp, pose)
         self.progress = project_on_path(road, pose, self.progress)
         here = PlanStart(

@@ -45,7 +45,7 @@ class Segment:
         left: Direction of its left edge, not less [rad].
         near: Distance of its nearest point [m].
         front: That point [m].
-        is_cut: Whether something nearer hides what is left of it, and right of it.
+        is_cut: Whether what is left of it, and right of it, is hidden or out of view.
         entered: Number of points in places that were just seen free.
         static: Number of points where something has long stood.
         legs: Distances of the middles of the legs that it shows [m]; none for a body.
@@ -77,6 +77,11 @@ class Segment:
         """True if it has long stood there."""
         return 2 * self.static >= len(self.members)
 
+    @property
+    def is_background(self) -> bool:
+        """True if it is what is seen of something that stands, between those before it."""
+        return not self.has_entered and sum(self.is_cut) + self.is_static >= 2
+
     def center(self, origin: Array, radius: float) -> tuple[float, float]:
         """Centre of a disc of some radius [m]; from a cut edge it may reach farther."""
         middle, half = (self.left + self.right) / 2.0, (self.left - self.right) / 2.0
@@ -89,7 +94,7 @@ class Segment:
 
 
 def segments_of(
-    origin: Array, points: Array, labels: IntArray, movers: Array, step: float
+    origin: Array, points: Array, labels: IntArray, movers: Array, view: tuple[float, float, float]
 ) -> list[Segment] | None:
     """Segments that may be people, or parts of something larger that moves; no walls.
 
@@ -100,7 +105,8 @@ def segments_of(
         points: Hits, shape ``(P, 2)`` [m].
         labels: `Label` of each, shape ``(P,)``.
         movers: Discs where movers are expected (x, y, radius), shape ``(M, 3)`` [m].
-        step: Angle between two beams [rad].
+        view: Angle between two beams, and directions of its right and left edge, NaN of a view
+            all around [rad].
     """
     if len(points) < _FEWEST:
         return []
@@ -114,13 +120,13 @@ def segments_of(
     angles[len(angles) - begin :] += math.tau
     polar, places = np.column_stack([ranges[order], angles]), points[order]
     bounds, parts, keys = (np.zeros(len(points) + 1, np.int64) for _ in range(3))
-    count = split(bounds, polar, places, step)
+    count = split(bounds, polar, places, view[0])
     sorted_labels = labels[order]
     count = divide(parts, keys, bounds[: count + 1], places, sorted_labels, movers)
     if count < 0:
         return None
     table = np.empty((count, 10))
-    describe(table, parts, polar, sorted_labels, step)
+    describe(table, parts, polar, sorted_labels, *view)
     found: list[Segment] = []
     for first, last, *numbers in table[table[:, 1] - table[:, 0] >= 2.0].tolist():
         right, left, near, cut_left, cut_right, entered, static, front = numbers
@@ -130,7 +136,7 @@ def segments_of(
         each = Segment(members, right, left, near, nearest, is_cut, int(entered), int(static))
         if each.radius <= _LARGEST:
             _add_or_join(found, each, origin, movers)
-    return [each for each in found if len(each.members) >= _FEWEST]
+    return [each for each in found if len(each.members) >= _FEWEST and not each.is_background]
 
 
 def _add_or_join(found: list[Segment], segment: Segment, origin: Array, movers: Array) -> None:
@@ -272,7 +278,15 @@ def keep_within(chosen: BoolArray, points: Array, discs: Array) -> None:
 
 
 @allocation_free
-def describe(table: Array, parts: IntArray, polar: Array, labels: IntArray, step: float) -> None:
+def describe(
+    table: Array,
+    parts: IntArray,
+    polar: Array,
+    labels: IntArray,
+    step: float,
+    right: float,
+    left: float,
+) -> None:
     """Rows of numbers that make a `Segment`."""
     size = polar.shape[0]
     for k in range(table.shape[0]):
@@ -286,8 +300,11 @@ def describe(table: Array, parts: IntArray, polar: Array, labels: IntArray, step
         table[k, 0], table[k, 1] = first, last
         table[k, 2], table[k, 3] = polar[first, 1] - step / 2.0, polar[last - 1, 1] + step / 2.0
         table[k, 4], table[k, 9] = near, front
-        table[k, 5] = last < size and _hides(polar, last, last - 1, step)
-        table[k, 6] = first > 0 and _hides(polar, first - 1, first, step)
+        # Comparisons with NaN are false.
+        ends_left = math.cos(polar[last - 1, 1] - left) >= math.cos(_HOLE * step)
+        ends_right = math.cos(polar[first, 1] - right) >= math.cos(_HOLE * step)
+        table[k, 5] = ends_left or (last < size and _hides(polar, last, last - 1, step))
+        table[k, 6] = ends_right or (first > 0 and _hides(polar, first - 1, first, step))
         table[k, 7], table[k, 8] = entered, static
 
 

@@ -11,10 +11,11 @@ from cmpsp_ros.sensing.track import Track
 _NS: Final = 1_000_000_000
 _FIRST_VELOCITY: Final = 1.0
 """Standard deviation of a velocity that is not known yet [m/s]."""
-_AGILITY: Final = 0.1
+_AGILITY: Final = 0.2
 """Power spectral density of accelerations, white noise [m^2/s^3]."""
-VEL=0.0
-_SURPRISING: Final = 6.0
+_ASIDE: Final = 0.3
+"""Distance from where it is expected at which one that was lost may be found (one sigma) [m]."""
+_SURPRISING: Final = 4.0
 """Squared Mahalanobis distance beyond which an object does not move as expected."""
 _RISE, _FALL = 0.5, 0.1
 """Fractions by which the radius follows greater and smaller ones that are seen."""
@@ -32,6 +33,7 @@ class MovingObject:
         x: Centre [m].
         y: Centre [m].
         radius: Radius of a disc that covers it [m].
+        begun: Time at which it was first seen [ns].
         seen: Time at which it was last seen [ns].
         origin: Place of its nearest point at first, ``(x, y)`` [m].
         name: Number among those that have moved; 0 for none yet.
@@ -50,6 +52,7 @@ class MovingObject:
     y: float
     radius: float
     position_variance: float
+    begun: int
     seen: int
     origin: tuple[float, float]
     vx: float = 0.0
@@ -100,9 +103,8 @@ class MovingObject:
 
     def distance(self, other: MovingObject) -> float:
         """Squared Mahalanobis distance of the place of another, at the same time."""
-        variance = self.position_variance + other.position_variance
-        vv = self.velocity_variance + other.velocity_variance
-        return ((self.x - other.x) ** 2 + (self.y - other.y) ** 2) / variance + VEL*((self.vx - other.vx) ** 2 + (self.vy - other.vy) ** 2)/vv
+        variance = self.position_variance + other.position_variance + _ASIDE * _ASIDE
+        return ((self.x - other.x) ** 2 + (self.y - other.y) ** 2) / variance
 
     @property
     def speed(self) -> float:

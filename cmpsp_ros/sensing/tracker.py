@@ -21,14 +21,12 @@ MOVING: Final = -1
 _NS: Final = 1_000_000_000
 _BODY, _LEGS = 0.25, 0.3
 """Radius of a person, whose body or whose legs are seen; part of it may not be [m]."""
-_NOISE, _NOISE_BY_RANGE = 0.02, 0.004
+_NOISE, _NOISE_BY_RANGE = 0.015, 0.004
 """Standard deviation of a centre that is seen [m], and more by its distance."""
 _CUT_NOISE, _LEG_NOISE = (0.0, 0.07, 0.25), 0.12
 _GATE: Final = 11.8
 """Squared Mahalanobis distance of a pair (two coordinates, 99.7 %)."""
-_CLAIM: Final = 11.8
-_COAST: Final = 11.8
-_CLOSE: Final = 0.25
+_CLOSE: Final = 0.35
 """Distance from where somebody is expected that is no other's [m]."""
 _NEVER: Final = 1e3
 _AROUND: Final = 0.1
@@ -42,7 +40,7 @@ _SIGNIFICANT: Final = 4.0
 """Squared speed that is no error, in variances of the velocity."""
 _FEW: Final = 3
 """Hits where nothing was, from which that shows motion."""
-_DIRECTIONS: Final = 32
+_DIRECTIONS: Final = 16
 """Beams by which the angle between two is found."""
 _EDGE: Final = 10.0
 """Angle that a view all around may lack, in steps."""
@@ -126,8 +124,7 @@ class Tracker:
             variances = known[:, 2:] + noise
             costs = away / variances
             # Minus twice the logarithm of the likelihood: who is in doubt claims nothing.
-            gates = np.array([[_COAST if each.stamp-each.seen > 0.35e9 else _GATE] for each in expected])
-            is_near = (costs <= gates) | (away <= _CLOSE * _CLOSE)
+            is_near = (costs <= _GATE) | (away <= _CLOSE * _CLOSE)
             costs = np.where(is_near, costs + 2.0 * np.log(variances), _NEVER)
             for i, j in zip(*linear_sum_assignment(costs), strict=True):
                 if costs[i, j] < _NEVER:
@@ -145,7 +142,7 @@ class Tracker:
             return None
         self._number += 1
         variance = _variance(segment)
-        new = MovingObject(self._number, stamp, x, y, radius, variance, stamp, segment.front)
+        new = MovingObject(self._number, stamp, x, y, radius, variance, stamp, stamp, segment.front)
         new.evidence = int(segment.has_entered)
         self._objects.append(new)
         return new
@@ -172,9 +169,9 @@ class Tracker:
 
     def _name_of(self, new: MovingObject) -> int:
         """Name of one out of sight who may have come to where another is, or a new name."""
-        hidden = [each for each in self._objects if each.name and each.seen < new.stamp]
+        hidden = [each for each in self._objects if each.name and each.seen < new.begun]
         away = [each.distance(new) for each in hidden]
-        if away and min(away) <= _CLAIM:
+        if away and min(away) <= _GATE:
             known = hidden[int(np.argmin(away))]
             self._objects.remove(known)
             return known.name
@@ -223,12 +220,13 @@ def _view(beams: Beams) -> tuple[float, float, float]:
     known = np.flatnonzero(beams.ends[:, 0] != beams.starts[:, 0])
     if not beams.is_sweep or len(known) < _FEW:
         return step, *nowhere
-    along = beams.ends[known] - beams.starts[known]
+    some = known[[*range(min(len(known), _DIRECTIONS)), -1]]
+    along = beams.ends[some] - beams.starts[some]
     angles = np.arctan2(along[:, 1], along[:, 0])
-    turned = np.diff(angles) % math.tau
-    step = float(np.median(turned[:_DIRECTIONS]))
-    is_sector = turned.sum() < math.tau - _EDGE * step
-    return step, *(angles[[0, -1]].tolist() if is_sector else nowhere)
+    turned = np.sort((angles[1:-1] - angles[:-2]) % math.tau)
+    step, (right, left) = float(turned[len(turned) // 2]), angles[[0, -1]].tolist()
+    is_sector = (left - right) % math.tau < math.tau - _EDGE * step
+    return step, *((right, left) if is_sector else nowhere)
 
 
 def _variance(segment: Segment) -> float:

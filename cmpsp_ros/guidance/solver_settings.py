@@ -91,8 +91,8 @@ class MovingObstacles:
     growth: float = setting(0.05, 'm/s',
         "Growth rate of an obstacle's predicted radius since it was last seen.", NOT_NEGATIVE)
     quantile: float = setting(2.0, '',
-        'Standard deviations of position and velocity by which plans take an obstacle for larger '
-        'than it was seen.', NOT_NEGATIVE, key='people.quantile')
+        'Standard deviations of the position at the next control step by which plans take an '
+        'obstacle for larger than it was seen.', NOT_NEGATIVE, key='people.quantile')
     max_acceleration: float = setting(1.0, 'm/s^2',
         'Largest acceleration of a moving obstacle, in any direction. No command leads to where '
         'one could be by then, until the robot is at rest.', NOT_NEGATIVE,
@@ -182,6 +182,10 @@ class TaskSettings:
     may_be_late: bool = setting(False, '',
         'Whether the final time is put off where the path to the goal proves longer than the time '
         'that is left; else the robot stops at the final time.', key='goal.may_be_late')
+    patience: float = setting(3.0, 's',
+        'Time without progress towards the goal after which the robot tries other ways, backs out '
+        'and turns, each for as long; then it stops for good. 0: it waits.', NOT_NEGATIVE,
+        key='goal.patience')
     hold: bool = setting(False, '',
         'Whether the robot returns to the goal when it is moved away after arrival; otherwise it '
         'stays stopped.', key='goal.hold')

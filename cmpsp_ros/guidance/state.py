@@ -11,6 +11,7 @@ from cmpsp_ros.guidance.decision import Decision, Plan
 from cmpsp_ros.guidance.messages.tracks import MovingObject
 from cmpsp_ros.guidance.mission.closed_road import ClosedRoad
 from cmpsp_ros.guidance.mission.goal_manager import GoalManager
+from cmpsp_ros.guidance.mission.progress_watch import ProgressWatch
 from cmpsp_ros.guidance.prediction.estimator import Estimator, Observation
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.world import NOT_SEARCHED, Searched, World
@@ -96,6 +97,8 @@ class Mission:
         reaches_goal: True if the last plan ended within the tolerance of the goal.
         final_pose: Pose at the final time, shape ``(3,)`` [m, m, rad]; None before.
         warnings: Tasks that no plan of the run can fulfil, in sentences.
+        watch: Progress on the way to the goal.
+        unreachable: Why the run has ended before the goal, a sentence; '' if it has not.
     """
 
     goals: GoalManager
@@ -105,16 +108,22 @@ class Mission:
     reaches_goal: bool = True
     final_pose: Array | None = None
     warnings: tuple[str, ...] = ()
+    watch: ProgressWatch = field(default_factory=ProgressWatch)
+    unreachable: str = ''
 
     def begin_leg(self) -> None:
         """Set out to another goal."""
-        self.idle_steps, self.closed_road = 0, ClosedRoad()
+        self._begin_again()
         self.searched = self.searched._replace(hysteresis=NOT_SEARCHED.hysteresis)
 
     def reconfigure(self, settings: LawSettings, world: World) -> None:
         """Go on with other settings, in another world."""
         self.goals.reconfigure(settings, world)
+        self._begin_again()
+
+    def _begin_again(self) -> None:
         self.idle_steps, self.closed_road = 0, ClosedRoad()
+        self.watch, self.unreachable = ProgressWatch(trail=self.watch.trail), ''
 
 
 @dataclass

@@ -13,7 +13,7 @@ from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.arguments import ProblemError, check_bounds, not_finite, numbers
 
 Hessian = Literal['gauss_newton', 'exact', 'projected']
-"""Which second derivative of the stage costs ``L_k`` a problem returns, (49)-(52).
+"""Second derivative of the stage costs ``L_k`` that a problem returns, (49)-(52).
 
 ``gauss_newton`` leaves out the curvature of the residuals and is positive semi-definite; ``exact``
 is the second derivative as it is, indefinite where the cost is not convex; ``projected`` is its
@@ -183,6 +183,21 @@ class OptimalControlProblem(ABC):
             ProblemError: This problem does not have it.
         """
         raise ProblemError('next_states: this problem does not provide it')
+
+    def evaluate_with_next(self, X: Array, U: Array) -> tuple[Evaluation, Array]:
+        """`evaluate` and `next_states` of the same states, for problems that share their work."""
+        return self.evaluate(X, U), self.next_states(X, U)
+
+    def in_units(
+        self,
+        state: Array,  # noqa: ARG002
+        control: Array,  # noqa: ARG002
+        output: Array,  # noqa: ARG002
+        path: Array,  # noqa: ARG002
+        cost: float,  # noqa: ARG002
+    ) -> OptimalControlProblem | None:
+        """The same problem in other units, as of `Scaling`; None where it cannot do so itself."""
+        return None
 
     def constraint_curvature(
         self,

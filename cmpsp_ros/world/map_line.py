@@ -9,19 +9,34 @@ from typing import Final
 
 import numpy as np
 
-from cmpsp_ros.arrays import Array
+from cmpsp_ros.arrays import Array, BoolArray
 from cmpsp_ros.world.free_space import FreeSpace
 from cmpsp_ros.world.grids.distance_field import node_points, nodes_near, signed_distances
 from cmpsp_ros.world.grids.field_functions import DistanceField
 from cmpsp_ros.world.grids.grid_obstacle import GridObstacle
-from cmpsp_ros.world.grids.grid_search import ROOM, cells_from, costs_of, evenly_spaced, lengths_to
+from cmpsp_ros.world.grids.grid_search import (
+    NEIGHBOURS,
+    ROOM,
+    STEPS,
+    cells_from,
+    costs_of,
+    evenly_spaced,
+    lengths_to,
+)
 from cmpsp_ros.world.obstacles.shapes import Shape
 from cmpsp_ros.world.roads import OpenFloor
 
 Point = tuple[float, float]
 
-# Of a cell that is nearer than wanted: for one who stands there, or where no other way leads.
+# Cost of a cell that is nearer than wanted: a way around it is preferred. It is that of any cell
+# nearer than the margin, too, on the way out for one who stands there.
 _TOO_NEAR: Final = 50.0
+# The same nearer than the margin, and where only the body fits: the widest way costs least.
+_TIGHT: Final = 500.0, 5000.0
+# Cost of a cell near a place that did not fit.
+_BLOCKED: Final = 2e4
+# Part of a cell by which centres may be nearer than the middle of a gap that fits.
+_ROUNDING: Final = 0.5
 # So that a line of cells is as straight as a robot would drive [m].
 _SMOOTHED: Final = 0.2
 # Lines that are nowhere farther apart go the same way [m].
@@ -47,15 +62,20 @@ class MapSearch:
 
     Attributes:
         obstacles: At least one of them is a grid.
-        wanted: Distance to keep from them [m].
-        least: Distance to keep where there is no other way [m].
-        kept: Distance that the lines keep.
+        wanted: Distance to keep from them at the samples of a plan [m].
+        margin: Distance that the path between samples keeps, radius and margin [m]. It is given up
+            only where no other way leads, and then as little of it as possible.
+        body: Distance without which the robot does not fit [m].
+        kept: A line that is kept to.
+        blocked: Places that did not fit (x, y) [m]: other ways are preferred to them.
     """
 
     obstacles: tuple[Shape, ...]
     wanted: float
-    least: float
+    margin: float
+    body: float
     kept: KeptLine | None = None
+    blocked: tuple[Point, ...] = ()
 
     @property
     def grid(self) -> GridObstacle:
@@ -68,17 +88,21 @@ class MapSearch:
         `spacing` is their largest distance [m]; ``K`` = 0 where no line leads.
         """
         field = self.grid.field
-        cells = cells_from(_lengths(self, goal), nodes_near(field, start))
+        lengths, led_out = _lengths(self, goal)
+        cells = cells_from(led_out, nodes_near(field, start))
         if not len(cells):
             return np.empty((0, 2))
+        # Once it is out it keeps to cells that fit.
+        out = int((lengths[tuple(cells.T)] == led_out[tuple(cells.T)]).argmax())
+        cells = np.vstack([cells[:out], cells_from(lengths, cells[out])])
         line = np.vstack([start, node_points(field, cells[1:-1]), goal])
         passes = math.ceil((_SMOOTHED / float(field.frame['cell'][0])) ** 2)
         return evenly_spaced(line, spacing, passes)
 
     def lengths(self, points: Array, goal: Point) -> Array:
         """Lengths of the lines from points ``(K, 2)`` to a goal, longer where it is narrow [m]."""
-        field, lengths = self.grid.field, _lengths(self, goal)
-        found: Array = lengths[tuple(nodes_near(field, points).T)] * field.frame['cell'][0]
+        field, (_, led_out) = self.grid.field, _lengths(self, goal)
+        found: Array = led_out[tuple(nodes_near(field, points).T)] * field.frame['cell'][0]
         return found
 
     def prepare(self, goal: Point) -> None:
@@ -106,17 +130,49 @@ def _take_out(distances: Array, field: DistanceField, shape: Shape, reach: float
 
 
 @lru_cache(maxsize=16)
-def _lengths(search: MapSearch, goal: Point) -> Array:
+def _lengths(search: MapSearch, goal: Point) -> tuple[Array, Array]:
+    """Lengths from all cells, and the same for one who is led out of a cell that is too near."""
     field = search.grid.field
     distances = field.distances.copy()
     for each in search.obstacles:
         if each is not search.grid:
             _take_out(distances, field, each, search.wanted + ROOM)
+    cell = float(field.frame['cell'][0])
+    least = search.body - _ROUNDING * cell
     costs = costs_of(distances - search.wanted)
-    costs[(distances < search.wanted) & (distances > search.least)] = _TOO_NEAR
+    costs[(distances < search.wanted) & (distances >= search.margin)] = _TOO_NEAR
+    is_tight = (distances < search.margin) & (distances > least)
+    spent = (search.margin - distances[is_tight]) / (search.margin - least)
+    costs[is_tight] = _TIGHT[0] * (_TIGHT[1] / _TIGHT[0]) ** spent
     if search.kept is not None:
         line = np.zeros(costs.shape, dtype=bool)
         line[tuple(nodes_near(field, search.kept.points).T)] = True
-        away = signed_distances(line) * float(field.frame['cell'][0])
-        costs[away > _BESIDE] *= 1.0 + search.kept.reluctance
-    return lengths_to(costs, nodes_near(field, np.array(goal)))
+        costs[signed_distances(line) * cell > _BESIDE] *= 1.0 + search.kept.reluctance
+    for place in search.blocked:
+        row, column = nodes_near(field, np.array(place)).tolist()
+        around = math.ceil(2.0 * search.body / cell)
+        part = np.s_[max(row - around, 0) : row + around + 1]
+        beside = np.s_[max(column - around, 0) : column + around + 1]
+        near = costs[part, beside]
+        np.maximum(near, _BLOCKED, out=near, where=np.isfinite(near))
+    lengths = lengths_to(costs, nodes_near(field, np.array(goal)))
+    is_near = (distances < search.margin) & (distances > search.body / 2.0)
+    return lengths, _led_out(lengths, is_near, math.ceil(search.margin / cell))
+
+
+def _led_out(lengths: Array, is_near: BoolArray, steps: int) -> Array:
+    """Lengths for one who stands near something, by an error of what is seen: out by the shortest.
+
+    They lead out of such cells, and never through them: no other length depends on theirs.
+    """
+    found = lengths.copy()
+    rows, columns = np.nonzero(is_near[1:-1, 1:-1])
+    rows, columns = rows + 1, columns + 1
+    found[rows, columns] = math.inf
+    for _ in range(steps):
+        beside = [
+            found[rows + i, columns + j] + step * _TOO_NEAR
+            for (i, j), step in zip(NEIGHBOURS, STEPS, strict=True)
+        ]
+        found[rows, columns] = np.min([found[rows, columns], *beside], axis=0)
+    return np.minimum(found, lengths)

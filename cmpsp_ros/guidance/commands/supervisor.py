@@ -6,6 +6,7 @@ import math
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.commands.decision_builder import DecisionBuilder
+from cmpsp_ros.guidance.commands.escalation import Escalation
 from cmpsp_ros.guidance.commands.making_way import Choice, MakingWay
 from cmpsp_ros.guidance.commands.waiting import PATIENCE, meets_soon, reason_to_wait, turns
 from cmpsp_ros.guidance.decision import Decision, FallbackLevel, Plan
@@ -33,6 +34,9 @@ class Supervisor:
         self._approach = Approach(settings, validator)
         self.decisions = DecisionBuilder(settings, validator)
         self._making_way = MakingWay(settings, validator, self._approach, self.decisions)
+        self._escalation = Escalation(
+            settings, validator, self._approach, self.decisions, self.drop_plan
+        )
 
     def reason_not_to_begin(self, state: LawState, estimate: Estimate) -> str:
         """Why no plan begins where the robot is, in a sentence; empty for no reason."""
@@ -48,8 +52,8 @@ class Supervisor:
                 f'Odometry is {error:.2g} m from where the commands lead, more than {allowed} m'
                 ' (safety.max_prediction_error).'
             )
-        is_met = meets_soon(self._settings, estimate.start)
-        return '' if is_met else state.mission.closed_road.wait_reason
+        wait_reason = state.mission.closed_road.wait_reason
+        return '' if wait_reason and meets_soon(self._settings, estimate.start) else wait_reason
 
     def choose(
         self,
@@ -61,14 +65,19 @@ class Supervisor:
     ) -> Decision:
         """Follow the selected plan or the previous one, no faster than is safe; or stop."""
         mission, start, result = state.mission, estimate.start, selected.result
-        mission.reaches_goal = False
+        reached, mission.reaches_goal = mission.reaches_goal, False
         closed = self._closed_ahead(state, context, selected)
         estimator, here = state.estimator, estimate.here
         risk = estimator.response.risk(seen.stamp, estimator.commands)
         choose = self._fall_back
         if selected.admissible or self._clears_slowly(selected, context, here, risk):
             choose = self._accept
-        choice = self._making_way.choose(state, seen, context, selected)
+        choice = None
+        if start.moving.names or state.following.refuge is not None:
+            choice = self._making_way.choose(state, seen, context, selected)
+        is_counted = choice is None and (not reached or mission.watch.steps > 0)
+        if is_counted and not meets_soon(self._settings, start):
+            choice = self._escalation.choose(state, seen, context, reached=reached)
         choice = choice or choose(state, seen, context, selected, closed)
         if isinstance(choice, Decision):
             return choice
@@ -173,9 +182,10 @@ class Supervisor:
     ) -> Contact | None:
         """Obstacles that close the road; not checked while plans lead to the goal."""
         settings, closed_road, start = self._settings, state.mission.closed_road, context.start
-        if meets_soon(self._settings, start):
+        fails = not selected.feasible or selected.verdict.worst_margin < -TOUCHING
+        if not (fails or closed_road.obstacles) or meets_soon(settings, start):
             return None
-        if not selected.feasible or selected.verdict.worst_margin < -TOUCHING:
+        if fails:
             closed_road.look(settings, start, context.goal)
         if not closed_road.obstacles:
             return None
@@ -192,8 +202,10 @@ class Supervisor:
         """Count steps without progress; reason to stop rather than follow a plan, '' if none."""
         mission, why = state.mission, ''
         is_near = closed is not None and closed.speed < self._settings.robot.max_speed
+        if not selected.result.elastic:
+            mission.idle_steps = 0
         # Before a moving obstacle it is not safe to wait.
-        if not meets_soon(self._settings, context.start):
+        elif not meets_soon(self._settings, context.start):
             idle_steps = PATIENCE if is_near else mission.idle_steps
             why, mission.idle_steps = reason_to_wait(idle_steps, context, selected)
         if closed is not None:
@@ -295,7 +307,10 @@ class Supervisor:
             by = f', {error:.3g} m from the goal'
         elif has_goal and off > settings.heading_tolerance:
             by = f", {off:.3g} rad off the goal's heading"
-        reason, moving = f'The final time has passed{by}.', estimate.here.moving
+        mission, moving = state.mission, estimate.here.moving
+        if by:
+            self._escalation.explain_miss(state, estimate.here)
+        reason = mission.unreachable or f'The final time has passed{by}.'
         decision = self.decisions.stop(
             state, seen.stamp, seen.pose, reason, moving=moving, finished=True, missed=bool(by)
         )

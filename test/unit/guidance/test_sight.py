@@ -89,7 +89,8 @@ def test_a_cloud_with_points_on_the_floor_lets_the_robot_drive_at_speed():
 def test_a_cloud_without_points_on_the_floor_shows_no_free_space():
     drive = Drive(**FAST, **CLOUD, sees_floor=False, end=5.0)
     assert max(speeds(drive)) < 0.1
-    assert all('has not been seen yet' in each.reason for each in drive.decisions)
+    # After three seconds it looks for other ways.
+    assert all('has not been seen yet' in each.reason for each in drive.decisions[:15])
 
 
 def test_obstacles_that_only_a_depth_camera_sees_are_passed():
@@ -108,7 +109,7 @@ WALL = {
 
 @cache
 def on_an_empty_road():
-    """Where a robot at 1 m/s is after four seconds [m], its radius, and its margin added."""
+    """Place of a robot at 1 m/s after four seconds [m], its radius, and its margin added."""
     empty = Drive(**{**FAST, 'final_time': 11.0}, end=4.0)
     assert speeds(empty)[-1] == pytest.approx(1.0, abs=0.15)
     return empty.pose[0] + empty.settings.robot_radius + empty.settings.safety.margin

@@ -130,7 +130,7 @@ class Summary:
 def final_time(run: Run, settings: GuidanceSettings) -> float:
     """The final time [s]; if it may be postponed, that of the last decision."""
     goals = [each.goal for each in run.decisions if each.goal is not None]
-    return goals[-1].time if settings.may_be_late and goals else settings.final_time
+    return goals[-1].time if settings.moves_final_time and goals else settings.final_time
 
 
 def window(run: Run, settings: GuidanceSettings) -> tuple[int, int]:

@@ -15,6 +15,7 @@ from cmpsp_ros.guidance.goals import Goal
 from cmpsp_ros.guidance.horizon import remaining
 from cmpsp_ros.guidance.mission.feasibility_precheck import infeasibility_warnings
 from cmpsp_ros.guidance.mission.return_to_goal import return_to_goal
+from cmpsp_ros.guidance.planning.candidate import Candidate
 from cmpsp_ros.guidance.planning.grid_path_memory import search_ahead
 from cmpsp_ros.guidance.planning.plan_selector import PlanSelector
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
@@ -168,7 +169,7 @@ class GuidanceLaw:
         mission, clock, delay = state.mission, state.clock, estimate.delay
         goals, now, note = mission.goals, clock.now, ''
         is_new = goals.update(observation.stamp, now, start)
-        may_postpone = settings.may_be_late and not mission.reaches_goal
+        may_postpone = settings.moves_final_time and not mission.reaches_goal
         if may_postpone and not mission.closed_road.wait_reason:
             by = goals.postpone(now + delay, start)
             if by:
@@ -216,6 +217,7 @@ class GuidanceLaw:
             halvings=state.lateness.halvings,
             delay=estimate.delay,
             end_speed=following.end_speed,
+            ends_at_rest=self._settings.comes_to_rest and not target.drives_on,
         )
 
     def _plan(
@@ -233,7 +235,23 @@ class GuidanceLaw:
             stamp, pose, moving = observation.stamp, observation.pose, estimate.start.moving
             return supervisor.decisions.stop(state, stamp, pose, reason, moving=moving)
         selected = self._selector.best(context)
+        if self._settings.is_soonest and state.mission.goals.goal is not None:
+            context, selected = self._at_earliest(estimate, context, selected)
         return supervisor.choose(state, observation, estimate, context, selected)
+
+    def _at_earliest(
+        self, estimate: Estimate, context: PlanningContext, selected: Candidate
+    ) -> tuple[PlanningContext, Candidate]:
+        """Pass the goal as early as a plan can; the control step, and the plan."""
+        mission, clock, delay = self._state.mission, self._state.clock, context.delay
+        goals = mission.goals
+        latest = goals.latest(clock.now, estimate.start)
+        context, selected = mission.arrival.choose(self._selector, context, selected, latest)
+        final = context.horizon.edges.item(-1) + delay
+        if final != goals.final:
+            goals.reach_at(final)
+            clock.due = remaining(clock.now, goals.period, final).edges.item(1)
+        return context, selected
 
     def _pending(self, estimate: Estimate) -> Validation | None:
         """Validation on the path under commands given before, if there is one."""

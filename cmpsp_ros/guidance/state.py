@@ -11,6 +11,7 @@ from cmpsp_ros.guidance.decision import Decision, Plan
 from cmpsp_ros.guidance.messages.tracks import MovingObject
 from cmpsp_ros.guidance.mission.closed_road import ClosedRoad
 from cmpsp_ros.guidance.mission.goal_manager import GoalManager
+from cmpsp_ros.guidance.planning.arrival_time import ArrivalTime
 from cmpsp_ros.guidance.prediction.estimator import Estimator, Observation
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.world import NOT_SEARCHED, Searched, World
@@ -90,6 +91,7 @@ class Mission:
 
     Attributes:
         goals: The present goal, and those to come.
+        arrival: Search for the earliest time to pass it.
         closed_road: Obstacles that close the road to it.
         searched: Inputs of the search for the next control step.
         idle_steps: Number of control steps without progress, since a plan could reach the goal.
@@ -99,6 +101,7 @@ class Mission:
     """
 
     goals: GoalManager
+    arrival: ArrivalTime
     closed_road: ClosedRoad = field(default_factory=ClosedRoad)
     searched: Searched = NOT_SEARCHED
     idle_steps: int = 0
@@ -108,12 +111,13 @@ class Mission:
 
     def begin_leg(self) -> None:
         """Set out to another goal."""
-        self.idle_steps, self.closed_road = 0, ClosedRoad()
+        self.idle_steps, self.closed_road, self.arrival.sets_out = 0, ClosedRoad(), True
         self.searched = self.searched._replace(hysteresis=NOT_SEARCHED.hysteresis)
 
     def reconfigure(self, settings: LawSettings, world: World) -> None:
         """Go on with other settings, in another world."""
         self.goals.reconfigure(settings, world)
+        self.arrival.settings = settings
         self.idle_steps, self.closed_road = 0, ClosedRoad()
 
 
@@ -190,7 +194,7 @@ class LawState:
         """The state before the first odometry of a run."""
         estimator = Estimator(settings)
         following = Following(estimator.robot.at_rest)
-        mission = Mission(GoalManager(settings, world))
+        mission = Mission(GoalManager(settings, world), ArrivalTime(settings))
         return cls(run, revision, world, estimator, mission, following)
 
     def reconfigure(self, settings: LawSettings, world: World) -> None:

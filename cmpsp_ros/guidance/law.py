@@ -15,7 +15,6 @@ from cmpsp_ros.guidance.goals import Goal
 from cmpsp_ros.guidance.horizon import remaining
 from cmpsp_ros.guidance.mission.feasibility_precheck import infeasibility_warnings
 from cmpsp_ros.guidance.mission.return_to_goal import return_to_goal
-from cmpsp_ros.guidance.planning.candidate import Candidate
 from cmpsp_ros.guidance.planning.grid_path_memory import search_ahead
 from cmpsp_ros.guidance.planning.plan_selector import PlanSelector
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
@@ -236,22 +235,9 @@ class GuidanceLaw:
             return supervisor.decisions.stop(state, stamp, pose, reason, moving=moving)
         selected = self._selector.best(context)
         if self._settings.is_soonest and state.mission.goals.goal is not None:
-            context, selected = self._at_earliest(estimate, context, selected)
+            chosen = state.mission.at_earliest(self._selector, context, selected, state.clock)
+            context, selected = chosen
         return supervisor.choose(state, observation, estimate, context, selected)
-
-    def _at_earliest(
-        self, estimate: Estimate, context: PlanningContext, selected: Candidate
-    ) -> tuple[PlanningContext, Candidate]:
-        """Pass the goal as early as a plan can; the control step, and the plan."""
-        mission, clock, delay = self._state.mission, self._state.clock, context.delay
-        goals = mission.goals
-        latest = goals.latest(clock.now, estimate.start)
-        context, selected = mission.arrival.choose(self._selector, context, selected, latest)
-        final = context.horizon.edges.item(-1) + delay
-        if final != goals.final:
-            goals.reach_at(final)
-            clock.due = remaining(clock.now, goals.period, final).edges.item(1)
-        return context, selected
 
     def _pending(self, estimate: Estimate) -> Validation | None:
         """Validation on the path under commands given before, if there is one."""

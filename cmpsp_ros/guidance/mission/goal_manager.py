@@ -127,6 +127,9 @@ class GoalManager:
         while self.final <= effect and not self.is_last:
             self._index += 1
             self._set_goal(start.world)
+            if self._settings.is_soonest:
+                # The times of those to come are no plan.
+                break
         if not self._is_known:
             self._pass_along_road(start)
         if self._index > before:

@@ -20,7 +20,7 @@ from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.times import to_nanoseconds
 
 _GRID: Final = 20
-"""Final times in a control period: smaller differences do not count."""
+"""Final times in a control period."""
 _LONGEST, _DELAY = 0.15, 0.0025
 """Longest stride, and the first by which a flawed plan ends later, as fractions of the time left."""
 _GROWTH: Final = 1.5
@@ -87,7 +87,7 @@ class ArrivalTime:
             found = selector.try_at_another_time(selected.plan, trial, self._is_accurate)
             if self._is_accurate(found):
                 context, selected, self.stride = trial, found, min(_GROWTH * self.stride, _LONGEST)
-            elif context.horizon.edges[-1] - trial.horizon.edges[-1] <= period // _GRID:
+            elif context.horizon.edges[-1] - trial.horizon.edges[-1] <= self._grid(context):
                 break
             else:
                 self.stride /= 2.0
@@ -106,11 +106,15 @@ class ArrivalTime:
                 return trial, found
         return context, selected
 
+    def _grid(self, context: PlanningContext) -> int:
+        """Smallest difference of final times [ns]: a waypoint is passed at a control instant."""
+        period = to_nanoseconds(self.settings.control_period)
+        return period if context.goal.drives_on else period // _GRID
+
     def _shifted(self, context: PlanningContext, by: float) -> PlanningContext:
         """The control step with a final time that is later by a fraction of the time left."""
-        period = to_nanoseconds(self.settings.control_period)
+        period, grid = to_nanoseconds(self.settings.control_period), self._grid(context)
         begin, end = context.horizon.edges[[0, -1]].tolist()
-        grid = period // _GRID
         steps = max(round(abs(by) * (end - begin) / grid), 1)
         end += (steps if by > 0.0 else -steps) * grid
         return replace(context, horizon=remaining(begin, period, end))

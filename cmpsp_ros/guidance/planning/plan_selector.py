@@ -34,6 +34,8 @@ _LONGEST_PAUSE: Final = 7
 """Control steps between two reviews, at most, while an admissible plan keeps a flaw."""
 _GENEROUS: Final = 4
 """Factor on the work of a step at rest without a plan, and on that for the plan followed."""
+_TRIAL: Final = 8
+"""Divisor of the work of a step, for a plan that is tried."""
 _TRANSIENT: Final = 4
 """Control steps for which an admissible plan may mend a flaw: each change of plans is a jerk, and a
 robot that is not quite as modelled puts a little of a flaw into every plan."""
@@ -176,10 +178,9 @@ class PlanSelector:
     ) -> Candidate:
         """Improve a plan that ends earlier or later, and follow it if it is accepted."""
         planner, left = self._pool.take(), self._work_left
-        self._work_left = min(left, self._work_limit // 8)
-        begun = self._work_left
+        self._work_left = granted = min(left, self._work_limit // _TRIAL)
         found = self._improve(planner, self._guess_from(plan, context), context, SCREENING)
-        self._work_left += left - begun
+        self._work_left += left - granted
         if accepts(found):
             planner, self._pool.followed = self._pool.followed, planner
         self._pool.free.append(planner)

@@ -131,6 +131,7 @@ class Planner:
     def reformulate(self, formulation: OcpFormulation) -> None:
         """Take another formulation with the same layout, and keep memory and warm start."""
         self._formulation, self._posed = formulation, None
+        self._is_bounded = self._is_bounded or formulation.settings.comes_to_rest
 
     def forget(self) -> None:
         """Begin the next plan without the active rows of the last one."""

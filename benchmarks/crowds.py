@@ -113,12 +113,12 @@ def _two_steps(law: GuidanceLaw, preset: Preset, count: int) -> tuple[float, flo
 OBSTACLE_COUNTS = (0, 1, 2, 4, 8, 16, 32, 64)
 
 _ASIDE = 0.75
-"""Of each from the centre line, to either side in turn [m]."""
+"""Offset of each from the centre line, to either side in turn [m]."""
 
 _RADIUS = 0.2
 _SPEED = 0.1
 _BEARINGS = (math.radians(-72.0), math.radians(-6.0))
-"""Of the first and the last, about the road's centre; case 3 goes from -90 to 0 degrees."""
+"""Bearings of the first and the last from the road's centre; case 3 goes from -90 to 0 degrees."""
 
 
 @dataclass(frozen=True)

@@ -147,7 +147,7 @@ COURSE = 'case3_wide'
 
 MODELS: Final = 'differential drive', 'car'
 LIMITED: Final = ', limited acceleration'
-"""What is in the name of a model whose wheels, and steering, change no faster than they can."""
+"""Part of the name of a model whose wheels, and steering, change no faster than they can."""
 
 _CAR: Final = (
     'robot.model=ackermann', 'robot.wheel_base=0.2', 'robot.max_steering_angle=0.6',

@@ -109,7 +109,7 @@ PIQP = 'sqpmethod + piqp'
 """Method by which machines are compared."""
 
 PIQP_THERE = 1.12
-"""Its median of all steps of Case 3 on the machine of the targets, with `_STEPS_THERE` [ms]."""
+"""PIQP's median of all steps of Case 3 on the machine of the targets, with `_STEPS_THERE` [ms]."""
 
 _STEPS_THERE = 50
 

@@ -24,7 +24,7 @@ _LATENCY_RUNS = 3
 """Runs in real time, ten seconds each: enough for a 99th percentile."""
 
 _PLAN_RUNS = 10
-"""Of two steps each, for every run of a preset."""
+"""Runs of two steps each, for every run of a preset."""
 
 Progress = Callable[[str, int], Callable[[], None]]
 """Called with a part of the work and its number of pieces; its result is called after each."""

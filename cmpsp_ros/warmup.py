@@ -167,7 +167,7 @@ def _kinds(presets: Sequence[str]) -> dict[str, tuple[GuidanceSettings, ...]]:
             values = TABLE.resolve(load_parameter_file(preset, namespace=robot))
             settings = guidance_settings(values)
             around = settings.moving_obstacles
-            moving = ' with what moves' if around.capacity or around.others else ''
+            moving = ' with moving obstacles' if around.capacity or around.others else ''
             name = f'road {values["road.type"]}{moving}'
             found[name] = (*found.get(name, ()), settings)
     return found

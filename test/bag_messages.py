@@ -72,7 +72,7 @@ def pose_stamped(stamp, place, frame_id='odom'):
 
 
 def twist(speed, *rest):
-    """Of (speed, turn rate), or of (forward, to the left, turn rate)."""
+    """Twist of (speed, turn rate), or of (forward, to the left, turn rate)."""
     left, turn_rate = (0.0, *rest)[-2:]
     vector = jazzy().types['geometry_msgs/msg/Vector3']
     return make(TWIST, vector(float(speed), float(left), 0.0), vector(0.0, 0.0, float(turn_rate)))

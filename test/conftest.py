@@ -1,4 +1,4 @@
-"""What holds for all tests."""
+"""Fixtures for all tests."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def program():
 
 @pytest.fixture
 def launch_file():
-    """What a launch file decides, by name: `launch_file(path)['nodes'](given)`.
+    """Decisions of a launch file, by name: `launch_file(path)['nodes'](given)`.
 
     Its imports are left out, for `launch` is not there; a node is the mapping of its arguments.
     """
@@ -175,7 +175,7 @@ class Faults:
         self.rows, self.compared = rows, set()
 
     def assert_said(self, fallback, level, sentence):
-        """What was said must fit a row: fallback, level (0 to 2) and sentence."""
+        """Check that a decision fits a row: fallback, level (0 to 2) and sentence."""
         fitting = {row for row in self.rows if row.fits(fallback, level, sentence)}
         assert fitting, f'{fallback}, {LEVELS[level]}: {sentence!r} fits none of {self.rows}'
         self.compared |= fitting

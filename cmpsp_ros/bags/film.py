@@ -33,10 +33,10 @@ BELOW: Final = -10.0
 """Height of what is not to be seen [m]."""
 
 HEIGHT: Final = 0.12
-"""Of obstacles [m]."""
+"""Height of obstacles [m]."""
 
 _STATURE, _TRACK = 0.4, 0.02
-"""Of people up to their shoulders, and of tracks of own sensors [m]."""
+"""Height of people up to their shoulders, and of tracks of own sensors [m]."""
 
 _PURPLE: Final = '0.62 0.2 0.5 1'
 _DOUBT: Final = '0.62 0.2 0.5 0.25'

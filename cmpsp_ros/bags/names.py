@@ -39,7 +39,7 @@ class Names:
 
     @property
     def tracks(self) -> str:
-        """Topic of the tracks of what moves, as decisions use them."""
+        """Topic of the tracks of moving obstacles, as decisions use them."""
         return f'{self.node}/tracks'
 
     @property

@@ -25,7 +25,7 @@ _LEAST_SPACE = 4096
 """On a disk with less free space a log may lack its end [bytes]."""
 
 _COMPILES = 'Compiling kernels'
-"""What `ProgressLine` says every few seconds."""
+"""Text that `ProgressLine` shows every few seconds."""
 _DOMAINS = range(1, 101)
 _RCLPY_OF_FAST_DDS_3 = 8
 _PROFILES = 'FASTRTPS_DEFAULT_PROFILES_FILE'

@@ -115,10 +115,10 @@ _DELIVERY_TIMEOUT, _ASK_AGAIN = 15.0, 0.1
 _RECORDER = 'recorder'
 
 _RESULTS = 'cmpsp_ros.demo.results'
-"""What is imported while the nodes get ready."""
+"""Module that is imported while the nodes get ready."""
 
 _DRIVEN = ('/odom', '/sim/truth', '/sim/wheel_speeds')
-"""What a simulator publishes again and again."""
+"""Topics that a simulator publishes again and again."""
 
 
 def run(

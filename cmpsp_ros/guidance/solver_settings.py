@@ -91,8 +91,8 @@ class MovingObstacles:
     growth: float = setting(0.05, 'm/s',
         "Growth rate of an obstacle's predicted radius since it was last seen.", NOT_NEGATIVE)
     quantile: float = setting(2.0, '',
-        'Standard deviations of position and velocity by which plans take an obstacle for larger '
-        'than it was seen.', NOT_NEGATIVE, key='people.quantile')
+        'Standard deviations of the position at the next control step by which plans take an '
+        'obstacle for larger than it was seen.', NOT_NEGATIVE, key='people.quantile')
     max_acceleration: float = setting(1.0, 'm/s^2',
         'Largest acceleration of a moving obstacle, in any direction. No command leads to where '
         'one could be by then, until the robot is at rest.', NOT_NEGATIVE,

@@ -127,7 +127,7 @@ class World:
         if settings.safety.between_samples and math.isfinite(settings.robot.max_wheel_speed):
             limits = settings.footprint.twist_limits(settings.robot)
             wanted = outside(wanted, limits, settings.control_period)
-        key = wanted, settings.kept / 2.0
+        key = wanted, settings.kept, settings.robot_radius
         if key not in self._searches:
             self._searches[key] = MapSearch(self._searchable, *key, self.searched.kept)
         return self._searches[key]
@@ -142,7 +142,7 @@ class World:
         return {}
 
     @cached_property
-    def _searches(self) -> dict[tuple[float, float], MapSearch]:
+    def _searches(self) -> dict[tuple[float, float, float], MapSearch]:
         return {}
 
 

@@ -13,7 +13,7 @@ from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.arguments import ProblemError, check_bounds, not_finite, numbers
 
 Hessian = Literal['gauss_newton', 'exact', 'projected']
-"""Which second derivative of the stage costs ``L_k`` a problem returns, (49)-(52).
+"""Second derivative of the stage costs ``L_k`` that a problem returns, (49)-(52).
 
 ``gauss_newton`` leaves out the curvature of the residuals and is positive semi-definite; ``exact``
 is the second derivative as it is, indefinite where the cost is not convex; ``projected`` is its

@@ -67,8 +67,8 @@ class SightSettings:
         "Age of a sensor's last message at which the sensor counts as lost and the robot is "
         'stopped.', POSITIVE, live=False)
     moving: bool = setting(True, '',
-        'Whether what moves is tracked, and avoided at its predicted positions; otherwise it '
-        'counts as static where it was last seen.', live=False)
+        'Whether moving obstacles are tracked, and avoided at their predicted positions; otherwise '
+        'they count as static where they were last seen.', live=False)
 # fmt: on
 
 

@@ -9,19 +9,32 @@ from typing import Final
 
 import numpy as np
 
-from cmpsp_ros.arrays import Array
+from cmpsp_ros.arrays import Array, BoolArray
 from cmpsp_ros.world.free_space import FreeSpace
 from cmpsp_ros.world.grids.distance_field import node_points, nodes_near, signed_distances
 from cmpsp_ros.world.grids.field_functions import DistanceField
 from cmpsp_ros.world.grids.grid_obstacle import GridObstacle
-from cmpsp_ros.world.grids.grid_search import ROOM, cells_from, costs_of, evenly_spaced, lengths_to
+from cmpsp_ros.world.grids.grid_search import (
+    NEIGHBOURS,
+    ROOM,
+    cells_from,
+    costs_of,
+    evenly_spaced,
+    lengths_to,
+)
 from cmpsp_ros.world.obstacles.shapes import Shape
 from cmpsp_ros.world.roads import OpenFloor
 
 Point = tuple[float, float]
 
-# Of a cell that is nearer than wanted: for one who stands there, or where no other way leads.
+# Cost of a cell that is nearer than wanted: a way around it is preferred.
 _TOO_NEAR: Final = 50.0
+# The same nearer than the margin, and where only the body fits: the widest way costs least.
+_TIGHT: Final = 500.0, 5000.0
+# Cost of a cell where the robot does not fit, for one who stands there.
+_LOST: Final = 1e5
+# Part of a cell by which centres may be nearer than the middle of a gap that fits.
+_ROUNDING: Final = 0.5
 # So that a line of cells is as straight as a robot would drive [m].
 _SMOOTHED: Final = 0.2
 # Lines that are nowhere farther apart go the same way [m].
@@ -47,14 +60,17 @@ class MapSearch:
 
     Attributes:
         obstacles: At least one of them is a grid.
-        wanted: Distance to keep from them [m].
-        least: Distance to keep where there is no other way [m].
-        kept: Distance that the lines keep.
+        wanted: Distance to keep from them at the samples of a plan [m].
+        margin: Distance that the path between samples keeps, radius and margin [m]. It is given up
+            only where no other way leads, and then as little of it as possible.
+        body: Distance without which the robot does not fit [m].
+        kept: A line that is kept to.
     """
 
     obstacles: tuple[Shape, ...]
     wanted: float
-    least: float
+    margin: float
+    body: float
     kept: KeptLine | None = None
 
     @property
@@ -112,11 +128,29 @@ def _lengths(search: MapSearch, goal: Point) -> Array:
     for each in search.obstacles:
         if each is not search.grid:
             _take_out(distances, field, each, search.wanted + ROOM)
+    cell = float(field.frame['cell'][0])
+    least = search.body - _ROUNDING * cell
     costs = costs_of(distances - search.wanted)
-    costs[(distances < search.wanted) & (distances > search.least)] = _TOO_NEAR
+    costs[(distances < search.wanted) & (distances >= search.margin)] = _TOO_NEAR
+    is_tight = (distances < search.margin) & (distances > least)
+    spent = (search.margin - distances[is_tight]) / (search.margin - least)
+    costs[is_tight] = _TIGHT[0] * (_TIGHT[1] / _TIGHT[0]) ** spent
     if search.kept is not None:
         line = np.zeros(costs.shape, dtype=bool)
         line[tuple(nodes_near(field, search.kept.points).T)] = True
-        away = signed_distances(line) * float(field.frame['cell'][0])
-        costs[away > _BESIDE] *= 1.0 + search.kept.reluctance
-    return lengths_to(costs, nodes_near(field, np.array(goal)))
+        costs[signed_distances(line) * cell > _BESIDE] *= 1.0 + search.kept.reluctance
+    lengths = lengths_to(costs, nodes_near(field, np.array(goal)))
+    _lead_out(lengths, (distances <= least) & (distances > 0.0), math.ceil(search.body / cell))
+    return lengths
+
+
+def _lead_out(lengths: Array, too_near: BoolArray, steps: int) -> None:
+    """Fill in lengths of cells where the robot does not fit: out of them, never through them.
+
+    One who stands there, by an error of what is seen, is led out by the shortest way.
+    """
+    rows, columns = np.nonzero(too_near[1:-1, 1:-1] & np.isinf(lengths[1:-1, 1:-1]))
+    rows, columns = rows + 1, columns + 1
+    for _ in range(steps):
+        known = [lengths[rows + i, columns + j] + math.hypot(i, j) * _LOST for i, j in NEIGHBOURS]
+        lengths[rows, columns] = np.min([lengths[rows, columns], *known], axis=0)

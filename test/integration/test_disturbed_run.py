@@ -61,7 +61,7 @@ def place(message):
 
 
 def contents(folder):
-    """What must repeat from the first decision to the end: odometry and truth by time, decisions.
+    """Results that must repeat: odometry and truth by time, decisions, from the first to the last.
 
     Before the first one, a recorder may not have found every publisher yet. The queue of commands
     holds but one, so that none is obeyed late: on a busy machine a recording may lack some. Each is

@@ -55,7 +55,7 @@ def bag(tmp_path):
 
 @dataclass
 class Heard:
-    """What a listener hears of the player."""
+    """Messages that a listener gets from the player."""
 
     numbers: list = field(default_factory=list)
     clock: list = field(default_factory=list)

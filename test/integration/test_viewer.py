@@ -36,7 +36,7 @@ BROWSER = next(filter(None, map(shutil.which, NAMES)), None)
 
 
 class Page:
-    """What a browser would be told."""
+    """Updates that a browser would get."""
 
     def __init__(self, address):
         self.address = address
@@ -253,7 +253,7 @@ def test_it_draws_what_sensors_have_seen(start_view, wait_until, ros, browse):
 
 @pytest.fixture
 def browse(tmp_path):
-    """What a browser makes of a page, and what it complains about."""
+    """Text of a page in a browser, and the browser's complaints."""
     if BROWSER is None:
         pytest.skip(f'no browser: none of {", ".join(NAMES)}')
 

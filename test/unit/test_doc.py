@@ -34,7 +34,7 @@ class Run:
     namespace: dict = field(default_factory=lambda: {'__name__': 'page'})
 
     def execute(self, block):
-        """What a block prints; fails with the page's name and the line where it breaks."""
+        """Output of a block; fails with the page's name and the line where it breaks."""
         # Blank lines before it give the block the line numbers of its page.
         source = '\n' * (block.line - 1) + block.text
         printed = io.StringIO()

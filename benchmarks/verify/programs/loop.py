@@ -20,7 +20,7 @@ from cmpsp_ros.mpsp.models import ControlRateProblem
 from cmpsp_ros.mpsp.qp import Penalties, QPStatus, Subproblem
 
 Visit = tuple[str, Subproblem, Subproblem]
-"""What a subproblem is, the subproblem, and one that came before it."""
+"""Kind of a subproblem, the subproblem, and the one before it."""
 
 _ITERATIONS = 2
 _VISITS = 3
@@ -37,7 +37,7 @@ class Weights:
 
 
 LARGE = Weights(1e3, 3e3, 1e4)
-"""Of the size the guidance law uses: a relaxed program gives way only where it must."""
+"""Weights as large as the guidance law's: a relaxed program gives way only where it must."""
 
 SMALL = (Weights(100.0, 1e3, 1e3), Weights(10.0, 30.0, 100.0))
 """So small that many rows give way."""

@@ -21,10 +21,10 @@ from cmpsp_ros.robots import arc_ends
 from cmpsp_ros.world.roads import project_on_path
 
 _ROUNDING: Final = 1e-6
-"""What rounding may take from a clearance [m]."""
+"""Rounding error of a clearance [m]."""
 
 _SAMPLE_TOLERANCE: Final = 1e-3
-"""What a linearised constraint may be short of at a sample [m]; see `guidance.audit`."""
+"""Violation that a linearised constraint may have at a sample [m]; see `guidance.audit`."""
 
 _ROAD: Final = ('road',)
 

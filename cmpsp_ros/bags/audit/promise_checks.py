@@ -26,7 +26,7 @@ from cmpsp_ros.robots import arc_ends, placed, with_side
 _STEP: Final = 0.01
 """Time between two samples of a path [s]."""
 _TOLERANCE: Final = 5e-3
-"""What rounding, and sampling of the start, may take from a clearance [m]."""
+"""Error of a clearance by rounding and by sampling of the start [m]."""
 _ASSUMED: Final = {'people.max_acceleration', 'safety.max_obstacle_speed'}
 _AT_REST: Final = 1e-6
 """Fraction of a command that is rounding, and no motion."""

@@ -48,8 +48,8 @@ class Supervisor:
                 f'Odometry is {error:.2g} m from where the commands lead, more than {allowed} m'
                 ' (safety.max_prediction_error).'
             )
-        is_met = meets_soon(self._settings, estimate.start)
-        return '' if is_met else state.mission.closed_road.wait_reason
+        wait_reason = state.mission.closed_road.wait_reason
+        return '' if wait_reason and meets_soon(self._settings, estimate.start) else wait_reason
 
     def choose(
         self,
@@ -68,7 +68,9 @@ class Supervisor:
         choose = self._fall_back
         if selected.admissible or self._clears_slowly(selected, context, here, risk):
             choose = self._accept
-        choice = self._making_way.choose(state, seen, context, selected)
+        choice = None
+        if start.moving.names or state.following.refuge is not None:
+            choice = self._making_way.choose(state, seen, context, selected)
         choice = choice or choose(state, seen, context, selected, closed)
         if isinstance(choice, Decision):
             return choice
@@ -173,9 +175,10 @@ class Supervisor:
     ) -> Contact | None:
         """Obstacles that close the road; not checked while plans lead to the goal."""
         settings, closed_road, start = self._settings, state.mission.closed_road, context.start
-        if meets_soon(self._settings, start):
+        fails = not selected.feasible or selected.verdict.worst_margin < -TOUCHING
+        if not (fails or closed_road.obstacles) or meets_soon(settings, start):
             return None
-        if not selected.feasible or selected.verdict.worst_margin < -TOUCHING:
+        if fails:
             closed_road.look(settings, start, context.goal)
         if not closed_road.obstacles:
             return None
@@ -192,8 +195,10 @@ class Supervisor:
         """Count steps without progress; reason to stop rather than follow a plan, '' if none."""
         mission, why = state.mission, ''
         is_near = closed is not None and closed.speed < self._settings.robot.max_speed
+        if not selected.result.elastic:
+            mission.idle_steps = 0
         # Before a moving obstacle it is not safe to wait.
-        if not meets_soon(self._settings, context.start):
+        elif not meets_soon(self._settings, context.start):
             idle_steps = PATIENCE if is_near else mission.idle_steps
             why, mission.idle_steps = reason_to_wait(idle_steps, context, selected)
         if closed is not None:

@@ -15,10 +15,10 @@ PATIENCE: Final = 3
 """Control steps for which a plan that gains too little is driven: it may yet be improved."""
 
 _TINY: Final = 1e-6
-"""Of lengths and of angles [m, rad]."""
+"""Tolerance of lengths and of angles [m, rad]."""
 
 _SOON: Final = 2.0
-"""Time within which the robot must be able to meet what moves for that to matter [s]."""
+"""Time within which the robot must be able to meet a moving obstacle for that to matter [s]."""
 _FAST: Final = 4.0
 """Speed of a robot without a limit, for that [m/s]."""
 
@@ -41,7 +41,7 @@ def reason_to_wait(
     before it. Idle steps, this one included, are those without progress since a plan could reach
     the goal.
     """
-    if not (selected.result.elastic and selected.result.slack_terminal):
+    if not selected.result.slack_terminal:
         return '', 0
     # Patience comes back with the goal only: else it would be spent on driving to and fro.
     if context.is_gaining(selected.plan):

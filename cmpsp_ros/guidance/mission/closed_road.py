@@ -36,7 +36,7 @@ _SHORTEST = 0.5
 """Part of the arc length along the centre line that a way through bends has at least."""
 
 _SOON = 3 * NANOSECONDS
-"""How long the robot may take to come nearer [ns]."""
+"""Time that the robot may take to come nearer [ns]."""
 
 
 @dataclass

@@ -17,7 +17,10 @@ from cmpsp_ros.guidance.mission.closed_road import closures
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.world import GuidanceSettings, World
 from cmpsp_ros.world import FreeSpace
-from cmpsp_ros.world.roads import Point, Road
+from cmpsp_ros.world.roads import OpenFloor, Point, Road
+
+_SPACING = 0.05
+"""Distance of the points of a line across a map that are looked at [m]."""
 
 
 def shortest_time(settings: LawSettings, road: Road, start: Point) -> float:
@@ -100,11 +103,19 @@ def _too_fast(settings: LawSettings, road: Road, follow: Follow) -> Iterator[str
 def _closed(settings: LawSettings, world: World, start: Point) -> Iterator[str]:
     wanted = 2.0 * settings.kept
     search = world.map_search(settings)
-    if search is not None and not len(search.line(np.array(start), settings.goal, 1.0)):
-        yield (
-            f'The map leaves no way from ({start[0]:.3g}, {start[1]:.3g}) m to the goal for this'
-            f' robot, which is {wanted:.3f} m wide with safety.margin.'
-        )
+    if search is not None:
+        way = f'way from ({start[0]:.3g}, {start[1]:.3g}) m to the goal'
+        line = search.line(np.array(start), settings.goal, _SPACING)
+        space = FreeSpace.of(OpenFloor(), search.obstacles, settings.robot_radius)
+        left = space.at(np.column_stack([line, np.zeros(len(line))]))[1:-1, 2:].min(initial=np.inf)
+        if not len(line):
+            width = 2.0 * settings.robot_radius
+            yield f'The map leaves no {way} for this robot, which is {width:.3f} m wide.'
+        elif left < settings.safety.margin - search.grid.grid.resolution / 2.0:
+            yield (
+                f'The map leaves no {way} with safety.margin, {settings.safety.margin:g} m on'
+                f' either side: {max(left, 0.0):.3f} m at most.'
+            )
     radius = "its discs' radius" if settings.footprint.corners else 'robot.radius'
     for names, gap in closures(world.road, world.shapes, start, settings.goal, wanted):
         what = (

@@ -98,7 +98,8 @@ def _line(settings: LawSettings, world: World, place: Array, goal: Point) -> Arr
 
 
 def _is_blocked(settings: LawSettings, seen: GridObstacle, line: Array) -> BoolArray:
-    """Points that the robot cannot pass, shape ``(K,)``."""
+    """Points that the robot cannot pass, shape ``(K,)``; a line strays half a cell at corners."""
     poses = np.column_stack([line, np.zeros(len(line))])
-    clearance = FreeSpace.of(OpenFloor(), (seen,), settings.kept / 2.0).at(poses)[:, 2]
+    body = settings.robot_radius - seen.grid.resolution / 2.0
+    clearance = FreeSpace.of(OpenFloor(), (seen,), body).at(poses)[:, 2]
     return np.asarray(clearance < 0.0)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.guidance.messages.tracks import MovingObject
+from cmpsp_ros.guidance.messages.tracks import MovingObject, Track
 from cmpsp_ros.guidance.prediction.obstacle_tracker import (
     ObstacleTracker,
     reachable_sets,
@@ -17,6 +19,7 @@ from cmpsp_ros.guidance.prediction.obstacle_tracker import (
 from cmpsp_ros.guidance.prediction.pending_commands import PendingCommands
 from cmpsp_ros.guidance.prediction.response_estimate import ResponseEstimate
 from cmpsp_ros.guidance.prediction.slip import SlipEstimate
+from cmpsp_ros.guidance.prediction.standing import StandingPeople
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.times import to_nanoseconds
 from cmpsp_ros.guidance.world import World
@@ -29,6 +32,23 @@ AT_REST: Final = np.zeros(2)
 
 _NOTHING: Final = np.empty((0, 0)), np.empty(0)
 """Controls that a robot without a delay is driven by until a new one takes effect."""
+
+
+def as_expected(tracks: Sequence[MovingObject], period: float) -> tuple[MovingObject, ...]:
+    """Tracks as plans take them: doubt about a velocity counts until the next control step [s].
+
+    That one plans anew. Over a long horizon, doubt that grows on would fill all space.
+    """
+    return tuple(
+        replace(
+            each,
+            position_stddev=each.position_stddev + period * each.velocity_stddev,
+            velocity_stddev=0.0,
+        )
+        if isinstance(each, Track) and each.velocity_stddev > 0.0
+        else each
+        for each in tracks
+    )
 
 
 class Observation(NamedTuple):
@@ -57,7 +77,8 @@ class PlanStart(NamedTuple):
         moving: Moving obstacles, from then on, as large as plans take them.
         progress: Arc length along the road of a place near the pose, NaN if not needed [m].
         previous_control: Control commanded until then, shape ``(r,)``.
-        reachable: All places that the same obstacles may reach.
+        reachable: All places that the same obstacles may reach, and then those of people who have
+            stopped.
     """
 
     pose: Array
@@ -96,6 +117,7 @@ class Estimator:
         commands: The commands of the run.
         response: Estimate of how the robot responds to commands.
         tracker: Slots of moving obstacles.
+        people: Seen people who have stopped.
         progress: Arc length of the robot along the road, NaN if not needed [m].
         delay: From a command to its effect, with the lag that is estimated [ns].
     """
@@ -106,6 +128,7 @@ class Estimator:
         self._use(settings)
         self.commands = PendingCommands(self.robot.n_controls)
         self.response, self.tracker = ResponseEstimate(settings), ObstacleTracker()
+        self.people = StandingPeople()
         self.progress, self.delay = math.nan, 0
 
     def _use(self, settings: LawSettings) -> None:
@@ -134,10 +157,18 @@ class Estimator:
         `previous_control` ``(r,)``.
         """
         stamp, pose, road = seen.stamp, seen.pose, world.road
-        known = self._settings.tracked
-        tracks = within_reach(seen.tracks, pose, self.robot.max_speed)
-        moving = self.tracker.update(stamp, pose, tracks, known)
-        reachable = reachable_sets(stamp, tracks, moving, known)
+        moving = reachable = NOTHING_MOVES
+        if seen.tracks or self.tracker.ids:
+            known, tracks = self._settings.tracked, seen.tracks
+            tracks = within_reach(tracks, pose, self.robot.max_speed)
+            expected = as_expected(tracks, self._settings.control_period)
+            moving = self.tracker.update(stamp, pose, expected, known)
+            reachable = reachable_sets(stamp, tracks, moving, known)
+        self.people.update(stamp, seen.tracks, seen.sighting)
+        if standing := self.people.standing:
+            known = self._settings.tracked
+            planned = ObstacleTracker().update(stamp, pose, standing, known)
+            reachable = reachable.joined(reachable_sets(stamp, standing, planned, known))
         changed = self._end_period(stamp, pose)
         self.progress = project_on_path(road, pose, self.progress)
         here = PlanStart(

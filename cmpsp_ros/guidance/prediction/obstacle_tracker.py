@@ -40,13 +40,14 @@ class ObstacleTracker:
     So the constraints of a plan stay those that they were, and its warm start is worth something.
 
     Attributes:
+        ids: Of the obstacles of the last update.
         new_obstacle_seen: Whether the last update had an obstacle that the one before had not.
     """
 
     def __init__(self) -> None:
         """Nothing is known."""
         self._slots: dict[int | str, int] = {}
-        self._numbers: frozenset[int | str] = frozenset()
+        self.ids: frozenset[int | str] = frozenset()
         self.new_obstacle_seen = False
 
     def update(
@@ -56,13 +57,11 @@ class ObstacleTracker:
 
         Each is a quantile larger than it was seen, in position and in velocity.
         """
+        ids = frozenset(each.id for each in tracks)
+        self.new_obstacle_seen, self.ids = not ids <= self.ids, ids
         if not tracks:
-            self.new_obstacle_seen = False
-            if self._numbers:
-                self._slots, self._numbers = {}, frozenset()
+            self._slots = {}
             return NOTHING_MOVES
-        numbers = frozenset(each.id for each in tracks)
-        self.new_obstacle_seen, self._numbers = not numbers <= self._numbers, numbers
         states = np.array([_planned(each, stamp, settings) for each in tracks])
         ways = {
             index: each.path(stamp)

@@ -43,7 +43,7 @@ _SOME_CELLS: Final = 4.0
 """Cells by which the part of a grid that counts is larger than what a path can touch."""
 
 _UNSEEN: Final = 'unseen'
-"""What no sensor has seen yet, among the names of what a plan may lead into."""
+"""Name of space that no sensor has seen yet, among the names of obstacles."""
 
 
 class Contact(NamedTuple):

@@ -6,7 +6,7 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.decision import Decision
-from cmpsp_ros.guidance.prediction.estimator import ObstacleTracker
+from cmpsp_ros.guidance.prediction.estimator import ObstacleTracker, as_expected, within_reach
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.times import NANOSECONDS
 from cmpsp_ros.guidance.world import World
@@ -38,7 +38,10 @@ def plan_clearance(settings: LawSettings, world: World, decision: Decision) -> A
     clearance = world.free_space(settings).along(plan.poses, twists, durations)
     if decision.tracks:
         known = settings.moving_obstacles
-        moving = ObstacleTracker().update(decision.stamp, plan.poses[0], decision.tracks, known)
+        begin = plan.poses[0]
+        near = within_reach(decision.tracks, begin, settings.robot.max_speed)
+        tracks = as_expected(near, settings.control_period)
+        moving = ObstacleTracker().update(decision.stamp, begin, tracks, known)
         times = plan.delay / NANOSECONDS + np.cumsum(durations) - durations
         points = settings.footprint.discs
         discs = moving.grown(radius).along(plan.poses, twists, durations, times, points)

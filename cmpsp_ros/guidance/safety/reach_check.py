@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from cmpsp_ros.arrays import Array
+from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.robots import placed, speeds_and_turns
@@ -21,8 +21,8 @@ from cmpsp_ros.world.obstacles import ROUGHNESS, MovingDiscs
 _ROUNDING: Final = 1e-6
 
 CREEP: Final = 0.05
-"""Speed up to which the robot may leave what touches it and stands, and that counts as standing
-[m/s]: faster, the contact would be one of a robot that moves."""
+"""Speed up to which the robot may leave what stands, and that counts as standing [m/s]: faster, a
+contact would be one of a robot that moves."""
 
 
 class ReachCheck:
@@ -38,7 +38,8 @@ class ReachCheck:
         """Reason why a path to rest is not clear, in a sentence; '' if it is.
 
         At rest nothing is asked. A robot that is within reach already may go where it is no nearer
-        at any time. What touches it and moves has to pass first; from what stands it may creep.
+        at any time. It may creep past what stands, and away where that touches it; what touches it
+        and moves has to pass first.
 
         `controls` ``(K, r)``, `durations` ``(K,)`` [s].
         """
@@ -61,18 +62,15 @@ class ReachCheck:
         times = np.cumsum(durations) - durations
         arcs = poses, twists, durations, times, self._discs
         least, begins = discs.along(*arcs).min(axis=0), self._clearance(start, discs)
-        seen = start.moving.chosen(near).grown(self._radius)
+        seen = self._seen(start, near)
         there = self._clearance(start, seen)
-        touched, stands = there < 0.0, np.hypot(*seen.states[:, 2:4].T) <= CREEP
+        touched = there < 0.0
         allowed = np.where(begins < 0.0, begins - ROUGHNESS, 0.0)
-        if touched.any():
-            fastest = np.abs(self._footprint.speeds_and_turns(twists)[:, 0]).max()
-            states = seen.states.copy()
-            states[:, 5:] = 0.0
-            nearer = replace(seen, states=states).along(*arcs).min(axis=0) < there - ROUGHNESS
-            creeps = stands & ~nearer & (fastest <= CREEP)
-            allowed = np.where(touched, np.where(creeps, -np.inf, np.inf), allowed)
-        short = allowed - least
+        short = np.where(touched, np.inf, allowed - least)
+        fastest = np.abs(self._footprint.speeds_and_turns(twists)[:, 0]).max()
+        if fastest <= CREEP and short.max() > _ROUNDING:
+            deeper = seen.along(*arcs).min(axis=0) < np.minimum(there, 0.0) - ROUGHNESS
+            short[(np.hypot(*seen.states[:, 2:4].T) <= CREEP) & ~deeper] = 0.0
         worst = int(short.argmax())
         if short[worst] <= _ROUNDING:
             return ''
@@ -80,6 +78,13 @@ class ReachCheck:
         if touched[worst]:
             return f'{name} touches the robot, which stands until it has gone.'
         return f'{name} could be {-float(least[worst]):.3g} m into the robot before it is at rest.'
+
+    def _seen(self, start: PlanStart, near: IntArray) -> MovingDiscs:
+        """Some of what may be reached, as large as it was seen, with that velocity."""
+        states = start.reachable.states.copy()
+        states[: len(start.moving)] = start.moving.states
+        states[:, 5:] = 0.0
+        return replace(start.reachable, states=states).chosen(near).grown(self._radius)
 
     def _clearance(self, start: PlanStart, discs: MovingDiscs) -> Array:
         places = placed(self._discs, start.pose)

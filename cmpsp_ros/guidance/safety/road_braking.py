@@ -17,7 +17,7 @@ _AHEAD: Final = 1.0
 """Time in which the point that is pursued would be reached [s]."""
 
 _BESIDE: Final = (0.0, 0.25, -0.25)
-"""Where to brake, in widths of the road to the left of its centre line."""
+"""Offsets of paths to brake on, in widths of the road to the left of its centre line."""
 
 
 def brakings_on_road(

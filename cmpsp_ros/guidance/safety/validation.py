@@ -39,7 +39,7 @@ _SEEN: Final = f'obstacle {SEEN}'
 _TO_REST: Final = 4.0
 """Time constants for which a lagging wheel is watched after the last command."""
 CHANGE_ROUNDING: Final = 1e-6
-"""What a solver may leave over of a limit on the change of a wheel's speed [rad/s]."""
+"""Excess that a solver may leave over a limit on the change of a wheel's speed [rad/s]."""
 
 
 class Validation(NamedTuple):
@@ -148,7 +148,7 @@ class Validator:
             reason = f'The next {durations[0]:.3g} s would come {close}.'
         elif self._max_change < math.inf:
             reason, ramp = self._ramp(start, controls, durations)
-        else:
+        elif start.reachable.names:
             reason = self._reach.reason(start, controls[:1], durations[:1])
         name, edges = _name_of(found.nearest, start), found.edges
         margins = found.committed, found.worst

@@ -90,8 +90,8 @@ OWN_GOAL_POSE = Topic('guidance', 'out', '~/goal_pose', PoseStamped,
 OWN_MOVING = Topic('guidance', 'out', '~/moving_obstacles', PointCloud2,
     'those received in another frame, in the frame `frame_id`', depth=OF_A_RUN)
 OWN_TRACKS = Topic('guidance', 'out', '~/tracks', PointCloud2,
-    'what moves, before the decision that uses it: all tracks of sensors and of `trackers.names` '
-    'that a decision uses, in the frame `frame_id`, with `position_stddev` [m] and '
+    'moving obstacles, before the decision that uses them: all tracks of sensors and of '
+    '`trackers.names` that it uses, in the frame `frame_id`, with `position_stddev` [m] and '
     '`velocity_stddev` [m/s]', depth=OF_A_RUN)
 GUIDED_BY = Topic('guidance', 'out', 'cmd_vel/_guided_by', KeyValue,
     'twice a second while active: the name of the node, and since when; hidden')

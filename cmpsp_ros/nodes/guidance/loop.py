@@ -31,7 +31,7 @@ _LATEST_RAMP = 1.5
 """Control periods after a command until which the braking path that was audited with it holds."""
 
 _LATEST_ODOMETRY = 5_000_000
-"""How long after the final time its odometry may come before the clock stops the robot [ns]."""
+"""Wait for odometry of the final time before the clock stops the robot [ns]."""
 
 
 class GuidanceLoop:

@@ -11,6 +11,7 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance import NANOSECONDS
+from cmpsp_ros.robots import placed
 from cmpsp_ros.simulator import cast, discs_of, edges_of
 from cmpsp_ros.world.obstacles import MovingDiscs
 
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
 ACTIVE: Final = 0.05
 """Speed of the robot above which a contact is its own doing [m/s]."""
 
-STOOD: Final = 'it stood when it was touched, and drove away'
 ALL_HELD: Final = 'all assumptions held'
 TOO_FAST: Final = 'faster than max_obstacle_speed'
 TOO_SHARP: Final = 'sharper acceleration than people.max_acceleration'
@@ -48,7 +48,8 @@ class Contact:
         time: Time of the first touch, of an active contact while the robot moves [s].
         person: Name of the person.
         speed: Speed of the robot then [m/s].
-        is_active: True if the robot moved by itself while it touched.
+        is_active: True if it is the robot's own doing: the robot moved when it began, or moved
+            nearer to the person afterwards. A robot that stood when it was run into may leave.
         reason: The assumption that did not hold, or that all did; empty if it is not active.
     """
 
@@ -106,12 +107,12 @@ def clearance(driven: DrivenRun) -> Array:
     began = np.array([stamp for stamp, _ in driven.people])
     states = np.array([each for _, each in driven.people])
     steps = np.maximum(np.searchsorted(began, stamps[:-1], side='right') - 1, 0)
-    found = np.full((len(durations), states.shape[1]), math.inf)
+    found = np.full((len(durations), states.shape[1]), -math.inf)
     for k, step in enumerate(steps.tolist()):
         discs = _discs(states[step]).after((stamps[k] - began[step]) / NANOSECONDS)
         arc = poses[k : k + 1], twists[k : k + 1], durations[k : k + 1], np.zeros(1)
         for points, radius in driven.task.settings.bodies:
-            found[k] = np.minimum(found[k], discs.along(*arc, points)[0] - radius)
+            found[k] = np.maximum(found[k], discs.along(*arc, points)[0] - radius)
     return found
 
 
@@ -127,15 +128,37 @@ def contacts(driven: DrivenRun, names: Sequence[str]) -> tuple[Contact, ...]:
             continue
         parts = np.flatnonzero(np.diff(stamps[touching]) > _APART) + 1
         for episode in np.split(touching, parts):
-            active = episode[speeds[episode] > ACTIVE]
+            stood = bool(speeds[max(int(episode[0]) - 1, 0)] <= ACTIVE)
+            own = np.minimum(speeds, _approach(driven, person)) if stood else speeds
+            active = episode[own[episode] > ACTIVE]
             first = int(active[0] if len(active) else episode[0])
             time, speed, reason = float(stamps[first]), float(speeds[first]), ''
             if len(active):
-                stood = speeds[max(int(episode[0]) - 1, 0)] <= ACTIVE and first > episode[0]
                 free = stamps[:-1][near[:, person] > _TOUCHING]
-                reason = STOOD if stood else _reason(driven, person, time, free)
+                reason = _reason(driven, person, time, free)
             found.append(Contact(time, name, speed, bool(len(active)), reason))
     return tuple(sorted(found, key=lambda each: each.time))
+
+
+def _approach(driven: DrivenRun, person: int) -> Array:
+    """Speed at which each arc leads towards where a person is at its beginning, ``(K,)`` [m/s]."""
+    stamps = np.array([each.stamp_ns for each in driven.motions])
+    began = np.array([stamp for stamp, _ in driven.people])
+    steps = np.maximum(np.searchsorted(began, stamps[:-1], side='right') - 1, 0)
+    found = np.zeros(len(steps))
+    for k, step in enumerate(steps.tolist()):
+        discs = _discs(driven.people[step][1][person : person + 1])
+        discs = discs.after((stamps[k] - began[step]) / NANOSECONDS)
+        before, after = (
+            max(
+                float(min(discs.clearance(point)[0] for point in placed(points, each.pose)))
+                - radius
+                for points, radius in driven.task.settings.bodies
+            )
+            for each in driven.motions[k : k + 2]
+        )
+        found[k] = (before - after) / max((stamps[k + 1] - stamps[k]) / NANOSECONDS, 1e-9)
+    return found
 
 
 def _reason(driven: DrivenRun, person: int, time: float, free: Array) -> str:

@@ -41,7 +41,7 @@ _NOISY_TURN: Final = 4
 """Turns through all scenes and robots, of which the last has noise."""
 
 _DRAWN: Final = ('obstacles.', 'sim.obstacles.', 'road.points', 'road.half_width')
-"""What presets have and every run draws for itself."""
+"""Parameters of presets that every run draws for itself."""
 
 _PATIENCE: Final = 30.0, 2.0
 """Time [s], and multiple of that for the straight way, after which a run among people ends."""

@@ -21,10 +21,11 @@ ROOM: Final = 0.4
 """Clearance below which a cell costs more [m]."""
 
 _NONE: Final = -1
-_NEIGHBOURS: Final = np.array(
+NEIGHBOURS: Final = np.array(
     [[-1, -1], [-1, 0], [-1, 1], [0, -1], [0, 1], [1, -1], [1, 0], [1, 1]], dtype=np.int64
 )
-_STEPS: Final = np.hypot(*_NEIGHBOURS.T)
+"""Rows and columns from a cell to those beside it."""
+_STEPS: Final = np.hypot(*NEIGHBOURS.T)
 
 
 def costs_of(clearance: Array) -> Array:
@@ -50,7 +51,7 @@ def lengths_to(costs: Array, goal: Indices) -> Array:
     # A power of two: the remainder is found by a mask.
     buckets = np.full(1 << count.bit_length(), _NONE)
     links = np.empty((walled.size, 2), dtype=np.int32)
-    offsets = _NEIGHBOURS @ np.array([walled.shape[1], 1])
+    offsets = NEIGHBOURS @ np.array([walled.shape[1], 1])
     first = int((goal[0] + 1) * walled.shape[1] + goal[1] + 1)
     _spread(lengths.reshape(-1), walled.reshape(-1), offsets, _STEPS, buckets, links, first)
     return np.ascontiguousarray(lengths[1:-1, 1:-1])
@@ -59,7 +60,7 @@ def lengths_to(costs: Array, goal: Indices) -> Array:
 def cells_from(lengths: Array, start: Indices) -> Indices:
     """Cells of the shortest way from one, shape ``(K, 2)``; none where no way leads."""
     places = np.empty((lengths.size, 2), dtype=np.int64)
-    return places[: _descend(places, lengths, _NEIGHBOURS, int(start[0]), int(start[1]))]
+    return places[: _descend(places, lengths, NEIGHBOURS, int(start[0]), int(start[1]))]
 
 
 def evenly_spaced(line: Array, spacing: float, smoothings: int) -> Array:

@@ -83,6 +83,12 @@ class MovingDiscs:
         names = tuple(self.names[old] for old in each)
         return MovingDiscs(names, self.states[index], self.slots[index], ways)
 
+    def joined(self, other: MovingDiscs) -> MovingDiscs:
+        """These and others, none of which has a way that is known."""
+        states = np.vstack([self.states, other.states])
+        slots = np.concatenate([self.slots, other.slots])
+        return MovingDiscs((*self.names, *other.names), states, slots, self.ways)
+
     def clearance(self, point: Array) -> Array:
         """Distance of a point (x, y) from each at this instant, negative within; ``(M,)`` [m]."""
         away = point[:2] - self.states[:, :2]

@@ -1,4 +1,4 @@
-"""What a run leaves behind."""
+"""Files that a run leaves behind."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def size_of_png(path):
 
 
 def check_folder(folder, preset):
-    """What every run that came to its end leaves behind; returns its summary."""
+    """Check the files of a run that came to its end; returns its summary."""
     assert {each.name for each in folder.iterdir()} == CONTENT
     summary = json.loads((folder / 'summary.json').read_text())
     assert list(summary) == KEYS

@@ -121,7 +121,7 @@ def test_a_course_past_what_moves_in_lockstep(drive, start_demo, start_cmpsp, ju
 
 
 def check_views(start_cmpsp, folder):
-    """What report and tables show of goals and of what moves."""
+    """Report and tables show goals and moving obstacles."""
     for command, name in (('report', 'report.html'), ('export', 'tables')):
         arguments = [command, folder / 'bag', '--output', folder / name]
         shown = start_cmpsp(*arguments)

@@ -1,4 +1,4 @@
-"""What `cmpsp warmup` compiles is all that a run needs."""
+"""`cmpsp warmup` compiles all that a run needs."""
 
 from __future__ import annotations
 

@@ -204,7 +204,7 @@ def make_odometry():
 
 @pytest.fixture
 def verdicts():
-    """What JUnit XML of an audit says: `verdicts(path)`, each outcome by its check's short name."""
+    """JUnit verdicts of an audit: `verdicts(path)`, each outcome by its check's short name."""
 
     def read(path):
         suite = ET.parse(path).getroot()

@@ -26,7 +26,7 @@ from cmpsp_ros.bags.audit import CheckOutcome, audit
 DISCS, ON_THE_ROAD = 64, 10
 CHECKS = 'road', 'moving'
 MARGIN = 0.05
-"""What plans keep: in real time a disc is seen where it was a little earlier [m]."""
+"""Clearance that plans keep: in real time a disc is seen where it was a little earlier [m]."""
 
 LATEST = 0.2
 """By when a command takes effect [s]."""

@@ -47,7 +47,7 @@ LIMIT = 60.0
 
 @dataclass(frozen=True)
 class Held:
-    """What two processes hold.
+    """Memory and handles of two processes.
 
     Attributes:
         memory: Resident [MB], guidance and sim.
@@ -150,7 +150,7 @@ def soak(runs, every, nodes):
 
 
 def grown(first, last):
-    """What the nodes hold more at the end than after the first runs, in words."""
+    """Growth of the nodes between the first runs and the end, in words."""
     found = []
     for number, name in enumerate(('guidance', 'sim')):
         if last.memory[number] > GROWTH * first.memory[number]:

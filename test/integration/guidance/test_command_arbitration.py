@@ -75,7 +75,7 @@ def test_of_two_that_began_together_the_later_gives_way(fault, start_node, clien
 
 
 def test_a_node_that_was_killed_has_a_successor(fault, start_node, client):
-    """What the graph still shows of a dead process does not keep the next one from guiding."""
+    """A dead process that the graph still shows does not keep the next one from guiding."""
     first = start_node()
     client.connect()
     client.drive()

@@ -1,4 +1,4 @@
-"""Whatever goes wrong, the robot is told to stop, and told why."""
+"""Faults of all kinds stop the robot, each with its reason."""
 
 from __future__ import annotations
 

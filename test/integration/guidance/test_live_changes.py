@@ -14,7 +14,7 @@ from cmpsp_ros.guidance import FallbackLevel
 pytestmark = pytest.mark.integration
 
 SECONDS = float(os.environ.get('LIVE_CHANGES_SECONDS', '15'))
-"""How long they are changed; `LIVE_CHANGES_SECONDS=60 pytest ...` makes a minute of it."""
+"""Seconds of live changes; `LIVE_CHANGES_SECONDS=60 pytest ...` makes a minute of it."""
 
 PERIOD = 0.05
 CONTROL_PERIOD = 0.2

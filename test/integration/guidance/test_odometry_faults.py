@@ -59,7 +59,7 @@ def repeat(client):
 
 
 def switches(commands):
-    """How often a robot begins to move, or to stand."""
+    """Number of times that a robot begins to move, or to stand."""
     return int(np.abs(np.diff([command != ZERO for command in commands])).sum())
 
 

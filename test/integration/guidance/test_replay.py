@@ -18,13 +18,13 @@ NAMES = Names.under('')
 
 
 def decision_to_key_values(values):
-    """What of a decision must repeat."""
+    """Fields of a decision that must repeat."""
     told = ('run', 'revision', 'reason', 'level')
     return {k: v for k, v in values.items() if not k.endswith('_ms') and k not in told}
 
 
 def is_forced(decision):
-    """Whether the law itself left the best fallback level."""
+    """True if the law itself left the best fallback level."""
     return decision['halted'] == 'false' and decision['fallback_level'] != 'nominal'
 
 

@@ -1,4 +1,4 @@
-"""Where a run begins, and where it ends, of real nodes."""
+"""Start and end of runs of real nodes."""
 
 from __future__ import annotations
 

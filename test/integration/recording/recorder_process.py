@@ -18,7 +18,7 @@ def heard(publisher):
 
 
 def flushing(ros):
-    """What flushes, and returns the number of messages in the bag by topic."""
+    """Flush, and return the number of messages in the bag by topic."""
     client, said = ros.node.create_client(Trigger, '/recorder/flush'), []
     ros.node.create_subscription(HEALTH.type, HEALTH.name, said.append, HEALTH.qos)
     ros.spin_until(client.service_is_ready)

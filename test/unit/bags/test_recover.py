@@ -1,4 +1,4 @@
-"""What is left of a bag becomes a whole bag, and the bag it is left of stays as it is."""
+"""Recovery makes a whole bag of a broken one, and leaves the broken one as it is."""
 
 from __future__ import annotations
 

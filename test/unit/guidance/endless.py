@@ -75,7 +75,7 @@ def drive(minutes, changes=None):
 
 
 def is_steady(parts, speed, tolerance=0.01):
-    """Whether the last part is as the second: as fast, as clear, and with no more memory."""
+    """True if the last part is as the second: as fast, as clear, and with no more memory."""
     after, last = parts[1], parts[-1]
     return (
         all(abs(part.speed - speed) < tolerance * speed for part in parts)

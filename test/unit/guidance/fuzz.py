@@ -178,7 +178,7 @@ class Drive:
 
 
 def clearances(path, given):
-    """Of each place from both edges and all obstacles, by nothing but distances."""
+    """Clearance of each place from both edges and all obstacles, by nothing but distances."""
     out = np.linalg.norm(path[:, :2] - given.road.center, axis=1)
     from_obstacles = [
         np.linalg.norm(path[:, :2] - each.center, axis=1) - each.radius for each in given.obstacles

@@ -71,7 +71,7 @@ def with_plans(given, candidates, initial_iterations=6):
 
 
 def start_of(given, pose, **rest):
-    """Where a plan begins, for the robot of the settings."""
+    """Start of a plan, for the robot of the settings."""
     return PlanStart(np.array(pose, dtype=float), given.robot, given.world, **rest)
 
 
@@ -83,7 +83,7 @@ def context_of(given, pose, horizon, previous_control=(0.0, 0.0)):
 
 @dataclass
 class Run:
-    """What happened in a closed loop: decisions, and where the robot was at the end of each."""
+    """Outcome of a closed loop: decisions, and the robot's place at the end of each."""
 
     decisions: list[Decision] = field(default_factory=list)
     driven: list[np.ndarray] = field(default_factory=list)
@@ -152,7 +152,7 @@ def closed_loop(given, start=START, steps=50, before=None):
 
 
 def after(run, given):
-    """Where the robot is at the control instant after a run."""
+    """Pose of the robot at the control instant after a run."""
     wheels = run.decisions[-1].wheel_speeds[None]
     return given.robot.roll_out(run.pose, wheels, np.array([PERIOD / 1e9]))[-1]
 

@@ -43,11 +43,11 @@ def message_of(scan, settings, frame_id):
 
 
 CAMERA_HEIGHT, SLOPES = 0.3, np.tan(np.radians(np.linspace(-60.0, 5.0, 80)))
-"""Of a depth camera: above the floor [m], and of the beams that it has one above the other."""
+"""Height of a depth camera above the floor [m], and slopes of its beams one above the other."""
 
 
 def cloud_of(scan, settings, frame_id, sees_floor):
-    """What a depth camera in place of the scanner sees: walls higher than it, and the floor."""
+    """Sight of a depth camera in place of the scanner: walls higher than it, and the floor."""
     angles = settings.angle_min + (settings.angle_max - settings.angle_min) * np.linspace(
         0.0, 1.0, len(scan.ranges)
     )

@@ -1,4 +1,4 @@
-"""Where a road crosses itself: the robot stays on its branch, whichever way it turns."""
+"""On a road that crosses itself the robot stays on its branch, whichever way it turns."""
 
 import math
 
@@ -19,7 +19,7 @@ ROAD = SETTINGS.road
 
 
 def tracks(stamp):
-    """What moves, as the simulator tells of it."""
+    """Moving obstacles, as the simulator publishes them."""
     seconds, found = stamp / 1e9, []
     for number, name in enumerate(VALUES['moving_obstacles.names']):
         block = f'moving_obstacles.{name}'

@@ -1,4 +1,4 @@
-"""What the law answers when something is wrong with the task, the world or the solver.
+"""Answers of the law when something is wrong with the task, the world or the solver.
 
 Each test compares its decision with the row of doc/user/faults.md that names it.
 """

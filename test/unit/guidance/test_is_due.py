@@ -1,4 +1,4 @@
-"""Whether odometry is one to decide on, told before it is decided on."""
+"""Odometry that calls for a decision, told before it is decided on."""
 
 from __future__ import annotations
 

@@ -108,7 +108,7 @@ WALL = {
 
 @cache
 def on_an_empty_road():
-    """Where a robot at 1 m/s is after four seconds [m], its radius, and its margin added."""
+    """Place of a robot at 1 m/s after four seconds [m], its radius, and its margin added."""
     empty = Drive(**{**FAST, 'final_time': 11.0}, end=4.0)
     assert speeds(empty)[-1] == pytest.approx(1.0, abs=0.15)
     return empty.pose[0] + empty.settings.robot_radius + empty.settings.safety.margin

@@ -46,7 +46,7 @@ class Walker:
 
 @dataclass
 class Drive:
-    """What came of a run: decisions, path, contacts at some speed, and those at rest."""
+    """Outcome of a run: decisions, path, contacts at some speed, and those at rest."""
 
     decisions: list = field(default_factory=list)
     path: list = field(default_factory=list)

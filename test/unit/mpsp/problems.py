@@ -223,7 +223,7 @@ def run(problem, guess, options, iterations):
 
 
 class TooFlat(VanDerPol):
-    """Its Hessian is a fraction of the true one, so that every step is far too long."""
+    """Problem with a fraction of the true Hessian, so that every step is far too long."""
 
     fraction = 1e-3
 
@@ -234,7 +234,7 @@ class TooFlat(VanDerPol):
 
 
 class HalfHearted(LinearQuadratic):
-    """Its Hessian is a quarter of the true one: full steps overshoot by a factor of three."""
+    """Problem with a quarter of the true Hessian: full steps overshoot by a factor of three."""
 
     def linearise(self, X, U, hessian='gauss_newton'):
         lin = super().linearise(X, U, hessian)

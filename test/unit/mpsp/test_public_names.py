@@ -1,4 +1,4 @@
-"""What a user imports from the method, and what must be installed for it."""
+"""Names that a user imports from the method, and the packages that they need."""
 
 import subprocess
 import sys

@@ -141,7 +141,7 @@ def test_one_disc_about_the_reference_point_has_the_limits_of_the_robot():
     [(0.7, 1.3, 0.0), (-0.4, 0.8, 0.0), (0.0, -2.0, 0.0), (0.5, 0.0, 0.0), (0.6, 0.9, 1.1)],
 )
 def test_a_disc_drives_an_arc_about_the_same_centre(length, turn, course):
-    """Its place at any time is the robot's pose then, with the disc on it."""
+    """At any time it is where the footprint of a robot at that pose has it."""
     heading, points = 0.4, np.array([[0.0, 0.0], [0.5, -0.3], [-1.0, 0.2]])
     arc = arc_from(1.0, -2.0, heading + course, length, turn)
     for i in range(len(points)):

@@ -88,7 +88,7 @@ def test_drivers_may_count_one_end_of_the_angles_more_or_less(count):
 
 
 def test_beams_end_on_walls_while_the_robot_moves():
-    """What the simulator sees on a robot that drives a curve is what is there."""
+    """Scans of the simulator on a robot that drives a curve show the obstacles where they are."""
     stamp, pose, twist = 0, np.array([0.5, -0.2, 3.0]), np.array([1.0, 2.0])
     settings = LaserSettings(
         rate=5.0, pose=SENSOR.pose, angle_min=-2.0, angle_max=2.0, count=401, time_increment=4e-4,

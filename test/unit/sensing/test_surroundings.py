@@ -128,7 +128,7 @@ NORTH = np.array([0.0, 0.0, np.pi / 2.0])
 
 
 def around(footprint):
-    """What is known under a robot that faces north, when two things were seen there."""
+    """State of the grid under a robot that faces north, when two things were seen there."""
     known = Surroundings(SETTINGS, 0.2, footprint)
     known.update(0, NORTH)
     known.add(seen(FRONT, 0, (0.51, 0.01), (0.51, 0.16), (0.51, 0.34), (0.51, -2.0)))

@@ -24,7 +24,7 @@ def state():
 
 @pytest.fixture
 def interface():
-    """Where the server listens."""
+    """Address at which the server listens."""
     return '127.0.0.1'
 
 

@@ -1,4 +1,4 @@
-"""What is shown: told once, in plain values, and never more than was asked for."""
+"""Shared state: told once, in plain values, and never more than was asked for."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def state():
 
 
 def known(updates):
-    """What a browser has that was told this."""
+    """State of a browser after these updates."""
     rows = {name: updates['first'][name] + len(rows) for name, rows in updates['series'].items()}
     return ClientState(updates['course_number'], updates['run'], rows)
 

@@ -1,4 +1,4 @@
-"""Where the robot's centre may be."""
+"""Free space of the robot's centre."""
 
 import math
 

@@ -181,9 +181,7 @@ def searched_line(space: FreeSpace, start: Array, goal: Array) -> Array:
     A robot in a dead end has to turn back first, and one whose goal is in a dead end to go beyond
     it, where no path leads ahead station by station.
     """
-    reached = np.repeat(space.reaches + space.radii, 2).reshape(-1, 2)
-    marks = np.vstack([start, goal, space.centers - reached, space.centers + reached])
-    low, high = np.nanmin(marks, axis=0) - _AROUND, np.nanmax(marks, axis=0) + _AROUND
+    low, high = _searched_area(space, start, goal)
     cell = max(_CELL, float((high - low).max()) / _MAX_CELLS)
     across, up = (np.arange(low[axis], high[axis], cell) for axis in range(2))
     points = np.stack(np.meshgrid(across, up, indexing='ij'), axis=-1)
@@ -201,6 +199,27 @@ def searched_line(space: FreeSpace, start: Array, goal: Array) -> Array:
         return np.empty((0, 2))
     inner = points[tuple(places[1:-1].T)]
     return evenly_spaced(np.vstack([start, inner, goal]), SPACING, _SMOOTHINGS)
+
+
+def _searched_area(space: FreeSpace, start: Array, goal: Array) -> tuple[Array, Array]:
+    """Lower and upper corner of the area that the shortest line is in, shape ``(2,)`` each [m].
+
+    Where the cells of all shapes would be coarse, shapes do not count that are clear of the
+    rectangle around start, goal and the shapes that count: no shortest line goes around them.
+    """
+    reached = np.repeat(space.reaches + space.radii, 2).reshape(-1, 2)
+    begins, ends = space.centers - reached - _AROUND, space.centers + reached + _AROUND
+    around = np.minimum(start, goal) - _AROUND, np.maximum(start, goal) + _AROUND
+    low, high = np.nanmin([around[0], *begins], axis=0), np.nanmax([around[1], *ends], axis=0)
+    if float((high - low).max()) <= _CELL * _MAX_CELLS:
+        return low, high
+    (low, high), before = around, -1
+    while before != (count := int(((begins < high) & (ends > low)).all(axis=1).sum())):
+        counted = ((begins < high) & (ends > low)).all(axis=1)
+        low = np.min([low, *begins[counted]], axis=0)
+        high = np.max([high, *ends[counted]], axis=0)
+        before = count
+    return low, high
 
 
 def turning_first(

@@ -154,7 +154,8 @@ class SensorInput(SurroundingsInput):
             return ''
         self.drain()
         self._surroundings.update(stamp, pose)
-        return self._surroundings.blindness(stamp)
+        blind = self._surroundings.blindness(stamp)
+        return ' '.join([blind, *self.refusals]) if blind else ''
 
     def at(self, stamp: int, pose: Array) -> Sighting | None:
         """The grid at the latest odometry; published if new."""

@@ -19,7 +19,7 @@ from cmpsp_ros.world.obstacles import Obstacle, Shape
 from cmpsp_ros.world.roads import Annulus
 
 WIDTH: Final = 2.0
-"""Of the ring of case 3 [m]."""
+"""Width of the ring of case 3 [m]."""
 
 FROM_EDGE: Final = 0.05
 """Least distance of the start from road edges, and of start and goal from obstacles [m]."""
@@ -171,7 +171,7 @@ def _bearing(road: Annulus, point: Point) -> float:
 
 
 _TOP_SPEED, _WHEEL_SPEED, _ROAD_CENTER = 1.785, 51.0, 15.0
-"""Of case 3 [m/s, rad/s, 1/m^2]."""
+"""Top speed, wheel speed and weight of the road's centre in case 3 [m/s, rad/s, -]."""
 
 _THOROUGH: Final = {'solver.iterations_per_step': 4, 'solver.work_share': 0.3}
 

@@ -76,7 +76,7 @@ _POCKETS: Final = 0.4
 """Fraction of the rooms with a pocket before the goal."""
 
 _CLEAR: Final = 0.25
-"""Of start and goal, beyond the robot's radius [m]."""
+"""Clearance of start and goal, beyond the robot's radius [m]."""
 
 SPARE: Final = 0.08
 """Beside the margin, of the way to the goal [m]."""

@@ -78,7 +78,7 @@ class Course:
     holes: tuple[tuple[float, float], ...] = ()
 
     def clearance(self):
-        """Of the robot at each pose of the path, without the holes [m]."""
+        """Clearance of the robot at each pose of the path, without the holes [m]."""
         x, y, radius = *self.path[:, :2].T, self.guidance['robot.radius']
         away = [np.hypot(x - each.x, y - each.y) - each.radius for each in self.discs]
         away.append(self._from_edges())

@@ -54,7 +54,7 @@ class Command:
 
 @dataclass
 class Drive:
-    """What a bag is to hold; everything in it may be changed."""
+    """Contents of a bag; everything in it may be changed."""
 
     parameters: dict
     odometry: list[Sample] = field(default_factory=list)

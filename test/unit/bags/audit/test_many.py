@@ -1,4 +1,4 @@
-"""Of many random bags none that is not clean is called clean, and no clean one failed."""
+"""Among many random bags no flawed one is called clean, and no clean one fails."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ CERTAIN = -0.1
 
 
 def truly(course):
-    """What a drive without holes is."""
+    """Properties of a drive without holes."""
     return {CLEAN if course.clearance().min() > 0.0 and course.arrived else FAILED}
 
 

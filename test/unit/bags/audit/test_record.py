@@ -1,4 +1,4 @@
-"""What cannot be audited is refused in one line that says why."""
+"""A bag that cannot be audited is refused in one line that says why."""
 
 from __future__ import annotations
 

@@ -72,7 +72,7 @@ class Drive:
         self.gate, self.halted_at = OdometryGate(), 0
 
     def publish(self, decision, late=2_000_000):
-        """What a node publishes on a decision, a little after its odometry."""
+        """Messages that a node publishes on a decision, a little after its odometry."""
         when = self.now + late
         self.decisions.append(decision)
         if not decision.late:

@@ -38,7 +38,7 @@ class Encounter(Drive):
         return x + seconds * vx, y + seconds * vy
 
     def seen(self, stamp):
-        """What is known of it, and the message that says so in a frame."""
+        """Track of a moving obstacle, and the message with it in a frame."""
         track = Track(5, stamp, RADIUS, *self.place(stamp), *self.mover[2:])
         point = (5, track.x, track.y, track.vx, track.vy, track.radius)
         return track, lambda frame_id: cloud(stamp, [point], frame_id)

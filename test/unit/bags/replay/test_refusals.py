@@ -1,4 +1,4 @@
-"""What cannot be replayed is refused, by its name."""
+"""A bag that cannot be replayed is refused, by its name."""
 
 from __future__ import annotations
 

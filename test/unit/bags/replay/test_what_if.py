@@ -1,4 +1,4 @@
-"""What if: another law on the same odometry, in a bag and a picture of its own."""
+"""Replay with another law on the same odometry, in a bag and a picture of its own."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ CHARTS = {'path', 'levels', 'controls', 'clearance', 'position', 'steps', 'histo
 
 
 class Page(HTMLParser):
-    """What a browser would make of a page, as far as it matters here."""
+    """Page as a browser would show it, as far as it matters here."""
 
     def __init__(self, text):
         super().__init__()

@@ -1,4 +1,4 @@
-"""What each family promises of its programs, without which the comparison would be idle."""
+"""Properties of each family of programs, without which the comparison would be idle."""
 
 from itertools import islice
 

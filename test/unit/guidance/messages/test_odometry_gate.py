@@ -34,7 +34,7 @@ class Stream:
         self.gate, self.settings, self.now = OdometryGate(), settings, BEGIN
 
     def hear(self, pose=START, after=TICK, age=0):
-        """What becomes of a message: `go on`, `stand`, `ignored`, `again`, or its fault."""
+        """Treatment of a message: `go on`, `stand`, `ignored`, `again`, or its fault."""
         self.now += after
         try:
             arrival = self.gate.take(self.now - age, np.array(pose), self.now, self.settings)
@@ -175,7 +175,7 @@ def test_where_clock_and_odometry_jump_back_time_begins_again_at_any_place(strea
 
 
 def test_odometry_alone_that_jumps_back_is_ignored_until_it_is_newer(stream):
-    """As of two robots' clocks: the run must not begin again with every message."""
+    """Two robots' clocks differ so: the run must not begin again with every message."""
     stream.hear(age=-400 * MS)
     assert [stream.hear(age=200 * MS) for _ in range(10)] == ['ignored'] * 10
     assert stream.hear(after=500 * MS) == 'go on'

@@ -1,4 +1,4 @@
-"""What no plan can bring about, told before a run."""
+"""Warnings before a run of tasks that no plan can fulfil."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def test_a_wider_robot_goes_a_longer_way_and_one_without_limit_needs_no_time():
 
 
 def test_of_a_robot_with_corners_only_what_is_around_its_reference_point_counts():
-    """Which is near one side of it here, and may come nearer to an edge than its discs do."""
+    """The point is near one side of it here, and may come nearer to an edge than its discs do."""
     footprint, radius = covered([(-0.1, -0.02), (0.1, -0.02), (0.1, 0.3), (-0.1, 0.3)])
     given = settings(robot_radius=radius, footprint=footprint)
     expected = time_of(settings(robot_radius=0.02), START)

@@ -28,7 +28,7 @@ def wall(low, high):
 
 
 def sides(settings, scans, searched=NOT_SEARCHED):
-    """Where the path crosses the wall after each scan (y) [m], and with what it is searched."""
+    """Places (y) where the path crosses the wall after each scan [m], and the search."""
     found = []
     for cells in scans:
         world = replace(settings.world, searched=searched)

@@ -46,7 +46,7 @@ def assert_arrives(run, given):
 
 
 def counted(monkeypatch):
-    """How many plans were improved, a number for each control step."""
+    """Number of plans that were improved, for each control step."""
     improve, counts = Planner.improve, {}
 
     def count(planner, context, *rest):
@@ -254,6 +254,6 @@ def test_no_turn_on_the_spot_is_tried_where_a_plan_has_no_flaw(monkeypatch):
 
 
 def test_where_hardly_any_time_is_left_a_plan_cuts_short():
-    """Of 17.85 m that the wheels turn in ten seconds 17.36 m are needed; an obstacle is beside."""
+    """The wheels turn 17.85 m in ten seconds, 17.36 m are needed; an obstacle is beside."""
     given = settings((Obstacle('beside', (10.054, 0.630), 0.131),), 51.0, ROAD)
     assert_arrives(closed_loop(given, (-2.914, 9.282, 1.117)), given)

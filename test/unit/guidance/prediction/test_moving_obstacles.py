@@ -28,7 +28,7 @@ CROSSING = (11.1, -3.1, -0.25, -0.1, 0.3)
 
 
 def told(movers, stamp, since=0):
-    """What is seen of discs ``(x, y, vx, vy, radius)`` at a time [ns]."""
+    """Tracks of discs ``(x, y, vx, vy, radius)`` at a time [ns]."""
     seconds = (stamp - since) / 1e9
     return tuple(
         Track(number, stamp, radius, x + seconds * vx, y + seconds * vy, vx, vy)
@@ -135,7 +135,7 @@ def test_what_drives_at_the_robot_is_evaded(fault):
 
 
 def test_a_robot_in_the_way_is_led_out(fault):
-    """What is told to be where the robot is, and stands there, does not freeze it."""
+    """An obstacle reported at the robot's own place, at rest, does not freeze it."""
     x, y, _ = START
     behind = (x - 0.25, y, 0.0, 0.0, 0.3)
     decisions, _ = drive(OPEN, [behind], steps=10)
@@ -155,7 +155,7 @@ def test_what_drives_through_the_robot_passes_before_it_sets_out():
 
 
 def test_a_robot_that_is_surrounded_stands(fault):
-    """What drives into a robot that stands is no collision of the robot's."""
+    """An obstacle that drives into a robot at rest is no collision of the robot's."""
     x, y, _ = START
     ring = [
         (x + 0.45 * math.cos(a), y + 0.45 * math.sin(a), 0.0, 0.0, 0.4)

@@ -171,7 +171,7 @@ def test_without_knowing_of_each_other_they_would_collide():
 @pytest.mark.parametrize('count', [2, 3, 4])
 @pytest.mark.parametrize('offset', [0, 60 * MS])
 def test_ways_that_all_cross_at_one_place(count, offset):
-    """Where all decide at once, and alike, nothing but what they plan breaks the symmetry."""
+    """All decide at once, and alike: only their plans break the symmetry."""
     robots = crossing(count, offset)
     least, _ = drive(robots, 11.0)
     assert_arrived(robots)

@@ -115,7 +115,7 @@ def test_a_robot_as_told_is_predicted_exactly():
 
 
 def test_predictions_that_are_beyond_all_bounds_stop_the_robot(fault):
-    """Its wheels do not turn, whatever is commanded."""
+    """The wheels do not turn, whatever is commanded."""
     given = replace(CASES['case 3'], initial_guess=ROAD, safety=Safety(max_prediction_error=0.25))
     law, stopped = GuidanceLaw(given, given.world), []
     for step in range(5):

@@ -1,4 +1,4 @@
-"""What the law falls back on when no new plan will do, and when it stops."""
+"""Fallback levels of the law when no new plan will do, and stops."""
 
 import math
 from dataclasses import replace

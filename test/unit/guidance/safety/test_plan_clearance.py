@@ -1,4 +1,4 @@
-"""How much room a plan leaves is what the audit found, stage by stage."""
+"""Clearance of a plan, as the check found it, stage by stage."""
 
 from __future__ import annotations
 

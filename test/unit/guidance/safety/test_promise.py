@@ -13,9 +13,17 @@ from hypothesis import strategies as st
 from scenarios import assert_is
 from walkers import Walker, drive
 
-from cmpsp_ros.guidance import GuidanceSettings, MovingObstacles, Safety
+from cmpsp_ros.guidance import (
+    FallbackLevel,
+    GuidanceLaw,
+    GuidanceSettings,
+    MovingObstacles,
+    Observation,
+    Safety,
+)
 from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.guidance.prediction.obstacle_tracker import reachable_sets
+from cmpsp_ros.guidance.safety import plan_clearance
 from cmpsp_ros.parameters.files import load_robot
 from cmpsp_ros.robots import DifferentialDrive
 from cmpsp_ros.world.obstacles import Capsule, MovingDiscs
@@ -138,6 +146,18 @@ def test_what_is_faster_is_let_run_into_a_robot_that_stands(fault):
     assert run.active == []
     assert run.passive > 0
     assert_is(fault, next(each for each in run.decisions if 'touches the robot' in each.reason))
+
+
+def test_doubt_about_a_velocity_does_not_fill_a_long_horizon():
+    task = settings('turtlebot', CLOSED, (12.0, 0.0), 1.0, 45.0)
+    law = GuidanceLaw(task, task.world)
+    person = Track(1, 0, 0.25, 3.0, 0.8, 0.0, 0.0, position_stddev=0.02, velocity_stddev=0.13)
+    decision = law.step(Observation(0, np.zeros(3), (person,)))
+    assert decision.level == FallbackLevel.NOMINAL, decision.reason
+    assert decision.terminal_error < 0.1
+    assert plan_clearance(task, task.world, decision).min() == pytest.approx(
+        decision.worst_clearance, abs=1e-9
+    )
 
 
 KNOWN = MovingObstacles(capacity=4, growth=0.1)

@@ -1,4 +1,4 @@
-"""Where machine code is kept: where only this user can write; and what is removed from there."""
+"""Folder of machine code: only this user can write there; and old code is removed from it."""
 
 from __future__ import annotations
 

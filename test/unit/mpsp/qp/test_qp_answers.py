@@ -1,4 +1,4 @@
-"""What is asked of every answer, and Clarabel's where the active set gives up."""
+"""Checks of every answer, and Clarabel's answers where the active set gives up."""
 
 from __future__ import annotations
 
@@ -138,7 +138,7 @@ def test_the_residual_is_that_of_the_condensed_program(seed, relaxed):
 
 @pytest.fixture
 def asked(monkeypatch):
-    """How often Clarabel was asked."""
+    """Number of calls of Clarabel."""
     calls = []
 
     def solve(subproblem, penalties):

@@ -15,7 +15,7 @@ from cmpsp_ros.mpsp.sqp.solve import solve
 
 
 class Saddle(VanDerPol):
-    """Its exact Hessian curves downward in the control at the guess."""
+    """Problem whose exact Hessian curves downward in the control at the guess."""
 
     def evaluate(self, X, U):
         there = super().evaluate(X, U)

@@ -1,4 +1,4 @@
-"""How runs of the iteration end, each with its status."""
+"""Ends of runs of the iteration, each with its status."""
 
 from dataclasses import replace
 

@@ -113,6 +113,26 @@ def test_a_robot_at_rest_is_not_the_one_that_drives():
     assert met.reason == ''
 
 
+@pytest.mark.parametrize(('speed', 'is_active'), [(-0.5, False), (0.04, False), (0.5, True)])
+def test_a_robot_that_was_run_into_may_leave_and_not_drive_on(speed, is_active):
+    """Somebody walks at the standing robot from ahead, and stops there; after 1.5 s it drives."""
+    task = Study('people', scene='hall', robot='own').run(0)
+    walker = Walker('a', (1.5, 0.0), heading=math.pi, speed=1.0, gives_way=False)
+    scenario = replace(task.scenario, people=PeopleSettings((walker,), 50.0), obstacles=())
+    driven = DrivenRun(replace(task, scenario=scenario))
+    driven.walking = driven.task.people()
+    driven.walking.begin(0)
+    for number in range(120):
+        stamp, since = number * 20_000_000, max(number * 0.02 - 1.5, 0.0)
+        pose = np.array([speed * since, 0.0, 0.0])
+        twist = np.array([speed if since > 0.0 else 0.0, 0.0])
+        driven.motions.append(Motion(stamp, pose, np.zeros(2), twist))
+        driven.walking.advance(stamp, pose[None, :2], task.settings.robot_radius)
+        driven.people.append((stamp, driven.walking.at(stamp)))
+    (met,) = contacts(driven, ['a'])
+    assert met.is_active == is_active
+
+
 STANDS = Walker('a', (2.0, 0.0), speed=0.0)
 WALL = Capsule('wall', (1.2, 0.35), (1.2, 3.0), 0.05)
 

@@ -1,4 +1,4 @@
-"""What the study must reach: the ten runs of Cases 1 to 3 and Tables 1 and 2, and the obstacles."""
+"""Targets of the study: the ten runs of Cases 1 to 3 and Tables 1 and 2, and the obstacles."""
 
 from functools import cache
 

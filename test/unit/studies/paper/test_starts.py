@@ -15,7 +15,7 @@ pytestmark = pytest.mark.slow
 
 @pytest.mark.parametrize('given', STARTS, ids=lambda each: f'{each[0]}-{each[1].robot}'[:60])
 def test_every_start_arrives_at_little_more_than_the_least_cost(given):
-    """Of the way that is taken; not further off than 15 % wherever the law chooses its guesses."""
+    """Cost of the path taken; at most 15 % off wherever the law chooses its guesses."""
     found = drive_start(given, compare=True)
     assert found.path.miss < 1e-6
     assert found.clearance >= 0.0

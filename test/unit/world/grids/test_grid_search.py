@@ -68,7 +68,7 @@ def room(*boxes):
 
 def test_a_line_leads_around_a_wall_and_keeps_clear_of_it():
     wall = room((0, 30, 30, 31))
-    search = MapSearch((wall,), 0.2, 0.1)
+    search = MapSearch((wall,), 0.2, 0.15, 0.1)
     line = search.line(np.array([-2.0, -1.0]), (2.0, -1.0), 0.2)
 
     assert line[0].tolist() == [-2.0, -1.0]
@@ -88,7 +88,7 @@ def test_a_gap_that_is_too_narrow_is_no_way():
     parts = (0, 18, 30, 31), (22, 40, 30, 31)
 
     def through(distance):
-        search = MapSearch((room(*parts),), distance, distance / 2.0)
+        search = MapSearch((room(*parts),), distance, distance, distance)
         return search.line(np.array([-2.0, 0.0]), (2.0, 0.0), 0.2)
 
     assert len(through(0.15))
@@ -98,7 +98,7 @@ def test_a_gap_that_is_too_narrow_is_no_way():
 def test_other_obstacles_are_kept_clear_of_too():
     disc = Obstacle('disc', (0.0, 0.0), 0.5)
 
-    search = MapSearch((disc, room()), 0.2, 0.1)
+    search = MapSearch((disc, room()), 0.2, 0.15, 0.1)
     line = search.line(np.array([-2.0, 0.0]), (2.0, 0.0), 0.2)
 
     assert np.hypot(*line.T).min() > 0.65
@@ -107,6 +107,6 @@ def test_other_obstacles_are_kept_clear_of_too():
 def test_who_stands_too_near_is_led_away():
     wall = room((0, 30, 30, 31))
 
-    line = MapSearch((wall,), 0.4, 0.2).line(np.array([-0.3, -1.0]), (-2.0, -1.0), 0.2)
+    line = MapSearch((wall,), 0.4, 0.35, 0.3).line(np.array([-0.3, -1.0]), (-2.0, -1.0), 0.2)
 
     assert len(line)

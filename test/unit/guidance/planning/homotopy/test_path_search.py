@@ -205,7 +205,7 @@ def test_few_guesses_cut_a_corner():
 
 
 def length(way, given, start):
-    """Of a way along the arc [m]."""
+    """Length of a path along the arc [m]."""
     first, last = (math.atan2(each[1], each[0]) for each in (start, given.goal))
     bearings = np.linspace(first, first + math.remainder(last - first, math.tau), len(way.profile))
     x, y = way.profile * np.cos(bearings), way.profile * np.sin(bearings)

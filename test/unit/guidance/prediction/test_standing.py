@@ -1,0 +1,92 @@
+"""People who have stopped count as static for sensors, yet the promise covers them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cmpsp_ros.guidance import GuidanceSettings, MovingObstacles, Observation
+from cmpsp_ros.guidance.messages import Track
+from cmpsp_ros.guidance.prediction.estimator import Estimator
+from cmpsp_ros.guidance.safety.reach_check import ReachCheck
+from cmpsp_ros.guidance.world import World
+from cmpsp_ros.robots import DifferentialDrive
+from cmpsp_ros.sensing import Sighting
+from cmpsp_ros.world.grids import Cell, OccupancyGrid
+from cmpsp_ros.world.roads import OpenFloor
+
+STEP = 200_000_000
+ROBOT = DifferentialDrive(
+    wheel_radius=0.0357, half_track=0.1165, max_wheel_speed=8.5, max_wheel_acceleration=25.0
+)
+SETTINGS = GuidanceSettings(
+    robot=ROBOT,
+    road=OpenFloor(),
+    goal=(5.0, 0.0),
+    final_time=30.0,
+    robot_radius=0.175,
+    moving_obstacles=MovingObstacles(capacity=8),
+)
+PERSON = Track(Track.SEEN + 1, 0, 0.25, 0.0, 0.45, 0.1, 0.0, 0.02, 0.13)
+
+
+def sighting(*occupied):
+    """A grid of free cells around the origin, some of which are occupied."""
+    cells = np.zeros((80, 80), np.uint8)
+    grid = OccupancyGrid((-2.0, -2.0, 0.0), 0.05, cells)
+    for point in occupied:
+        cells[grid.indices(np.array(point))] = Cell.OCCUPIED
+    return Sighting(0, grid)
+
+
+def after(*tracks, there, before=PERSON):
+    """Estimate of the step after one in which somebody was tracked."""
+    estimator, world, rest = Estimator(SETTINGS), World(OpenFloor()), ROBOT.at_rest
+    estimator.update(Observation(0, np.zeros(3), (before,), sighting()), world, rest)
+    seen = Observation(STEP, np.zeros(3), tracks, there)
+    return estimator.update(seen, world, rest).start
+
+
+STOPPED = sighting((0.0, 0.25))
+
+
+def test_one_who_has_stopped_may_set_off_again():
+    start = after(there=STOPPED)
+    assert (start.moving.names, start.reachable.names) == ((), ('person 1',))
+    x, y, vx, vy, *_ = start.reachable.states[0].tolist()
+    assert (x, y, vx, vy) == (0.0, 0.45, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ('before', 'tracks', 'there'),
+    [
+        (PERSON, (), sighting((1.0, 1.0))),
+        (PERSON, (), None),
+        (replace(PERSON, vx=0.9), (), STOPPED),
+        (replace(PERSON, id=1), (), STOPPED),
+    ],
+    ids=['left', 'not seen', 'was fast', 'told'],
+)
+def test_nobody_else_is_remembered(before, tracks, there):
+    assert after(*tracks, there=there, before=before).reachable.names == ()
+
+
+def test_one_who_sets_off_is_not_there_twice():
+    moving = replace(PERSON, stamp=STEP, x=0.1)
+    start = after(moving, there=STOPPED)
+    assert (start.moving.names, start.reachable.names) == (('person 1',), ('person 1',))
+
+
+def test_beside_somebody_who_stands_the_robot_creeps_until_it_could_stop_in_time():
+    start = after(there=STOPPED)
+    check = ReachCheck(SETTINGS, SETTINGS.robot_radius)
+
+    def reason(speed, seconds=0.2):
+        controls = ROBOT.controls(np.array([speed, 0.0]))[None]
+        return check.reason(start, controls, np.array([seconds]))
+
+    assert reason(0.2) == 'person 1 could be 0.0712 m into the robot before it is at rest.'
+    assert reason(0.05) == ''
+    assert check.reason(start, ROBOT.at_rest[None], np.array([1.0])) == ''

@@ -17,6 +17,7 @@ from cmpsp_ros.bags.runs import (
     Passing,
     Run,
     encounters,
+    goals_driven_to,
     holes,
     in_words,
     is_within,

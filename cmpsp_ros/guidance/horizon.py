@@ -8,7 +8,6 @@ from __future__ import annotations
 import numpy as np
 
 from cmpsp_ros.arrays import Array, IntArray
-from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.times import NANOSECONDS, Horizon
 from cmpsp_ros.mpsp.jit import allocation_free
 from cmpsp_ros.robots import Robot
@@ -39,16 +38,16 @@ def shift(controls: Array, old: Horizon, new: Horizon) -> Array:
     return shifted
 
 
-def retimed(plan: Plan, new: Horizon, robot: Robot) -> Array:
+def retimed(controls: Array, old: Horizon, new: Horizon, robot: Robot) -> Array:
     """Controls ``(N + 1, r)`` of a plan driven faster or slower, to end when a horizon does."""
-    begin, old = int(new.edges[0]), plan.horizon
+    begin = int(new.edges[0])
     left = int(old.edges[-1]) - begin
     pace = left / int(new.edges[-1] - begin)
     if pace == 1.0 or left <= 0:
-        return shift(plan.controls, old, new)
+        return shift(controls, old, new)
     edges = begin + ((old.edges - begin) / pace).astype(np.int64)
     scaled = Horizon(edges, old.durations / pace)
-    return robot.slowed(shift(plan.controls, scaled, new), pace)
+    return robot.slowed(shift(controls, scaled, new), pace)
 
 
 @allocation_free

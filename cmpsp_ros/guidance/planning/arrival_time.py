@@ -22,8 +22,8 @@ from cmpsp_ros.guidance.times import to_nanoseconds
 _GRID: Final = 20
 """Final times in a control period."""
 _LONGEST, _DELAY = 0.15, 0.0025
-"""Longest stride, and the first by which a flawed plan ends later, as fractions of the time left."""
-_GROWTH: Final = 1.5
+"""Longest stride, and the first one of a flawed plan to a later end: parts of the time left."""
+_GROWTH: Final = 2.0
 """Factor on a stride after a success."""
 _TRIALS: Final = 2
 _INITIAL_TRIALS: Final = 16
@@ -52,11 +52,7 @@ class ArrivalTime:
     sets_out: bool = True
 
     def choose(
-        self,
-        selector: PlanSelector,
-        context: PlanningContext,
-        selected: Candidate,
-        latest: int,
+        self, selector: PlanSelector, context: PlanningContext, selected: Candidate, latest: int
     ) -> tuple[PlanningContext, Candidate]:
         """The plan to follow instead of the selected one, and its control step.
 

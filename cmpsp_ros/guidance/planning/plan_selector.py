@@ -34,8 +34,6 @@ _LONGEST_PAUSE: Final = 7
 """Control steps between two reviews, at most, while an admissible plan keeps a flaw."""
 _GENEROUS: Final = 4
 """Factor on the work of a step at rest without a plan, and on that for the plan followed."""
-_TRIAL: Final = 8
-"""Divisor of the work of a step, for a plan that is tried."""
 _TRANSIENT: Final = 4
 """Control steps for which an admissible plan may mend a flaw: each change of plans is a jerk, and a
 robot that is not quite as modelled puts a little of a flaw into every plan."""
@@ -170,7 +168,8 @@ class PlanSelector:
     def _guess_from(self, plan: Plan, context: PlanningContext) -> Array:
         """Controls of a plan within the horizon of a step, shape ``(N + 1, r)``."""
         if self._settings.is_soonest:
-            return retimed(plan, context.horizon, context.start.robot)
+            robot = context.start.robot
+            return retimed(plan.controls, plan.horizon, context.horizon, robot)
         return shift(plan.controls, plan.horizon, context.horizon)
 
     def try_at_another_time(
@@ -178,7 +177,7 @@ class PlanSelector:
     ) -> Candidate:
         """Improve a plan that ends earlier or later, and follow it if it is accepted."""
         planner, left = self._pool.take(), self._work_left
-        self._work_left = granted = min(left, self._work_limit // _TRIAL)
+        self._work_left = granted = min(left, self._work_limit // 8)
         found = self._improve(planner, self._guess_from(plan, context), context, SCREENING)
         self._work_left += left - granted
         if accepts(found):

@@ -143,6 +143,8 @@ class GuidanceLaw:
     def _see(self, observation: Observation) -> None:
         state, sighting = self._state, observation.sighting
         is_searched = state.mission.searched is not state.world.searched
+        if sighting is None and is_searched:
+            state.world = replace(state.world, searched=state.mission.searched)
         if sighting is None or (sighting.stamp == state.sighted and not is_searched):
             return
         state.sighted = sighting.stamp
@@ -275,6 +277,7 @@ class GuidanceLaw:
         """
         assert self._state.last is not None  # noqa: S101 (there was a step)
         observation, decision = self._state.last
+        self._state.mission.watch.drive(observation.pose)
         if late:
             self._state.take_back(late)
             why = f'It took {late:.3g} s and was not sent, for it came too late.'

@@ -12,6 +12,7 @@ from cmpsp_ros.guidance.horizon import remaining
 from cmpsp_ros.guidance.messages.tracks import MovingObject
 from cmpsp_ros.guidance.mission.closed_road import ClosedRoad
 from cmpsp_ros.guidance.mission.goal_manager import GoalManager
+from cmpsp_ros.guidance.mission.progress_watch import ProgressWatch
 from cmpsp_ros.guidance.planning.arrival_time import ArrivalTime
 from cmpsp_ros.guidance.planning.candidate import Candidate
 from cmpsp_ros.guidance.planning.plan_selector import PlanSelector
@@ -102,6 +103,8 @@ class Mission:
         reaches_goal: True if the last plan ended within the tolerance of the goal.
         final_pose: Pose at the final time, shape ``(3,)`` [m, m, rad]; None before.
         warnings: Tasks that no plan of the run can fulfil, in sentences.
+        watch: Progress on the way to the goal.
+        unreachable: Why the run has ended before the goal, a sentence; '' if it has not.
     """
 
     goals: GoalManager
@@ -112,10 +115,13 @@ class Mission:
     reaches_goal: bool = True
     final_pose: Array | None = None
     warnings: tuple[str, ...] = ()
+    watch: ProgressWatch = field(default_factory=ProgressWatch)
+    unreachable: str = ''
 
     def begin_leg(self) -> None:
         """Set out to another goal."""
-        self.idle_steps, self.closed_road, self.arrival.sets_out = 0, ClosedRoad(), True
+        self._begin_again()
+        self.arrival.sets_out = True
         self.searched = self.searched._replace(hysteresis=NOT_SEARCHED.hysteresis)
 
     def at_earliest(
@@ -134,7 +140,11 @@ class Mission:
         """Go on with other settings, in another world."""
         self.goals.reconfigure(settings, world)
         self.arrival.settings = settings
+        self._begin_again()
+
+    def _begin_again(self) -> None:
         self.idle_steps, self.closed_road = 0, ClosedRoad()
+        self.watch, self.unreachable = ProgressWatch(trail=self.watch.trail), ''
 
 
 @dataclass

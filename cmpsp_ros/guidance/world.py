@@ -30,12 +30,14 @@ class Searched(NamedTuple):
         seen: Grid seen then; None for none.
         kept: The path before, while that is open; of a map none.
         hysteresis: Relative improvement required of another path while the present one is open.
+        blocked: Places that did not fit in this run (x, y) [m].
         is_another: True if the path found differs from the one before.
     """
 
     seen: GridObstacle | None = None
     kept: KeptLine | None = None
     hysteresis: float = 0.1
+    blocked: tuple[tuple[float, float], ...] = ()
     is_another: bool = False
 
 
@@ -129,7 +131,9 @@ class World:
             wanted = outside(wanted, limits, settings.control_period)
         key = wanted, settings.kept, settings.robot_radius
         if key not in self._searches:
-            self._searches[key] = MapSearch(self._searchable, *key, self.searched.kept)
+            self._searches[key] = MapSearch(
+                self._searchable, *key, self.searched.kept, self.searched.blocked
+            )
         return self._searches[key]
 
     @cached_property

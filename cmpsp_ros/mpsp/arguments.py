@@ -25,9 +25,10 @@ def not_finite(name: str, array: Array, *, at_end: bool = False) -> str:
 
     The array has one row a stage, or with `at_end` is all of the last stage.
     """
-    bad = np.argwhere(~np.isfinite(array))
-    if not len(bad):
+    is_finite = np.isfinite(array)
+    if is_finite.all():
         return ''
+    bad = np.argwhere(~is_finite)
     place = bad[0].tolist()
     stage = [] if at_end else [f'stage {place.pop(0)}']
     where = [*stage, 'component ' + ', '.join(map(str, place))]

@@ -184,6 +184,21 @@ class OptimalControlProblem(ABC):
         """
         raise ProblemError('next_states: this problem does not provide it')
 
+    def evaluate_with_next(self, X: Array, U: Array) -> tuple[Evaluation, Array]:
+        """`evaluate` and `next_states` of the same states, for problems that share their work."""
+        return self.evaluate(X, U), self.next_states(X, U)
+
+    def in_units(
+        self,
+        state: Array,  # noqa: ARG002
+        control: Array,  # noqa: ARG002
+        output: Array,  # noqa: ARG002
+        path: Array,  # noqa: ARG002
+        cost: float,  # noqa: ARG002
+    ) -> OptimalControlProblem | None:
+        """The same problem in other units, as of `Scaling`; None where it cannot do so itself."""
+        return None
+
     def constraint_curvature(
         self,
         X: Array,  # noqa: ARG002

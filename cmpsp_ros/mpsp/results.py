@@ -172,7 +172,7 @@ def residual_at(at: Iterate, subproblem: Subproblem | None) -> float:
             path=np.where(applies, at.step.path_multipliers, 0.0),
             bounds=at.step.bound_multipliers,
         )
-    return kkt_residual(subproblem, here, None)
+    return kkt_residual(subproblem, here, None, np.zeros_like(at.X))
 
 
 def record(at: Iterate, residual: float) -> Record:
@@ -296,7 +296,7 @@ class Solution:
         is_minimum: True where the cost was found not to curve down along the active constraints;
             None where this was not judged: the run did not converge, or the problem does not give
             the curvature of its constraints.
-        scaling: Units in which it was solved, in one line.
+        scaling: Units in which it was solved; printed, they are one line.
     """
 
     iterate: Iterate
@@ -307,7 +307,7 @@ class Solution:
     bound_multipliers: Array
     violated: tuple[Violation, ...]
     is_minimum: bool | None = None
-    scaling: str = ''
+    scaling: object = None
 
     @property
     def curvature_lost(self) -> int:

@@ -97,6 +97,11 @@ class Scaling:
             1.0,
         )  # fmt: skip
 
+    def applied_to(self, problem: OptimalControlProblem) -> OptimalControlProblem:
+        """The problem in these units."""
+        units = self.state, self.control, self.output, self.path, self.cost
+        return problem.in_units(*units) or ScaledProblem(problem, self)
+
     def options(self, options: Options, problem: OptimalControlProblem) -> Options:
         """Options of the scaled problem.
 

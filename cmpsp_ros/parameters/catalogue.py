@@ -61,7 +61,8 @@ def _parameters() -> Iterator[Parameter]:
         'Point to pass at the final time (x, y); as in the paper.', **_POINT, **guidance_only)
     yield task('goal.heading', _DOUBLES, [], 'rad',
         'Heading at the goal: one number, or empty for any.', **guidance_only)
-    goal = 'goal_tolerance', 'heading_tolerance', 'when', 'may_be_late', 'hold', 'nominal_speed'
+    times = 'when', 'may_be_late', 'patience'
+    goal = 'goal_tolerance', 'heading_tolerance', *times, 'hold', 'nominal_speed'
     yield from of_task.of(TaskSettings, only=goal)
     yield task('goal.wait', _BOOL, False, '',
         'Whether the robot waits until a goal is received, instead of driving to `goal.position`.',

@@ -17,6 +17,7 @@ from cmpsp_ros.world.grids.grid_obstacle import GridObstacle
 from cmpsp_ros.world.grids.grid_search import (
     NEIGHBOURS,
     ROOM,
+    STEPS,
     cells_from,
     costs_of,
     evenly_spaced,
@@ -27,12 +28,13 @@ from cmpsp_ros.world.roads import OpenFloor
 
 Point = tuple[float, float]
 
-# Cost of a cell that is nearer than wanted: a way around it is preferred.
+# Cost of a cell that is nearer than wanted: a way around it is preferred. It is that of any cell
+# nearer than the margin, too, on the way out for one who stands there.
 _TOO_NEAR: Final = 50.0
 # The same nearer than the margin, and where only the body fits: the widest way costs least.
 _TIGHT: Final = 500.0, 5000.0
-# Cost of a cell where the robot does not fit, for one who stands there.
-_LOST: Final = 1e5
+# Cost of a cell near a place that did not fit.
+_BLOCKED: Final = 2e4
 # Part of a cell by which centres may be nearer than the middle of a gap that fits.
 _ROUNDING: Final = 0.5
 # So that a line of cells is as straight as a robot would drive [m].
@@ -65,6 +67,7 @@ class MapSearch:
             only where no other way leads, and then as little of it as possible.
         body: Distance without which the robot does not fit [m].
         kept: A line that is kept to.
+        blocked: Places that did not fit (x, y) [m]: other ways are preferred to them.
     """
 
     obstacles: tuple[Shape, ...]
@@ -72,6 +75,7 @@ class MapSearch:
     margin: float
     body: float
     kept: KeptLine | None = None
+    blocked: tuple[Point, ...] = ()
 
     @property
     def grid(self) -> GridObstacle:
@@ -84,17 +88,21 @@ class MapSearch:
         `spacing` is their largest distance [m]; ``K`` = 0 where no line leads.
         """
         field = self.grid.field
-        cells = cells_from(_lengths(self, goal), nodes_near(field, start))
+        lengths, led_out = _lengths(self, goal)
+        cells = cells_from(led_out, nodes_near(field, start))
         if not len(cells):
             return np.empty((0, 2))
+        # Once it is out it keeps to cells that fit.
+        out = int((lengths[tuple(cells.T)] == led_out[tuple(cells.T)]).argmax())
+        cells = np.vstack([cells[:out], cells_from(lengths, cells[out])])
         line = np.vstack([start, node_points(field, cells[1:-1]), goal])
         passes = math.ceil((_SMOOTHED / float(field.frame['cell'][0])) ** 2)
         return evenly_spaced(line, spacing, passes)
 
     def lengths(self, points: Array, goal: Point) -> Array:
         """Lengths of the lines from points ``(K, 2)`` to a goal, longer where it is narrow [m]."""
-        field, lengths = self.grid.field, _lengths(self, goal)
-        found: Array = lengths[tuple(nodes_near(field, points).T)] * field.frame['cell'][0]
+        field, (_, led_out) = self.grid.field, _lengths(self, goal)
+        found: Array = led_out[tuple(nodes_near(field, points).T)] * field.frame['cell'][0]
         return found
 
     def prepare(self, goal: Point) -> None:
@@ -122,7 +130,8 @@ def _take_out(distances: Array, field: DistanceField, shape: Shape, reach: float
 
 
 @lru_cache(maxsize=16)
-def _lengths(search: MapSearch, goal: Point) -> Array:
+def _lengths(search: MapSearch, goal: Point) -> tuple[Array, Array]:
+    """Lengths from all cells, and the same for one who is led out of a cell that is too near."""
     field = search.grid.field
     distances = field.distances.copy()
     for each in search.obstacles:
@@ -139,18 +148,31 @@ def _lengths(search: MapSearch, goal: Point) -> Array:
         line = np.zeros(costs.shape, dtype=bool)
         line[tuple(nodes_near(field, search.kept.points).T)] = True
         costs[signed_distances(line) * cell > _BESIDE] *= 1.0 + search.kept.reluctance
+    for place in search.blocked:
+        row, column = nodes_near(field, np.array(place)).tolist()
+        around = math.ceil(2.0 * search.body / cell)
+        part = np.s_[max(row - around, 0) : row + around + 1]
+        beside = np.s_[max(column - around, 0) : column + around + 1]
+        near = costs[part, beside]
+        np.maximum(near, _BLOCKED, out=near, where=np.isfinite(near))
     lengths = lengths_to(costs, nodes_near(field, np.array(goal)))
-    _lead_out(lengths, (distances <= least) & (distances > 0.0), math.ceil(search.body / cell))
-    return lengths
+    is_near = (distances < search.margin) & (distances > search.body / 2.0)
+    return lengths, _led_out(lengths, is_near, math.ceil(search.margin / cell))
 
 
-def _lead_out(lengths: Array, too_near: BoolArray, steps: int) -> None:
-    """Fill in lengths of cells where the robot does not fit: out of them, never through them.
+def _led_out(lengths: Array, is_near: BoolArray, steps: int) -> Array:
+    """Lengths for one who stands near something, by an error of what is seen: out by the shortest.
 
-    One who stands there, by an error of what is seen, is led out by the shortest way.
+    They lead out of such cells, and never through them: no other length depends on theirs.
     """
-    rows, columns = np.nonzero(too_near[1:-1, 1:-1] & np.isinf(lengths[1:-1, 1:-1]))
+    found = lengths.copy()
+    rows, columns = np.nonzero(is_near[1:-1, 1:-1])
     rows, columns = rows + 1, columns + 1
+    found[rows, columns] = math.inf
     for _ in range(steps):
-        known = [lengths[rows + i, columns + j] + math.hypot(i, j) * _LOST for i, j in NEIGHBOURS]
-        lengths[rows, columns] = np.min([lengths[rows, columns], *known], axis=0)
+        beside = [
+            found[rows + i, columns + j] + step * _TOO_NEAR
+            for (i, j), step in zip(NEIGHBOURS, STEPS, strict=True)
+        ]
+        found[rows, columns] = np.min([found[rows, columns], *beside], axis=0)
+    return np.minimum(found, lengths)

@@ -95,15 +95,30 @@ def _apart_in_words(worst: Sample) -> str:
 
 
 def _apart(met: Sequence[Encounter], where: str) -> Iterator[Sample]:
-    """The least clearance of each encounter in which the robot moves."""
+    """The least clearance of each encounter in which the robot drives."""
     stood = min(float(each.clearance[each.stands].min(initial=math.inf)) for each in met)
     if all(each.stands.all() for each in met):
         raise SkippedError('The robot stands while anything moves.')
-    for each in met:
-        least = np.where(each.stands, math.inf, each.clearance)
-        value, at = float(least.min()), int(each.stamps[least.argmin()])
+    depths: dict[str, float] = {}
+    for each in sorted(met, key=lambda each: int(each.stamps[0])):
+        kept = _kept(each, depths)
+        value, at = float(kept.min()), int(each.stamps[kept.argmin()])
         words = {'nearest': each.name, 'where': where, 'stood': stood}
         yield Sample(value, 0.0, at, -value - _ROUNDING, words=words)
+
+
+def _kept(met: Encounter, depths: dict[str, float]) -> Array:
+    """Clearance of arcs that are driven, infinite at rest, ``(K,)`` [m].
+
+    A robot that was run into at rest may leave: it is judged by how much deeper it gets. `depths`
+    has the depth of contacts that began so, by name [m], and is updated.
+    """
+    depth, kept = depths.get(met.name, 0.0), np.full(len(met.clearance), math.inf)
+    for k, (clear, stands) in enumerate(zip(met.clearance.tolist(), met.stands, strict=True)):
+        depth = 0.0 if clear >= 0.0 else min(depth, clear) if stands else depth
+        kept[k] = math.inf if stands else clear - depth
+    depths[met.name] = depth
+    return kept
 
 
 _APART: Final = {'unit': 'm', 'good': _apart_in_words, 'bad': _apart_in_words}

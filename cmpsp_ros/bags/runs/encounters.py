@@ -12,11 +12,11 @@ from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.runs.run import DrivenPath, driven_in
 from cmpsp_ros.guidance import NANOSECONDS
 from cmpsp_ros.guidance.messages import Track
-from cmpsp_ros.robots import Bodies
+from cmpsp_ros.robots import Bodies, with_side
 from cmpsp_ros.world.obstacles import MovingDiscs
 
-_STANDS = 1e-3
-"""Speed and turn rate below which a robot stands [m/s, rad/s]."""
+_STANDS = 0.051
+"""Speed of any point of a robot up to which it counts as standing [m/s]."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class Encounter:
         name: Name in messages.
         stamps: Beginning of each arc [ns], shape ``(K,)``.
         clearance: Distance from it, less the robot's radius, shape ``(K,)`` [m].
-        stands: True if the robot was at rest, shape ``(K,)``: a collision is then not its own.
+        stands: True if the robot stood or crept, shape ``(K,)``: a collision is then not its own.
     """
 
     name: str
@@ -60,7 +60,9 @@ def encounters(
             state = each.x, each.y, each.vx, each.vy, each.radius + radius, 0.0, 0.0
             disc = MovingDiscs((each.name,), np.array([state]), np.zeros(1, np.int64))
             least.append(disc.along(*arcs, since, points)[:, 0])
-        stands = np.abs(part.twists[:-1]).max(axis=1) <= _STANDS
+        speeds = np.hypot(*with_side(part.twists[:-1]).T[:2])
+        reach = max(float(np.hypot(*points.T).max()) for points, _ in bodies)
+        stands = speeds + reach * np.abs(part.twists[:-1, -1]) <= _STANDS
         yield Encounter(each.name, part.stamps[:-1], np.max(least, axis=0), stands)
 
 

@@ -6,6 +6,7 @@ import math
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.commands.decision_builder import DecisionBuilder
+from cmpsp_ros.guidance.commands.escalation import Escalation
 from cmpsp_ros.guidance.commands.making_way import Choice, MakingWay
 from cmpsp_ros.guidance.commands.waiting import PATIENCE, meets_soon, reason_to_wait, turns
 from cmpsp_ros.guidance.decision import Decision, FallbackLevel, Plan
@@ -33,6 +34,9 @@ class Supervisor:
         self._approach = Approach(settings, validator)
         self.decisions = DecisionBuilder(settings, validator)
         self._making_way = MakingWay(settings, validator, self._approach, self.decisions)
+        self._escalation = Escalation(
+            settings, validator, self._approach, self.decisions, self.drop_plan
+        )
 
     def reason_not_to_begin(self, state: LawState, estimate: Estimate) -> str:
         """Why no plan begins where the robot is, in a sentence; empty for no reason."""
@@ -61,7 +65,7 @@ class Supervisor:
     ) -> Decision:
         """Follow the selected plan or the previous one, no faster than is safe; or stop."""
         mission, start, result = state.mission, estimate.start, selected.result
-        mission.reaches_goal = False
+        reached, mission.reaches_goal = mission.reaches_goal, False
         closed = self._closed_ahead(state, context, selected)
         estimator, here = state.estimator, estimate.here
         risk = estimator.response.risk(seen.stamp, estimator.commands)
@@ -71,6 +75,9 @@ class Supervisor:
         choice = None
         if start.moving.names or state.following.refuge is not None:
             choice = self._making_way.choose(state, seen, context, selected)
+        is_counted = choice is None and (not reached or mission.watch.steps > 0)
+        if is_counted and not meets_soon(self._settings, start):
+            choice = self._escalation.choose(state, seen, context, reached=reached)
         choice = choice or choose(state, seen, context, selected, closed)
         if isinstance(choice, Decision):
             return choice
@@ -300,7 +307,10 @@ class Supervisor:
             by = f', {error:.3g} m from the goal'
         elif has_goal and off > settings.heading_tolerance:
             by = f", {off:.3g} rad off the goal's heading"
-        reason, moving = f'The final time has passed{by}.', estimate.here.moving
+        mission, moving = state.mission, estimate.here.moving
+        if by:
+            self._escalation.explain_miss(state, estimate.here)
+        reason = mission.unreachable or f'The final time has passed{by}.'
         decision = self.decisions.stop(
             state, seen.stamp, seen.pose, reason, moving=moving, finished=True, missed=bool(by)
         )

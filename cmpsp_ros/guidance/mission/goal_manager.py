@@ -39,6 +39,7 @@ class GoalManager:
         end: Time to pass the last goal, or to leave the road [ns].
         is_return: True if it leads back to a goal that was reached before.
         goals_received: Number of goals received since the run began.
+        given_up: True if the run has ended before the goal.
     """
 
     goal: Goal | None
@@ -46,6 +47,7 @@ class GoalManager:
     final: int
     end: int
     is_return: bool
+    given_up: bool
 
     def __init__(self, settings: LawSettings, world: World) -> None:
         """Take the goals from the settings."""
@@ -136,7 +138,8 @@ class GoalManager:
             self._is_timed = not self._settings.is_soonest
             return True
         settings, target = self._settings, self.target
-        if now >= self.end and settings.hold and is_away(settings, target, start.pose):
+        may_return = settings.hold and not self.given_up
+        if now >= self.end and may_return and is_away(settings, target, start.pose):
             assert self.goal is not None  # noqa: S101 (only a road has none)
             seconds = return_time(settings, target, start.pose)
             self._set_out(self.goal, effect, seconds, start.world)
@@ -182,6 +185,13 @@ class GoalManager:
         self._set_goal(start.world)
         return by / NANOSECONDS
 
+    def give_up(self, now: int) -> None:
+        """End the run before the goal, at `now` [ns], until another goal is received."""
+        assert self.goal is not None  # noqa: S101 (only a road without end has none)
+        self.goal = replace(self.goal, time=now / NANOSECONDS)
+        self.final = self.end = now
+        self.is_last = self.given_up = True
+
     def _time_to(self, goal: Goal, start: PlanStart) -> float:
         """Nominal time to a goal, with turns at its beginning and its end [s]."""
         settings, (x, y) = self._settings, goal.position
@@ -211,7 +221,7 @@ class GoalManager:
         self._set_goal(world)
 
     def _set_goal(self, world: World) -> None:
-        settings, self.is_return = self._settings, False
+        settings, self.is_return, self.given_up = self._settings, False, False
         self._delay = to_nanoseconds(settings.command_delay)
         self.period = to_nanoseconds(settings.control_period)
         self._is_known = True

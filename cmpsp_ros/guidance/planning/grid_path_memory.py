@@ -55,7 +55,8 @@ def _by_sight(
     before, line = world.searched, _line(settings, world, place, goal)
     if not len(line):
         return before._replace(seen=seen, kept=None, is_another=False)
-    is_open = not _is_blocked(settings, seen, line).any()
+    # Noise must not give up what is kept, so that half of it will do: the search knows what fits.
+    is_open = not _is_blocked(seen, line, settings.kept / 2.0).any()
     kept = KeptLine(line, before.hysteresis) if is_open else None
     found = before._replace(seen=seen, kept=kept)
     found_line = _line(settings, replace(world, searched=found), place, goal)
@@ -74,15 +75,17 @@ def _with_a_map(
     only forgotten may still be there.
     """
     before, line = world.searched, _line(settings, world, place, goal)
-    if _is_blocked(settings, seen, line).any():
+    # A line strays by half a cell at corners.
+    body = settings.robot_radius - seen.grid.resolution / 2.0
+    if _is_blocked(seen, line, body).any():
         found = before._replace(seen=seen, is_another=True)
         line = _line(settings, replace(world, searched=found), place, goal)
         return found if len(line) else before
     alone = before._replace(seen=None, is_another=True)
     other = _line(settings, replace(world, searched=alone), place, goal)
-    if before.seen is None or _is_blocked(settings, seen, other).any():
+    if before.seen is None or _is_blocked(seen, other, body).any():
         return before
-    blocked = other[_is_blocked(settings, before.seen, other)]
+    blocked = other[_is_blocked(before.seen, other, body)]
     is_shorter = 0 < len(other) * (1.0 + before.hysteresis) < len(line)
     is_free = is_shorter and (seen.grid.at(blocked) == Cell.FREE).all()
     return _with_more_hysteresis(alone) if is_free else before
@@ -97,9 +100,8 @@ def _line(settings: LawSettings, world: World, place: Array, goal: Point) -> Arr
     return np.empty((0, 2)) if search is None else search.line(place, goal, _SPACING)
 
 
-def _is_blocked(settings: LawSettings, seen: GridObstacle, line: Array) -> BoolArray:
-    """Points that the robot cannot pass, shape ``(K,)``; a line strays half a cell at corners."""
+def _is_blocked(seen: GridObstacle, line: Array, distance: float) -> BoolArray:
+    """Points of a line that are nearer to what is seen than a distance [m], shape ``(K,)``."""
     poses = np.column_stack([line, np.zeros(len(line))])
-    body = settings.robot_radius - seen.grid.resolution / 2.0
-    clearance = FreeSpace.of(OpenFloor(), (seen,), body).at(poses)[:, 2]
+    clearance = FreeSpace.of(OpenFloor(), (seen,), distance).at(poses)[:, 2]
     return np.asarray(clearance < 0.0)

@@ -164,7 +164,8 @@ class Estimator:
             expected = as_expected(tracks, self._settings.control_period)
             moving = self.tracker.update(stamp, pose, expected, known)
             reachable = reachable_sets(stamp, tracks, moving, known)
-        self.people.update(stamp, seen.tracks, seen.sighting)
+        if seen.sighting is not None:
+            self.people.update(stamp, seen.tracks, seen.sighting)
         if standing := self.people.standing:
             known = self._settings.tracked
             planned = ObstacleTracker().update(stamp, pose, standing, known)

@@ -25,7 +25,7 @@ class StandingPeople:
         self._moving: dict[int, Track] = {}
         self.standing: tuple[Track, ...] = ()
 
-    def update(self, stamp: int, tracks: Sequence[MovingObject], sighting: Sighting | None) -> None:
+    def update(self, stamp: int, tracks: Sequence[MovingObject], sighting: Sighting) -> None:
         """Note who moves and who has stopped at a time [ns].
 
         They stand where they were last tracked, with the doubt about their velocity at that time:
@@ -40,7 +40,7 @@ class StandingPeople:
         self.standing = tuple(
             replace(each, stamp=stamp)
             for number, each in known.items()
-            if number not in moving and sighting is not None and _is_there(each, sighting)
+            if number not in moving and _is_there(each, sighting)
         )
         self._moving = moving
 

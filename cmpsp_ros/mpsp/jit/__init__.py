@@ -14,6 +14,7 @@ if TYPE_CHECKING:
         inlined,
         inner,
     )
+    from cmpsp_ros.mpsp.jit.stage_code import StageCode
     from cmpsp_ros.mpsp.jit.watch import ProgressLine, compilations, progress
 
 __getattr__, __all__ = lazy_exports(__name__, __file__)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -16,9 +17,10 @@ from cmpsp_ros.mpsp.arguments import (
     vector,
     whole_number,
 )
+from cmpsp_ros.mpsp.models.casadi_expressions import Expressions
 from cmpsp_ros.mpsp.models.functions import StageProblem
-from cmpsp_ros.mpsp.problem import Dimensions, Evaluation, Hessian
-from cmpsp_ros.mpsp.qp.curvature import nearest_positive_semidefinite
+from cmpsp_ros.mpsp.problem import Dimensions, Evaluation, Hessian, Linearisation
+from cmpsp_ros.mpsp.qp.curvature import nearest_positive_semidefinite, project_stages
 
 if TYPE_CHECKING:
     from types import ModuleType
@@ -126,7 +128,7 @@ def from_casadi(
         found = columns[name].shape
         if found[0] != length:
             raise ProblemError(f'{name}: found shape {found}, wanted {(length, 1)}')
-    expressions = _Expressions(casadi, symbols, columns)
+    expressions = Expressions(casadi, symbols, columns)
 
     r, path = u.shape[0], columns['g'].shape[0]
     applying = np.ones((N + 1, path), dtype=bool)
@@ -194,54 +196,6 @@ def _values(values: ArrayLike | None, shape: tuple[int, int]) -> Array:
     return array
 
 
-class _Expressions:
-    """Functions of one stage."""
-
-    def __init__(
-        self, casadi: ModuleType, symbols: dict[str, Any], columns: dict[str, Any]
-    ) -> None:
-        self._casadi, self._symbols, self._columns = casadi, symbols, columns
-        self._cost = casadi.sum1(columns['L']) + 0.5 * casadi.sumsqr(columns['residuals'])
-        for name, column in columns.items():
-            self._function(name, [column])
-
-    def made(self, name: str) -> Any:
-        """A function by its name; derivatives are by ``(x, u)``.
-
-        - ``step``: ``F``; ``value``: cost, ``h`` and ``g``.
-        - ``first``: Jacobians of ``F``, ``h``, ``g`` and cost; ``exact``: Hessian of the cost.
-        - ``gauss_newton``: Hessian of ``L``, and the residuals' Gauss-Newton Hessian.
-        - ``curvature``: Hessian of ``F``, ``h`` and ``g``, weighted with ``w``.
-        """
-        casadi, columns, by_z = self._casadi, self._columns, self._by_z
-        F, h, g, L, R = (columns[each] for each in ('F', 'h', 'g', 'L', 'residuals'))
-        if name == 'step':
-            return self._function(name, [F])
-        if name == 'value':
-            return self._function(name, [self._cost, h, g])
-        if name == 'first':
-            return self._function(name, [by_z(column) for column in (F, h, g, self._cost)])
-        if name == 'exact':
-            return self._function(name, [by_z(by_z(self._cost).T)])
-        if name == 'gauss_newton':
-            R = by_z(R)
-            return self._function(name, [by_z(by_z(casadi.sum1(L)).T), R.T @ R])
-        column = casadi.vertcat(F, h, g)
-        w = type(self._symbols['x']).sym('w', column.shape[0])
-        return self._function(name, [by_z(by_z(casadi.dot(w, column)).T)], w)
-
-    def _by_z(self, column: Any) -> Any:
-        jacobian = self._casadi.jacobian
-        return self._casadi.horzcat(*(jacobian(column, self._symbols[name]) for name in 'xu'))
-
-    def _function(self, name: str, outputs: list[Any], *more: Any) -> Any:
-        dense = [self._casadi.densify(output) for output in outputs]
-        try:
-            return self._casadi.Function(name, [*self._symbols.values(), *more], dense)
-        except RuntimeError as error:
-            raise ProblemError(f'{name}: found a symbol other than x, u and p: {error}') from error
-
-
 class CasadiProblem(StageProblem):
     """A problem from CasADi expressions."""
 
@@ -249,16 +203,18 @@ class CasadiProblem(StageProblem):
         self,
         size: Dimensions,
         start: Array,
-        expressions: _Expressions,
+        expressions: Expressions,
         target: Array,
         bounds: tuple[Array, Array],
         p_values: Array,
         applies: BoolArray,
     ) -> None:
         super().__init__(size, start, target, bounds)
-        self._expressions, self._p, self._applies = expressions, p_values, applies
-        self._roll_out = expressions.made('step').mapaccum(size.horizon)
-        self._mapped: dict[str, Any] = {}
+        self._expressions, self._applies = expressions, applies
+        units = np.ones((len(p_values), sum(expressions.sizes)))
+        self._data = np.hstack([p_values, units])
+        self._roll_out = expressions.roll_out(size.horizon)
+        self._evaluators: dict[str, Any] = {}
 
     def updated(
         self,
@@ -270,32 +226,63 @@ class CasadiProblem(StageProblem):
         """As `StageProblem.updated`, or with other data ``p_values``."""
         other = super().updated(x0=x0, target=target)
         if p_values is not None:
-            vars(other)['_p'] = _values(p_values, self._p.shape)
+            count = self._data.shape[1] - sum(self._expressions.sizes)
+            vars(other)['_data'] = self._data.copy()
+            vars(other)['_data'][:, :count] = _values(p_values, (len(self._data), count))
+        return other
+
+    def in_units(
+        self, state: Array, control: Array, output: Array, path: Array, cost: float
+    ) -> Self:
+        """The same problem in other units, which its functions work in."""
+        other, units = copy(self), np.concatenate([state, control, output, path, [cost]])
+        other.control_lower = self.control_lower / control
+        other.control_upper = self.control_upper / control
+        other.target = self.target / output
+        data = self._data.copy()
+        data[:, -len(units) :] = units
+        vars(other).update(_start=self._start / state, _data=data)
         return other
 
     def predict(self, U: Array) -> Array:
         """States along controls."""
-        ahead = self._roll_out(self._start, U[:-1].T, self._p[:-1].T).full()
-        return np.vstack([self._start, ahead.T])
+        return self._roll_out(self._start, U[:-1], self._data[:-1])
 
     def next_states(self, X: Array, U: Array) -> Array:
         """Dynamics of each stage."""
-        return self._over_horizon('step', X, U)[0][:-1, :, 0]
+        ahead: Array = self._evaluated('value', np.hstack([X, U]))[3][:-1]
+        return ahead
 
     def evaluate(self, X: Array, U: Array) -> Evaluation:
         """Cost, terminal error and path constraints."""
-        cost, h, g = self._over_horizon('value', X, U)
-        g = np.where(self._applies, g[:, :, 0], -np.inf)
-        return Evaluation(float(cost.sum()), h[-1, :, 0] - self.target, g)
+        return self._evaluation(*self._evaluated('value', np.hstack([X, U]))[:3])
 
-    def _derivatives(self, X: Array, U: Array, hessian: Hessian) -> tuple[Array, ...]:
-        F_Z, h_Z, g_Z, L_Z = self._over_horizon('first', X, U)
+    def evaluate_with_next(self, X: Array, U: Array) -> tuple[Evaluation, Array]:
+        """Both at once."""
+        *value, ahead = self._evaluated('value', np.hstack([X, U]))
+        return self._evaluation(*value), ahead[:-1]
+
+    def _evaluation(self, cost: Array, h: Array, g: Array) -> Evaluation:
+        g = np.where(self._applies, g, -np.inf)
+        return Evaluation(float(cost.sum()), h[-1] - self.target, g)
+
+    def _linearised(self, X: Array, U: Array, hessian: Hessian) -> Linearisation:
+        name = 'gauss_newton' if hessian == 'gauss_newton' else 'exact'
+        h, g, L_X, L_U, A, B, h_X, h_U, g_X, g_U, *second = self._evaluated(name, np.hstack([X, U]))
         if hessian == 'gauss_newton':
-            of_L, of_residuals = self._over_horizon('gauss_newton', X, U)
-            L_ZZ = nearest_positive_semidefinite(of_L) + of_residuals
+            blocks = self._blocks(nearest_positive_semidefinite(second[0]) + second[1])
         else:
-            (L_ZZ,) = self._over_horizon('exact', X, U)
-        return F_Z, L_Z[:, 0], L_ZZ, h_Z[-1], g_Z
+            blocks = second[0], second[1], second[2]
+        if hessian == 'projected':
+            blocks = project_stages(*blocks)
+        if not self._applies.all():
+            g[~self._applies] = -np.inf
+            g_X[~self._applies], g_U[~self._applies] = 0.0, 0.0
+        L_XX, L_UX, L_UU = (np.ascontiguousarray(block) for block in blocks)
+        return Linearisation(
+            A[:-1], B[:-1], L_X, L_U, L_XX, L_UX, L_UU,
+            h[-1] - self.target, h_X[-1], h_U[-1], g, g_X, g_U,
+        )  # fmt: skip
 
     def _curvature(
         self, X: Array, U: Array, costates: Array, terminal: Array, path: Array
@@ -305,19 +292,17 @@ class CasadiProblem(StageProblem):
         weights[:N, :n] = costates
         weights[N, n : n + self.size.output] = terminal
         weights[:, n + self.size.output :] = path
-        return self._over_horizon('curvature', X, U, weights)[0]
+        d = n + self.size.control
+        of_stages = (
+            np.repeat(each, d, axis=0) for each in (np.hstack([X, U]), self._data, weights)
+        )
+        (columns,) = self._evaluated('curvature', *of_stages, np.tile(np.eye(d), (N + 1, 1)))
+        found: Array = columns.reshape(N + 1, d, d)
+        return found
 
-    def _over_horizon(self, name: str, X: Array, U: Array, *more: Array) -> list[Array]:
-        """Outputs of a function at all stages, each of shape ``(N + 1, rows, columns)``.
-
-        One call of a mapped function: several times faster than a call a stage, most of which is
-        conversion.
-        """
-        stages = self.size.horizon + 1
-        if name not in self._mapped:
-            self._mapped[name] = self._expressions.made(name).map(stages)
-        outputs = self._mapped[name].call([X.T, U.T, self._p.T, *(each.T for each in more)])
-        return [
-            output.full().reshape(output.shape[0], stages, output.shape[1] // stages).swapaxes(0, 1)
-            for output in outputs
-        ]
+    def _evaluated(self, name: str, Z: Array, *more: Array) -> list[Array]:
+        """Outputs of an evaluator, which is made at its first use."""
+        if name not in self._evaluators:
+            self._evaluators[name] = self._expressions.evaluator(name, len(Z))
+        found: list[Array] = self._evaluators[name](Z, *(more or (self._data,)))
+        return found

@@ -66,19 +66,7 @@ class StageProblem(OptimalControlProblem):
             ProblemError: There is no such Hessian, or a derivative is not finite the first time.
         """
         check_hessian(hessian)
-        N, n, at = self.size.horizon, self.size.state, self.evaluate(X, U)
-        F_Z, L_Z, L_ZZ, h_Z, g_Z = self._derivatives(X, U, hessian)
-        g_Z[at.g == -np.inf] = 0.0
-        blocks = self._blocks(L_ZZ)
-        if hessian == 'projected':
-            blocks = project_stages(*blocks)
-        arrays = (
-            F_Z[:N, :, :n], F_Z[:N, :, n:],
-            L_Z[:, :n], L_Z[:, n:], *blocks,
-            at.output_error, h_Z[:, :n], h_Z[:, n:],
-            at.g, g_Z[:, :, :n], g_Z[:, :, n:],
-        )  # fmt: skip
-        result = Linearisation(*map(np.ascontiguousarray, arrays))
+        result = self._linearised(X, U, hessian)
         if not self._checked:
             result.check(self.size)
             self._checked = True
@@ -95,12 +83,8 @@ class StageProblem(OptimalControlProblem):
         return second[:, :n, :n], second[:, n:, :n], second[:, n:, n:]
 
     @abstractmethod
-    def _derivatives(self, X: Array, U: Array, hessian: Hessian) -> tuple[Array, ...]:
-        """Jacobians and Hessians by ``Z_k``, with ``d = n + r``.
-
-        ``F_Z (N or more, n, d)``, ``L_Z (N + 1, d)``, ``L_ZZ (N + 1, d, d)``, ``h_Z (m, d)`` and
-        ``g_Z (N + 1, l, d)``.
-        """
+    def _linearised(self, X: Array, U: Array, hessian: Hessian) -> Linearisation:
+        """Derivatives along a trajectory, unchecked."""
 
     @abstractmethod
     def _curvature(
@@ -273,7 +257,21 @@ class _FunctionsProblem(StageProblem):
         output = np.empty(0) if f.h is None else f.h(self.size.horizon, Z[-1])
         return Evaluation(cost, output - self.target, g)
 
+    def _linearised(self, X: Array, U: Array, hessian: Hessian) -> Linearisation:
+        n, at = self.size.state, self.evaluate(X, U)
+        F_Z, L_Z, L_ZZ, h_Z, g_Z = self._derivatives(X, U, hessian)
+        g_Z[at.g == -np.inf] = 0.0
+        blocks = self._blocks(L_ZZ)
+        if hessian == 'projected':
+            blocks = project_stages(*blocks)
+        arrays = (
+            F_Z[..., :n], F_Z[..., n:], L_Z[:, :n], L_Z[:, n:], *blocks,
+            at.output_error, h_Z[:, :n], h_Z[:, n:], at.g, g_Z[..., :n], g_Z[..., n:],
+        )  # fmt: skip
+        return Linearisation(*map(np.ascontiguousarray, arrays))
+
     def _derivatives(self, X: Array, U: Array, hessian: Hessian) -> tuple[Array, ...]:
+        """Jacobians and Hessians by ``Z_k``."""
         Z, f, N = np.hstack([X, U]), self._functions, self.size.horizon
         stages, d = Z.shape
         F_Z = np.array([f.F.jacobian(k, Z[k]) for k in range(N)])

@@ -68,7 +68,7 @@ def solve_from(subproblem: Subproblem, penalties: Penalties | None, warm: WarmSt
             if space.program.head['is_proved'][0] or _contradict(subproblem, conflict):
                 return otherwise
     warm.clear()
-    answer = clarabel_backend.solve(subproblem, penalties)
+    answer = _checked(subproblem, penalties, clarabel_backend.solve(subproblem, penalties))
     return otherwise if answer.status is QPStatus.FAILED else answer
 
 
@@ -135,14 +135,28 @@ def _is_installed(name: str) -> bool:
     return package is None or find_spec(package) is not None
 
 
-def solve_qp(subproblem: Subproblem, name: str, penalties: Penalties | None = None) -> QPSolution:
+def solve_qp(
+    subproblem: Subproblem,
+    name: str,
+    penalties: Penalties | None = None,
+    warm: WarmStart | None = None,
+) -> QPSolution:
     """Solve a subproblem by a back end's name, and check the answer.
 
-    Penalties are the weights of the exact L1 relaxation of (54) and (57); None keeps them hard. The
-    status is `QPStatus.FAILED` where a back end claims a solution that does not meet the optimality
-    conditions.
+    `warm` is as in `solve_from`, for the default back end. Penalties are the weights of the exact
+    L1 relaxation of (54) and (57); None keeps them hard. The status is `QPStatus.FAILED` where a
+    back end claims a solution that does not meet the optimality conditions.
     """
+    if warm is not None and name == RICCATI_ACTIVE_SET:
+        return solve_from(subproblem, penalties, warm)
     solution = backend(name)(subproblem, penalties)
+    # The active-set method checks its answers itself, in the records that it works on.
+    return solution if name == RICCATI_ACTIVE_SET else _checked(subproblem, penalties, solution)
+
+
+def _checked(
+    subproblem: Subproblem, penalties: Penalties | None, solution: QPSolution
+) -> QPSolution:
     if solution.status is QPStatus.SOLVED:
         residual = kkt_residual(subproblem, solution, penalties)
         if not residual <= TOLERANCE:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cmpsp_ros.arrays import Array, BoolArray
+from cmpsp_ros.mpsp.jit import allocation_free
 from cmpsp_ros.mpsp.problem import Linearisation, OptimalControlProblem
 from cmpsp_ros.mpsp.qp.active_set.records import is_positive_definite
 from cmpsp_ros.mpsp.qp.dense.condensing import condense
@@ -41,11 +42,36 @@ def costates(lin: Linearisation, terminal: Array, path: Array) -> Array:
     The gradient of the cost to go by ``X_k``, shape ``(N + 1, n)``, from ``lambda (m,)`` and
     ``rho (N + 1, l)``.
     """
-    found: Array = lin.L_X + np.einsum('kli,kl->ki', lin.g_X, np.where(lin.g == -np.inf, 0.0, path))
+    found: Array = lin.L_X.copy()
+    if path.size:
+        found += np.einsum('kli,kl->ki', lin.g_X, np.where(lin.g == -np.inf, 0.0, path))
     found[-1] += lin.h_X.T @ terminal
-    for k in reversed(range(len(lin.A))):
-        found[k] += lin.A[k].T @ found[k + 1]
+    _backward(np.ascontiguousarray(lin.A), found)
     return found
+
+
+def response(A: Array, changes: Array) -> Array:
+    """States ``dX_(k+1) = A dX_k + change_k`` from 0, shape ``(N + 1, n)``."""
+    found: Array = np.zeros((len(A) + 1, A.shape[1]))
+    found[1:] = changes
+    _forward(np.ascontiguousarray(A), found)
+    return found
+
+
+@allocation_free
+def _backward(A: Array, costates: Array) -> None:
+    for k in range(A.shape[0] - 1, -1, -1):
+        for i in range(A.shape[1]):
+            for j in range(A.shape[2]):
+                costates[k, j] += A[k, i, j] * costates[k + 1, i]
+
+
+@allocation_free
+def _forward(A: Array, states: Array) -> None:
+    for k in range(A.shape[0]):
+        for i in range(A.shape[1]):
+            for j in range(A.shape[2]):
+                states[k + 1, i] += A[k, i, j] * states[k, j]
 
 
 def lagrangian_curvature(
@@ -74,7 +100,10 @@ def multipliers(at: Iterate, lin: Linearisation) -> tuple[Array, Array, Array]:
 
 def stage_blocks(XX: Array, UX: Array, UU: Array) -> Array:
     """Blocks by ``X``, ``UX`` and ``U`` as one by ``(X_k, U_k)``."""
-    joint: Array = np.block([[XX, UX.swapaxes(1, 2)], [UX, UU]])
+    n = XX.shape[1]
+    joint: Array = np.empty((len(XX), n + UU.shape[1], n + UU.shape[1]))
+    joint[:, :n, :n], joint[:, n:, n:], joint[:, n:, :n] = XX, UU, UX
+    joint[:, :n, n:] = UX.swapaxes(1, 2)
     return joint
 
 
@@ -96,11 +125,11 @@ def hold_rows(found: Curvature, path: BoolArray, bounds: BoolArray, weight: floa
     n = lin.A.shape[1]
     h_Z = np.hstack([lin.h_X, lin.h_U])
     H[-1] += weight * h_Z.T @ h_Z
-    g_Z = np.concatenate([lin.g_X, lin.g_U], axis=2)
-    for k, j in np.argwhere(path):
-        H[k] += weight * np.outer(g_Z[k, j], g_Z[k, j])
-    for k, a in np.argwhere(bounds):
-        H[k, n + a, n + a] += weight
+    if path.any():
+        g_Z = np.where(path[:, :, None], np.concatenate([lin.g_X, lin.g_U], axis=2), 0.0)
+        H += weight * g_Z.swapaxes(1, 2) @ g_Z
+    own = range(n, H.shape[1])
+    H[:, own, own] += weight * bounds
     return H
 
 

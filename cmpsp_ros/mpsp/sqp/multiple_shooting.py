@@ -21,7 +21,14 @@ import numpy as np
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.options import Options
 from cmpsp_ros.mpsp.problem import Linearisation, OptimalControlProblem
-from cmpsp_ros.mpsp.qp import Penalties, QPSolution, QPStatus, solve_qp
+from cmpsp_ros.mpsp.qp import (
+    RICCATI_ACTIVE_SET,
+    Penalties,
+    QPSolution,
+    QPStatus,
+    no_warm_start,
+    solve_qp,
+)
 from cmpsp_ros.mpsp.qp.active_set.records import is_positive_definite
 from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 from cmpsp_ros.mpsp.results import Iterate
@@ -30,8 +37,8 @@ from cmpsp_ros.mpsp.sqp.lagrangian import (
     hold_rows,
     lagrangian_curvature,
     multipliers,
+    response,
     stage_blocks,
-    with_hessian,
 )
 from cmpsp_ros.mpsp.sqp.shooting_records import (
     Direction,
@@ -71,13 +78,18 @@ class MultipleShooting:
         self._begins_near = False
         self._proximal, self._last_length, self._in_vain = 0.0, 0.0, 0
         self._is_cautious, self._violation = False, 0.0
+        self._here: Point | None = None
+        # The first Hessian that is tried, and the active rows of the last program.
+        self._choice, self._warm = 0, no_warm_start(problem.size)
 
     def start(self, at: Iterate) -> Iterate:
         """Begin at an iterate; its multipliers are forgotten, and estimated anew."""
-        violation = self._point(at.X, at.U).violation
+        self._here = self._point(at.X, at.U)
+        violation = self._here.violation
         self._funnel, self._begins_near = max(1.0, 1.25 * violation), violation < _FAR
         self._proximal, self._last_length, self._in_vain = 0.0, 0.0, 0
-        self._is_cautious = False
+        self._is_cautious, self._choice = False, 0
+        self._warm.clear()
         return replace(at, step=None)
 
     def subproblem(self, at: Iterate) -> Subproblem:
@@ -87,7 +99,9 @@ class MultipleShooting:
 
     def step(self, at: Iterate, subproblem: Subproblem) -> Iterate:
         """One iteration; an iterate that cannot be improved keeps its controls."""
-        point = self._point(at.X, at.U)
+        point = self._here
+        if point is None or point.X is not at.X:
+            point = self._point(at.X, at.U)
         found = lagrangian_curvature(self._problem, at, subproblem.linearisation)
         if point.violation > _FAR and not self._begins_near:
             lin = self._problem.linearise(at.X, at.U, 'gauss_newton')
@@ -106,7 +120,7 @@ class MultipleShooting:
                     if self._is_in_vain(way, point):
                         break
                     self._adapt(length, attempt, size, point.violation)
-                    return self._moved(at, self._closed(after), way, found, length, is_corrected)
+                    return self._moved(at, after, way, found, length, is_corrected)
             self._proximal = max(1e-4 * size, 10.0 * self._proximal)
             # No proximal term shortens a step to constraints that nearly depend on each other.
             self._is_cautious |= attempt >= _SHORT and self._options.elastic
@@ -115,7 +129,8 @@ class MultipleShooting:
 
     def _point(self, X: Array, U: Array) -> Point:
         with np.errstate(all='ignore'):
-            value, gaps = self._problem.evaluate(X, U), self._problem.next_states(X, U) - X[1:]
+            value, ahead = self._problem.evaluate_with_next(X, U)
+            gaps = ahead - X[1:]
             total = np.abs(gaps).sum() + np.abs(value.output_error).sum()
         return Point(X, U, value, gaps, float(total + np.maximum(value.g, 0.0).sum()))
 
@@ -140,53 +155,68 @@ class MultipleShooting:
         lin, U = found.linearisation, point.U
         gaps = point.gaps if gaps is None else gaps
         error, g = values or (point.evaluation.output_error, point.evaluation.g)
-        e = np.zeros((len(U), lin.A.shape[1]))
-        for k, (A, gap) in enumerate(zip(lin.A, gaps, strict=True)):
-            e[k + 1] = A @ e[k] + gap
-        lin = with_hessian(lin, H)
-        with np.errstate(invalid='ignore'):
-            lin = replace(
-                lin,
-                L_X=lin.L_X + np.einsum('kij,kj->ki', lin.L_XX, e),
-                L_U=lin.L_U + np.einsum('kaj,kj->ka', lin.L_UX, e),
-                output_error=error + lin.h_X @ e[-1],
-                g=np.where(lin.g == -np.inf, lin.g, g + np.einsum('kli,ki->kl', lin.g_X, e)),
-            )
+        e = response(lin.A, gaps)
+        n = e.shape[1]
+        change = np.einsum('kij,kj->ki', H[:, :, :n], e)
+        XX, UX, UU = map(np.ascontiguousarray, (H[:, :n, :n], H[:, n:, :n], H[:, n:, n:]))
+        lin = Linearisation(
+            lin.A, lin.B, lin.L_X + change[:, :n], lin.L_U + change[:, n:], XX, UX, UU,
+            error + lin.h_X @ e[-1], lin.h_X, lin.h_U,
+            self._changed(lin, g, np.einsum('kli,ki->kl', lin.g_X, e)), lin.g_X, lin.g_U,
+        )  # fmt: skip
         return self._with_bounds(lin, U), e
+
+    def _changed(self, lin: Linearisation, g: Array, change: Array) -> Array:
+        """Path constraints with a change, those that apply."""
+        with np.errstate(invalid='ignore'):
+            return np.where(lin.g == -np.inf, lin.g, g + change)
 
     def _direction(self, at: Iterate, point: Point, found: Curvature, size: float) -> Direction:
         """Step of the program at a point, relaxed where it has no solution or caution is due."""
         proximal = self._proximal * np.eye(found.H.shape[1])
-        values, vectors = np.linalg.eigh(found.H)
-        raised = (vectors * np.maximum(values, _FLOOR * size)[:, None, :]) @ vectors.swapaxes(1, 2)
         solution, qp, e = None, None, None
-        weights = self._hard
-        shift = self._proximal
-        if not self._is_cautious:
-            for H in self._convex_choices(at, point, found, size):
-                qp, e = self._shifted(found, H + proximal, point)
-                if is_positive_definite(qp):
-                    break
-            else:
-                qp = None
-        if qp is None or e is None:
-            shift += float(np.abs(raised - found.H).max())
-            qp, e = self._shifted(found, raised + proximal, point)
-        if not self._is_cautious:
-            solution = solve_qp(qp, self._options.qp)
+        weights, shift = self._hard, self._proximal
+        choices = self._convex_choices(at, point, found, size)
+        for choice, H in () if self._is_cautious else enumerate(choices):
+            if choice < self._choice:
+                continue
+            qp, e = self._shifted(found, H + proximal, point)
+            solution = self._solved(qp)
+            if solution is not None:
+                self._choice = min(choice, 1)
+                break
         is_relaxed = solution is None or (
             solution.status is not QPStatus.SOLVED and self._options.elastic
         )
-        if solution is None or is_relaxed:
+        if qp is None or e is None or solution is None or is_relaxed:
+            values, vectors = np.linalg.eigh(found.H)
+            raised = vectors * np.maximum(values, _FLOOR * size)[:, None, :]
+            raised = raised @ vectors.swapaxes(1, 2)
+            if solution is None:
+                shift += float(np.abs(raised - found.H).max())
             qp, e = self._shifted(found, raised + proximal, point)
-            solution, weights = self._relaxed(qp)
-        dX = qp.propagate(solution.dU)
-        slack, miss = np.maximum(qp.path(solution.dU, dX), 0.0), qp.terminal(solution.dU, dX)
-        if not is_relaxed:
-            slack, miss = np.zeros_like(slack), np.zeros_like(miss)
+            is_relaxed = True
+            if solution is None and not self._is_cautious:
+                solution = solve_qp(qp, self._options.qp)
+                is_relaxed = solution.status is not QPStatus.SOLVED and self._options.elastic
+            if solution is None or is_relaxed:
+                solution, weights = self._relaxed(qp)
         lin = qp.linearisation
+        dX = response(lin.A, np.einsum('kia,ka->ki', lin.B, solution.dU[:-1]))
+        slack, miss = np.zeros_like(lin.g), np.zeros_like(lin.output_error)
+        if is_relaxed:
+            slack, miss = np.maximum(qp.path(solution.dU, dX), 0.0), qp.terminal(solution.dU, dX)
         H = stage_blocks(lin.L_XX, lin.L_UX, lin.L_UU)
         return Direction(dX + e, solution.dU, solution, H, shift, is_relaxed, weights, miss, slack)
+
+    def _solved(self, qp: Subproblem) -> QPSolution | None:
+        """Solution of a program; None where it is not convex."""
+        is_ours = self._options.qp == RICCATI_ACTIVE_SET
+        if not is_ours and not is_positive_definite(qp):
+            return None
+        solution = solve_qp(qp, self._options.qp, None, self._warm)
+        is_doubtful = is_ours and solution.status is QPStatus.FAILED
+        return None if is_doubtful and not is_positive_definite(qp) else solution
 
     def _convex_choices(
         self, at: Iterate, point: Point, found: Curvature, size: float
@@ -262,22 +292,23 @@ class MultipleShooting:
         """Step for the constraints' values after the full step, at unchanged derivatives."""
         dX, dU, value, lin = way.dX, way.dU, after.evaluation, found.linearisation
         moved = np.einsum('kij,kj->ki', lin.A, dX[:-1]) + np.einsum('kia,ka->ki', lin.B, dU[:-1])
-        change = np.einsum('kli,ki->kl', lin.g_X, dX) + np.einsum('kla,ka->kl', lin.g_U, dU)
         error = value.output_error - lin.h_X @ dX[-1] - lin.h_U @ dU[-1]
-        with np.errstate(invalid='ignore'):
-            values = error, value.g - change
+        change = np.einsum('kli,ki->kl', lin.g_X, dX) + np.einsum('kla,ka->kl', lin.g_U, dU)
+        values = error, self._changed(lin, value.g, -change)
         qp, e = self._shifted(found, way.H, point, after.gaps + dX[1:] - moved, values)
         solution = solve_qp(qp, self._options.qp)
         if solution.status is not QPStatus.SOLVED:
             return None
-        return self._moved_point(point, qp.propagate(solution.dU) + e, solution.dU)
+        moved = response(lin.A, np.einsum('kia,ka->ki', lin.B, solution.dU[:-1]))
+        return self._moved_point(point, moved + e, solution.dU)
 
-    def _closed(self, point: Point) -> Point:
-        """The same controls with the states that they lead to, where that is nearly the same."""
-        if point.violation > 1e-6:
-            return point
-        closed = self._point(self._problem.predict(point.U), point.U)
-        return closed if closed.violation <= max(1e-6, point.violation) else point
+    def _closed(self, point: Point) -> tuple[Point, float]:
+        """The same controls with the states they lead to, where those nearly agree; the gap."""
+        if point.violation <= 1e-6:
+            closed = self._point(self._problem.predict(point.U), point.U)
+            if closed.violation <= max(1e-6, point.violation):
+                return closed, 0.0
+        return point, float(np.abs(point.gaps).max())
 
     def _is_in_vain(self, way: Direction, point: Point) -> bool:
         """True where relaxed steps have left the violation as it was several times running."""
@@ -311,9 +342,7 @@ class MultipleShooting:
         length: float,
         is_corrected: bool,
     ) -> Iterate:
+        self._here, gap = self._closed(to)
         step = replace(summary(at, way, found, length), corrected=is_corrected)
-        gap = float(np.abs(to.gaps).max())
-        return Iterate(
-            at.index + 1, to.U, to.X, to.evaluation, at.guess_size, at.U, step,
-            0.0 if np.array_equal(self._problem.predict(to.U), to.X) else gap,
-        )  # fmt: skip
+        there, X, value = self._here.U, self._here.X, self._here.evaluation
+        return Iterate(at.index + 1, there, X, value, at.guess_size, at.U, step, gap)

@@ -24,7 +24,7 @@ from cmpsp_ros.mpsp.results import (
     residual_at,
     violations,
 )
-from cmpsp_ros.mpsp.scaling import ScaledProblem, Scaling
+from cmpsp_ros.mpsp.scaling import Scaling
 from cmpsp_ros.mpsp.sqp.cmpsp import CMPSP
 from cmpsp_ros.mpsp.sqp.lagrangian import descent_curvature
 from cmpsp_ros.mpsp.sqp.multiple_shooting import MultipleShooting
@@ -86,12 +86,13 @@ class _Run:
     """A run in scaled units: the problem, both iterations, the iterate and what came of it."""
 
     given: OptimalControlProblem
-    problem: ScaledProblem
+    problem: OptimalControlProblem
     scaling: Scaling
     options: Options
     papers: CMPSP
-    shooting: MultipleShooting | None
     at: Iterate
+    can_shoot: bool
+    shooting: MultipleShooting | None = None
     is_shooting: bool = False
     escapes: int = 0
     before: Iterate | None = None
@@ -105,29 +106,24 @@ class _Run:
             lin.check_shapes(problem.size)
             if options.scaling:
                 scaling = Scaling.of(problem, options, X, U, lin)
-        scaled = ScaledProblem(problem, scaling)
+        scaled = scaling.applied_to(problem)
         if options.scaling:
             options = scaling.options(options, scaled)
         papers = CMPSP(scaled, options)
         at = papers.init(U / scaling.control)
-        shooting = None
-        may_shoot = options.method != 'cmpsp' and options.line_search and np.isfinite(X).all()
-        if may_shoot and _can_shoot(scaled, at):
-            shooting = MultipleShooting(scaled, options)
-        elif options.method == 'multiple_shooting':
-            raise ProblemError(
-                "method: found 'multiple_shooting', but the problem lacks next_states or "
-                'constraint_curvature, or is not finite along the guess'
-            )
-        return cls(problem, scaled, scaling, options, papers, shooting, at)
+        can_shoot = options.method != 'cmpsp' and options.line_search and np.isfinite(X).all()
+        return cls(problem, scaled, scaling, options, papers, at, bool(can_shoot))
 
     def finish(
         self, max_iterations: int, deadline: float, progress: Callable[[Record], object]
     ) -> Solution:
         """Iterate to the end."""
         guess, history = self.at, list[Record]()
-        if self.options.method == 'multiple_shooting':
-            self._shoot(guess)
+        if self.options.method == 'multiple_shooting' and not self._shoot(guess):
+            raise ProblemError(
+                "method: found 'multiple_shooting', but the problem lacks next_states or "
+                'constraint_curvature, or is not finite along the guess'
+            )
         while True:
             at = self.at
             # The subproblem at the new iterate gives its KKT residual, and the next step needs it.
@@ -144,10 +140,9 @@ class _Run:
                     status = Status.NOT_A_MINIMUM
                     goes_on = not is_last and self._escape(direction)
             elif not is_last and self._papers_failed(status):
-                self.before = at
                 is_better = _violation(at) <= _WORTH_KEEPING * _violation(guess)
-                self._shoot(at if is_better else replace(guess, index=at.index))
-                goes_on = True
+                goes_on = self._shoot(at if is_better else replace(guess, index=at.index))
+                self.before = at if goes_on else None
             if not goes_on:
                 if status is None and is_last:
                     status = Status.ITERATION_LIMIT
@@ -180,7 +175,7 @@ class _Run:
 
     def _papers_failed(self, status: Status | None) -> bool:
         is_over = status is not None or self.at.index >= _PAPERS
-        return is_over and not self.is_shooting and self.shooting is not None
+        return is_over and not self.is_shooting and self.can_shoot
 
     def _resume(self, status: Status, is_last: bool) -> bool:
         """Go back to the paper's iteration where multiple shooting ends with more violation."""
@@ -189,13 +184,18 @@ class _Run:
             return False
         if _violation(before) >= _violation(self.at):
             return False
-        self.at, self.shooting = replace(before, index=self.at.index + 1), None
+        self.at = replace(before, index=self.at.index + 1)
+        self.can_shoot = self.is_shooting = False
         return True
 
-    def _shoot(self, at: Iterate) -> None:
-        """Go on from an iterate by multiple shooting."""
+    def _shoot(self, at: Iterate) -> bool:
+        """Go on from an iterate by multiple shooting; false where the problem cannot."""
+        if self.shooting is None and self.can_shoot and _can_shoot(self.problem, at):
+            self.shooting = MultipleShooting(self.problem, self.options)
+        self.can_shoot = self.is_shooting = self.shooting is not None
         if self.shooting is not None:
-            self.at, self.is_shooting = self.shooting.start(at), True
+            self.at = self.shooting.start(at)
+        return self.is_shooting
 
     def _judge(self) -> tuple[Array | None, bool | None]:
         """Direction of negative curvature at the iterate, and whether it is a minimum."""
@@ -207,15 +207,14 @@ class _Run:
 
     def _escape(self, direction: Array) -> bool:
         """Leave a point that is no minimum; false where that was tried often enough."""
-        if self.shooting is None or self.escapes == _ESCAPES:
+        if not self.can_shoot or self.escapes == _ESCAPES:
             return False
         self.escapes += 1
         U = self.at.U + _ESCAPE * direction / np.abs(direction).max()
         at = self.papers.init(U)
         if at.not_finite:
             return False
-        self._shoot(replace(at, index=self.at.index, guess_size=self.at.guess_size))
-        return True
+        return self._shoot(replace(at, index=self.at.index, guess_size=self.at.guess_size))
 
     def _conclude(
         self, at: Iterate, status: Status, history: list[Record], is_minimum: bool | None
@@ -240,7 +239,7 @@ class _Run:
                 if (each.stage, each.index, each.is_terminal) in named
             ),
             is_minimum,
-            str(self.scaling),
+            self.scaling,
         )
 
 

@@ -25,7 +25,8 @@ NEIGHBOURS: Final = np.array(
     [[-1, -1], [-1, 0], [-1, 1], [0, -1], [0, 1], [1, -1], [1, 0], [1, 1]], dtype=np.int64
 )
 """Rows and columns from a cell to those beside it."""
-_STEPS: Final = np.hypot(*NEIGHBOURS.T)
+STEPS: Final = np.hypot(*NEIGHBOURS.T)
+"""Lengths of these steps [cells]."""
 
 
 def costs_of(clearance: Array) -> Array:
@@ -53,7 +54,7 @@ def lengths_to(costs: Array, goal: Indices) -> Array:
     links = np.empty((walled.size, 2), dtype=np.int32)
     offsets = NEIGHBOURS @ np.array([walled.shape[1], 1])
     first = int((goal[0] + 1) * walled.shape[1] + goal[1] + 1)
-    _spread(lengths.reshape(-1), walled.reshape(-1), offsets, _STEPS, buckets, links, first)
+    _spread(lengths.reshape(-1), walled.reshape(-1), offsets, STEPS, buckets, links, first)
     return np.ascontiguousarray(lengths[1:-1, 1:-1])
 
 

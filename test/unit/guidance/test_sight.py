@@ -89,7 +89,8 @@ def test_a_cloud_with_points_on_the_floor_lets_the_robot_drive_at_speed():
 def test_a_cloud_without_points_on_the_floor_shows_no_free_space():
     drive = Drive(**FAST, **CLOUD, sees_floor=False, end=5.0)
     assert max(speeds(drive)) < 0.1
-    assert all('has not been seen yet' in each.reason for each in drive.decisions)
+    # After three seconds it looks for other ways.
+    assert all('has not been seen yet' in each.reason for each in drive.decisions[:15])
 
 
 def test_obstacles_that_only_a_depth_camera_sees_are_passed():

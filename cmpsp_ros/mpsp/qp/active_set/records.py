@@ -32,6 +32,9 @@ SIZES: Final = ((3, 2), (5, 2), (8, 4), (16, 8), (32, 16), (64, 32))
 """States and controls that code is compiled for; those of the guidance law first."""
 
 
+_FIELDS: Final = tuple(field.name for field in fields(Linearisation))
+
+
 class Space(NamedTuple):
     """Memory for one program: the user's sizes, records, active set and an empty warm start."""
 
@@ -88,8 +91,8 @@ def fill(into: Space, qp: Subproblem, penalties: Penalties | None = None) -> Non
 def put_derivatives(stages: Records, path: Records, terminal: Records, lin: Linearisation) -> None:
     """Write derivatives along a trajectory into records, which may be larger in any size."""
     arrays = _derivatives(stages, path, terminal, lin.size)
-    for array, field in zip(arrays, fields(lin), strict=True):
-        array[...] = getattr(lin, field.name)
+    for array, name in zip(arrays, _FIELDS, strict=True):
+        array[...] = getattr(lin, name)
 
 
 def derivatives_in(
@@ -174,11 +177,13 @@ def _row(of: Space, number: int) -> Row:
     return Row('bound' if kind == RowKind.BOUND else 'trust', stage, component)
 
 
-def kkt_residual(qp: Subproblem, solution: QPSolution, penalties: Penalties | None) -> float:
+def kkt_residual(
+    qp: Subproblem, solution: QPSolution, penalties: Penalties | None, dX: Array | None = None
+) -> float:
     """Largest violation of the optimality conditions, as `kkt.kkt_residual`; of any solution."""
     with borrowed_space(qp.size) as mine:
         fill(mine, qp, penalties)
-        put_solution(mine, solution, qp.propagate(solution.dU))
+        put_solution(mine, solution, qp.propagate(solution.dU) if dX is None else dX)
         return float(kkt.kkt_residual(mine.program))
 
 

@@ -9,6 +9,8 @@ import pytest
 from drives import START
 
 from cmpsp_ros.bags.audit import CheckOutcome
+from cmpsp_ros.bags.audit.path_checks import _kept
+from cmpsp_ros.bags.runs.encounters import Encounter
 
 PASSED, FAILED, SKIPPED, NOT_JUDGED = CheckOutcome
 
@@ -39,6 +41,15 @@ def test_who_walks_into_a_robot_at_rest_is_not_driven_into(drive, outcomes):
     found = outcomes(drive)['people']
     assert found.outcome is SKIPPED
     assert 'stands while anything moves' in found.sentence
+
+
+def test_a_robot_that_was_run_into_at_rest_may_leave_and_not_drive_on():
+    clearance = np.array([0.1, -0.02, -0.015, -0.01, -0.03, 0.2, -0.01])
+    stands = np.array([True, True, False, False, False, False, False])
+    met, depths = Encounter('person 0', np.arange(7), clearance, stands), {}
+    inf = math.inf
+    np.testing.assert_allclose(_kept(met, depths), [inf, inf, 0.005, 0.01, -0.01, 0.2, -0.01])
+    assert depths == {'person 0': 0.0}
 
 
 def test_people_who_are_not_in_the_bag_leave_it_open(drive, outcomes):

@@ -1,0 +1,80 @@
+"""Progress on the way to a goal, counted in control steps: new ground, or nearer along the way."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import Final
+
+import numpy as np
+
+from cmpsp_ros.arrays import Array
+
+_PLACE: Final = 0.25
+"""Side of the squares that count as new ground once [m]."""
+_NEARER: Final = 0.02
+"""Least length by which the way becomes shorter [m]."""
+_SPACING: Final = 0.05
+_LONGEST: Final = 400
+"""Distance of the points of the trail [m], and their number."""
+
+
+class Remedy(IntEnum):
+    """Remedies for a lack of progress, in the order in which they are tried."""
+
+    NONE = 0
+    OTHER_CLASS = 1
+    OTHER_WAY = 2
+    BACK_OUT = 3
+    TURN = 4
+    GIVE_UP = 5
+
+
+@dataclass
+class ProgressWatch:
+    """Progress on the way to the present goal.
+
+    Attributes:
+        steps: Control steps without progress, since the last remedy.
+        remedy: The last one tried.
+        begun_at: Pose at which it began to back out or to turn; None while it does neither.
+        nearest: Least length of the way to the goal so far [m].
+        visited: Squares of the floor that it has been in.
+        trail: Positions driven through, the latest last (x, y) [m].
+    """
+
+    steps: int = 0
+    remedy: Remedy = Remedy.NONE
+    begun_at: Array | None = None
+    nearest: float = math.inf
+    visited: set[tuple[int, int]] = field(default_factory=set)
+    trail: list[tuple[float, float]] = field(default_factory=list)
+
+    def drive(self, pose: Array) -> None:
+        """Remember where the robot has been; backing out unwinds that."""
+        here = float(pose[0]), float(pose[1])
+        if self.begun_at is not None:
+            while len(self.trail) > 1 and math.dist(self.trail[-1], here) < 2.0 * _SPACING:
+                self.trail.pop()
+        elif not self.trail or math.dist(self.trail[-1], here) >= _SPACING:
+            self.trail = [*self.trail[1 - _LONGEST :], here]
+
+    def count(self, pose: Array, left: float) -> None:
+        """Count a step whose plan does not reach the goal; `left` is infinite without a way [m]."""
+        place = math.floor(pose[0] / _PLACE), math.floor(pose[1] / _PLACE)
+        is_new = place not in self.visited and math.isfinite(left)
+        self.visited.add(place)
+        self.steps += 1
+        if is_new or left < self.nearest - _NEARER:
+            self.nearest = min(self.nearest, left)
+            self.reset()
+
+    def reset(self) -> None:
+        """Begin again: there is progress."""
+        self.steps, self.remedy = 0, Remedy.NONE
+
+    @property
+    def way_back(self) -> Array:
+        """Positions from the latest one back, shape ``(K, 2)`` [m]."""
+        return np.array(self.trail[::-1], dtype=float).reshape(-1, 2)

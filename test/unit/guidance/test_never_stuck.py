@@ -1,0 +1,186 @@
+"""A robot that makes no progress tries other ways, backs out, turns, and stops with a reason."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scenarios import MS
+from seeing import Drive
+from tight_places import CELL, TightRun, map_of, task
+
+from cmpsp_ros.guidance import FallbackLevel, Goal, GuidanceLaw, Observation
+from cmpsp_ros.guidance.mission.progress_watch import ProgressWatch, Remedy
+from cmpsp_ros.robots import DifferentialDrive
+from cmpsp_ros.world.obstacles import Capsule
+
+LIMITED = DifferentialDrive(max_wheel_speed=20.0, max_wheel_acceleration=50.0)
+
+
+@pytest.mark.parametrize('width', [0.366, 0.37, 0.374])
+def test_a_gap_with_hardly_any_slack_is_passed(width):
+    low, high = 3.2 - width / 2.0 - CELL, 3.2 + width / 2.0 + CELL
+    walls = [
+        Capsule(f'w{k}', (3.0, a), (3.0, b), CELL) for k, (a, b) in enumerate(((0, low), (high, 8)))
+    ]
+    given = task((6.0, 3.2), map_of(8, 8), *walls, robot=LIMITED)
+
+    run = TightRun(given, (1.0, 3.2, 0.0), 60.0)
+
+    # It passes the goal, and comes to rest.
+    assert run.miss < 0.05
+    assert run.clearance > 0.0
+
+
+def one_door(width, **changes):
+    walls = (3, 3.1, 0, 2), (3, 3.1, 2 + width, 4)
+    return task((6.0, 2.15), map_of(8, 4, *walls), **({'final_time': 60.0} | changes))
+
+
+@pytest.mark.parametrize('width', [0.2, 0.25, 0.3])
+@pytest.mark.parametrize('robot', [DifferentialDrive(max_wheel_speed=20.0), LIMITED])
+def test_a_goal_behind_a_door_that_is_too_narrow_is_given_up_with_the_reason(width, robot):
+    given = one_door(width, robot=robot)
+
+    run = TightRun(given, (1.0, 2.15, 0.0), 40.0)
+    last = run.decisions[-1]
+
+    assert (last.finished, last.missed, last.level) == (True, True, FallbackLevel.STOP)
+    assert run.time < 35.0
+    assert 'The goal is unreachable: no plan gets past obstacle map at (3.' in last.reason
+    assert last.time_left == 0.0
+    assert run.clearance > 0.0
+    assert any('turns on the spot' in each.reason for each in run.decisions)
+
+
+def test_it_backs_out_along_its_trail():
+    # In so short a time it sets out, and comes to the door.
+    run = TightRun(one_door(0.3, final_time=20.0), (1.0, 2.15, 0.0), 40.0)
+
+    backing = [each for each in run.decisions if 'backs out' in each.reason]
+    assert sum(each.twist[0] < -0.1 for each in backing) > 5
+    assert run.clearance > 0.0
+
+
+def test_without_patience_it_waits_until_the_final_time():
+    run = TightRun(one_door(0.3, patience=0.0), (1.0, 2.15, 0.0), 40.0)
+
+    assert not any('no progress' in each.reason for each in run.decisions)
+    assert not run.decisions[-1].finished
+
+
+def test_a_goal_that_comes_after_one_was_given_up_is_driven_to():
+    given = one_door(0.3, hold=True)
+    law, pose, decision, stamp = (
+        GuidanceLaw(given, given.world),
+        np.array([1.0, 2.15, 0.0]),
+        None,
+        0,
+    )
+
+    def drive(until):
+        nonlocal pose, decision, stamp
+        while stamp < until and not (decision is not None and decision.finished):
+            decision = law.step(Observation(stamp, pose))
+            law.after_step()
+            held = decision.wheel_speeds[None]
+            pose = given.robot.roll_out(pose, held, np.array([given.control_period]))[-1]
+            stamp += 200 * MS
+
+    drive(40_000 * MS)
+    assert 'unreachable' in decision.reason
+    # It does not set out again by itself, though it holds its goals.
+    decision = law.step(Observation(stamp, pose))
+    assert decision.finished
+    law.set_goal(0, Goal((1.0, 1.0), 0.0))
+    stamp, decision = stamp + 200 * MS, None
+    drive(stamp + 40_000 * MS)
+
+    assert math.dist(pose[:2], (1.0, 1.0)) < given.goal_tolerance
+    assert not decision.missed
+
+
+def test_another_way_is_preferred_to_a_place_that_did_not_fit():
+    given = task((6.0, 2.0), map_of(8, 8, (3, 3.1, 0, 1.5), (3, 3.1, 2.5, 6), (3, 3.1, 7, 8)))
+    start, world = np.array([1.0, 2.0]), given.world
+    straight = world.map_search(given).line(start, given.goal, 0.05)
+
+    world = replace(world, searched=world.searched._replace(blocked=((3.0, 2.0),)))
+    around = world.map_search(given).line(start, given.goal, 0.05)
+    both = replace(world, searched=world.searched._replace(blocked=((3.0, 2.0), (3.0, 6.5))))
+    again = both.map_search(given).line(start, given.goal, 0.05)
+
+    assert straight[:, 1].max() < 3.0
+    assert around[:, 1].max() > 6.0
+    assert again[:, 1].max() < 3.0
+
+
+def test_new_ground_and_a_shorter_way_are_progress_and_circles_are_not():
+    watch = ProgressWatch()
+    watch.count(np.array([0.0, 0.0, 0.0]), 10.0)
+    assert watch.steps == 0
+    for _ in range(5):
+        watch.count(np.array([0.1, 0.1, 0.0]), 9.99)
+    assert watch.steps == 5
+    watch.count(np.array([0.1, 0.1, 0.0]), 9.9)
+    assert watch.steps == 0
+    for k in range(200):
+        angle = 0.1 * k
+        watch.count(np.array([math.cos(angle), math.sin(angle), angle]), 20.0)
+    assert watch.steps > 100
+    # Where no way leads new ground is none.
+    watch.reset()
+    watch.count(np.array([50.0, 0.0, 0.0]), math.inf)
+    assert (watch.steps, watch.remedy) == (1, Remedy.NONE)
+
+
+def box(left, right, low, high):
+    return [left, low, right, low, right, high, left, high]
+
+
+def seen(goal, final_time, **boxes):
+    """Changes of a preset: boxes on open floor that only a scanner of 270 degrees sees."""
+    changes = {
+        'road.type': 'none',
+        'goal.may_be_late': True,
+        'goal.position': goal,
+        'goal.tolerance': 0.05,
+        'final_time': final_time,
+        'robot.max_wheel_speed': 28.0,
+        'sim.scan.angle_min': -0.75 * math.pi,
+        'sim.scan.angle_max': 0.75 * math.pi,
+        'sim.scan.count': 541,
+        'sight.memory': 600.0,
+        'sim.obstacles.names': list(boxes),
+    }
+    for name, vertices in boxes.items():
+        changes[f'sim.obstacles.{name}.type'] = 'polygon'
+        changes[f'sim.obstacles.{name}.vertices'] = vertices
+    return changes
+
+
+def ends_with_a_reason(drive, longest):
+    last = next(each for each in drive.decisions if each.finished)
+    assert last.missed
+    assert 'The goal is unreachable: no plan gets past obstacle seen at' in last.reason
+    assert last.stamp < 1e9 * longest
+    assert drive.clearance > 0.0
+
+
+@pytest.mark.parametrize('half', [0.6, 0.8])
+def test_a_goal_inside_a_crate_that_only_the_scanner_sees(half):
+    crate = box(5.0 - half, 5.0 + half, -half, half)
+    # 8 s take it there; once the crate is seen all around, no way leads into it.
+    ends_with_a_reason(Drive(end=45.0, **seen([5.0, 0.0], 8.0, crate=crate)), 40.0)
+
+
+@pytest.mark.parametrize('gap', [0.1, 0.3])
+def test_a_corridor_that_two_seen_crates_close(gap):
+    walls = {
+        'left': box(-2.0, 10.0, 1.0, 1.2),
+        'right': box(-2.0, 10.0, -1.2, -1.0),
+        'back': box(-2.2, -2.0, -1.2, 1.2),
+        'one': box(4.0, 4.6, -1.0, -gap / 2.0),
+        'other': box(4.0, 4.6, gap / 2.0, 1.0),
+    }
+    ends_with_a_reason(Drive(end=50.0, **seen([8.0, 0.0], 12.0, **walls)), 45.0)

@@ -11,8 +11,12 @@ from cmpsp_ros.sensing.track import Track
 _NS: Final = 1_000_000_000
 _FIRST_VELOCITY: Final = 1.0
 """Standard deviation of a velocity that is not known yet [m/s]."""
-_AGILITY: Final = 0.1
+_AGILITY: Final = 0.2
 """Power spectral density of accelerations, white noise [m^2/s^3]."""
+_ASIDE: Final = 0.3
+"""Distance from where it is expected at which one that was lost may be found (one sigma) [m]."""
+_SURPRISING: Final = 4.0
+"""Squared Mahalanobis distance beyond which an object does not move as expected."""
 _RISE, _FALL = 0.5, 0.1
 """Fractions by which the radius follows greater and smaller ones that are seen."""
 _STILL_SPEED, _STILL_AFTER = 0.15, _NS
@@ -29,6 +33,7 @@ class MovingObject:
         x: Centre [m].
         y: Centre [m].
         radius: Radius of a disc that covers it [m].
+        begun: Time at which it was first seen [ns].
         seen: Time at which it was last seen [ns].
         origin: Place of its nearest point at first, ``(x, y)`` [m].
         name: Number among those that have moved; 0 for none yet.
@@ -38,6 +43,7 @@ class MovingObject:
         still: Time in sight for which it has stood still [ns].
         unproved: Time in sight since a scan last showed that it moves [ns].
         sightings: Number of scans that have shown it.
+        is_lost: Whether it may be anywhere, and is remembered only for its name.
     """
 
     number: int
@@ -46,6 +52,7 @@ class MovingObject:
     y: float
     radius: float
     position_variance: float
+    begun: int
     seen: int
     origin: tuple[float, float]
     vx: float = 0.0
@@ -59,6 +66,7 @@ class MovingObject:
     still: int = 0
     unproved: int = 0
     sightings: int = 1
+    is_lost: bool = False
 
     def predict(self, stamp: int) -> None:
         """Go on to a time [ns]."""
@@ -74,9 +82,16 @@ class MovingObject:
 
     def correct(self, x: float, y: float, radius: float, variance: float) -> None:
         """Take in a centre [m] that was seen with a variance [m^2], and how large it looked."""
+        off_x, off_y = x - self.x, y - self.y
+        surprise = (off_x * off_x + off_y * off_y) / (self.position_variance + variance)
+        if surprise > _SURPRISING:
+            # Somebody has stopped or turned: less is known than it seemed.
+            factor = surprise / _SURPRISING
+            self.position_variance *= factor
+            self.covariance *= factor
+            self.velocity_variance *= factor
         total = self.position_variance + variance
         gain, velocity_gain = self.position_variance / total, self.covariance / total
-        off_x, off_y = x - self.x, y - self.y
         self.x, self.y = self.x + gain * off_x, self.y + gain * off_y
         self.vx, self.vy = self.vx + velocity_gain * off_x, self.vy + velocity_gain * off_y
         self.velocity_variance -= velocity_gain * self.covariance
@@ -85,6 +100,11 @@ class MovingObject:
         change = radius - self.radius
         self.radius += (_RISE if change > 0.0 else _FALL) * change
         self.seen, self.gone = self.stamp, 0
+
+    def distance(self, other: MovingObject) -> float:
+        """Squared Mahalanobis distance of the place of another, at the same time."""
+        variance = self.position_variance + other.position_variance + _ASIDE * _ASIDE
+        return ((self.x - other.x) ** 2 + (self.y - other.y) ** 2) / variance
 
     @property
     def speed(self) -> float:

@@ -126,11 +126,11 @@ def status(ranges: Array, origin: Array, at_x: float, at_y: float) -> int:
     if distance < _OFF:
         return _UNKNOWN
     margin = _OFF + _OFF_BY_RANGE * distance
-    half = 1 + math.ceil(max(_OFF / distance, _TURNED) / _WIDTH)
     middle = math.floor(math.atan2(y, x) / _WIDTH)
     # A hit at the place itself decides, and there most hits are.
     if abs(ranges[middle % N_DIRECTIONS] - distance) <= margin:
         return _HIT
+    half = 1 + math.ceil(max(_OFF / distance, _TURNED) / _WIDTH)
     beyond, unknown, is_hidden = 0.0, 0, False
     for k in range(middle - half, middle + half + 1):
         found = ranges[k % N_DIRECTIONS]

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -35,8 +34,7 @@ _AROUND: Final = 0.15
 _STATIC, _ENTERED = 1, 2
 
 
-@dataclass(frozen=True, eq=False)
-class Segment:
+class Segment(NamedTuple):
     """Hits on one object, or on one part of it.
 
     Attributes:
@@ -45,9 +43,10 @@ class Segment:
         left: Direction of its left edge, not less [rad].
         near: Distance of its nearest point [m].
         front: That point [m].
-        is_cut: Whether something nearer hides what is left of it, and right of it.
+        is_cut: Whether what is left of it, and right of it, is hidden or out of view.
         entered: Number of points in places that were just seen free.
         static: Number of points where something has long stood.
+        radius: Radius of a disc that looks as wide from there [m].
         legs: Distances of the middles of the legs that it shows [m]; none for a body.
     """
 
@@ -59,13 +58,8 @@ class Segment:
     is_cut: tuple[bool, bool]
     entered: int
     static: int
+    radius: float
     legs: tuple[float, ...] = ()
-
-    @property
-    def radius(self) -> float:
-        """Radius of a disc that looks as wide from there [m]."""
-        sine = math.sin(min((self.left - self.right) / 2.0, 1.0))
-        return self.near * sine / (1.0 - sine)
 
     @property
     def has_entered(self) -> bool:
@@ -76,6 +70,11 @@ class Segment:
     def is_static(self) -> bool:
         """True if it has long stood there."""
         return 2 * self.static >= len(self.members)
+
+    @property
+    def is_background(self) -> bool:
+        """True if it is what is seen of something that stands, between those before it."""
+        return not self.has_entered and sum(self.is_cut) + self.is_static >= 2
 
     def center(self, origin: Array, radius: float) -> tuple[float, float]:
         """Centre of a disc of some radius [m]; from a cut edge it may reach farther."""
@@ -89,7 +88,7 @@ class Segment:
 
 
 def segments_of(
-    origin: Array, points: Array, labels: IntArray, movers: Array, step: float
+    origin: Array, points: Array, labels: IntArray, movers: Array, view: tuple[float, float, float]
 ) -> list[Segment] | None:
     """Segments that may be people, or parts of something larger that moves; no walls.
 
@@ -100,7 +99,8 @@ def segments_of(
         points: Hits, shape ``(P, 2)`` [m].
         labels: `Label` of each, shape ``(P,)``.
         movers: Discs where movers are expected (x, y, radius), shape ``(M, 3)`` [m].
-        step: Angle between two beams [rad].
+        view: Angle between two beams, and directions of its right and left edge, NaN of a view
+            all around [rad].
     """
     if len(points) < _FEWEST:
         return []
@@ -114,23 +114,22 @@ def segments_of(
     angles[len(angles) - begin :] += math.tau
     polar, places = np.column_stack([ranges[order], angles]), points[order]
     bounds, parts, keys = (np.zeros(len(points) + 1, np.int64) for _ in range(3))
-    count = split(bounds, polar, places, step)
+    count = split(bounds, polar, places, view[0])
     sorted_labels = labels[order]
     count = divide(parts, keys, bounds[: count + 1], places, sorted_labels, movers)
     if count < 0:
         return None
-    table = np.empty((count, 10))
-    describe(table, parts, polar, sorted_labels, step)
+    table = np.empty((count, 11))
+    describe(table, parts, polar, sorted_labels, *view)
     found: list[Segment] = []
-    for first, last, *numbers in table[table[:, 1] - table[:, 0] >= 2.0].tolist():
-        right, left, near, cut_left, cut_right, entered, static, front = numbers
-        is_cut = bool(cut_left), bool(cut_right)
+    is_object = (table[:, 1] - table[:, 0] >= 2.0) & (table[:, 10] <= _LARGEST)
+    for first, last, right, left, near, *numbers, radius in table[is_object].tolist():
+        cut_left, cut_right, entered, static, front = (int(each) for each in numbers)
         members = order[int(first) : int(last)]
-        nearest = tuple(places[int(front)].tolist())
-        each = Segment(members, right, left, near, nearest, is_cut, int(entered), int(static))
-        if each.radius <= _LARGEST:
-            _add_or_join(found, each, origin, movers)
-    return [each for each in found if len(each.members) >= _FEWEST]
+        nearest, is_cut = tuple(places[front].tolist()), (bool(cut_left), bool(cut_right))
+        each = Segment(members, right, left, near, nearest, is_cut, entered, static, radius)
+        _add_or_join(found, each, origin, movers)
+    return [each for each in found if len(each.members) >= _FEWEST and not each.is_background]
 
 
 def _add_or_join(found: list[Segment], segment: Segment, origin: Array, movers: Array) -> None:
@@ -138,7 +137,7 @@ def _add_or_join(found: list[Segment], segment: Segment, origin: Array, movers: 
     if segment.radius > _LEG or any(segment.is_cut):
         found.append(segment)
         return
-    segment = replace(segment, legs=(segment.near + segment.radius,))
+    segment = segment._replace(legs=(segment.near + segment.radius,))
     x, y = segment.center(origin, 0.0)
     owner = _nearest(movers, x, y)
     for place in range(len(found) - 1, max(len(found) - 5, -1), -1):
@@ -150,6 +149,7 @@ def _add_or_join(found: list[Segment], segment: Segment, origin: Array, movers: 
         is_near = math.hypot(x - other_x, y - other_y) <= _STRIDE
         if is_near and _nearest(movers, other_x, other_y) == owner:
             near, front = min((other.near, other.front), (segment.near, segment.front))
+            sine = math.sin(min((segment.left - other.right) / 2.0, 1.0))
             found[place] = Segment(
                 np.concatenate([other.members, segment.members]),
                 other.right,
@@ -159,6 +159,7 @@ def _add_or_join(found: list[Segment], segment: Segment, origin: Array, movers: 
                 (False, False),
                 other.entered + segment.entered,
                 other.static + segment.static,
+                near * sine / (1.0 - sine),
                 other.legs + segment.legs,
             )
             return
@@ -272,7 +273,15 @@ def keep_within(chosen: BoolArray, points: Array, discs: Array) -> None:
 
 
 @allocation_free
-def describe(table: Array, parts: IntArray, polar: Array, labels: IntArray, step: float) -> None:
+def describe(
+    table: Array,
+    parts: IntArray,
+    polar: Array,
+    labels: IntArray,
+    step: float,
+    right: float,
+    left: float,
+) -> None:
     """Rows of numbers that make a `Segment`."""
     size = polar.shape[0]
     for k in range(table.shape[0]):
@@ -286,9 +295,14 @@ def describe(table: Array, parts: IntArray, polar: Array, labels: IntArray, step
         table[k, 0], table[k, 1] = first, last
         table[k, 2], table[k, 3] = polar[first, 1] - step / 2.0, polar[last - 1, 1] + step / 2.0
         table[k, 4], table[k, 9] = near, front
-        table[k, 5] = last < size and _hides(polar, last, last - 1, step)
-        table[k, 6] = first > 0 and _hides(polar, first - 1, first, step)
+        # Comparisons with NaN are false.
+        ends_left = math.cos(polar[last - 1, 1] - left) >= math.cos(_HOLE * step)
+        ends_right = math.cos(polar[first, 1] - right) >= math.cos(_HOLE * step)
+        table[k, 5] = ends_left or (last < size and _hides(polar, last, last - 1, step))
+        table[k, 6] = ends_right or (first > 0 and _hides(polar, first - 1, first, step))
         table[k, 7], table[k, 8] = entered, static
+        sine = math.sin(min((table[k, 3] - table[k, 2]) / 2.0, 1.0))
+        table[k, 10] = near * sine / (1.0 - sine)
 
 
 @allocation_free

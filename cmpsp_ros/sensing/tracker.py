@@ -21,24 +21,29 @@ MOVING: Final = -1
 _NS: Final = 1_000_000_000
 _BODY, _LEGS = 0.25, 0.3
 """Radius of a person, whose body or whose legs are seen; part of it may not be [m]."""
-_NOISE, _NOISE_BY_RANGE = 0.02, 0.004
+_NOISE, _NOISE_BY_RANGE = 0.015, 0.004
 """Standard deviation of a centre that is seen [m], and more by its distance."""
-_CUT_NOISE, _LEG_NOISE = 0.1, 0.12
+_CUT_NOISE, _LEG_NOISE = (0.0, 0.07, 0.25), 0.12
 _GATE: Final = 11.8
 """Squared Mahalanobis distance of a pair (two coordinates, 99.7 %)."""
+_CLOSE: Final = 0.35
+"""Distance from where somebody is expected that is no other's [m]."""
 _NEVER: Final = 1e3
 _AROUND: Final = 0.1
 """Distance from the disc of a mover at which hits are on it [m]."""
-_LOST: Final = 2 * _NS
-_FORGOTTEN: Final = _NS * 35 // 100
-"""Time after which a mover, and another object, is dropped without being seen [ns]."""
+_LOST, _FORGOTTEN = 2 * _NS, 6 * _NS
+"""Time without being seen after which a mover is no longer expected, and never again [ns]."""
+_BRIEF: Final = _NS * 35 // 100
+"""Time without being seen after which what has never moved is forgotten [ns]."""
 _CONFIRMED, _SEEN_ENOUGH, _GONE = 2, 3, 3
 _SIGNIFICANT: Final = 4.0
 """Squared speed that is no error, in variances of the velocity."""
 _FEW: Final = 3
 """Hits where nothing was, from which that shows motion."""
-_DIRECTIONS: Final = 32
+_DIRECTIONS: Final = 16
 """Beams by which the angle between two is found."""
+_EDGE: Final = 10.0
+"""Angle that a view all around may lack, in steps."""
 _SAME: Final = 0.2
 """Distance of two tracks of the same object [m]."""
 _LONG: Final = 2.5
@@ -73,7 +78,7 @@ class Tracker:
         labels = history.labels(points, beams.stamp)
         for each in self._objects:
             each.predict(beams.stamp)
-        found = segments_of(origin, points, labels, self._movers(), _step(beams))
+        found = segments_of(origin, points, labels, self._movers(), _view(beams))
         if found is None:
             self._histories, found = {sensor: (history := ScanHistory())}, []
             self._objects = [each for each in self._objects if each.is_moving]
@@ -93,11 +98,16 @@ class Tracker:
 
     def tracks(self, stamp: int) -> tuple[Track, ...]:
         """Tracks of all that moves, predicted for a time [ns]."""
-        return tuple(each.track(stamp) for each in self._objects if each.is_moving)
+        return tuple(each.track(stamp) for each in self._expected if each.is_moving)
+
+    @property
+    def _expected(self) -> list[MovingObject]:
+        """Objects that are where they are predicted; the others may come back anywhere."""
+        return [each for each in self._objects if not each.is_lost]
 
     def _movers(self, around: float = 0.0) -> Array:
         """Discs of what moves, with so much around them (x, y, radius), ``(M, 3)`` [m]."""
-        movers = [each for each in self._objects if each.is_moving]
+        movers = [each for each in self._expected if each.is_moving]
         discs = [(each.x, each.y, each.radius + around) for each in movers]
         return np.array(discs).reshape(-1, 3)
 
@@ -106,30 +116,33 @@ class Tracker:
     ) -> list[tuple[MovingObject | None, Segment]]:
         """Each segment with the object that it shows, or None."""
         objects: list[MovingObject | None] = [None] * len(found)
-        if found and self._objects:
-            known = np.array([(each.x, each.y, each.position_variance) for each in self._objects])
+        if found and (expected := self._expected):
+            known = np.array([(each.x, each.y, each.position_variance) for each in expected])
             seen = np.array([each.center(origin, max(each.radius, _BODY)) for each in found])
             noise = np.array([_variance(each) for each in found])
             away = np.square(known[:, None, :2] - seen).sum(axis=2)
-            costs = away / (known[:, 2:] + noise)
-            costs[costs > _GATE] = _NEVER
+            variances = known[:, 2:] + noise
+            costs = away / variances
+            # Minus twice the logarithm of the likelihood: who is in doubt claims nothing.
+            is_near = (costs <= _GATE) | (away <= _CLOSE * _CLOSE)
+            costs = np.where(is_near, costs + 2.0 * np.log(variances), _NEVER)
             for i, j in zip(*linear_sum_assignment(costs), strict=True):
                 if costs[i, j] < _NEVER:
-                    objects[j] = self._objects[i]
+                    objects[j] = expected[i]
         return list(zip(objects, found, strict=True))
 
     def _begin(self, segment: Segment, origin: Array, stamp: int) -> MovingObject | None:
         """New object, or the one that moves there already; None for what has long stood there."""
         radius = max(segment.radius, _LEGS if segment.legs else _BODY)
         x, y = segment.center(origin, radius)
-        for each in self._objects:
+        for each in self._expected:
             if each.is_moving and math.hypot(x - each.x, y - each.y) < each.radius:
                 return each
         if segment.is_static:
             return None
         self._number += 1
         variance = _variance(segment)
-        new = MovingObject(self._number, stamp, x, y, radius, variance, stamp, segment.front)
+        new = MovingObject(self._number, stamp, x, y, radius, variance, stamp, stamp, segment.front)
         new.evidence = int(segment.has_entered)
         self._objects.append(new)
         return new
@@ -150,27 +163,42 @@ class Tracker:
         each.sightings += 1
         if each.evidence < _CONFIRMED or each.sightings < _SEEN_ENOUGH:
             return False
-        self._name += not each.name
-        each.name = each.name or self._name
+        each.name = each.name or self._name_of(each)
         each.is_moving, each.still, each.unproved = True, 0, 0
         return True
+
+    def _name_of(self, new: MovingObject) -> int:
+        """Name of one out of sight who may have come to where another is, or a new name."""
+        hidden = [each for each in self._objects if each.name and each.seen < new.begun]
+        away = [each.distance(new) for each in hidden]
+        if away and min(away) <= _GATE:
+            known = hidden[int(np.argmin(away))]
+            self._objects.remove(known)
+            return known.name
+        self._name += 1
+        return self._name
 
     def _drop(self, view: View) -> None:
         """Drop what is gone, was not seen for too long, or is there twice."""
         kept: list[MovingObject] = []
         for each in self._objects:
-            if each.seen < view.stamp and view.is_through(each.x, each.y):
-                each.gone += 1
             age = view.stamp - each.seen
-            if each.gone >= _GONE or age > (_LOST if each.is_moving else _FORGOTTEN):
-                continue
-            if each.is_moving and any(
-                other.is_moving and math.hypot(each.x - other.x, each.y - other.y) < _SAME
-                for other in kept
-            ):
-                continue
-            kept.append(each)
+            each.gone += age > 0 and view.is_through(each.x, each.y)
+            each.gone = _GONE if age > _LOST or self._is_double(each, kept) else each.gone
+            each.is_lost = each.is_lost or each.gone >= _GONE
+            if age <= (_FORGOTTEN if each.name else _BRIEF) and (each.name or not each.is_lost):
+                kept.append(each)
         self._objects = kept
+
+    @staticmethod
+    def _is_double(each: MovingObject, others: list[MovingObject]) -> bool:
+        """True if an object is where an older one is: two tracks of one."""
+        return each.is_moving and any(
+            other.is_moving
+            and not other.is_lost
+            and math.hypot(each.x - other.x, each.y - other.y) < _SAME
+            for other in others
+        )
 
 
 def _hits(beams: Beams) -> IntArray:
@@ -186,18 +214,23 @@ def _hits(beams: Beams) -> IntArray:
     return nearest
 
 
-def _step(beams: Beams) -> float:
-    """Angle between neighbouring beams [rad]."""
-    if not beams.is_sweep:
-        return math.tau / N_DIRECTIONS
-    known = np.flatnonzero(beams.ends[:, 0] != beams.starts[:, 0])[:_DIRECTIONS]
-    along = beams.ends[known] - beams.starts[known]
-    turned = np.sort(np.diff(np.arctan2(along[:, 1], along[:, 0])) % math.tau)
-    return float(turned[len(turned) // 2]) if len(turned) else math.tau / N_DIRECTIONS
+def _view(beams: Beams) -> tuple[float, float, float]:
+    """Angle between neighbouring beams, and directions of the first and last one of a sector."""
+    step, nowhere = math.tau / N_DIRECTIONS, (math.nan, math.nan)
+    known = np.flatnonzero(beams.ends[:, 0] != beams.starts[:, 0])
+    if not beams.is_sweep or len(known) < _FEW:
+        return step, *nowhere
+    some = known[[*range(min(len(known), _DIRECTIONS)), -1]]
+    along = beams.ends[some] - beams.starts[some]
+    angles = np.arctan2(along[:, 1], along[:, 0])
+    turned = np.sort((angles[1:-1] - angles[:-2]) % math.tau)
+    step, (right, left) = float(turned[len(turned) // 2]), angles[[0, -1]].tolist()
+    is_sector = (left - right) % math.tau < math.tau - _EDGE * step
+    return step, *((right, left) if is_sector else nowhere)
 
 
 def _variance(segment: Segment) -> float:
     """Variance of the centre of a segment [m^2]."""
-    stddev = _NOISE + _NOISE_BY_RANGE * segment.near + _CUT_NOISE * any(segment.is_cut)
+    stddev = _NOISE + _NOISE_BY_RANGE * segment.near + _CUT_NOISE[sum(segment.is_cut)]
     stddev += _LEG_NOISE / len(segment.legs) if segment.legs else 0.0
     return stddev * stddev

@@ -54,7 +54,8 @@ def test_each_walker_is_one_track(name, faults):
     assert max(score.first) <= latest
     assert not score.false
     assert not score.missed
-    assert max(score.errors) < 0.2
+    # Of one along a wall, part of the wall may seem to belong to the body.
+    assert max(score.errors) < (0.2 if name == 'along a wall' else 0.15)
 
 
 @pytest.mark.parametrize('faults', FAULTS)
@@ -81,7 +82,7 @@ def test_no_ghost_and_no_hole_is_left_behind(faults):
     away = np.abs(found[:, None] - walls).max(axis=2)
     # Cells beside differ by noise, and some that returns are missed from.
     assert away.min(axis=1).max() < 0.16
-    assert np.quantile(away.min(axis=0), 0.95) < 0.16
+    assert np.quantile(away.min(axis=0), 0.95 if faults.missed else 0.98) < 0.11
 
 
 def test_what_stops_is_static_until_it_goes_on():

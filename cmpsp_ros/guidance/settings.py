@@ -69,7 +69,7 @@ class LawSettings(TaskSettings):
         """Maximum wheel-speed change between commands, for any step [rad/s]; may be infinite."""
         return self.robot.max_wheel_acceleration * self.control_period
 
-    @property
+    @cached_property
     def comes_to_rest(self) -> bool:
         """True if plans end at rest, where the limit of acceleration makes that a difference."""
         return self.is_soonest and self.max_wheel_change < math.inf

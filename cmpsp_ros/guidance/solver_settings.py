@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final, Literal
 
 from cmpsp_ros.sensing import TrackSource
@@ -203,12 +204,12 @@ class TaskSettings:
         'Consecutive failed control steps after which the warm start is discarded.', Range(low=1))
     # fmt: on
 
-    @property
+    @cached_property
     def is_soonest(self) -> bool:
         """True if goals are to be passed as early as possible."""
         return self.when == 'soonest'
 
-    @property
+    @cached_property
     def moves_final_time(self) -> bool:
         """True if the final time is not that of the settings."""
         return self.may_be_late or self.is_soonest

@@ -19,6 +19,7 @@ _AHEAD: Final = 10.0
 """Time after which no encounter is predicted [s]."""
 _CERTAIN: Final = 3.0
 """Standard deviations that a reachable set covers."""
+_ROUNDING: Final = 1e-9
 
 
 def within_reach(
@@ -130,7 +131,7 @@ def _velocities(seen: Track, top: float) -> tuple[float, float, float]:
     """
     spread, speed = _CERTAIN * seen.velocity_stddev, math.hypot(seen.vx, seen.vy)
     # One that is faster than anything should be has the velocity that was seen.
-    if speed + spread <= top or speed - spread >= top:
+    if speed + spread <= top or speed - spread > top + _ROUNDING:
         return seen.vx, seen.vy, spread
     if spread >= speed + top or spread * spread >= speed * speed + top * top:
         return 0.0, 0.0, top

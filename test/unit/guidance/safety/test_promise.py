@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import example
 from hypothesis import given as with_random
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
@@ -186,6 +187,7 @@ def test_a_reachable_set_grows_with_doubt_and_acceleration():
     error_bearing=angles,
     stddev=st.floats(0.0, 1.5),
 )
+@example(speed=1.5999999999999999, heading=1.0, error=3.0, error_bearing=1.0, stddev=1.5)
 def test_velocities_that_are_possible_are_in_the_set(speed, heading, error, error_bearing, stddev):
     """Seen with an error within three deviations, and no faster than anything is."""
     true = speed * np.array([math.cos(heading), math.sin(heading)])

@@ -48,7 +48,7 @@ def _horizons(results: Results) -> Figure:
     axes.set_xticks(results.order.horizons, [str(each) for each in results.order.horizons])
     axes.minorticks_off()
     axes.grid()
-    figure.legend(loc='outside right upper')
+    axes.legend(loc='upper left', bbox_to_anchor=(1.01, 1.0))  # beside the axes
     return figure
 
 

@@ -1,4 +1,4 @@
-"""Every example from five guesses, beside IPOPT; writes doc/method/examples.md and pictures.
+"""Sixteen problems from five guesses, beside IPOPT; writes doc/method/examples.md and pictures.
 
 ``python -m examples`` for all, ``python -m examples cart_pole`` for some, which writes no page.
 """
@@ -14,6 +14,7 @@ import numpy as np
 
 from cmpsp_ros.mpsp import Status, from_casadi, solve
 from examples.common import IMAGES, Example, ipopt
+from examples.further import EXAMPLES
 
 NAMES = (
     'impact_angle', 'lunar_landing', 'orbit_transfer', 'reentry', 'goddard_rocket', 'cart_pole',
@@ -23,15 +24,19 @@ PAGE = Path(__file__).parents[1] / 'doc' / 'method' / 'examples.md'
 GUESSES, SPREAD = 5, 0.05
 HEAD = """# Examples
 
-Written by `python -m examples`: problems of the field, each a file of about a page in `examples/`,
-from five guesses (the file's own, and four with noise of 5 % of the control's range) by `solve` and
-by IPOPT on the same CasADi model from the same start. *Same* says that IPOPT, started at our
-solution, moves the cost by less than 1e-5 of it. Times are of one run on a busy machine: compare,
-do not quote.
+Written by `python -m examples`: ten problems of the field, each a file of about a page in
+`examples/`, and six more in `examples/further.py`, from five guesses (the file's own, and four with
+noise of 5 % of the control's range) by `solve` and by IPOPT on the same CasADi model from the same
+start. *Other units* says how `solve` ends where each state and control has a unit of its own, from
+0.01 to 100: *same* is the same ending after as many steps. *Same* says that IPOPT, started at our
+solution, moves the cost by less than 1e-5 of it. Times are processor times of one run on a busy
+machine: compare, do not quote. Compiling, once for each problem, is not in them.
 
-| Problem | Source | Guess | Ending | Steps | Cost | Same | ms | IPOPT | Steps | Cost | ms |
-|---|---|---|---|---|---|---|---|---|---|---|---|
 """
+COLUMNS = (
+    'Problem', 'Source', 'Guess', 'Ending', 'Steps', 'Other units', 'Cost', 'Same', 'ms', 'IPOPT',
+    'Steps', 'Cost', 'ms',
+)  # fmt: skip
 
 
 def guesses(example: Example) -> list[np.ndarray]:
@@ -46,40 +51,57 @@ def guesses(example: Example) -> list[np.ndarray]:
     return [first, *(first + each for each in noise)]
 
 
-def rows(example: Example) -> list[str]:
-    """Lines of the table for one example."""
-    problem, found = from_casadi(**example.stated), []
-    solve(problem, example.guess, max_iterations=2)
+def rows(example: Example) -> tuple[list[str], list[float]]:
+    """Lines of the table for one example, and IPOPT's time over ours of each."""
+    problem, lines, ratios = from_casadi(**example.stated), [], []
+    other_units = from_casadi(**example.in_other_units(example.guess)[0])
+    solve(problem, example.guess)
     for number, guess in enumerate(guesses(example)):
-        began = time.perf_counter()
+        began = time.process_time()
         ours = solve(problem, guess)
-        ms = 1e3 * (time.perf_counter() - began)
+        ms = 1e3 * (time.process_time() - began)
+        again = solve(other_units, example.in_other_units(guess)[1])
+        ends = [f'{each.status.name} {each.iterate.index}' for each in (ours, again)]
         other = ipopt(example.stated, guess, problem.predict(guess))
         at, same = ours.iterate, '-'
         if ours.status is Status.CONVERGED:
-            again = ipopt(example.stated, at.U, at.X, stays=True)
-            change = abs(again.cost - at.evaluation.cost)
+            there = ipopt(example.stated, at.U, at.X, stays=True)
+            change = abs(there.cost - at.evaluation.cost)
             same = 'yes' if change <= 1e-5 * abs(at.evaluation.cost) else f'**{change:.1e}**'
-        found.append(
-            f'| {example.name} | {example.source} | {number} | {ours.status.name} | {at.index} | '
-            f'{at.evaluation.cost:.6g} | {same} | {ms:.0f} | {other.status} | {other.iterations} | '
-            f'{other.cost:.6g} | {1e3 * other.seconds:.0f} |'
-        )
-        print(found[-1], flush=True)  # noqa: T201 (a program's output)
-    return found
+        ratios.append(1e3 * other.seconds / ms)
+        cells = (
+            example.name, example.source, number, ours.status.name, at.index,
+            'same' if ends[0] == ends[1] else ends[1], f'{at.evaluation.cost:.6g}', same,
+            f'{ms:.0f}', other.status, other.iterations, f'{other.cost:.6g}',
+            f'{1e3 * other.seconds:.0f}',
+        )  # fmt: skip
+        lines.append(f'| {" | ".join(map(str, cells))} |')
+        print(lines[-1], flush=True)  # noqa: T201 (a program's output)
+    return lines, ratios
 
 
 def main() -> None:
     """Solve, and write the page where all examples are asked for."""
-    names = sys.argv[1:] or NAMES
-    lines = []
-    for name in names:
-        example = importlib.import_module(f'examples.{name}').EXAMPLE
-        lines += rows(example)
-        example.show()
-    if not sys.argv[1:]:
+    asked = sys.argv[1:]
+    found = [importlib.import_module(f'examples.{name}').EXAMPLE for name in NAMES] + EXAMPLES
+    lines, ratios = [], []
+    for example in found:
+        if not asked or example.name in asked:
+            more = rows(example)
+            lines += more[0]
+            ratios.append(float(np.median(more[1])))
+            example.show()
+    kept = sum(f'| {Status.CONVERGED.name} |' in line and '| yes |' in line for line in lines)
+    summary = (
+        f'{kept} of {len(lines)} runs converged at a point that IPOPT keeps. At the median of the\n'
+        f'problems `solve` takes {1.0 / np.median(ratios):.1f} times as long as IPOPT with CasADi.'
+    )
+    print(summary)  # noqa: T201 (a program's output)
+    if not asked:
+        head = f'| {" | ".join(COLUMNS)} |\n|{"---|" * len(COLUMNS)}\n'
         pictures = [f'![{name}](../images/{IMAGES.name}/{name}.png)' for name in NAMES]
-        PAGE.write_text(HEAD + '\n'.join(lines) + '\n\n' + '\n\n'.join(pictures) + '\n', 'utf-8')
+        text = f'{HEAD}{summary}\n\n{head}' + '\n'.join([*lines, '', '\n\n'.join(pictures)])
+        PAGE.write_text(text + '\n', 'utf-8')
 
 
 if __name__ == '__main__':

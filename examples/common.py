@@ -33,7 +33,26 @@ class Example:
     source: str
     stated: dict[str, Any]
     guess: np.ndarray
-    draw: Callable[[Any, np.ndarray, np.ndarray], None]
+    draw: Callable[[Any, np.ndarray, np.ndarray], None] | None = None
+
+    def in_other_units(self, guess: np.ndarray) -> tuple[dict[str, Any], np.ndarray]:
+        """The problem and a guess with every state and control in units of its own."""
+        x, u, free = self.stated['x'], self.stated['u'], 'T' in self.stated
+        by = [10.0 ** ((7 * np.arange(each.shape[0]) + 2) % 5 - 2) for each in (x, u)]
+        old, new = [x, u], [x * by[0], u * by[1]]
+        parts = {
+            name: casadi.substitute([_column(self.stated[name])], old, new)[0]
+            for name in ('F', 'L', 'residuals', 'h', 'g')
+            if name in self.stated
+        }
+        bounds = {
+            name: np.asarray(self.stated[name]) / by[1]
+            for name in ('lower', 'upper')
+            if name in self.stated
+        }
+        x0 = np.asarray(self.stated['x0']) / by[0]
+        changed = {**self.stated, **parts, **bounds, 'F': parts['F'] / by[0], 'x0': x0}
+        return changed, guess / np.append(by[1], [1.0] * free)
 
     def solve(self) -> Solution:
         """Solve it from its guess."""
@@ -41,6 +60,8 @@ class Example:
 
     def show(self) -> None:
         """Solve it, say how it ended, and save the picture."""
+        if self.draw is None:
+            return
         import matplotlib as mpl  # noqa: PLC0415 (slow to import)
 
         mpl.use('Agg')
@@ -57,7 +78,7 @@ class Example:
 
 @dataclass(frozen=True)
 class Reference:
-    """IPOPT's answer: status, iterations, cost, controls, and the time of its call [s]."""
+    """IPOPT's answer: status, iterations, cost, controls, and its processor time [s]."""
 
     status: str
     iterations: int
@@ -82,6 +103,7 @@ def ipopt(
     h, g = _column(stated.get('h', [])), _column(stated.get('g', []))
     stage = casadi.Function('stage', [x, u, p, T], [_column(stated['F']), cost, g, h])
     depends = casadi.which_depends(g, u, 1, True) if g.shape[0] else []
+    applies = stated.get('applies', np.ones((N + 1, g.shape[0]), bool))
     xs, us, t = casadi.SX.sym('X', n, N + 1), casadi.SX.sym('U', r, N + 1), casadi.SX.sym('t', free)
     rows, least, total = [xs[:, 0] - np.asarray(stated['x0'], float)], [np.zeros(n)], 0
     for k in range(N + 1):
@@ -93,7 +115,7 @@ def ipopt(
         else:
             rows.append(output - np.asarray(stated.get('target', []), float))
             least.append(np.zeros(h.shape[0]))
-        wanted = [inequalities[j] for j in range(g.shape[0]) if k or depends[j]]
+        wanted = [inequalities[j] for j in range(g.shape[0]) if applies[k, j] and (k or depends[j])]
         rows += wanted
         least.append(np.full(len(wanted), -np.inf))
     times = stated['final_time'] if free else None
@@ -113,11 +135,11 @@ def ipopt(
         options['ipopt'] |= dict.fromkeys(near, 1e-9)
     program = {'x': unknowns, 'f': total, 'g': casadi.vertcat(*rows)}
     solver = casadi.nlpsol('reference', 'ipopt', program, options)
-    began = time.perf_counter()
+    began = time.process_time()
     answer = solver(
         x0=np.concatenate(start), lbx=bounds[0], ubx=bounds[1], lbg=np.concatenate(least), ubg=0.0
     )
-    seconds, stats = time.perf_counter() - began, solver.stats()
+    seconds, stats = time.process_time() - began, solver.stats()
     controls = answer['x'].full().ravel()[n * (N + 1) : (n + r) * (N + 1)].reshape(N + 1, r)
     return Reference(
         stats['return_status'], stats['iter_count'], float(answer['f']), controls, seconds

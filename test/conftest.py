@@ -147,7 +147,7 @@ def interruptible():
 
 @dataclass(frozen=True)
 class Fault:
-    """A row of doc/user/faults.md.
+    """A row of doc/reference/faults.md.
 
     Attributes:
         fallback: What is commanded; a dash where only diagnostics tell.
@@ -182,7 +182,7 @@ class Faults:
 
 
 def _rows():
-    for line in (ROOT / 'doc' / 'user' / 'faults.md').read_text(encoding='utf-8').splitlines():
+    for line in (ROOT / 'doc' / 'reference' / 'faults.md').read_text(encoding='utf-8').splitlines():
         cells = [cell.strip() for cell in line.strip('|').split('|')]
         if line.startswith('|') and cells[-1].startswith('`test/'):
             _, _, fallback, level, says, test = cells
@@ -191,13 +191,13 @@ def _rows():
 
 @pytest.fixture(scope='session')
 def faults():
-    """All rows of doc/user/faults.md."""
+    """All rows of doc/reference/faults.md."""
     return list(_rows())
 
 
 @pytest.fixture
 def fault(request, faults):
-    """The rows of doc/user/faults.md that name this test; it must compare all of them."""
+    """The rows of doc/reference/faults.md that name this test; it must compare all of them."""
     name = f'{request.path.relative_to(ROOT).as_posix()}::{request.function.__name__}'
     mine = Faults([row for row in faults if row.test == name])
     yield mine

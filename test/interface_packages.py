@@ -195,7 +195,8 @@ float32 speed
 float32 remaining_path_length
 """,
         'action/FollowPath.action': DEFINITIONS['nav2_msgs']['action/FollowPath.action'].replace(
-            'float32 distance_to_goal\nfloat32 speed', 'nav2_msgs/TrackingFeedback tracking_feedback'
+            'float32 distance_to_goal\nfloat32 speed',
+            'nav2_msgs/TrackingFeedback tracking_feedback',
         ),
         'action/NavigateToPose.action': DEFINITIONS['nav2_msgs']['action/NavigateToPose.action']
         + 'float32 position_tracking_error\nfloat32 heading_tracking_error\n',

@@ -111,7 +111,7 @@ def duality_gap(program: Program, solution: QPSolution) -> float:
 def _least(qp: SparseQP, gradient: Array) -> Array:
     """Minimiser of a program's cost, with this gradient at 0, along the dynamics."""
     hessian = qp.P + sparse.triu(qp.P, 1).T
-    matrix = sparse.block_array([[hessian, qp.D.T], [qp.D, None]], format='csc')
+    matrix = sparse.csc_array(sparse.bmat([[hessian, qp.D.T], [qp.D, None]]))
     right = np.concatenate([-gradient, np.zeros(qp.D.shape[0])])
     factor = splu(matrix)
     z = factor.solve(right)

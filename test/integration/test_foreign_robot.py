@@ -1,4 +1,4 @@
-"""A robot that shares nothing with this package, driven by what doc/user/your_robot.md says."""
+"""A robot that shares nothing with this package, driven by what doc/user/robots.md says."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ pytestmark = pytest.mark.integration
 
 HERE = Path(__file__).parent
 CONFIG = HERE.parents[1] / 'config'
-PAGE = HERE.parents[1] / 'doc' / 'user' / 'your_robot.md'
+PAGE = HERE.parents[1] / 'doc' / 'user' / 'robots.md'
 # Its first start may compile for minutes.
 LIMIT = 280.0
 
@@ -30,7 +30,8 @@ LIMIT = 280.0
 def test_it_comes_within_5_cm_of_the_goal_and_touches_nothing(spawn, ros, tmp_path, course):
     """In real time, with the parameters that the page has."""
     mine = tmp_path / 'my_robot.yaml'
-    block = PAGE.read_text(encoding='utf-8').partition('```yaml\n')[2].partition('```')[0]
+    section = PAGE.read_text(encoding='utf-8').partition('## A robot of your own')[2]
+    block = section.partition('```yaml\n')[2].partition('```')[0]
     mine.write_text(textwrap.dedent(block))
     miss, clearance = driven(spawn, ros, course, mine, tmp_path / 'path')
     assert miss < 0.05

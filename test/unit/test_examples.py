@@ -8,16 +8,19 @@ import pytest
 from cmpsp_ros.mpsp import Status
 from examples.__main__ import NAMES
 from examples.common import ipopt
+from examples.further import EXAMPLES
 
 
 def test_every_file_is_listed():
     files = {path.stem for path in (Path(__file__).parents[2] / 'examples').glob('[a-z]*.py')}
-    assert files == {*NAMES, 'common'}
+    assert files == {*NAMES, 'common', 'further'}
 
 
-@pytest.mark.parametrize('name', NAMES)
-def test_it_converges(name):
-    example = importlib.import_module(f'examples.{name}').EXAMPLE
+ALL = [importlib.import_module(f'examples.{name}').EXAMPLE for name in NAMES] + EXAMPLES
+
+
+@pytest.mark.parametrize('example', ALL, ids=lambda example: example.name)
+def test_it_converges(example):
     solution = example.solve()
     assert solution.status is Status.CONVERGED, solution.sentence
     assert solution.is_minimum

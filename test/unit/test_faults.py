@@ -1,4 +1,4 @@
-"""Each row of doc/user/faults.md is held against the code by the test that it names."""
+"""Each row of doc/reference/faults.md is held against the code by the test that it names."""
 
 import ast
 import subprocess

@@ -216,6 +216,11 @@ class CasadiProblem(StageProblem):
         self._roll_out = expressions.roll_out(size.horizon)
         self._evaluators: dict[str, Any] = {}
 
+    @property
+    def p_values(self) -> Array:
+        """Data of the stages, shape ``(N + 1, size of p)``."""
+        return self._data[:, : self._data.shape[1] - sum(self._expressions.sizes)].copy()
+
     def updated(
         self,
         *,
@@ -226,7 +231,7 @@ class CasadiProblem(StageProblem):
         """As `StageProblem.updated`, or with other data ``p_values``."""
         other = super().updated(x0=x0, target=target)
         if p_values is not None:
-            count = self._data.shape[1] - sum(self._expressions.sizes)
+            count = self.p_values.shape[1]
             vars(other)['_data'] = self._data.copy()
             vars(other)['_data'][:, :count] = _values(p_values, (len(self._data), count))
         return other

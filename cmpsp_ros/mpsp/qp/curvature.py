@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.mpsp.qp.active_set.records import is_positive_definite
+from cmpsp_ros.mpsp.qp.active_set.records import definite_from, is_positive_definite
 from cmpsp_ros.mpsp.qp.dense.closed_form import (
     CURVATURE_MARGIN,
     has_closed_form,
@@ -78,15 +78,16 @@ def extreme_eigenvalues(subproblem: Subproblem) -> tuple[float, float]:
 def _least_shift(subproblem: Subproblem, sign: float, size: float) -> float:
     """Least shift from ``-size`` on with which ``sign H`` is positive definite."""
     low, high = -size, size
-    while high < np.inf and not is_positive_definite(subproblem, high, sign):
-        low, high = high, 2.0 * high
-    resolution = _RESOLUTION * high
-    while high - low > resolution:
-        middle = 0.5 * (low + high)
-        if is_positive_definite(subproblem, middle, sign):
-            high = middle
-        else:
-            low = middle
+    with definite_from(subproblem, sign) as is_definite:
+        while high < np.inf and not is_definite(high):
+            low, high = high, 2.0 * high
+        resolution = _RESOLUTION * high
+        while high - low > resolution:
+            middle = 0.5 * (low + high)
+            if is_definite(middle):
+                high = middle
+            else:
+                low = middle
     return high
 
 

@@ -15,11 +15,13 @@ from cmpsp_ros.mpsp.arguments import ProblemError
 from cmpsp_ros.mpsp.jit.watch import progress as compiling
 from cmpsp_ros.mpsp.options import Options
 from cmpsp_ros.mpsp.problem import OptimalControlProblem
+from cmpsp_ros.mpsp.qp import QPStatus
 from cmpsp_ros.mpsp.results import (
     Iterate,
     Record,
     Solution,
     Status,
+    Step,
     record,
     residual_at,
     violations,
@@ -47,6 +49,7 @@ def solve(
     *,
     time_limit: float = np.inf,
     progress: Callable[[Record], object] | None = None,
+    warm: Solution | None = None,
 ) -> Solution:
     """Iterate from a guess until the iteration ends by itself or at a limit.
 
@@ -57,6 +60,8 @@ def solve(
         max_iterations: Iterations at most.
         time_limit: Time after which no iteration begins [s].
         progress: Called with the record of each iterate.
+        warm: Solution of a problem like this one, whose multipliers multiple shooting begins with,
+            at once; of no effect where the problem does not give what that asks for.
 
     Returns:
         How the run ended, with a record of every iterate.
@@ -78,6 +83,8 @@ def solve(
     deadline = time.monotonic() + time_limit
     with compiling():
         run = _Run.begin(problem, guess, options)
+        if warm is not None:
+            run.warm = _warm(problem, warm, run.scaling)
         return run.finish(int(max_iterations), deadline, progress or (lambda _: None))
 
 
@@ -96,6 +103,7 @@ class _Run:
     is_shooting: bool = False
     escapes: int = 0
     before: Iterate | None = None
+    warm: Step | None = None
 
     @classmethod
     def begin(cls, problem: OptimalControlProblem, U: Array, options: Options) -> _Run:
@@ -119,7 +127,10 @@ class _Run:
     ) -> Solution:
         """Iterate to the end."""
         guess, history = self.at, list[Record]()
-        if self.options.method == 'multiple_shooting' and not self._shoot(guess):
+        begins = self.options.method == 'multiple_shooting' or self.warm is not None
+        if begins and self._shoot(guess):
+            self.at = replace(self.at, step=self.warm)
+        elif self.options.method == 'multiple_shooting':
             raise ProblemError(
                 "method: found 'multiple_shooting', but the problem lacks next_states or "
                 'constraint_curvature, or is not finite along the guess'
@@ -241,6 +252,21 @@ class _Run:
             is_minimum,
             self.scaling,
         )
+
+
+def _warm(problem: OptimalControlProblem, warm: Solution, units: Scaling) -> Step:
+    """Multipliers of another solution, in units, as those of a step that has not settled."""
+    size, rows = problem.size, warm.path_multipliers
+    shapes = rows.shape, warm.bound_multipliers.shape, warm.terminal_multipliers.shape
+    stages = size.horizon + 1
+    wanted = (stages, size.path), (stages, size.control), (size.output,)
+    if shapes != wanted:
+        raise ProblemError(f'warm: found multipliers of shapes {shapes}, wanted {wanted}')
+    return Step(
+        QPStatus.SOLVED, False, np.zeros(size.output), np.zeros_like(rows), 1.0,
+        warm.terminal_multipliers * units.output / units.cost, rows * units.path / units.cost,
+        warm.bound_multipliers * units.control / units.cost, 0, 0, full_change=np.inf,
+    )  # fmt: skip
 
 
 def _violation(at: Iterate) -> float:

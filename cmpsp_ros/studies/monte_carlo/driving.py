@@ -202,7 +202,6 @@ def outcome(driven: DrivenRun) -> StudyOutcome:
     levels = Counter(each.level for each in driven.decisions)
     worst = max(driven.decisions, key=lambda each: each.level, default=None)
     x, y = _instants(driven, final)
-    start = task.scenario.pose
     return StudyOutcome(
         number=task.scenario.number,
         miss=math.dist(driven.at(final)[:2], settings.goal),
@@ -220,7 +219,7 @@ def outcome(driven: DrivenRun) -> StudyOutcome:
         trouble=worst.reason if worst is not None and worst.level else '',
         trouble_time=worst.stamp / NANOSECONDS if worst is not None and worst.level else None,
         exception=driven.exception,
-        shortest_way=settings.road.shortest_length(start[:2], settings.goal),
+        shortest_way=settings.road.shortest_length(task.scenario.pose[:2], settings.goal),
         farthest=farthest(task),
         obstacles=len(task.truth.obstacles),
         x=x,
@@ -228,6 +227,7 @@ def outcome(driven: DrivenRun) -> StudyOutcome:
         time=task.settings.final_time if task.foreign else driven.end / NANOSECONDS,
         told_error=None if task.foreign is None else task.foreign.told_error,
         pace=_pace(driven) if task.has_map else None,
+        slowness=None if task.scored is None else _slowness(driven, *task.scored),
         crowd=_crowd(driven),
     )
 
@@ -256,6 +256,14 @@ def _pace(driven: DrivenRun) -> float:
     task = driven.task
     length = shortest_length(task.truth, np.array(task.scenario.pose))
     return length / (driven.end / NANOSECONDS) / task.settings.pace
+
+
+def _slowness(driven: DrivenRun, speed: float, tolerance: float) -> float:
+    """Time until the robot is within a tolerance [m], by that of the shortest path at a speed."""
+    goal, start = driven.task.settings.goal, np.array(driven.task.scenario.pose)
+    near = (each for each in driven.motions if math.dist(each.pose[:2], goal) <= tolerance)
+    arrived = next(near, driven.motions[-1]).stamp_ns / NANOSECONDS
+    return arrived * speed / shortest_length(driven.task.truth, start)
 
 
 def farthest(task: RunTask) -> float:

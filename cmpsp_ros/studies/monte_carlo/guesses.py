@@ -32,7 +32,8 @@ def grid_path(settings: GuidanceSettings, pose: Array, spare: float) -> Array:
     across, up = (np.arange(low[axis], high[axis], _CELL) for axis in range(2))
     points = np.stack(np.meshgrid(across, up, indexing='ij'), axis=-1)
     rows, columns = len(across), len(up)
-    number = np.arange(rows * columns).reshape(rows, columns)
+    # SciPy 1.11 searches graphs with short indices alone.
+    number = np.arange(rows * columns, dtype=np.int32).reshape(rows, columns)
     distance = settings.robot_radius + settings.safety.margin + spare
     space = FreeSpace.of(settings.road, settings.obstacles, distance)
     cells = points.reshape(-1, 2)

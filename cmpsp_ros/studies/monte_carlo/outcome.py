@@ -61,6 +61,8 @@ class StudyOutcome:
         time: The final time, possibly postponed [s].
         pace: Length of the shortest clear path by that time, as a part of the nominal speed; None
             without a map.
+        slowness: Time until it came within the tolerance, by that of the planned path at the speed
+            of the score; None in studies without one.
         told_error: Error of the delay given to the law [s]; None if it is exact.
         crowd: Figures among people; None without.
     """
@@ -88,6 +90,7 @@ class StudyOutcome:
     y: tuple[float, ...]
     time: float
     pace: float | None = None
+    slowness: float | None = None
     told_error: float | None = None
     crowd: CrowdOutcome | None = None
 
@@ -113,15 +116,11 @@ class StudyOutcome:
         """True if even the shortest path is longer than the robot can drive in time."""
         return self.shortest_way > self.farthest
 
-    def score(self, tolerance: float, speed: float) -> float:
-        """Score of the BARN challenge, at most 0.25: its time by that of the straight line.
-
-        Arrival is within `tolerance` [m]; `speed` is that along the straight line [m/s].
-        """
-        if self.verdict(tolerance) is not RunVerdict.ARRIVED:
+    def score(self, tolerance: float) -> float:
+        """Score of the BARN challenge, at most 0.5; arrival is within `tolerance` [m]."""
+        if self.slowness is None or self.verdict(tolerance) is not RunVerdict.ARRIVED:
             return 0.0
-        shortest = self.shortest_way / speed
-        return shortest / min(max(self.time, 4.0 * shortest), 8.0 * shortest)
+        return 1.0 / min(max(self.slowness, 2.0), 8.0)
 
     def verdict(self, tolerance: float) -> RunVerdict:
         """The first verdict that applies; a miss of `tolerance` [m] at most has arrived."""

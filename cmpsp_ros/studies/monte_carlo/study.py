@@ -171,6 +171,9 @@ class Study:
             self.kind.lateness,
             replace(_scanner(self), seed=drawn.seed) if self.kind.sees else None,
             has_map=self.kind.has_map,
+            scored=None
+            if self.kind.score_speed is None
+            else (self.kind.score_speed, self.tolerance),
             foreign=foreign,
         )
 
@@ -239,6 +242,8 @@ class RunTask:
         patience: Time after which a run with repeatedly postponed goals ends [s].
         has_map: Same as in `StudyKind`.
         crowd: Circumstances of a run among people; None without.
+        scored: Speed along the planned path [m/s], and distance from the goal that counts as
+            arrived [m], for the score of the BARN challenge; None for none.
     """
 
     scenario: Scenario
@@ -250,6 +255,7 @@ class RunTask:
     has_map: bool = False
     foreign: ForeignRobot | None = None
     crowd: Crowd | None = None
+    scored: tuple[float, float] | None = None
 
     @property
     def truth(self) -> GuidanceSettings:

@@ -88,8 +88,9 @@ def figures(
     """All figures of a study, ready for JSON."""
     verdicts = Counter(each.verdict(study.tolerance) for each in outcomes)
     reachable = [each for each in outcomes if not each.out_of_reach] or list(outcomes)
-    speed, tolerance = study.kind.score_speed, study.tolerance
-    scores = [] if speed is None else [each.score(tolerance, speed) for each in outcomes]
+    tolerance = study.tolerance
+    scored = study.kind.score_speed is not None
+    scores = [each.score(tolerance) for each in outcomes if scored]
     paces = [each.pace for each in outcomes if each.pace is not None]
     free = study.kind.sees or study.kind.has_map
     return {
@@ -152,7 +153,7 @@ def tables(values: Mapping[str, Any]) -> list[Table]:
     for level, count in values['control_steps'].items():
         counts.add_row(f'control steps {level.replace("_", " ")}', str(count), str(steps), '')
     if 'mean_score' in values:
-        counts.add_row('mean score', f'{values["mean_score"]:.4f}', '0.25', '')
+        counts.add_row('mean score', f'{values["mean_score"]:.4f}', '0.5', '')
     if 'costs' in values:
         costs = values['costs']
         count, total = costs['at_most_5_percent_more'], costs['of_the_same_class']

@@ -1,4 +1,4 @@
-"""Clocks that jump or stop, and a computer that is too slow; compared with doc/user/faults.md."""
+"""Clocks that jump or stop, and a slow computer; compared with doc/reference/faults.md."""
 
 from __future__ import annotations
 

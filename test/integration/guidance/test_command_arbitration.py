@@ -1,4 +1,4 @@
-"""Two guidance nodes for one robot, and others that publish commands; see doc/user/faults.md."""
+"""Two guidance nodes for one robot, and others that command; see doc/reference/faults.md."""
 
 from __future__ import annotations
 

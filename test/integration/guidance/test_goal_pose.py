@@ -20,7 +20,7 @@ PATIENT = {'odom_timeout': 60.0}
 
 
 def assert_logged(fault, running, words):
-    """The warning with these words is as its row of doc/user/faults.md says."""
+    """The warning with these words is as its row of doc/reference/faults.md says."""
     (line,) = (each for each in running.stderr.splitlines() if words in each)
     assert '[WARN]' in line
     sentence = line.partition('[guidance]: ')[2].removeprefix('goal_pose is refused: ')

@@ -49,7 +49,7 @@ FAULTS = [
 
 
 def assert_is(fault, decision):
-    """A decision is as its row of doc/user/faults.md says."""
+    """A decision is as its row of doc/reference/faults.md says."""
     fault.assert_said(decision['fallback_level'], decision['level'][0], decision['reason'])
 
 

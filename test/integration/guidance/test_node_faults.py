@@ -1,4 +1,4 @@
-"""Faults that only the node's own process can be given; compared with doc/user/faults.md."""
+"""Faults that only the node's own process can be given; compared with doc/reference/faults.md."""
 
 from __future__ import annotations
 

@@ -5,19 +5,18 @@ from collections import Counter
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
+from commands import command
 
 from benchmarks.common import BenchError
 from benchmarks.results import Order
 from benchmarks.run import run
-from cmpsp_ros.cli import app
 
 # What they share takes long to make.
 pytestmark = pytest.mark.xdist_group('bench_results')
 
 
 def invoke(*args):
-    return CliRunner().invoke(app, ['bench', *map(str, args)], env={'COLUMNS': '200'})
+    return command('bench', *args)
 
 
 @pytest.mark.slow

@@ -168,5 +168,5 @@ def broken(monkeypatch, reason='No.'):
 
 
 def assert_is(fault, decision):
-    """A decision fits the row of doc/user/faults.md that names the test."""
+    """A decision fits the row of doc/reference/faults.md that names the test."""
     fault.assert_said(decision.level.name.lower(), severity(decision), decision.reason)

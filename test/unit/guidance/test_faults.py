@@ -1,6 +1,6 @@
 """Answers of the law when something is wrong with the task, the world or the solver.
 
-Each test compares its decision with the row of doc/user/faults.md that names it.
+Each test compares its decision with the row of doc/reference/faults.md that names it.
 """
 
 import math

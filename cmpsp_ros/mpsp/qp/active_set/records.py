@@ -7,7 +7,7 @@ and controls that nothing moves and that cost nothing else. They are 0 in every 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import fields, replace
 from typing import Final, NamedTuple
@@ -189,12 +189,26 @@ def kkt_residual(
 
 def is_positive_definite(qp: Subproblem, shift: float = 0.0, sign: float = 1.0) -> bool:
     """True where ``sign H + shift I`` is, with ``H`` the condensed Hessian; one Riccati sweep."""
-    lin = qp.linearisation
-    # Infinite entries are not definite.
-    with np.errstate(over='ignore', invalid='ignore'):
-        L_UU = sign * lin.L_UU + shift * np.eye(qp.size.control)
-        lin = replace(lin, L_XX=sign * lin.L_XX, L_UX=sign * lin.L_UX, L_UU=L_UU)
+    with definite_from(qp, sign) as is_definite:
+        return is_definite(shift)
+
+
+@contextmanager
+def definite_from(qp: Subproblem, sign: float) -> Iterator[Callable[[float], bool]]:
+    """`is_positive_definite` of one program, as a function of the shift."""
+    lin, r = qp.linearisation, qp.size.control
     with borrowed_space(qp.size) as mine:
-        fill(mine, replace(qp, linearisation=lin))
-        free_all(mine.program)
-        return bool(factorise(mine.program))
+        stages = mine.program.stages
+
+        def is_definite(shift: float) -> bool:
+            # Infinite entries are not definite.
+            with np.errstate(over='ignore', invalid='ignore'):
+                stages['L_UU'][:, :r, :r] = sign * lin.L_UU + shift * np.eye(r)
+            free_all(mine.program)
+            return bool(factorise(mine.program))
+
+        fill(
+            mine,
+            replace(qp, linearisation=replace(lin, L_XX=sign * lin.L_XX, L_UX=sign * lin.L_UX)),
+        )
+        yield is_definite

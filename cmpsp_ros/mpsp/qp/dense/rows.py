@@ -133,8 +133,8 @@ def sparse_qp(subproblem: Subproblem, penalties: Penalties | None) -> SparseQP:
     return SparseQP(
         sparse.csc_array(sparse.bmat([[H, cross], [None, below]])),
         np.concatenate([lin.L_U.ravel(), lin.L_X[1:].ravel()]),
-        sparse.hstack([-by_control, by_state], format='csr'),
-        sparse.hstack(G, format='csr'),
+        sparse.csr_array(sparse.hstack([-by_control, by_state])),
+        sparse.csr_array(sparse.hstack(G)),
         rows,
     )
 

@@ -109,7 +109,7 @@ def test_what_a_message_says():
 
 
 def assert_refused(fault, call, why):
-    """It is refused for this, and that is its row of doc/user/faults.md."""
+    """It is refused for this, and that is its row of doc/reference/faults.md."""
     with pytest.raises(GoalError, match=why) as caught:
         call()
     fault.assert_said('—', 1, str(caught.value))

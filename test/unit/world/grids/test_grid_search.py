@@ -14,7 +14,7 @@ from cmpsp_ros.world.obstacles import Obstacle
 
 def reference(costs, goal):
     """By scipy, on the graph of cells beside each other, edges from the goal outwards."""
-    number = np.arange(costs.size).reshape(costs.shape)
+    number = np.arange(costs.size, dtype=np.int32).reshape(costs.shape)
     begins, ends, weights = [], [], []
     for i, j in np.ndindex(costs.shape):
         for a, b in np.ndindex(3, 3):

@@ -160,11 +160,23 @@ def warmup(
         Optional[list[str]],
         typer.Argument(metavar='PRESET', help='Presets, or parameter files; none: everything.'),
     ] = None,
+    export: Annotated[
+        Optional[Path], typer.Option(help='Write all kernels to this file, for equal computers.')
+    ] = None,
+    import_: Annotated[
+        Optional[Path], typer.Option('--import', help='Take kernels from this file instead.')
+    ] = None,
 ) -> None:
     """Compile the kernels of nodes and commands, so that they start at once.
 
-    Exit code 1 only if there is no folder for the cache.
+    Exit code 1 if there is no folder for the cache, or a file of kernels cannot be used.
     """
+    from cmpsp_ros.mpsp.jit import TransferError, export_kernels, import_kernels  # noqa: PLC0415 (loads numba)
+
+    if import_ is not None:
+        with exit_on(TransferError, code=1):
+            say(f'{import_}: {import_kernels(import_)} kernels taken')
+        return
     from cmpsp_ros.guidance import SolverSettings  # noqa: PLC0415 (loads numba)
     from cmpsp_ros.mpsp.jit import ProgressLine  # noqa: PLC0415 (loads numba)
     from cmpsp_ros.warmup import warm_up_all, work_rate  # noqa: PLC0415 (loads all kernels)
@@ -185,6 +197,9 @@ def warmup(
         complain(outcome.hindrance)
     if outcome.folder is None:
         raise typer.Exit(1)
+    if export is not None:
+        with exit_on(TransferError, code=1):
+            say(f'{export}: {export_kernels(export)} kernels written')
 
 
 def _starts(*, judge: bool) -> None:

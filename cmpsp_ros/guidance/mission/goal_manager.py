@@ -137,11 +137,14 @@ class GoalManager:
         `begin` [ns].
 
         Returns:
-            By how much [s]; 0 where the time is enough, or no path is known.
+            By how much [s]; 0 where the time is enough, or no path is known and nobody closes it.
         """
         goal, search, period = self.goal, start.world.map_search(self._settings), self.period
+        # Who closes the only path now may have gone before long.
         if goal is None or (
-            search is not None and not len(search.line(start.pose[:2], goal.position, _NEAR))
+            search is not None
+            and not start.reachable.names
+            and not len(search.line(start.pose[:2], goal.position, _NEAR))
         ):
             return 0.0
         needed = to_nanoseconds(self._time_to(goal, start))

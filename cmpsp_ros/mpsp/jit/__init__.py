@@ -15,6 +15,7 @@ if TYPE_CHECKING:
         inner,
     )
     from cmpsp_ros.mpsp.jit.stage_code import StageCode
+    from cmpsp_ros.mpsp.jit.transfer import TransferError, export_kernels, import_kernels
     from cmpsp_ros.mpsp.jit.watch import ProgressLine, compilations, progress
 
 __getattr__, __all__ = lazy_exports(__name__, __file__)

@@ -198,7 +198,7 @@ event.register('numba:compile', _Failures())
 def _load(path: Path, arguments: Any, target_context: Any) -> Any:
     try:
         content = path.read_bytes()
-        if _checksum(content[_CHECKSUM:]) != content[:_CHECKSUM]:  # cut short by a loss of power
+        if not is_whole(content):  # cut short by a loss of power
             return None
         classes = internals.named_tuples(arguments)
         found = internals.load(content[_CHECKSUM:], classes, target_context)
@@ -209,11 +209,21 @@ def _load(path: Path, arguments: Any, target_context: Any) -> Any:
     return found if tuple(found.signature.args) == tuple(arguments) else None
 
 
+def is_whole(content: bytes) -> bool:
+    """True where the content of a file is as it was written."""
+    return _checksum(content[_CHECKSUM:]) == content[:_CHECKSUM]
+
+
 def _save(path: Path, content: bytes) -> None:
+    save_whole(path, _checksum(content) + content)
+
+
+def save_whole(path: Path, content: bytes) -> None:
+    """Write the content of a file, checksum and all, in one move."""
     with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as file:
         unfinished = Path(file.name)
         try:
-            file.write(_checksum(content) + content)
+            file.write(content)
             file.flush()
             unfinished.replace(path)
         except OSError:

@@ -16,6 +16,7 @@ from numba import types
 from numba.core import config
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompileResult
+from numba.core.registry import cpu_target
 from numba.core.runtime import rtsys
 from numba.core.serialize import NumbaPickler
 
@@ -45,6 +46,11 @@ def target_description(target_context: Any) -> tuple[Any, ...]:
     """Processor, its features and the options of the optimiser."""
     options = config.OPT, config.LOOP_VECTORIZE, config.SLP_VECTORIZE, config.BOUNDSCHECK
     return (*target_context.codegen().magic_tuple(), *options)
+
+
+def this_target() -> tuple[Any, ...]:
+    """`target_description` of this computer."""
+    return target_description(cpu_target.target_context)
 
 
 def dump(result: Any) -> bytes | None:

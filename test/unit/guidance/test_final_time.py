@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 
 from cmpsp_ros.guidance import GuidanceLaw, Observation
+from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
+from cmpsp_ros.sensing import Sighting
+from cmpsp_ros.world.grids import Cell, OccupancyGrid
 
 END = 10_000_000_000
 
@@ -98,3 +101,21 @@ def test_a_goal_that_may_be_late_is_put_off_until_it_is_reached(may_be_late):
     if may_be_late:
         assert decisions[-1].goal.time == (stamp - 200_000_000) / 1e9 > 20.0
         assert put_off[0].time_left > 20.0 - put_off[0].stamp / 1e9
+
+
+@pytest.mark.parametrize('is_somebody_there', [False, True])
+def test_it_is_put_off_where_somebody_may_close_the_only_path(is_somebody_there):
+    """All around the robot something is seen, from behind which no path leads to the goal."""
+    given = {**load_parameter_file('people'), 'final_time': 20.0}
+    settings = guidance_settings(TABLE.resolve(given))
+    x, y, _ = pose = np.array(given['initial_pose'])
+    cells = np.full((60, 60), Cell.OCCUPIED, np.uint8)
+    cells[10:50, 10:50] = Cell.FREE
+    grid = OccupancyGrid((x - 1.5, y - 1.5, 0.0), 0.05, cells)
+    law = GuidanceLaw(settings, settings.world)
+    for stamp in (0, 19_600_000_000):
+        person = Track(Track.SEEN + 1, stamp, 0.25, x + 1.0, y, 0.0, 0.2)
+        tracks = (person,) if is_somebody_there else ()
+        law.step(Observation(stamp, pose, tracks, Sighting(stamp, grid)))
+        law.after_step()
+    assert (law.ends_at > 20_000_000_000) is is_somebody_there

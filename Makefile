@@ -83,7 +83,7 @@ endef
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help demo test test-all test-oldest lint setup bench docs dist site lock clean check-ros FORCE
+.PHONY: help demo test test-all test-oldest lint setup bench docs pictures dist site lock clean check-ros FORCE
 
 help:  ## say what can be made
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-11s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -128,6 +128,13 @@ docs: setup  ## write doc/reference/topics.md and parameters.md, config/defaults
 	$(BIN)/python -m cmpsp_ros.nodes.security_policy config/cmpsp.policy.xml
 	$(BIN)/python -m cmpsp_ros.parameters.documentation --write doc/reference/parameters.md
 	$(BIN)/python -m cmpsp_ros.parameters.documentation --defaults > config/defaults.yaml
+
+# The runs on the pages; pictures of the benchmark come with it, those of a browser and films by hand.
+pictures: setup  ## draw the runs in doc/images/ again
+	rm -rf .cache/pictures
+	for each in case3 clutter corridor course warehouse; do \
+	    $(BIN)/cmpsp demo $$each --lockstep --output .cache/pictures/$$each > /dev/null && \
+	    cp .cache/pictures/$$each/trajectory.png doc/images/$$each.png || exit 1; done
 
 # Pages are copied, because they link to files beside doc/. Commands and API are of this tree.
 site: PAGES := .cache/pages

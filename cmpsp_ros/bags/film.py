@@ -220,7 +220,7 @@ def film(bag: Path, output: Path, seconds: Sequence[float]) -> int:
     record, driven = read_record(bag), read_driven(bag)
     first, settings = record.start, record.history.at(record.start)
     last = int(driven.stamps[-1])
-    if not settings.may_be_late:
+    if not settings.moves_final_time:
         last = min(last, first + to_nanoseconds(settings.final_time))
     length = (last - first) / NANOSECONDS
     if not all(0.0 <= each <= length for each in seconds):

@@ -17,6 +17,7 @@ from cmpsp_ros.bags.runs import (
     Passing,
     Run,
     encounters,
+    goals_driven_to,
     holes,
     in_words,
     is_within,
@@ -26,7 +27,7 @@ from cmpsp_ros.bags.runs import (
     overlaps,
     pieces,
 )
-from cmpsp_ros.guidance import FallbackLevel, GuidanceSettings, to_nanoseconds
+from cmpsp_ros.guidance import FallbackLevel, Goal, GuidanceSettings, to_nanoseconds
 
 # Part of the speed along a road by which its mean may be off.
 _SPEED_TOLERANCE = 0.02
@@ -130,7 +131,13 @@ class Summary:
 def final_time(run: Run, settings: GuidanceSettings) -> float:
     """The final time [s]; if it may be postponed, that of the last decision."""
     goals = [each.goal for each in run.decisions if each.goal is not None]
-    return goals[-1].time if settings.may_be_late and goals else settings.final_time
+    return goals[-1].time if settings.moves_final_time and goals else settings.final_time
+
+
+def _goals_passed(run: Run, settings: GuidanceSettings) -> Sequence[Goal]:
+    """Goals at their times; where these are not those of the settings, of the last decisions."""
+    led = goals_driven_to(run.decisions, settings) if settings.is_soonest else []
+    return list({goal.name: goal for _, goal in led}.values()) or settings.goals
 
 
 def window(run: Run, settings: GuidanceSettings) -> tuple[int, int]:
@@ -171,7 +178,7 @@ def summarise(run: Run, settings: GuidanceSettings, preset: str) -> Summary:
         least = [float(each.clearance[~each.stands].min(initial=np.inf)) for each in met]
         nearest += [float(clearance.min()), *least]
     passings = []
-    for goal in settings.goals:
+    for goal in _goals_passed(run, settings):
         stamp = first + to_nanoseconds(goal.time)
         if not is_within(stamp, unknown):
             passings.append(Passing.of(settings, goal, stamp, run.driven.at(stamp)))

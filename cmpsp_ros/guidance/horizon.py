@@ -10,6 +10,7 @@ import numpy as np
 from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.guidance.times import NANOSECONDS, Horizon
 from cmpsp_ros.mpsp.jit import allocation_free
+from cmpsp_ros.robots import Robot
 
 
 def remaining(now: int, period: int, final: int) -> Horizon:
@@ -35,6 +36,18 @@ def shift(controls: Array, old: Horizon, new: Horizon) -> Array:
     shifted = np.empty((len(new.edges), controls.shape[1]))
     _shift(shifted, controls, old.edges, new.edges)
     return shifted
+
+
+def retimed(controls: Array, old: Horizon, new: Horizon, robot: Robot) -> Array:
+    """Controls ``(N + 1, r)`` of a plan driven faster or slower, to end when a horizon does."""
+    begin = int(new.edges[0])
+    left = int(old.edges[-1]) - begin
+    pace = left / int(new.edges[-1] - begin)
+    if pace == 1.0 or left <= 0:
+        return shift(controls, old, new)
+    edges = begin + ((old.edges - begin) / pace).astype(np.int64)
+    scaled = Horizon(edges, old.durations / pace)
+    return robot.slowed(shift(controls, scaled, new), pace)
 
 
 @allocation_free

@@ -170,7 +170,7 @@ class GuidanceLaw:
         mission, clock, delay = state.mission, state.clock, estimate.delay
         goals, now, note = mission.goals, clock.now, ''
         is_new = goals.update(observation.stamp, now, start)
-        may_postpone = settings.may_be_late and not mission.reaches_goal
+        may_postpone = settings.moves_final_time and not mission.reaches_goal
         if may_postpone and not mission.closed_road.wait_reason:
             by = goals.postpone(now + delay, start)
             if by:
@@ -218,6 +218,7 @@ class GuidanceLaw:
             halvings=state.lateness.halvings,
             delay=estimate.delay,
             end_speed=following.end_speed,
+            ends_at_rest=self._settings.comes_to_rest and not target.drives_on,
         )
 
     def _plan(
@@ -235,6 +236,9 @@ class GuidanceLaw:
             stamp, pose, moving = observation.stamp, observation.pose, estimate.start.moving
             return supervisor.decisions.stop(state, stamp, pose, reason, moving=moving)
         selected = self._selector.best(context)
+        if self._settings.is_soonest and state.mission.goals.goal is not None:
+            chosen = state.mission.at_earliest(self._selector, context, selected, state.clock)
+            context, selected = chosen
         return supervisor.choose(state, observation, estimate, context, selected)
 
     def _pending(self, estimate: Estimate) -> Validation | None:

@@ -69,6 +69,18 @@ class LawSettings(TaskSettings):
         """Maximum wheel-speed change between commands, for any step [rad/s]; may be infinite."""
         return self.robot.max_wheel_acceleration * self.control_period
 
+    @property
+    def comes_to_rest(self) -> bool:
+        """True if plans end at rest, where the limit of acceleration makes that a difference."""
+        return self.is_soonest and self.max_wheel_change < math.inf
+
+    @cached_property
+    def plan_weights(self) -> Weights:
+        """Weights of the cost of plans: where they only have to be early, of changes alone."""
+        if not self.is_soonest:
+            return self.weights
+        return replace(self.weights, road_center=0.0, control_effort=0.0)
+
     @cached_property
     def tracked(self) -> MovingObstacles:
         """Settings for moving obstacles, with room for those that sensors or trackers see."""
@@ -92,7 +104,7 @@ class LawSettings(TaskSettings):
         """All goals, in the order in which they are passed; none where a road is followed."""
         if self.follow is not None:
             return ()
-        name = GOAL if self.waypoints or self.may_be_late else ''
+        name = GOAL if self.waypoints or self.moves_final_time else ''
         return (*self.waypoints, Goal(self.goal, self.final_time, self.goal_heading, name))
 
     @property

@@ -182,6 +182,10 @@ class TaskSettings:
     may_be_late: bool = setting(False, '',
         'Whether the final time is put off where the path to the goal proves longer than the time '
         'that is left; else the robot stops at the final time.', key='goal.may_be_late')
+    when: Literal['fixed', 'soonest'] = setting('fixed', '',
+        'When to pass the goal and the points before it: `fixed`, at their times; `soonest`, as '
+        'early as plans find possible, whatever `final_time` and the times of waypoints say. With '
+        '`robot.max_wheel_acceleration` the robot then comes to rest at the goal.', key='goal.when')
     patience: float = setting(3.0, 's',
         'Time without progress towards the goal after which the robot tries other ways, backs out '
         'and turns, each for as long; then it stops for good. 0: it waits.', NOT_NEGATIVE,
@@ -197,4 +201,14 @@ class TaskSettings:
         'Age at which odometry counts as lost and the robot is stopped.', POSITIVE)
     failure_tolerance: int = setting(3, '',
         'Consecutive failed control steps after which the warm start is discarded.', Range(low=1))
-# fmt: on
+    # fmt: on
+
+    @property
+    def is_soonest(self) -> bool:
+        """True if goals are to be passed as early as possible."""
+        return self.when == 'soonest'
+
+    @property
+    def moves_final_time(self) -> bool:
+        """True if the final time is not that of the settings."""
+        return self.may_be_late or self.is_soonest

@@ -8,10 +8,15 @@ from typing import Final
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.decision import Decision, Plan
+from cmpsp_ros.guidance.horizon import remaining
 from cmpsp_ros.guidance.messages.tracks import MovingObject
 from cmpsp_ros.guidance.mission.closed_road import ClosedRoad
 from cmpsp_ros.guidance.mission.goal_manager import GoalManager
 from cmpsp_ros.guidance.mission.progress_watch import ProgressWatch
+from cmpsp_ros.guidance.planning.arrival_time import ArrivalTime
+from cmpsp_ros.guidance.planning.candidate import Candidate
+from cmpsp_ros.guidance.planning.plan_selector import PlanSelector
+from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 from cmpsp_ros.guidance.prediction.estimator import Estimator, Observation
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.world import NOT_SEARCHED, Searched, World
@@ -91,6 +96,7 @@ class Mission:
 
     Attributes:
         goals: The present goal, and those to come.
+        arrival: Search for the earliest time to pass it.
         closed_road: Obstacles that close the road to it.
         searched: Inputs of the search for the next control step.
         idle_steps: Number of control steps without progress, since a plan could reach the goal.
@@ -102,6 +108,7 @@ class Mission:
     """
 
     goals: GoalManager
+    arrival: ArrivalTime
     closed_road: ClosedRoad = field(default_factory=ClosedRoad)
     searched: Searched = NOT_SEARCHED
     idle_steps: int = 0
@@ -114,11 +121,25 @@ class Mission:
     def begin_leg(self) -> None:
         """Set out to another goal."""
         self._begin_again()
+        self.arrival.sets_out = True
         self.searched = self.searched._replace(hysteresis=NOT_SEARCHED.hysteresis)
+
+    def at_earliest(
+        self, selector: PlanSelector, context: PlanningContext, selected: Candidate, clock: Clock
+    ) -> tuple[PlanningContext, Candidate]:
+        """Pass the goal as early as a plan can: the control step, and the plan instead."""
+        goals, latest = self.goals, self.goals.latest(clock.now, context.start)
+        context, selected = self.arrival.choose(selector, context, selected, latest)
+        final = context.horizon.edges.item(-1) + context.delay
+        if final != goals.final:
+            goals.reach_at(final)
+            clock.due = remaining(clock.now, goals.period, final).edges.item(1)
+        return context, selected
 
     def reconfigure(self, settings: LawSettings, world: World) -> None:
         """Go on with other settings, in another world."""
         self.goals.reconfigure(settings, world)
+        self.arrival.settings = settings
         self._begin_again()
 
     def _begin_again(self) -> None:
@@ -199,7 +220,7 @@ class LawState:
         """The state before the first odometry of a run."""
         estimator = Estimator(settings)
         following = Following(estimator.robot.at_rest)
-        mission = Mission(GoalManager(settings, world))
+        mission = Mission(GoalManager(settings, world), ArrivalTime(settings))
         return cls(run, revision, world, estimator, mission, following)
 
     def reconfigure(self, settings: LawSettings, world: World) -> None:

@@ -51,7 +51,8 @@ def _parameters() -> Iterator[Parameter]:
     yield from of_task.of(TaskSettings, only=delays)
     yield task('final_time', _DOUBLE, 10.0, 's',
         'Time at which to pass the goal, counted from the first odometry; 10 s in the paper. With '
-        '`follow.speed`: time at which to stop; 0: never.', range=NOT_NEGATIVE, **_FIXED)
+        '`follow.speed`: time at which to stop; 0: never. With `goal.when` = `soonest` it does not '
+        'matter.', range=NOT_NEGATIVE, **_FIXED)
     yield from of_task.of(TaskSettings, only=('start_tolerance',))
     yield task('start.pose', _DOUBLES, [], 'm, m, rad',
         'Pose at which a run should begin (x, y, heading); only the position is checked. Empty: '
@@ -60,7 +61,8 @@ def _parameters() -> Iterator[Parameter]:
         'Point to pass at the final time (x, y); as in the paper.', **_POINT, **guidance_only)
     yield task('goal.heading', _DOUBLES, [], 'rad',
         'Heading at the goal: one number, or empty for any.', **guidance_only)
-    goal = 'goal_tolerance', 'heading_tolerance', 'may_be_late', 'patience', 'hold', 'nominal_speed'
+    times = 'when', 'may_be_late', 'patience'
+    goal = 'goal_tolerance', 'heading_tolerance', *times, 'hold', 'nominal_speed'
     yield from of_task.of(TaskSettings, only=goal)
     yield task('goal.wait', _BOOL, False, '',
         'Whether the robot waits until a goal is received, instead of driving to `goal.position`.',

@@ -136,6 +136,9 @@ def goal_problems(values: Values, course: Course) -> Iterator[Problem]:
     """Problems of goals: blocked positions, invalid headings, times out of order."""
     yield from _one_goal_problems(values, course, 'goal')
     yield from _speed_problems(values, 'goal.nominal_speed')
+    if values['goal.when'] == 'soonest' and not values['robot.max_wheel_speed']:
+        wanted = 'more than 0, for goal.when = soonest: without a limit any time will do'
+        yield Problem('robot.max_wheel_speed', '0.0 rad/s', wanted)
     before, since = 0.0, '0'
     period = values['control_period']
     for name in values['waypoints.names']:
@@ -157,6 +160,9 @@ def follow_problems(values: Values, course: Course) -> Iterator[Problem]:
     if values['waypoints.names']:
         found = describe(values['waypoints.names'])
         yield Problem('waypoints.names', found, 'none with follow.speed: a road has no goal')
+    if values['goal.when'] != 'fixed':
+        wanted = 'fixed with follow.speed: a road has no goal'
+        yield Problem('goal.when', repr(values['goal.when']), wanted)
     yield from _speed_problems(values, 'follow.speed')
     horizon, period = values['follow.horizon'], values['control_period']
     if not _FEWEST_STEPS * period <= horizon <= _MOST_STEPS * period:

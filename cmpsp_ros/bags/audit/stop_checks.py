@@ -262,7 +262,7 @@ def _goals_of(record: AuditRecord, run: RunSpan) -> list[Goal]:
     The first goal on `goal_pose` replaces those of the parameters; a later one replaces those
     before whose time has not come. So does a postponed one.
     """
-    is_put_off = record.history.at(run.start).may_be_late
+    is_put_off = record.history.at(run.start).moves_final_time
     received = [each for each in record.decisions if run.start <= each.stamp <= run.end]
     received = [
         each for each in received if each.goal is not None and (each.goals_received or is_put_off)

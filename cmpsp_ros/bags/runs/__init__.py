@@ -1,7 +1,7 @@
 """A recorded run as arrays: decisions, goals, moving obstacles and encounters."""
 
 from cmpsp_ros.bags.runs.encounters import encounters, robot_encounters
-from cmpsp_ros.bags.runs.goals import Passing, mean_speed
+from cmpsp_ros.bags.runs.goals import Passing, goals_driven_to, mean_speed
 from cmpsp_ros.bags.runs.odometry import (
     holes,
     in_words,

@@ -51,6 +51,8 @@ def _way(settings: LawSettings, road: Road, start: Point) -> float:
 
 
 def _too_far(settings: LawSettings, road: Road, start: Point) -> Iterator[str]:
+    if settings.is_soonest:
+        return
     needed, final_time = shortest_time(settings, road, start), settings.final_time
     if needed > final_time:
         speed, way = settings.robot.max_speed, _way(settings, road, start)

@@ -23,6 +23,8 @@ _FEWEST: Final = 5
 # Lookahead beside the robot, for the direction of the road there [m].
 _NEAR: Final = 0.01
 _ROUNDING: Final = 1e-9
+# Multiple of the nominal time that is always enough.
+_AMPLE: Final = 2
 # Part of the time that the path takes with which a goal is put off.
 _SCARCE: Final = 0.9
 
@@ -54,6 +56,7 @@ class GoalManager:
         self._waiting: tuple[int, Goal] | None = None
         self._received: Goal | None = None
         self._index = self._late = 0
+        self._is_timed = not settings.is_soonest
         self._set_goal(world)
 
     def reconfigure(self, settings: LawSettings, world: World) -> None:
@@ -103,6 +106,15 @@ class GoalManager:
         Returns:
             Whether it is another one than before.
         """
+        is_new = self._find(stamp, now, start)
+        if not self._is_timed and self.goal is not None:
+            self._is_timed = True
+            begin = now + self._delay
+            needed = to_nanoseconds(self._time_to(self.goal, start))
+            self.reach_at((begin + max(needed, _FEWEST * self.period)) // self.period * self.period)
+        return is_new
+
+    def _find(self, stamp: int, now: int, start: PlanStart) -> bool:
         effect = now + self._delay
         if effect < self.final and self._is_known and self._waiting is None and self.goal:
             return False
@@ -117,9 +129,13 @@ class GoalManager:
         while self.final <= effect and not self.is_last:
             self._index += 1
             self._set_goal(start.world)
+            if self._settings.is_soonest:
+                # The times of those to come are no plan.
+                break
         if not self._is_known:
             self._pass_along_road(start)
         if self._index > before:
+            self._is_timed = not self._settings.is_soonest
             return True
         settings, target = self._settings, self.target
         may_return = settings.hold and not self.given_up
@@ -130,6 +146,22 @@ class GoalManager:
             self.is_return = True
             return True
         return False
+
+    def reach_at(self, final: int) -> None:
+        """Pass the present goal at another time, and all after it as much later or earlier [ns]."""
+        assert self.goal is not None  # noqa: S101 (only a road has none)
+        by = final - self.final
+        self._late, self.final, self.end = self._late + by, final, self.end + by
+        self.goal = replace(self.goal, time=final / NANOSECONDS)
+
+    def latest(self, begin: int, start: PlanStart) -> int:
+        """A time by which the present goal can be reached at a moderate speed [ns].
+
+        `begin` [ns].
+        """
+        assert self.goal is not None  # noqa: S101 (only a road has none)
+        needed = max(to_nanoseconds(self._time_to(self.goal, start)), _FEWEST * self.period)
+        return begin + _AMPLE * needed
 
     def postpone(self, begin: int, start: PlanStart) -> float:
         """Pass the present goal later, and all after it, where the path to it takes too long.

@@ -238,7 +238,7 @@ class Ranking:
 
     def _cost(self, plan: Plan, previous_control: Array, off_center: float) -> float:
         """Cost (95) without its proximal term, with the weights of controls and their changes."""
-        controls, weights = plan.controls, self._settings.weights
+        controls, weights = plan.controls, self._settings.plan_weights
         cost = weights.road_center * off_center
         if weights.control_effort > 0.0:
             cost += weights.control_effort * float((controls**2).sum())

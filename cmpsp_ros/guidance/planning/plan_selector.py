@@ -13,8 +13,9 @@ from typing import Any, Final
 import numpy as np
 
 from cmpsp_ros.arrays import Array
+from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.formulation.ocp_formulation import OcpFormulation
-from cmpsp_ros.guidance.horizon import shift
+from cmpsp_ros.guidance.horizon import retimed, shift
 from cmpsp_ros.guidance.planning.alternative_pool import Alternative, AlternativePool
 from cmpsp_ros.guidance.planning.candidate import Candidate, Ranking
 from cmpsp_ros.guidance.planning.homotopy.path_search import class_of, in_words
@@ -164,6 +165,26 @@ class PlanSelector:
         selected = self._select(warm, context, guesses, review=review, may_change=may_change)
         return self._polished(selected, context)
 
+    def _guess_from(self, plan: Plan, context: PlanningContext) -> Array:
+        """Controls of a plan within the horizon of a step, shape ``(N + 1, r)``."""
+        if self._settings.is_soonest:
+            robot = context.start.robot
+            return retimed(plan.controls, plan.horizon, context.horizon, robot)
+        return shift(plan.controls, plan.horizon, context.horizon)
+
+    def try_at_another_time(
+        self, plan: Plan, context: PlanningContext, accepts: Callable[[Candidate], bool]
+    ) -> Candidate:
+        """Improve a plan that ends earlier or later, and follow it if it is accepted."""
+        planner, left = self._pool.take(), self._work_left
+        self._work_left = granted = min(left, self._work_limit // 8)
+        found = self._improve(planner, self._guess_from(plan, context), context, SCREENING)
+        self._work_left += left - granted
+        if accepts(found):
+            planner, self._pool.followed = self._pool.followed, planner
+        self._pool.free.append(planner)
+        return found
+
     def _timed(self, phase: str, run: Callable[..., Any], *arguments: Any) -> Any:
         began = self._timer()
         result = run(*arguments)
@@ -211,7 +232,7 @@ class PlanSelector:
         for each in self._pool.worth_improving(capacity):
             if self._work_left > 0:
                 plan = each.candidate.plan
-                guess = shift(plan.controls, plan.horizon, context.horizon)
+                guess = self._guess_from(plan, context)
                 improved.append(self._improved(each.planner, guess, context, each.bad_steps))
             else:
                 waiting.append(each)

@@ -95,7 +95,9 @@ class Planner:
         solver = settings.solver
         self._compiled = solver.qp == RICCATI_ACTIVE_SET and solver.hessian != 'exact'
         self._is_limited = settings.robot.limit_rows > 0
-        self._is_steered = settings.robot.steering_limits is not None
+        # Whether the speed at the end of a plan may be limited.
+        self._is_bounded = settings.comes_to_rest or settings.robot.steering_limits is not None
+        self._period = settings.control_period
         self._rate, self._max_change = settings.weights.control_rate, settings.max_wheel_change
         # The problem, for the space, target and robot that it was made for.
         self._posed: tuple[FreeSpace, Target, Robot] | None = None
@@ -129,6 +131,7 @@ class Planner:
     def reformulate(self, formulation: OcpFormulation) -> None:
         """Take another formulation with the same layout, and keep memory and warm start."""
         self._formulation, self._posed = formulation, None
+        self._is_bounded = self._is_bounded or formulation.settings.comes_to_rest
 
     def forget(self) -> None:
         """Begin the next plan without the active rows of the last one."""
@@ -168,7 +171,7 @@ class Planner:
             guess = within_ramp(guess, durations, previous, self._max_change, robot.time_scaling)
         self._ws.trial.U[: steps + 1] = guess
         self._limit[0], self._work_limit[0] = limit, work_limit
-        if self._is_steered:
+        if self._is_bounded:
             self._bound_speeds(self._driver, context)
         data = self._data(context, guess)
         self._driver.improve(self.compiled.entries, data, steps, over)
@@ -194,7 +197,7 @@ class Planner:
             other = self._make_driver(len(self._ws.lower) - 1, outputs, by_name=True)
             self._others[outputs] = other
         self._set_tolerances(other)
-        if self._is_steered:
+        if self._is_bounded:
             self._bound_speeds(other, context)
         other.ws.trial.U[: steps + 1] = guess
         other.ws.run['max_iterations'] = limit
@@ -211,7 +214,7 @@ class Planner:
         if posed is None or space is not posed[0] or target != posed[1] or robot is not posed[2]:
             self._posed = space, target, robot
             settings, (goal, heading) = formulation.settings, _goal_of(target)
-            weights, hessian = settings.weights, settings.solver.hessian
+            weights, hessian = settings.plan_weights, settings.solver.hessian
             self._problem = guidance_data(
                 robot, space, weights, pose, goal, durations, hessian, heading
             )
@@ -256,18 +259,34 @@ class Planner:
         return driver
 
     def _bound_speeds(self, driver: Driver, context: PlanningContext) -> None:
-        """Bound the speed of a car so that it comes to the end slowly enough, braking in time."""
-        robot, ws = context.start.robot, driver.ws
-        durations = context.horizon.durations
-        ws.upper[:, 0], ws.lower[:, 0] = robot.bounds[0], -robot.bounds[0]
-        if context.end_speed == math.inf:
+        """Bound the speed of a car so that it comes to the end slowly enough, braking in time.
+
+        And that of every robot which is to be at rest there.
+        """
+        robot, ws, change = context.start.robot, driver.ws, self._max_change
+        durations, bounds = context.horizon.durations, robot.bounds
+        ws.upper[:], ws.lower[:] = bounds, -bounds
+        left, steps = durations.sum() - np.cumsum(durations), np.arange(1, len(durations) + 1)
+        previous = context.start.previous_control
+        if robot.steering_limits is not None:
+            rest = robot.wheel_radius * change if context.ends_at_rest else math.inf
+            end_speed = min(context.end_speed, rest)
+            if end_speed == math.inf:
+                return
+            braked = abs(robot.speeds_of(previous).item()) - change * steps
+            slow = (end_speed + robot.max_acceleration * left) / robot.wheel_radius
+            largest = np.clip(np.maximum(slow, braked), 0.0, bounds[0])[:, None]
+        elif context.ends_at_rest:
+            n = robot.n_speeds
+            limits, speeds = robot.rate_limits[:, :n], np.abs(previous[:n])
+            fastest = max(float(np.abs(limits @ previous[:n]).max()), change)
+            braked = np.outer(np.maximum(1.0 - steps * change / fastest, 0.0), speeds)
+            slow = np.outer(1.0 + left / self._period, change / np.abs(limits).max(axis=0))
+            largest = np.clip(np.maximum(slow, braked), 0.0, bounds[:n])
+        else:
             return
-        left = durations.sum() - np.cumsum(durations)
-        slowest = robot.speeds_of(context.start.previous_control).item()
-        braked = abs(slowest) - self._max_change * np.arange(1, len(durations) + 1)
-        slow = (context.end_speed + robot.max_acceleration * left) / robot.wheel_radius
-        ws.upper[: len(durations), 0] = np.clip(np.maximum(slow, braked), 0.0, robot.bounds[0])
-        ws.lower[:, 0] = -ws.upper[:, 0]
+        ws.upper[: len(durations), : largest.shape[1]] = largest
+        ws.lower[:] = -ws.upper
 
     def _set_tolerances(self, driver: Driver) -> None:
         run, outputs = driver.ws.run, terminal_constraint(self._target)

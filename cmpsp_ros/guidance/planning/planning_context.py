@@ -80,6 +80,7 @@ class PlanningContext:
         halvings: Number of times that the work of the step is halved.
         delay: Time from a command to its effect [ns].
         end_speed: Largest speed of a car at the end of a plan; infinite for none [m/s].
+        ends_at_rest: Whether the command after the last may be that of rest.
     """
 
     settings: LawSettings
@@ -91,6 +92,7 @@ class PlanningContext:
     halvings: int = 0
     delay: int = 0
     end_speed: float = math.inf
+    ends_at_rest: bool = False
 
     @classmethod
     def at_pose(

@@ -126,7 +126,7 @@ def drive(task: RunTask) -> DrivenRun:
             task.eyes(driven.walking),
         )
         # At the very end the law may still put it off.
-        while (stamp := instants.next_ns) < driven.end + int(task.settings.may_be_late):
+        while (stamp := instants.next_ns) < driven.end + int(task.settings.moves_final_time):
             _hand_over(plant, driven, computer, stamp)
             _advance(plant, driven, stamp)
             pose = plant.measure()
@@ -140,7 +140,7 @@ def drive(task: RunTask) -> DrivenRun:
                 tracks = _told(driven, stamp) or seen
                 decision = law.step(Observation(stamp, pose, tracks, sighting))
                 computer.take(law, decision)
-                if task.settings.may_be_late and law.ends_at is not None:
+                if task.settings.moves_final_time and law.ends_at is not None:
                     driven.end = min(law.ends_at, to_nanoseconds(task.patience))
                 _hand_over(plant, driven, computer, stamp)
             instants.advance()

@@ -192,7 +192,7 @@ class ForeignDrive:
             is_late = took > period and decision.plan is not None
             decision = law.after_step(took if is_late else 0.0)
             self._free_at = begin + took
-            self.end = self.end or law.ends_at or 0
+            self.end = law.ends_at or 0
             if not decision.late:
                 heard = self._free_at + self._random.uniform(*_MESSAGE)
                 self._commands.append((heard, (float(decision.twist[0]), float(decision.twist[1]))))

@@ -41,6 +41,7 @@ class ReferenceSolution:
         controls: Shape ``(N, r)``, of a differential drive its wheel speeds [rad/s].
         braking: Controls that bring the robot to rest afterwards, shape ``(K, r)``.
         excess: Maximum violation of a limit of the robot; 0 or less where all are kept.
+        time: Final time [s].
     """
 
     feasible: bool
@@ -49,6 +50,7 @@ class ReferenceSolution:
     controls: Array
     braking: Array
     excess: float
+    time: float
 
 
 class Limits(NamedTuple):
@@ -81,7 +83,9 @@ class Limits(NamedTuple):
 
 
 def reference_solution(settings: GuidanceSettings, pose: Array, start: Path) -> ReferenceSolution:
-    """Minimise the first term of (95) over the whole horizon at once.
+    """Minimise the first term of (95) over the whole horizon at once, or with `goal.when` the time.
+
+    All steps have one duration then, and the robot may be at rest after the last of them.
 
     Args:
         settings: The problem; with `safety.between_samples` in the shrunk space that keeps the
@@ -100,28 +104,34 @@ def reference_solution(settings: GuidanceSettings, pose: Array, start: Path) -> 
     steps = round(settings.final_time / settings.control_period)
     robot, space = settings.robot, sample_space(settings, settings.world)
     end = goal_space(settings, settings.world, settings.target) or space
-    stopping = _stopping_steps(settings)
+    stopping = 0 if settings.is_soonest else _stopping_steps(settings)
     start = _braked(start, steps, stopping)
     opti = casadi.Opti()
     U = opti.variable(robot.n_controls, steps + stopping)
     X = opti.variable(3, steps + stopping + 1)
     opti.subject_to(X[:, 0] == pose)
+    period: Any = settings.control_period
+    if settings.is_soonest:
+        period = opti.variable()
+        opti.subject_to(period >= 0.0)
+        opti.set_initial(period, settings.control_period)
     constraints = _SpaceConstraints(casadi, opti, settings, start)
     cost: Any = constraints.off_center(X[:2, 0], 0, space) ** 2
     for k in range(steps + stopping):
-        step = motion(casadi, robot, X[2, k], U[:, k], settings.control_period)
+        step = motion(casadi, robot, X[2, k], U[:, k], period)
         opti.subject_to(X[:, k + 1] == X[:, k] + step)
         here = end if k + 1 == steps else space
         off_center = constraints.off_center(X[:2, k + 1], k + 1, here)
         cost += off_center**2 if k < steps else 0.0
         constraints.keep_clear(X[:2, k + 1], k + 1, here)
     opti.subject_to(X[:2, steps] == np.array(settings.goal))
-    _limit(casadi, opti, robot, U, settings.control_period)
+    _limit(casadi, opti, robot, U, period, rests=settings.is_soonest)
     if stopping:
         opti.subject_to(U[: robot.time_scaling.scaled, -1] == 0.0)
     cost = 0.5 * settings.weights.road_center * cost
     # Without a centre line the least turning of the wheels.
-    opti.minimize(cost if settings.road.has_center_line else casadi.sumsqr(U))
+    goal = cost if settings.road.has_center_line else casadi.sumsqr(U)
+    opti.minimize(steps * period if settings.is_soonest else goal)
     opti.set_initial(U, start.controls.T)
     opti.set_initial(X, start.poses.T)
     opti.solver('ipopt', {'print_time': False}, _OPTIONS)
@@ -129,6 +139,7 @@ def reference_solution(settings: GuidanceSettings, pose: Array, start: Path) -> 
     with contextlib.suppress(RuntimeError):
         opti.solve()
     status = opti.return_status()
+    duration = float(opti.debug.value(period))
     found = np.asarray(opti.debug.value(U)).reshape(robot.n_controls, -1).T
     return ReferenceSolution(
         feasible=status in {'Solve_Succeeded', 'Solved_To_Acceptable_Level'},
@@ -136,7 +147,8 @@ def reference_solution(settings: GuidanceSettings, pose: Array, start: Path) -> 
         cost=float(opti.debug.value(cost)),
         controls=found[:steps],
         braking=found[steps:],
-        excess=limit_excess(robot, found, settings.control_period),
+        excess=limit_excess(robot, found, duration),
+        time=steps * duration,
     )
 
 
@@ -181,8 +193,10 @@ def limit_excess(robot: Robot, controls: Array, period: float) -> float:
     return float(np.max(beyond))
 
 
-def _limit(casadi: Any, opti: Any, robot: Robot, controls: Any, period: float) -> None:
-    """Constrain controls ``(r, N)`` to the limits of a robot that begins at rest."""
+def _limit(
+    casadi: Any, opti: Any, robot: Robot, controls: Any, period: Any, *, rests: bool
+) -> None:
+    """Constrain controls ``(r, N)`` to the limits of a robot that begins at rest, or ends there."""
     limits = Limits.of(robot)
     values = limits.rows @ controls
     before = casadi.horzcat(casadi.DM.zeros(len(limits.rows), 1), values[:, :-1])
@@ -191,7 +205,10 @@ def _limit(casadi: Any, opti: Any, robot: Robot, controls: Any, period: float) -
             opti.subject_to(opti.bounded(-largest, values[row, :].T, largest))
         if change < math.inf:
             at_once = change * period
-            opti.subject_to(opti.bounded(-at_once, (values - before)[row, :].T, at_once))
+            changes = (values - before)[row, :].T
+            changes = casadi.vertcat(changes, values[row, -1]) if rests else changes
+            opti.subject_to(changes <= at_once)
+            opti.subject_to(changes >= -at_once)
 
 
 def _stopping_steps(settings: GuidanceSettings) -> int:

@@ -183,3 +183,18 @@ def test_follow_path(drive, actions, client, record):
     guidance.end()
     outcome = recording.replayed()
     assert outcome.decisions > 20
+
+
+def test_navigate_as_soon_as_possible(drive, actions, client, record):
+    recording = record()
+    given = {'goal.wait': 'true', 'goal.when': 'soonest', 'goal.nominal_speed': 0.8}
+    guidance = drive({'recorder_timeout': 30.0, 'robot.max_wheel_acceleration': 60.0, **given})
+    client.until(lambda: client.decisions, 60.0)
+    goal = actions('NavigateToPose', 'navigate_to_pose', pose=place(5.0, -8.3))
+    assert goal.result() == (GoalStatus.STATUS_SUCCEEDED, 0, '')
+    assert distance(client, 5.0, -8.3) < 0.05
+    # At that speed it would be more than 6 s.
+    assert goal.feedback[0].estimated_time_remaining.sec < 5
+    guidance.end()
+    outcome = recording.replayed()
+    assert outcome.decisions >= len(client.decisions)

@@ -1,0 +1,130 @@
+"""The final time of goals that are to be passed as early as possible: a search, step by step.
+
+Within a plan the final time is fixed. At each control step a plan that ends a stride earlier is
+tried, made from the present one driven faster: if it meets every constraint it is followed, and the
+next stride is longer; otherwise the next one is shorter. A plan that has a flaw is tried with more
+time. So the plan that is followed ends at the earliest time found, and a trial changes no command.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+from cmpsp_ros.guidance.horizon import remaining
+from cmpsp_ros.guidance.planning.candidate import Candidate
+from cmpsp_ros.guidance.planning.plan_selector import PlanSelector
+from cmpsp_ros.guidance.planning.planning_context import PlanningContext
+from cmpsp_ros.guidance.safety.validation import TOUCHING
+from cmpsp_ros.guidance.settings import LawSettings
+from cmpsp_ros.guidance.times import to_nanoseconds
+
+_GRID: Final = 20
+"""Final times in a control period."""
+_LONGEST, _DELAY = 0.15, 0.0025
+"""Longest stride, and the first one of a flawed plan to a later end: parts of the time left."""
+_GROWTH: Final = 2.0
+"""Factor on a stride after a success."""
+_TRIALS: Final = 2
+_INITIAL_TRIALS: Final = 16
+_INITIAL_DELAYS: Final = 3
+"""Trials at a control step, and at the first one to a goal; searches for it with more time."""
+_INITIAL_DELAY: Final = 0.4
+"""By how much more in such a search, as a fraction."""
+_FEWEST: Final = 5
+"""Control periods before the goal in which it is not passed any earlier."""
+_OF_TOLERANCE: Final = 0.2
+"""Part of the goal's tolerance within which a plan on trial ends."""
+
+
+@dataclass
+class ArrivalTime:
+    """Search for the earliest final time.
+
+    Attributes:
+        settings: All settings of the guidance law.
+        stride: By how much the next trial is earlier, as a fraction of the time left.
+        sets_out: Whether no plan to the goal was made yet.
+    """
+
+    settings: LawSettings
+    stride: float = _LONGEST
+    sets_out: bool = True
+
+    def choose(
+        self, selector: PlanSelector, context: PlanningContext, selected: Candidate, latest: int
+    ) -> tuple[PlanningContext, Candidate]:
+        """The plan to follow instead of the selected one, and its control step.
+
+        `latest` [ns] is the latest final time that is tried.
+        """
+        sets_out, self.sets_out = self.sets_out, False
+        if sets_out:
+            self.stride = _LONGEST
+            for _ in range(_INITIAL_DELAYS):
+                if self._is_good(selected):
+                    break
+                context = self._shifted(context, _INITIAL_DELAY)
+                selected = selector.best(context)
+        if self._is_good(selected):
+            return self._earlier(
+                selector, context, selected, _INITIAL_TRIALS if sets_out else _TRIALS
+            )
+        return self._later(selector, context, selected, latest)
+
+    def _earlier(
+        self, selector: PlanSelector, context: PlanningContext, selected: Candidate, trials: int
+    ) -> tuple[PlanningContext, Candidate]:
+        period = to_nanoseconds(self.settings.control_period)
+        for _ in range(trials):
+            trial = self._shifted(context, -self.stride)
+            if trial.horizon.edges[-1] < trial.horizon.edges[0] + _FEWEST * period:
+                break
+            found = selector.try_at_another_time(selected.plan, trial, self._is_accurate)
+            if self._is_accurate(found):
+                context, selected, self.stride = trial, found, min(_GROWTH * self.stride, _LONGEST)
+            elif context.horizon.edges[-1] - trial.horizon.edges[-1] <= self._grid(context):
+                break
+            else:
+                self.stride /= 2.0
+        return context, selected
+
+    def _later(
+        self, selector: PlanSelector, context: PlanningContext, selected: Candidate, latest: int
+    ) -> tuple[PlanningContext, Candidate]:
+        self.stride = _DELAY
+        for k in range(_TRIALS):
+            trial = self._shifted(context, _DELAY * 8.0**k)
+            if trial.horizon.edges[-1] > latest:
+                break
+            found = selector.try_at_another_time(selected.plan, trial, self._is_accurate)
+            if self._is_accurate(found):
+                return trial, found
+        return context, selected
+
+    def _grid(self, context: PlanningContext) -> int:
+        """Smallest difference of final times [ns]: a waypoint is passed at a control instant."""
+        period = to_nanoseconds(self.settings.control_period)
+        return period if context.goal.drives_on else period // _GRID
+
+    def _shifted(self, context: PlanningContext, by: float) -> PlanningContext:
+        """The control step with a final time that is later by a fraction of the time left."""
+        period, grid = to_nanoseconds(self.settings.control_period), self._grid(context)
+        begin, end = context.horizon.edges[[0, -1]].tolist()
+        steps = max(round(abs(by) * (end - begin) / grid), 1)
+        end += (steps if by > 0.0 else -steps) * grid
+        return replace(context, horizon=remaining(begin, period, end))
+
+    def _is_good(self, candidate: Candidate, tolerance: float = 1.0) -> bool:
+        """True if a plan meets every constraint and ends within so many tolerances of the goal."""
+        settings, off = self.settings, candidate.heading_error or 0.0
+        return (
+            candidate.feasible
+            and candidate.verdict.worst_margin >= -TOUCHING
+            and candidate.terminal_error <= tolerance * settings.goal_tolerance
+            and off <= tolerance * settings.heading_tolerance
+        )
+
+    def _is_accurate(self, candidate: Candidate) -> bool:
+        """True if a plan on trial may be followed."""
+        return self._is_good(candidate, _OF_TOLERANCE)

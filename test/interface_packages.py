@@ -194,18 +194,10 @@ float32 distance_to_goal
 float32 speed
 float32 remaining_path_length
 """,
-        'action/FollowPath.action': """
-nav_msgs/Path path
-string controller_id
-string goal_checker_id
-string progress_checker_id
----
-std_msgs/Empty result
-uint16 error_code
-string error_msg
----
-nav2_msgs/TrackingFeedback tracking_feedback
-""",
+        'action/FollowPath.action': DEFINITIONS['nav2_msgs']['action/FollowPath.action'].replace(
+            'float32 distance_to_goal\nfloat32 speed',
+            'nav2_msgs/TrackingFeedback tracking_feedback',
+        ),
         'action/NavigateToPose.action': DEFINITIONS['nav2_msgs']['action/NavigateToPose.action']
         + 'float32 position_tracking_error\nfloat32 heading_tracking_error\n',
     }

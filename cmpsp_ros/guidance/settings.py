@@ -23,7 +23,7 @@ GOAL: Final = 'goal'
 """Name of the last of several goals."""
 
 _SEEN_AT_A_TIME: Final = 8
-"""Moving obstacles that plans consider where only sensors tell of them."""
+"""Moving obstacles that plans consider where only sensors or other trackers tell of them."""
 
 _FRACTION_OF_TOP_SPEED, _WITHOUT_LIMIT = 0.8, 1.0
 
@@ -83,9 +83,9 @@ class LawSettings(TaskSettings):
 
     @cached_property
     def tracked(self) -> MovingObstacles:
-        """Settings for moving obstacles, with room for those that sensors see."""
+        """Settings for moving obstacles, with room for those that sensors or trackers see."""
         moving, sight = self.moving_obstacles, self.sight
-        if moving.capacity or not (sight.sensors and sight.moving):
+        if moving.capacity or not (moving.trackers or (sight.sensors and sight.moving)):
             return moving
         return replace(moving, capacity=_SEEN_AT_A_TIME)
 

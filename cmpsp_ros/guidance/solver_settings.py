@@ -85,8 +85,8 @@ class MovingObstacles:
 
     capacity: int = setting(0, '',
         'Maximum number of moving obstacles considered; they arrive on `moving_obstacles`. 0: the '
-        'topic is not subscribed to, and 8 that sensors see are considered.', Range(0, 64),
-        live=False)
+        'topic is not subscribed to, and 8 that sensors or trackers see are considered.',
+        Range(0, 64), live=False)
     timeout: float = setting(1.0, 's',
         'Age at which an obstacle that is not seen again is dropped.', POSITIVE)
     growth: float = setting(0.05, 'm/s',

@@ -324,7 +324,5 @@ def _sensor_problems(values: Values) -> Iterator[Problem]:
         if low >= high:
             key = f'sensors.{name}.heights'
             yield Problem(key, describe([low, high]), 'the least z before the greatest')
-    if values['trackers.names'] and not values['moving_obstacles.capacity']:
-        yield Problem('moving_obstacles.capacity', '0', 'at least 1, for trackers.names')
     if values['sensors.names'] and SEEN in values['obstacles.names']:
         yield Problem('obstacles.names', repr(SEEN), 'another name: it is that of what is seen')

@@ -127,8 +127,8 @@ def test_a_radar_on_the_robot_tells_of_velocities_relative_to_it(
 
 
 def test_a_type_whose_package_is_missing_is_an_error(start_node, client):
-    kind, room = 'vision_msgs/msg/Detection3DArray', {'moving_obstacles.capacity': 2}
-    start_node('guidance_node', {**room, 'trackers.names': '[lidar]', 'trackers.lidar.type': kind})
+    kind = 'vision_msgs/msg/Detection3DArray'
+    start_node('guidance_node', {'trackers.names': '[lidar]', 'trackers.lidar.type': kind})
     wanted = 'wanted the package vision_msgs to be installed, as by apt install'
     health = client.until_health(level=DiagnosticStatus.ERROR, said=wanted)
     assert f'trackers.lidar.type: found {kind!r}' in health['said']

@@ -17,7 +17,7 @@ from cmpsp_ros.guidance.planning.plan_selector import PlanSelector
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 from cmpsp_ros.guidance.safety.validation import TOUCHING
 from cmpsp_ros.guidance.settings import LawSettings
-from cmpsp_ros.guidance.times import to_nanoseconds
+from cmpsp_ros.guidance.times import NANOSECONDS, to_nanoseconds
 
 _GRID: Final = 20
 """Final times in a control period."""
@@ -83,7 +83,7 @@ class ArrivalTime:
             found = selector.try_at_another_time(selected.plan, trial, self._is_accurate)
             if self._is_accurate(found):
                 context, selected, self.stride = trial, found, min(_GROWTH * self.stride, _LONGEST)
-            elif context.horizon.edges[-1] - trial.horizon.edges[-1] <= self._grid(context):
+            elif self.stride * context.horizon.durations.sum() * NANOSECONDS < self._grid(context):
                 break
             else:
                 self.stride /= 2.0
@@ -108,11 +108,17 @@ class ArrivalTime:
         return period if context.goal.drives_on else period // _GRID
 
     def _shifted(self, context: PlanningContext, by: float) -> PlanningContext:
-        """The control step with a final time that is later by a fraction of the time left."""
+        """The control step with a final time that is later by a fraction of the time left.
+
+        No final time is less than half a period after a control instant, which would be left out.
+        """
         period, grid = to_nanoseconds(self.settings.control_period), self._grid(context)
         begin, end = context.horizon.edges[[0, -1]].tolist()
         steps = max(round(abs(by) * (end - begin) / grid), 1)
         end += (steps if by > 0.0 else -steps) * grid
+        beyond = (end + context.delay) % period
+        if beyond < period // 2:
+            end += (period // 2 if beyond and by > 0.0 else 0) - beyond
         return replace(context, horizon=remaining(begin, period, end))
 
     def _is_good(self, candidate: Candidate, tolerance: float = 1.0) -> bool:

@@ -84,6 +84,17 @@ def test_the_same_odometry_gives_the_same_decisions(straight):
     assert again.decisions[-1].goal == straight.decisions[-1].goal
 
 
+def test_no_control_instant_before_the_end_is_left_out():
+    run = Drive('case3', {'goal.when': 'soonest'})
+    period = round(run.settings.control_period * 1e9)
+    for decision in run.decisions:
+        beyond = round(decision.goal.time * 1e9) % period
+        assert beyond == 0 or beyond >= period // 2
+    assert [each.stamp for each in run.decisions[:-1]] == [
+        step * period for step in range(len(run.decisions) - 1)
+    ]
+
+
 def test_a_robot_that_is_set_back_arrives_later_and_not_elsewhere(straight):
     pushed = Drive('case1', FLOOR, pushes={10: np.array([-0.5, 0.1, 0.05])})
     assert straight.time + 0.2 < pushed.time < straight.time + 1.0

@@ -185,7 +185,7 @@ class TaskSettings:
         'that is left; else the robot stops at the final time.', key='goal.may_be_late')
     when: Literal['fixed', 'soonest'] = setting('fixed', '',
         'When to pass the goal and the points before it: `fixed`, at their times; `soonest`, as '
-        'early as plans find possible, whatever `final_time` and the times of waypoints say. With '
+        'early as plans find possible, regardless of `final_time` and the times of waypoints. With '
         '`robot.max_wheel_acceleration` the robot then comes to rest at the goal.', key='goal.when')
     patience: float = setting(3.0, 's',
         'Time without progress towards the goal after which the robot tries other ways, backs out '

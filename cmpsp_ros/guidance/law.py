@@ -232,6 +232,7 @@ class GuidanceLaw:
                 self._selector.request_replanning()
             state.following.standby = None
             reason = supervisor.reason_to_stand(state, estimate)
+            reason = reason or state.mission.search_moves(context)
         if reason:
             stamp, pose, moving = observation.stamp, observation.pose, estimate.start.moving
             return supervisor.decisions.stop(state, stamp, pose, reason, moving=moving)
@@ -297,6 +298,8 @@ class GuidanceLaw:
             world = replace(world, searched=mission.searched)
         places = mission.goals.next_positions
         mission.searched = search_ahead(self._settings, world, observation.pose[:2], places)
+        if mission.manoeuvres is not None:
+            mission.manoeuvres.advance()
 
     def set_goal(self, stamp: int, goal: Goal) -> None:
         """Replace all goals, at the first control step not older than `stamp` [ns]; 0 for at once.

@@ -15,6 +15,7 @@ from cmpsp_ros.guidance.mission.goal_manager import GoalManager
 from cmpsp_ros.guidance.mission.progress_watch import ProgressWatch
 from cmpsp_ros.guidance.planning.arrival_time import ArrivalTime
 from cmpsp_ros.guidance.planning.candidate import Candidate
+from cmpsp_ros.guidance.planning.manoeuvre_search import ManoeuvreSearch, needs_manoeuvres
 from cmpsp_ros.guidance.planning.plan_selector import PlanSelector
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 from cmpsp_ros.guidance.prediction.estimator import Estimator, Observation
@@ -105,6 +106,7 @@ class Mission:
         warnings: Tasks that no plan of the run can fulfil, in sentences.
         watch: Progress on the way to the goal.
         unreachable: Why the run has ended before the goal, a sentence; '' if it has not.
+        manoeuvres: Search for the moves to a goal where there is no space to turn; None for none.
     """
 
     goals: GoalManager
@@ -117,6 +119,21 @@ class Mission:
     warnings: tuple[str, ...] = ()
     watch: ProgressWatch = field(default_factory=ProgressWatch)
     unreachable: str = ''
+    manoeuvres: ManoeuvreSearch | None = None
+
+    def search_moves(self, context: PlanningContext) -> str:
+        """Why to stand while moves are searched for; if empty, those found are in the context."""
+        settings, start, target = context.settings, context.start, context.target
+        if context.plan is not None or start.robot.speeds_of(start.previous_control).any():
+            return ''
+        if self.manoeuvres is None or not self.manoeuvres.is_for(start, target):
+            if not needs_manoeuvres(settings, start, target):
+                return ''
+            self.manoeuvres = ManoeuvreSearch(settings, start, target)
+        context.moves = self.manoeuvres.path
+        if self.manoeuvres.is_over:
+            return ''
+        return 'The robot stands while the moves to the goal are searched: no simple path is clear.'
 
     def begin_leg(self) -> None:
         """Set out to another goal."""

@@ -123,6 +123,11 @@ def _parameters() -> Iterator[Parameter]:
         'Corners of the footprint as Nav2 writes them, `"[[x1, y1], [x2, y2], ...]"`: ahead and to '
         'the left of the place that odometry is of. Five discs at most cover it. `robot.radius` '
         'does not count with it. Empty: a disc of that radius.')
+    yield robot('robot.footprint_excess', _DOUBLE, 0.0, 'm',
+        'Distance by which the discs may reach beyond the corners, to park or to pass where it is '
+        'tight; the smaller, the more discs, and the longer a step. 0: five discs in a row at '
+        'most, which reach about a quarter of the width beyond the front and the rear.',
+        range=NOT_NEGATIVE)
     yield robot('robot.joint_names', _STRINGS, ['wheel_right_joint', 'wheel_left_joint'], '',
         'Names of the wheel joints in the wheel-speed message: right, left; of a `mecanum` robot '
         'front left, front right, rear right, rear left; of an `ackermann` robot that of the rear '

@@ -130,16 +130,20 @@ def footprint_of(values: Values) -> tuple[Footprint, float]:
 
     Raises ParameterError unless it is a polygon around the robot's reference point.
     """
-    text = values[FOOTPRINT]
-    return _covered(text) if text else (Footprint(), values['robot.radius'])
+    text, excess = values[FOOTPRINT], values['robot.footprint_excess']
+    return _covered(text, excess) if text else (Footprint(), values['robot.radius'])
 
 
 @lru_cache(maxsize=16)
-def _covered(text: str) -> tuple[Footprint, float]:
+def _covered(text: str, excess: float) -> tuple[Footprint, float]:
     corners = _read(text)
     if problem := _why_no_polygon(np.array(corners)):
         raise ParameterError(Problem(FOOTPRINT, problem, _CORNERS))
-    return covered(corners)
+    try:
+        return covered(corners, excess)
+    except ValueError as error:
+        found = f'{excess:g} m, which takes too many discs'
+        raise ParameterError(Problem('robot.footprint_excess', found, str(error))) from error
 
 
 def _read(text: str) -> list[Point]:

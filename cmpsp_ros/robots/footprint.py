@@ -1,4 +1,4 @@
-"""Footprints: a disc, or a polygon that a few discs cover."""
+"""Footprints: a disc, or a polygon whose outline a few discs cover."""
 
 from __future__ import annotations
 
@@ -31,6 +31,9 @@ _ROUNDING: Final = 1e-9
 _POINTS: Final = 400
 """Number of points of an outline, about."""
 
+_FINEST: Final = 10
+"""Slices of the longer side, at most, where discs may not reach far beyond a footprint."""
+
 
 @dataclass(frozen=True)
 class Footprint:
@@ -59,11 +62,7 @@ class Footprint:
     @cached_property
     def inscribed(self) -> float:
         """Radius of the largest disc about the reference point inside the polygon [m]."""
-        starts = np.array(self.corners)
-        along = np.roll(starts, -1, axis=0) - starts
-        part = -(starts * along).sum(axis=1) / np.square(along).sum(axis=1)
-        nearest = starts + np.clip(part, 0.0, 1.0)[:, None] * along
-        return float(np.hypot(*nearest.T).min())
+        return float(_from_outline(np.array(self.corners), np.zeros((1, 2)))[0])
 
     @cached_property
     def outline(self) -> tuple[Array, float]:
@@ -134,22 +133,29 @@ def placed(points: Array, pose: Array) -> Array:
     return np.asarray(pose[:2] + points @ np.array([[cosine, sine], [-sine, cosine]]))
 
 
-def covered(corners: Sequence[Point]) -> tuple[Footprint, float]:
+def covered(corners: Sequence[Point], excess: float = 0.0) -> tuple[Footprint, float]:
     """A polygon covered by as few equal discs in a row as are little wider than it.
 
     It is cut into slices of equal length, and each disc contains the corners of its slice. The row
-    lies along the robot: a gap is driven through in that direction.
+    lies along the robot: a gap is driven through in that direction. With an excess, rows side by
+    side cover the outline.
 
     Args:
         corners: Of a polygon that does not cross itself, in either sense of rotation [m].
+        excess: Distance by which discs may reach beyond the polygon; 0 for one row [m].
 
     Returns:
         The footprint, and the radius of the discs [m].
+
+    Raises:
+        ValueError: So many discs as that would take are too many.
     """
     points = np.array(corners, dtype=float)
     after = np.roll(points, -1, axis=0)
     if (points[:, 0] * after[:, 1] - points[:, 1] * after[:, 0]).sum() < 0.0:
         points = points[::-1]
+    if excess > 0.0:
+        return _finely_covered(points, excess)
     low, high = points.min(axis=0), points.max(axis=0)
     length, width = (high - low).tolist()
     axis = int(width > _WIDE * length)
@@ -162,8 +168,44 @@ def covered(corners: Sequence[Point]) -> tuple[Footprint, float]:
         radius = (1.0 + _ROUNDING) * float(max(each.max() for each in away))
         if radius <= (1.0 + _TOLERANCE) * half:
             break
-    as_points = [tuple(map(tuple, each.tolist())) for each in (points, centers)]
-    return Footprint(*as_points), radius
+    return _footprint(points, centers), radius
+
+
+def _finely_covered(points: Array, excess: float) -> tuple[Footprint, float]:
+    """An anticlockwise polygon whose outline is covered by discs that reach little beyond it."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    beyond = math.inf
+    for count in range(1, _FINEST + 1):
+        counts = np.ceil(count * (high - low) / (high - low).max()).astype(int)
+        cuts = [np.linspace(*ends) for ends in zip(low, high, counts + 1, strict=True)]
+        cells = [
+            cell
+            for begin, end in pairwise(cuts[0].tolist())
+            for below, above in pairwise(cuts[1].tolist())
+            if len(cell := _slice(_slice(points, 0, begin, end), 1, below, above))
+        ]
+        centers = np.array([(each.min(axis=0) + each.max(axis=0)) / 2.0 for each in cells])
+        away = [np.hypot(*(cell - center).T) for cell, center in zip(cells, centers, strict=True)]
+        radius = (1.0 + _ROUNDING) * float(max(each.max() for each in away))
+        inside = _from_outline(points, centers)
+        outer = float(np.where(contains(points, centers), -inside, inside).max())
+        beyond = min(beyond, radius + outer)
+        if radius + outer <= excess:
+            return _footprint(points, centers[inside <= radius]), radius
+    raise ValueError(f'{beyond:.2g} m or more')
+
+
+def _footprint(points: Array, centers: Array) -> Footprint:
+    return Footprint(*(tuple(map(tuple, each.tolist())) for each in (points, centers)))
+
+
+def _from_outline(corners: Array, points: Array) -> Array:
+    """Distance of points ``(K, 2)`` from the outline of a polygon, shape ``(K,)`` [m]."""
+    along = np.roll(corners, -1, axis=0) - corners
+    away = points[:, None] - corners
+    part = (away * along).sum(axis=-1) / np.square(along).sum(axis=1)
+    away -= np.clip(part, 0.0, 1.0)[..., None] * along
+    return np.asarray(np.hypot(away[..., 0], away[..., 1]).min(axis=1))
 
 
 def _slice(points: Array, axis: int, begin: float, end: float) -> Array:

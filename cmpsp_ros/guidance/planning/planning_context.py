@@ -24,7 +24,8 @@ from cmpsp_ros.guidance.planning.homotopy.path_search import (
 )
 from cmpsp_ros.guidance.planning.homotopy.road_frame import RoadFrame, road_frame
 from cmpsp_ros.guidance.planning.initial_trajectories import along_road, initial_guess
-from cmpsp_ros.guidance.planning.reeds_shepp import has_to_turn, manoeuvres
+from cmpsp_ros.guidance.planning.manoeuvre_search import timed
+from cmpsp_ros.guidance.planning.reeds_shepp import Path, has_to_turn, manoeuvres
 from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.safety.validation import Validation
 from cmpsp_ros.guidance.settings import LawSettings
@@ -81,6 +82,7 @@ class PlanningContext:
         delay: Time from a command to its effect [ns].
         end_speed: Largest speed of a car at the end of a plan; infinite for none [m/s].
         ends_at_rest: Whether the command after the last may be that of rest.
+        moves: Moves to the goal that have been searched for; empty for none.
     """
 
     settings: LawSettings
@@ -93,6 +95,7 @@ class PlanningContext:
     delay: int = 0
     end_speed: float = math.inf
     ends_at_rest: bool = False
+    moves: Path = ()
 
     @classmethod
     def at_pose(
@@ -182,6 +185,10 @@ class Guesses:
     def first(self, context: PlanningContext) -> list[Array]:
         """Guesses without any plan: that of the settings, and one for each homotopy class."""
         settings, durations = context.settings, context.horizon.durations
+        if context.moves:
+            searched = timed(settings, context.start, durations, context.moves)
+            if searched is not None:
+                return [searched]
         given = initial_guess(settings, context.start, context.target, durations)
         if self._limit == 1:
             return [given]

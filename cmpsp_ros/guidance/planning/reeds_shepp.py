@@ -32,7 +32,7 @@ _NEAR: Final = 8.0
 """Distance along the road from which a robot turns to the goal, else to the road half as far."""
 _STRAIGHT_IN: Final = (0.0, 2.0, -2.0)
 """Straight ends of paths to a pose: a bay is entered along its heading."""
-_REVERSAL: Final = 1.0
+REVERSAL: Final = 1.0
 """Cost of a change of direction."""
 _OF_PACE: Final = 0.6
 """Speed of a guess before it reaches the road, relative to the pace."""
@@ -57,7 +57,7 @@ def has_to_turn(start: PlanStart, target: Target) -> bool:
     """True if a robot that cannot turn on the spot faces away, or is near a goal with a heading."""
     if start.robot.turns_on_the_spot or target.is_line:
         return False
-    ahead, radius = _ahead(start, target), _radius(start.robot)
+    ahead, radius = _ahead(start, target), turning_radius(start.robot)
     if target.heading is not None and abs(ahead) <= _NEAR * radius:
         return True
     x, y = _points(start, target, math.copysign(radius, ahead))[0]
@@ -72,19 +72,29 @@ def manoeuvres(
 
     Those for which the time is too short are left out. Arguments as of `along_road`.
     """
-    space = start.world.free_space(settings, settings.safety.margin)
-    scored = []
-    for path in _paths(start, target):
-        poses = _poses(start, path)
-        depth = max(0.0, -float(space.at(poses).min()))
-        reversals = sum(one.length * other.length < 0.0 for one, other in pairwise(path))
-        scored.append((round(depth, 1), length_of(path) + _REVERSAL * reversals, path))
+    scored = [
+        (round(depth, 1), cost_of(path), path) for depth, path in _depths(settings, start, target)
+    ]
     best = sorted(scored)[:_MAX_GUESSES]
     made = (_paced(settings, start, target, durations, path) for *_, path in best)
     return [each for each in made if each is not None]
 
 
-def _radius(robot: Robot) -> float:
+def clear_depth(settings: LawSettings, start: PlanStart, target: Target) -> float:
+    """Least depth of the shortest paths in obstacles and edges with their margin [m]."""
+    return min(depth for depth, _ in _depths(settings, start, target))
+
+
+def _depths(
+    settings: LawSettings, start: PlanStart, target: Target
+) -> Iterator[tuple[float, Path]]:
+    """Shortest paths with their depth in obstacles and edges with their margin [m]."""
+    space = start.world.free_space(settings, settings.safety.margin)
+    for path in _paths(start, target):
+        yield max(0.0, -float(space.at(_poses(start, path)).min())), path
+
+
+def turning_radius(robot: Robot) -> float:
     """Turning radius of guesses [m]."""
     return _WIDER * robot.half_track
 
@@ -100,7 +110,7 @@ def _points(start: PlanStart, target: Target, *lengths: float) -> Array:
 
 def _paths(start: PlanStart, target: Target) -> Iterator[Path]:
     """Paths to a goal that is near, else to the road ahead."""
-    ahead, radius = _ahead(start, target), _radius(start.robot)
+    ahead, radius = _ahead(start, target), turning_radius(start.robot)
     near = abs(ahead) <= _NEAR * radius
     there = ahead if near else math.copysign(_NEAR / 2.0 * radius, ahead)
     before, place = _points(start, target, 0.9 * there, there)
@@ -111,11 +121,17 @@ def _paths(start: PlanStart, target: Target) -> Iterator[Path]:
         if target.heading is not None:
             heading, straight = target.heading, _STRAIGHT_IN
     for last in straight:
-        x, y = place - start.pose[:2] - last * radius * np.array(_direction(heading))
-        cosine, sine = _direction(float(start.pose[2]))
-        ahead, left = (cosine * x + sine * y) / radius, (cosine * y - sine * x) / radius
-        for path in shortest_paths(ahead, left, heading - float(start.pose[2])):
+        place_before = place - last * radius * np.array(_direction(heading))
+        for path in paths_between(start, np.array([*place_before, heading])):
             yield (*path, Segment(STRAIGHT, last)) if last else path
+
+
+def paths_between(start: PlanStart, pose: Array) -> list[Path]:
+    """Paths to a pose, the shortest of every word, by ascending length."""
+    radius, (cosine, sine) = turning_radius(start.robot), _direction(float(start.pose[2]))
+    x, y = pose[:2] - start.pose[:2]
+    ahead, left = (cosine * x + sine * y) / radius, (cosine * y - sine * x) / radius
+    return shortest_paths(ahead, left, float(pose[2]) - float(start.pose[2]))
 
 
 def _poses(start: PlanStart, path: Path) -> Array:
@@ -133,7 +149,7 @@ def _poses(start: PlanStart, path: Path) -> Array:
 def _control(robot: Robot, segment: Segment, time: float) -> Array:
     """Control ``(r,)`` that drives a segment in some time [s]."""
     turn, length = segment
-    return robot.controls(np.array([_radius(robot) * length, turn * length]) / time)
+    return robot.controls(np.array([turning_radius(robot) * length, turn * length]) / time)
 
 
 def _paced(
@@ -141,7 +157,7 @@ def _paced(
 ) -> Array | None:
     """A path as controls ``(N + 1, r)``: to the goal in all the time, else before the road."""
     robot, period, lengths = start.robot, settings.control_period, [abs(s.length) for s in path]
-    radius, steps = _radius(robot), len(durations)
+    radius, steps = turning_radius(robot), len(durations)
     near = abs(_ahead(start, target)) <= _NEAR * radius
     if near:
         counts = [max(1, int(each / sum(lengths) * steps)) for each in lengths]
@@ -176,6 +192,12 @@ def shortest_paths(x: float, y: float, heading: float) -> list[Path]:
             )
             found.append(path)
     return sorted(found, key=length_of)
+
+
+def cost_of(path: Path) -> float:
+    """Length of a path, and what its changes of direction cost."""
+    reversals = sum(one.length * other.length < 0.0 for one, other in pairwise(path))
+    return length_of(path) + REVERSAL * reversals
 
 
 def length_of(path: Path) -> float:

@@ -1,0 +1,241 @@
+"""Search of poses for the moves of a robot that has no space to turn: hybrid A*, from the goal.
+
+Where it is tight is at the goal, so that the search begins there: few poses are clear, and from
+the first that has a clear path of Reeds and Shepp to the robot the moves are known. Dolgov et al.,
+Path planning for autonomous vehicles in unknown semi-structured environments, 2010.
+
+Lengths are in turning radii, costs are in units of 1/400 of one.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from cmpsp_ros.arrays import Array, IntArray
+from cmpsp_ros.mpsp.jit import allocation_free
+from cmpsp_ros.robots import point_of
+from cmpsp_ros.world import FreeSpace
+from cmpsp_ros.world.grids import Fields
+from cmpsp_ros.world.obstacles import distance_from
+from cmpsp_ros.world.roads import RoadSpace, road_functions
+
+_CELL: Final = 1.0 / 1.5
+"""Size of the cells in which one pose is kept for a heading and a direction, in strokes."""
+_UNIT: Final = 400.0
+_CUSP: Final = 400
+"""Cost of a change of direction."""
+_BEND: Final = 20
+"""Cost of a change of the steering alone."""
+_CHECKS: Final = 2
+"""Poses of a move that are checked, with its end."""
+_NODES: Final = 1 << 17
+_BUCKETS: Final = 1 << 16
+_NONE: Final = -1
+_MOVES: Final = 6
+
+
+class Surroundings(NamedTuple):
+    """Space to keep to, for compiled code; see `FreeSpace`.
+
+    Attributes:
+        depth: Depth in what is kept from things that the start or the goal has, and every pose may
+            have [m].
+        radius: Turning radius [m].
+        stroke: Length of a move, and the turn of one that is no straight line [rad].
+    """
+
+    road: RoadSpace
+    fields: Fields
+    corners: Array
+    first: IntArray
+    radii: Array
+    discs: Array
+    depth: float
+    radius: float
+    stroke: float
+
+
+class Tree(NamedTuple):
+    """Poses found so far, and what is kept of each.
+
+    Attributes:
+        poses: Shape ``(K, 3)`` [m, m, rad].
+        numbers: Cost, node before, move that led here, and next in the bucket, ``(K, 4)``.
+        cells: Cell of each node ``(K, 4)``: two of the position, heading, direction.
+        table: Node of each cell by its hash, `_NONE` for none.
+        buckets: First node by the least cost of a path through it.
+        counts: Number of nodes, the bucket that is worked on, and the expansions so far.
+    """
+
+    poses: Array
+    numbers: IntArray
+    cells: IntArray
+    table: IntArray
+    buckets: IntArray
+    counts: IntArray
+
+    @classmethod
+    def at(cls, goal: Array) -> Tree:
+        """A tree with its root alone."""
+        tree = cls(
+            np.empty((_NODES, 3)),
+            np.empty((_NODES, 4), dtype=np.int64),
+            np.empty((_NODES, 4), dtype=np.int64),
+            np.full(2 * _NODES, _NONE, dtype=np.int64),
+            np.full(_BUCKETS, _NONE, dtype=np.int64),
+            np.array([1, 0, 0], dtype=np.int64),
+        )
+        tree.poses[0], tree.numbers[0], tree.cells[0] = goal, (0, _NONE, _NONE, _NONE), 0
+        tree.buckets[0] = 0
+        return tree
+
+    def moves_to(self, node: int) -> list[int]:
+        """Moves from the root to a node."""
+        moves: list[int] = []
+        while (move := self.numbers[node, 2].item()) != _NONE:
+            moves.append(move)
+            node = self.numbers[node, 1].item()
+        return moves[::-1]
+
+
+def surroundings_of(
+    space: FreeSpace, depth: float, radius: float, stroke: float
+) -> Surroundings:
+    """Free space of the robot's discs, for compiled code."""
+    radii = np.atleast_2d(space.radii)[0]
+    things = space.road, space.fields, space.corners, space.first, radii, space.discs
+    return Surroundings(*things, depth, radius, stroke)
+
+
+@allocation_free
+def expand(tree: Tree, around: Surroundings, start: Array, count: int) -> int:
+    """Expand so many of the cheapest nodes; the last one, or -1 where none is left."""
+    node = -1
+    for _ in range(count):
+        node = _take(tree)
+        if node < 0 or tree.counts[0] + _MOVES > tree.poses.shape[0]:
+            return -1
+        tree.counts[2] += 1
+        for move in range(_MOVES):
+            _try(tree, around, start, node, move)
+    return node
+
+
+@allocation_free
+def is_clear(around: Surroundings, pose: Array, segments: Array) -> bool:
+    """True if a path is clear; segments are turns and lengths ``(K, 2)``.
+
+    The pose is left where the path ends.
+    """
+    for k in range(segments.shape[0]):
+        turn, length = int(segments[k, 0]), segments[k, 1]
+        pieces = math.ceil(_CHECKS * abs(length) / around.stroke)
+        for _ in range(pieces):
+            pose[0], pose[1], pose[2] = _after(pose, turn, length / pieces, around.radius)
+            if not _is_clear(around, pose[0], pose[1], pose[2]):
+                return False
+    return True
+
+
+@allocation_free
+def _take(tree: Tree) -> int:
+    """The cheapest node that is not superseded."""
+    while tree.counts[1] < tree.buckets.shape[0]:
+        node = tree.buckets[tree.counts[1]]
+        if node < 0:
+            tree.counts[1] += 1
+            continue
+        tree.buckets[tree.counts[1]] = tree.numbers[node, 3]
+        slot = _slot_of(tree, tree.cells[node])
+        if node == 0 or tree.table[slot] == node:
+            return node
+    return -1
+
+
+@allocation_free
+def _try(tree: Tree, around: Surroundings, start: Array, node: int, move: int) -> None:
+    """Add the node that a move leads to, if it is clear and cheaper than one in its cell."""
+    turn, gear = move // 2 - 1, 1 - 2 * (move % 2)
+    before = tree.numbers[node, 2]
+    cost = tree.numbers[node, 0] + int(_UNIT * around.stroke)
+    if before >= 0:
+        if before % 2 != move % 2:
+            cost += _CUSP
+        elif before // 2 != move // 2:
+            cost += _BEND
+    stroke, cell_size = gear * around.stroke, _CELL * around.stroke * around.radius
+    x, y, heading = _after(tree.poses[node], turn, stroke, around.radius)
+    new = tree.counts[0]
+    cell = tree.cells[new]
+    cell[0] = math.floor((x - tree.poses[0, 0]) / cell_size)
+    cell[1] = math.floor((y - tree.poses[0, 1]) / cell_size)
+    cell[2], cell[3] = tree.cells[node, 2] + turn * gear, gear
+    slot = _slot_of(tree, cell)
+    known = tree.table[slot]
+    if known >= 0 and tree.numbers[known, 0] <= cost:
+        return
+    for i in range(1, _CHECKS + 1):
+        part = stroke * i / _CHECKS
+        at_x, at_y, at_heading = _after(tree.poses[node], turn, part, around.radius)
+        if not _is_clear(around, at_x, at_y, at_heading):
+            return
+    tree.poses[new, 0], tree.poses[new, 1], tree.poses[new, 2] = x, y, heading
+    tree.numbers[new, 0], tree.numbers[new, 1], tree.numbers[new, 2] = cost, node, move
+    away = math.hypot(start[0] - x, start[1] - y) / around.radius
+    left = int(_UNIT * max(away, abs(start[2] - heading)))
+    bucket = max(min(cost + left, tree.buckets.shape[0] - 1), tree.counts[1])
+    tree.numbers[new, 3] = tree.buckets[bucket]
+    tree.buckets[bucket] = new
+    tree.table[slot] = new
+    tree.counts[0] += 1
+
+
+@allocation_free
+def _after(pose: Array, turn: int, length: float, radius: float) -> Any:
+    """Pose after an arc or a straight line."""
+    x, y, heading = pose[0], pose[1], pose[2]
+    if turn == 0:
+        way = length * radius
+        return x + way * math.cos(heading), y + way * math.sin(heading), heading
+    after, side = heading + turn * length, turn * radius
+    x += side * (math.sin(after) - math.sin(heading))
+    y -= side * (math.cos(after) - math.cos(heading))
+    return x, y, after
+
+
+@allocation_free
+def _slot_of(tree: Tree, cell: IntArray) -> int:
+    """Place of a cell in the table: its own, or the free one where it belongs."""
+    mask = tree.table.shape[0] - 1
+    slot = (cell[0] * 73856093 ^ cell[1] * 19349663 ^ cell[2] * 83492791 ^ cell[3] * 2654435761) & mask
+    while tree.table[slot] >= 0:
+        known = tree.cells[tree.table[slot]]
+        if (
+            known[0] == cell[0]
+            and known[1] == cell[1]
+            and known[2] == cell[2]
+            and known[3] == cell[3]
+        ):
+            break
+        slot = (slot + 1) & mask
+    return slot
+
+
+@allocation_free
+def _is_clear(around: Surroundings, x: float, y: float, heading: float) -> bool:
+    """True if no disc of the robot is nearer to anything than it may be."""
+    first, radii = around.first, around.radii
+    for i in range(around.discs.shape[0]):
+        at_x, at_y = point_of(x, y, heading, around.discs, i)
+        place = road_functions.project(around.road, at_x, at_y, heading, math.nan)
+        _, _, over, other = road_functions.lateral_error(around.road, 0, at_x, at_y, place)
+        if not (over <= around.depth and other <= around.depth):
+            return False
+        for j in range(first.shape[0] - 1):
+            away = distance_from(around.fields, around.corners, first, 0, j, at_x, at_y)
+            if not away - radii[j] >= -around.depth:
+                return False
+    return True

@@ -6,38 +6,44 @@ They are searched among the obstacles, a limited amount of work at a time, while
 from __future__ import annotations
 
 import math
-from itertools import pairwise
 from typing import Final
 
 import numpy as np
 
-from cmpsp_ros.arrays import Array
+from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.guidance.formulation.ocp_formulation import sample_space
 from cmpsp_ros.guidance.goals import Target
 from cmpsp_ros.guidance.planning.pose_search import (
+    Surroundings,
     Tree,
     expand,
     is_clear,
     surroundings_of,
 )
 from cmpsp_ros.guidance.planning.reeds_shepp import (
-    REVERSAL,
+    LEFT,
+    STRAIGHT,
     Path,
     Segment,
     clear_depth,
     cost_of,
     has_to_turn,
+    length_of,
     paths_between,
     turning_radius,
 )
 from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.settings import LawSettings
+from cmpsp_ros.robots import Robot
+from cmpsp_ros.world import FreeSpace
 
 _AT_ONCE: Final = 16
 """Nodes that are expanded between two attempts to reach the robot."""
 _ATTEMPTS: Final = 6
 """Attempts in a call: they bound its work, which takes 10 to 20 ms."""
 _MAX_ATTEMPTS: Final = 600
+_NEAR: Final = 8.0
+"""Distance, in lengths, from which moves are searched for a robot that turns on the spot."""
 _STROKES: Final = 0.05, 0.025, 0.0125
 """Lengths of a move, in turning radii: shorter ones are for where no path of longer ones fits."""
 _TOO_DEEP: Final = 0.05
@@ -49,10 +55,46 @@ _FEW: Final = 3
 
 
 def needs_manoeuvres(settings: LawSettings, start: PlanStart, target: Target) -> bool:
-    """True if a robot that has to drive in order to turn has no clear path of the usual kind."""
+    """True if no simple path to a goal with a heading is clear for a robot that cannot turn there.
+
+    It has to drive in order to turn, or has corners that turn with it.
+    """
     if target.heading is None or target.drives_on or not start.world.shapes:
         return False
-    return has_to_turn(start, target) and clear_depth(settings, start, target) > _TOO_DEEP
+    robot = start.robot
+    if not robot.turns_on_the_spot:
+        return has_to_turn(start, target) and clear_depth(settings, start, target) > _TOO_DEEP
+    is_near = math.dist(start.pose[:2], target.position) < _NEAR * _length(settings, robot)
+    if robot.drives_sideways or not settings.footprint.corners or not is_near:
+        return False
+    around = _around(settings, start, sample_space(settings, start.world), _TOO_DEEP, _STROKES[0])
+    goal = np.array([*target.position, target.heading])
+    paths = _turning_paths(start, goal, around.radius)
+    return not any(is_clear(around, start.pose.copy(), np.array(each)) for each in paths)
+
+
+def _length(settings: LawSettings, robot: Robot) -> float:
+    """Turning radius; of a robot that turns on the spot, the radius about its corners [m]."""
+    return settings.circumscribed_radius if robot.turns_on_the_spot else turning_radius(robot)
+
+
+def _around(
+    settings: LawSettings, start: PlanStart, space: FreeSpace, depth: float, stroke: float
+) -> Surroundings:
+    length, turns = _length(settings, start.robot), start.robot.turns_on_the_spot
+    return surroundings_of(space, depth, length, stroke, turns_on_the_spot=turns)
+
+
+def _turning_paths(start: PlanStart, pose: Array, length: float) -> list[Path]:
+    """A turn on the spot, straight ahead or back, and another turn."""
+    x, y, heading = pose - start.pose
+    paths = []
+    for gear in (1.0, -1.0):
+        first = math.remainder(math.atan2(gear * y, gear * x) - start.pose[2], math.tau)
+        last = math.remainder(heading - first, math.tau)
+        straight = gear * math.hypot(x, y) / length
+        paths.append((Segment(LEFT, first), Segment(STRAIGHT, straight), Segment(LEFT, last)))
+    return sorted(paths, key=length_of)
 
 
 class ManoeuvreSearch:
@@ -66,14 +108,14 @@ class ManoeuvreSearch:
     def __init__(self, settings: LawSettings, start: PlanStart, target: Target) -> None:
         """Take the task; nothing is searched yet."""
         assert target.heading is not None  # noqa: S101 (the caller has looked)
-        self._start, self.target = start, target
+        self._settings, self._start, self.target = settings, start, target
         self._space = sample_space(settings, start.world)
         heading = target.heading + math.remainder(start.pose[2] - target.heading, math.tau)
         self._origin = np.array([*start.pose[:2], heading])
         goal = np.array([*target.position, target.heading])
         clear = self._space.at(np.array([start.pose, goal])).min()
         self._depth = max(0.0, -float(clear)) + 1e-6
-        self._radius, self._goal = turning_radius(start.robot), goal
+        self._length, self._goal = _length(settings, start.robot), goal
         self._strokes = list(_STROKES)
         self._attempts, self._best, self._until = 0, math.inf, _MAX_ATTEMPTS
         self._plant()
@@ -82,14 +124,15 @@ class ManoeuvreSearch:
 
     def _plant(self) -> None:
         """Begin a tree of the longest moves that have not been tried."""
-        things = self._space, self._depth, self._radius, self._strokes.pop(0)
-        self._around, self._tree = surroundings_of(*things), Tree.at(self._goal)
+        things = self._space, self._depth, self._strokes.pop(0)
+        self._around = _around(self._settings, self._start, *things)
+        self._tree = Tree.at(self._goal)
 
     def is_for(self, start: PlanStart, target: Target) -> bool:
         """True for the same goal, from about the same place."""
         away = math.dist(start.pose[:2], self._start.pose[:2])
         turned = abs(math.remainder(start.pose[2] - self._start.pose[2], math.tau))
-        return target == self.target and away < _SAME * self._radius and turned < _SAME
+        return target == self.target and away < _SAME * self._length and turned < _SAME
 
     def advance(self) -> None:
         """Search on."""
@@ -112,7 +155,11 @@ class ManoeuvreSearch:
         # The robot drives them the other way.
         stroke = self._around.stroke
         rest = [Segment(move // 2 - 1, stroke * (2 * (move % 2) - 1)) for move in moves[::-1]]
-        for first in paths_between(self._start, tree.poses[node])[:_FEW]:
+        if self._around.turns_on_the_spot:
+            paths = _turning_paths(self._start, tree.poses[node], self._length)
+        else:
+            paths = paths_between(self._start, tree.poses[node])[:_FEW]
+        for first in paths:
             path = _joined([*first, *rest])
             cost = cost_of(path)
             if cost >= self._best:
@@ -135,33 +182,48 @@ def _joined(segments: list[Segment]) -> Path:
 
 
 def timed(settings: LawSettings, start: PlanStart, durations: Array, path: Path) -> Array | None:
-    """A path as controls ``(N + 1, r)`` that stop to steer; None if the time is too short."""
+    """A path as controls ``(N + 1, r)``, with stops between its segments to steer.
+
+    None if the time is too short.
+    """
     robot, period = start.robot, settings.control_period
-    radius, change = turning_radius(robot), settings.max_wheel_change * robot.wheel_radius
-    steering = np.arctan([turn * robot.wheel_base / radius for turn, _ in path])
-    rate = robot.steering_limits[1] * period
-    before = [start.previous_control[1], *steering[:-1]]
-    pauses = [math.ceil(abs(b - a) / rate - 1e-9) - 1 for a, b in zip(before, steering, strict=True)]
-    pauses = [max(each, 0) for each in pauses]
-    lengths = np.abs([each.length for each in path]) * radius
-    steps = len(durations) - sum(pauses)
-    shares = lengths / lengths.sum() * steps
-    counts = np.maximum(np.floor(shares).astype(int), 1)
-    while counts.sum() > steps and counts.max() > 1:
-        counts[int(np.argmax(counts - shares))] -= 1
-    counts[int(np.argmax(lengths))] += steps - counts.sum()
+    length, change = _length(settings, robot), settings.max_wheel_change * robot.wheel_radius
+    units, ways, pauses, steering = [], [], [], start.previous_control
+    for turn, part in path:
+        gear, on_the_spot = math.copysign(1.0, part), robot.turns_on_the_spot and turn
+        arc = np.array([gear, turn * gear / length])
+        unit = robot.controls(np.array([0.0, gear / robot.half_track]) if on_the_spot else arc)
+        ways.append(abs(part) * (robot.half_track if on_the_spot else length))
+        pauses.append(int(change < math.inf))
+        if robot.steering_limits is not None:
+            steps = abs(unit[-1] - steering[-1]) / (robot.steering_limits[1] * period)
+            pauses[-1] = max(math.ceil(steps - 1e-9) - 1, pauses[-1])
+        steering = unit
+        units.append(unit)
+    counts = _shares(np.array(ways), len(durations) - sum(pauses))
     if counts.min() < 1:
         return None
-    rows = []
-    for (turn, length), angle, count, pause in zip(path, steering, counts, pauses, strict=True):
-        rows += [(0.0, angle)] * pause
-        ramp = np.minimum(np.arange(1.0, count + 1), np.arange(count, 0.0, -1.0))
-        way = abs(length) * radius / period
-        speeds = np.full(count, way / count)
-        for top in range(1, count // 2 + 2):
-            shape = np.minimum(ramp, top)
-            speeds = shape * way / shape.sum()
-            if speeds[0] <= change:
-                break
-        rows += [(math.copysign(each, length) / robot.wheel_radius, angle) for each in speeds]
-    return np.array([*rows, (0.0, rows[-1][1])])
+    scaled, rows = np.arange(robot.n_controls) < robot.n_speeds, []
+    for unit, way, pause, count in zip(units, ways, pauses, counts.tolist(), strict=True):
+        for speed in [0.0] * pause + _speeds(way / period, count, change):
+            rows.append(np.where(scaled, speed * unit, unit))
+    return np.array([*rows, np.where(scaled, 0.0, rows[-1])])
+
+
+def _shares(ways: Array, steps: int) -> IntArray:
+    """Steps for each of some ways, about as long as it is, one at least; fewer if too few."""
+    shares = ways / ways.sum() * (steps - len(ways))
+    counts: IntArray = 1 + np.floor(shares).astype(np.int64)
+    counts[int(np.argmax(ways))] += steps - counts.sum()
+    return counts
+
+
+def _speeds(way: float, count: int, change: float) -> list[float]:
+    """Speeds of a way in so many steps that begins and ends slowly where changes are limited."""
+    ramp = np.minimum(np.arange(1.0, count + 1), np.arange(count, 0.0, -1.0))
+    for top in range(1, count + 1):
+        shape = np.minimum(ramp, top)
+        speeds = shape * way / shape.sum()
+        if speeds[0] <= change:
+            break
+    return list(speeds.tolist())

@@ -35,6 +35,8 @@ _NODES: Final = 1 << 17
 _BUCKETS: Final = 1 << 16
 _NONE: Final = -1
 _MOVES: Final = 6
+_MIXER: Final = 0x9E3779B1
+"""Odd, and far from simple fractions of a power of two: neighbours spread over the table."""
 
 
 class Surroundings(NamedTuple):
@@ -43,7 +45,8 @@ class Surroundings(NamedTuple):
     Attributes:
         depth: Depth in what is kept from things that the start or the goal has, and every pose may
             have [m].
-        radius: Turning radius [m].
+        radius: Turning radius; of a robot that turns on the spot, a length [m].
+        turns_on_the_spot: Whether it does.
         stroke: Length of a move, and the turn of one that is no straight line [rad].
     """
 
@@ -55,6 +58,7 @@ class Surroundings(NamedTuple):
     discs: Array
     depth: float
     radius: float
+    turns_on_the_spot: bool
     stroke: float
 
 
@@ -102,12 +106,12 @@ class Tree(NamedTuple):
 
 
 def surroundings_of(
-    space: FreeSpace, depth: float, radius: float, stroke: float
+    space: FreeSpace, depth: float, radius: float, stroke: float, *, turns_on_the_spot: bool
 ) -> Surroundings:
     """Free space of the robot's discs, for compiled code."""
     radii = np.atleast_2d(space.radii)[0]
     things = space.road, space.fields, space.corners, space.first, radii, space.discs
-    return Surroundings(*things, depth, radius, stroke)
+    return Surroundings(*things, depth, radius, turns_on_the_spot, stroke)
 
 
 @allocation_free
@@ -134,7 +138,7 @@ def is_clear(around: Surroundings, pose: Array, segments: Array) -> bool:
         turn, length = int(segments[k, 0]), segments[k, 1]
         pieces = math.ceil(_CHECKS * abs(length) / around.stroke)
         for _ in range(pieces):
-            pose[0], pose[1], pose[2] = _after(pose, turn, length / pieces, around.radius)
+            pose[0], pose[1], pose[2] = _after(around, pose, turn, length / pieces)
             if not _is_clear(around, pose[0], pose[1], pose[2]):
                 return False
     return True
@@ -162,12 +166,13 @@ def _try(tree: Tree, around: Surroundings, start: Array, node: int, move: int) -
     before = tree.numbers[node, 2]
     cost = tree.numbers[node, 0] + int(_UNIT * around.stroke)
     if before >= 0:
-        if before % 2 != move % 2:
+        is_bend, is_cusp = before // 2 != move // 2, before % 2 != move % 2
+        if is_cusp and not (is_bend and around.turns_on_the_spot):
             cost += _CUSP
-        elif before // 2 != move // 2:
+        elif is_bend:
             cost += _BEND
     stroke, cell_size = gear * around.stroke, _CELL * around.stroke * around.radius
-    x, y, heading = _after(tree.poses[node], turn, stroke, around.radius)
+    x, y, heading = _after(around, tree.poses[node], turn, stroke)
     new = tree.counts[0]
     cell = tree.cells[new]
     cell[0] = math.floor((x - tree.poses[0, 0]) / cell_size)
@@ -179,7 +184,7 @@ def _try(tree: Tree, around: Surroundings, start: Array, node: int, move: int) -
         return
     for i in range(1, _CHECKS + 1):
         part = stroke * i / _CHECKS
-        at_x, at_y, at_heading = _after(tree.poses[node], turn, part, around.radius)
+        at_x, at_y, at_heading = _after(around, tree.poses[node], turn, part)
         if not _is_clear(around, at_x, at_y, at_heading):
             return
     tree.poses[new, 0], tree.poses[new, 1], tree.poses[new, 2] = x, y, heading
@@ -194,13 +199,15 @@ def _try(tree: Tree, around: Surroundings, start: Array, node: int, move: int) -
 
 
 @allocation_free
-def _after(pose: Array, turn: int, length: float, radius: float) -> Any:
-    """Pose after an arc or a straight line."""
-    x, y, heading = pose[0], pose[1], pose[2]
+def _after(around: Surroundings, pose: Array, turn: int, length: float) -> Any:
+    """Pose after an arc, a turn on the spot or a straight line."""
+    x, y, heading, radius = pose[0], pose[1], pose[2], around.radius
     if turn == 0:
         way = length * radius
         return x + way * math.cos(heading), y + way * math.sin(heading), heading
     after, side = heading + turn * length, turn * radius
+    if around.turns_on_the_spot:
+        return x, y, after
     x += side * (math.sin(after) - math.sin(heading))
     y -= side * (math.cos(after) - math.cos(heading))
     return x, y, after
@@ -210,18 +217,21 @@ def _after(pose: Array, turn: int, length: float, radius: float) -> Any:
 def _slot_of(tree: Tree, cell: IntArray) -> int:
     """Place of a cell in the table: its own, or the free one where it belongs."""
     mask = tree.table.shape[0] - 1
-    slot = (cell[0] * 73856093 ^ cell[1] * 19349663 ^ cell[2] * 83492791 ^ cell[3] * 2654435761) & mask
-    while tree.table[slot] >= 0:
-        known = tree.cells[tree.table[slot]]
-        if (
-            known[0] == cell[0]
-            and known[1] == cell[1]
-            and known[2] == cell[2]
-            and known[3] == cell[3]
-        ):
-            break
+    mixed = 0
+    for i in range(cell.shape[0]):
+        mixed = (mixed ^ cell[i]) * _MIXER
+    slot = (mixed ^ mixed >> 17) & mask
+    while tree.table[slot] >= 0 and not _are_equal(tree.cells[tree.table[slot]], cell):
         slot = (slot + 1) & mask
     return slot
+
+
+@allocation_free
+def _are_equal(cell: IntArray, other: IntArray) -> bool:
+    for i in range(cell.shape[0]):
+        if cell[i] != other[i]:
+            return False
+    return True
 
 
 @allocation_free

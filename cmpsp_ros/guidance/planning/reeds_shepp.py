@@ -32,7 +32,7 @@ _NEAR: Final = 8.0
 """Distance along the road from which a robot turns to the goal, else to the road half as far."""
 _STRAIGHT_IN: Final = (0.0, 2.0, -2.0)
 """Straight ends of paths to a pose: a bay is entered along its heading."""
-REVERSAL: Final = 1.0
+_REVERSAL: Final = 1.0
 """Cost of a change of direction."""
 _OF_PACE: Final = 0.6
 """Speed of a guess before it reaches the road, relative to the pace."""
@@ -197,7 +197,7 @@ def shortest_paths(x: float, y: float, heading: float) -> list[Path]:
 def cost_of(path: Path) -> float:
     """Length of a path, and what its changes of direction cost."""
     reversals = sum(one.length * other.length < 0.0 for one, other in pairwise(path))
-    return length_of(path) + REVERSAL * reversals
+    return length_of(path) + _REVERSAL * reversals
 
 
 def length_of(path: Path) -> float:

@@ -192,7 +192,7 @@ def timed(settings: LawSettings, start: PlanStart, durations: Array, path: Path)
     for turn, part in path:
         gear, on_the_spot = math.copysign(1.0, part), robot.turns_on_the_spot and turn
         arc = np.array([gear, turn * gear / length])
-        unit = robot.controls(np.array([0.0, gear / robot.half_track]) if on_the_spot else arc)
+        unit = robot.controls(np.array([0.0, turn * gear / robot.half_track]) if on_the_spot else arc)
         ways.append(abs(part) * (robot.half_track if on_the_spot else length))
         pauses.append(int(change < math.inf))
         if robot.steering_limits is not None:

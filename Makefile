@@ -132,7 +132,7 @@ docs: setup  ## write doc/reference/topics.md and parameters.md, config/defaults
 # The runs on the pages; pictures of the benchmark come with it, those of a browser and films by hand.
 pictures: setup  ## draw the runs in doc/images/ again
 	rm -rf .cache/pictures
-	for each in case3 clutter corridor course warehouse; do \
+	for each in case3 clutter corridor course parallel_parking warehouse; do \
 	    $(BIN)/cmpsp demo $$each --lockstep --output .cache/pictures/$$each > /dev/null && \
 	    cp .cache/pictures/$$each/trajectory.png doc/images/$$each.png || exit 1; done
 

@@ -17,6 +17,7 @@ from cmpsp_ros.guidance.planning.homotopy.gaps import fill_blocked
 from cmpsp_ros.guidance.planning.homotopy.path_search import searched_line
 from cmpsp_ros.guidance.planning.homotopy.road_frame import frame_along
 from cmpsp_ros.guidance.planning.initial_trajectories import along_road
+from cmpsp_ros.guidance.planning.manoeuvre_search import ManoeuvreSearch, may_need_manoeuvres
 from cmpsp_ros.guidance.planning.planner import Planner
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 from cmpsp_ros.guidance.prediction.estimator import Observation, PlanStart
@@ -124,6 +125,8 @@ def run_kernels(settings: LawSettings) -> None:
     start = PlanStart(pose, on_road.robot, World(_A_ROAD), _A_DISC, previous_control=controls[0])
     Validator(on_road).check(start, controls, durations)
     along_road(on_road, start, on_road.target, durations)
+    if may_need_manoeuvres(on_road):
+        ManoeuvreSearch(on_road, start, on_road.target._replace(heading=0.0)).advance()
     remaining_arc_length(_A_ROAD, pose[None], on_road.goal, None)
     arc_length_to(_A_ROAD, pose, on_road.goal)
     lookahead_point(_A_ROAD, pose, 1.0)

@@ -54,18 +54,22 @@ _FEW: Final = 3
 """Paths of an attempt that are checked."""
 
 
-def needs_manoeuvres(settings: LawSettings, start: PlanStart, target: Target) -> bool:
-    """True if no simple path to a goal with a heading is clear for a robot that cannot turn there.
+def may_need_manoeuvres(settings: LawSettings) -> bool:
+    """True for a robot that has to drive in order to turn, or has corners that turn with it."""
+    robot = settings.robot
+    has_corners = bool(settings.footprint.corners) and not robot.drives_sideways
+    return has_corners or not robot.turns_on_the_spot
 
-    It has to drive in order to turn, or has corners that turn with it.
-    """
+
+def needs_manoeuvres(settings: LawSettings, start: PlanStart, target: Target) -> bool:
+    """True if no simple path to a goal with a heading is clear for a robot that has to turn."""
     if target.heading is None or target.drives_on or not start.world.shapes:
         return False
     robot = start.robot
     if not robot.turns_on_the_spot:
         return has_to_turn(start, target) and clear_depth(settings, start, target) > _TOO_DEEP
     is_near = math.dist(start.pose[:2], target.position) < _NEAR * _length(settings, robot)
-    if robot.drives_sideways or not settings.footprint.corners or not is_near:
+    if not is_near or not may_need_manoeuvres(settings):
         return False
     around = _around(settings, start, sample_space(settings, start.world), _TOO_DEEP, _STROKES[0])
     goal = np.array([*target.position, target.heading])
@@ -174,10 +178,10 @@ class ManoeuvreSearch:
 def _joined(segments: list[Segment]) -> Path:
     """Segments with those in a row as one that go on alike."""
     path: list[Segment] = []
-    for turn, length in segments:
-        if path and path[-1].turn == turn and path[-1].length * length > 0.0:
-            length += path.pop().length
-        path.append(Segment(turn, length))
+    for each in segments:
+        goes_on = path and path[-1].turn == each.turn and path[-1].length * each.length > 0.0
+        before = path.pop().length if goes_on else 0.0
+        path.append(Segment(each.turn, before + each.length))
     return tuple(path)
 
 
@@ -192,7 +196,9 @@ def timed(settings: LawSettings, start: PlanStart, durations: Array, path: Path)
     for turn, part in path:
         gear, on_the_spot = math.copysign(1.0, part), robot.turns_on_the_spot and turn
         arc = np.array([gear, turn * gear / length])
-        unit = robot.controls(np.array([0.0, turn * gear / robot.half_track]) if on_the_spot else arc)
+        unit = robot.controls(
+            np.array([0.0, turn * gear / robot.half_track]) if on_the_spot else arc
+        )
         ways.append(abs(part) * (robot.half_track if on_the_spot else length))
         pauses.append(int(change < math.inf))
         if robot.steering_limits is not None:
@@ -203,11 +209,15 @@ def timed(settings: LawSettings, start: PlanStart, durations: Array, path: Path)
     counts = _shares(np.array(ways), len(durations) - sum(pauses))
     if counts.min() < 1:
         return None
-    scaled, rows = np.arange(robot.n_controls) < robot.n_speeds, []
+    scaled, rows = np.arange(robot.n_controls) < robot.n_speeds, [start.previous_control]
     for unit, way, pause, count in zip(units, ways, pauses, counts.tolist(), strict=True):
-        for speed in [0.0] * pause + _speeds(way / period, count, change):
-            rows.append(np.where(scaled, speed * unit, unit))
-    return np.array([*rows, np.where(scaled, 0.0, rows[-1])])
+        turned = (unit - rows[-1]) / (pause + 1)
+        still = [rows[-1] + turned * step for step in range(1, pause + 1)]
+        rows += [np.where(scaled, 0.0, each) for each in still]
+        rows += [
+            np.where(scaled, speed * unit, unit) for speed in _speeds(way / period, count, change)
+        ]
+    return np.array([*rows[1:], np.where(scaled, 0.0, rows[-1])])
 
 
 def _shares(ways: Array, steps: int) -> IntArray:
@@ -221,9 +231,6 @@ def _shares(ways: Array, steps: int) -> IntArray:
 def _speeds(way: float, count: int, change: float) -> list[float]:
     """Speeds of a way in so many steps that begins and ends slowly where changes are limited."""
     ramp = np.minimum(np.arange(1.0, count + 1), np.arange(count, 0.0, -1.0))
-    for top in range(1, count + 1):
-        shape = np.minimum(ramp, top)
-        speeds = shape * way / shape.sum()
-        if speeds[0] <= change:
-            break
-    return list(speeds.tolist())
+    shapes = (np.minimum(ramp, top) for top in range(1, count + 1))
+    speeds = [shape * way / shape.sum() for shape in shapes]
+    return list(next((each for each in speeds if each[0] <= change), speeds[-1]).tolist())

@@ -148,7 +148,7 @@ def is_clear(around: Surroundings, pose: Array, segments: Array) -> bool:
 def _take(tree: Tree) -> int:
     """The cheapest node that is not superseded."""
     while tree.counts[1] < tree.buckets.shape[0]:
-        node = tree.buckets[tree.counts[1]]
+        node: int = tree.buckets[tree.counts[1]]
         if node < 0:
             tree.counts[1] += 1
             continue
@@ -220,7 +220,7 @@ def _slot_of(tree: Tree, cell: IntArray) -> int:
     mixed = 0
     for i in range(cell.shape[0]):
         mixed = (mixed ^ cell[i]) * _MIXER
-    slot = (mixed ^ mixed >> 17) & mask
+    slot: int = (mixed ^ mixed >> 17) & mask
     while tree.table[slot] >= 0 and not _are_equal(tree.cells[tree.table[slot]], cell):
         slot = (slot + 1) & mask
     return slot
@@ -228,10 +228,10 @@ def _slot_of(tree: Tree, cell: IntArray) -> int:
 
 @allocation_free
 def _are_equal(cell: IntArray, other: IntArray) -> bool:
+    different = 0
     for i in range(cell.shape[0]):
-        if cell[i] != other[i]:
-            return False
-    return True
+        different += cell[i] != other[i]
+    return different == 0
 
 
 @allocation_free

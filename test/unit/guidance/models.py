@@ -22,6 +22,7 @@ def drive(preset, *given, robot=None):
         pose = plant.pose if stamp <= final else pose
         decision = law.step(Observation(stamp, plant.measure()))
         if decision is not None:
+            law.after_step()
             decisions.append(decision)
             plant.command(stamp, *decision.twist.tolist())
     return settings, decisions, motions, pose

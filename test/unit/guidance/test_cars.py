@@ -76,6 +76,23 @@ def test_into_a_bay_in_reverse_and_forward(heading):
     assert_the_same(run, drive('parking', given))
 
 
+def test_it_parks_in_a_gap_hardly_longer_than_the_car():
+    settings, decisions, motions, pose = drive('parallel_parking')
+    rear, front = (np.array(each.corners)[:, 0] for each in settings.obstacles[:2])
+    length = np.ptp(np.array(settings.footprint.corners)[:, 0])
+    assert front.min() - rear.max() < 1.3 * length
+    assert_within_limits(settings, decisions, motions)
+    assert settings.target.errors(pose) == pytest.approx((0.0, 0.0), abs=1e-6)
+    assert clearance(settings, motions) > settings.safety.margin
+    levels = [each.level for each in decisions]
+    stood = levels.index(FallbackLevel.NOMINAL)
+    assert all('moves to the goal are searched' in each.reason for each in decisions[:stood])
+    on_the_way = [each for each in decisions[stood:] if not each.finished]
+    assert {each.level for each in on_the_way} == {FallbackLevel.NOMINAL}
+    gears = np.sign([each.twist[0] for each in on_the_way if abs(each.twist[0]) > 1e-3])
+    assert np.count_nonzero(np.diff(gears)) > 10
+
+
 def test_a_heading_that_there_is_no_room_for_is_said_to_be_impossible(fault):
     given = 'goal.heading=[1.5707963]', 'road.half_width=[0.6]', 'initial_pose=[0.0, 0.0, 0.0]'
     settings, decisions, motions, pose = drive('three_point_turn', *given)

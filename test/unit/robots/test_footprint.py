@@ -21,6 +21,7 @@ from cmpsp_ros.robots import (
 
 WAFFLE = ((-0.205, -0.145), (0.077, -0.145), (0.077, 0.145), (-0.205, 0.145))
 CAR = ((-0.831, -0.805), (3.677, -0.805), (3.677, 0.805), (-0.831, 0.805))
+BOXES = [np.array([(-a, -b), (a, -b), (a, b), (-a, b)]) for a, b in ((1, 1), (0.2, 0.5), (3, 1))]
 ROBOTS = (
     DifferentialDrive(max_wheel_speed=20.0, half_track=0.1),
     Ackermann(wheel_radius=1.0, wheel_base=2.5, max_steering_angle=0.6, max_wheel_speed=10.0),
@@ -53,6 +54,32 @@ def test_every_point_of_a_polygon_is_in_a_disc():
         assert away.min(axis=1).max() <= radius
         checked += 1
     assert checked > 200
+
+
+@pytest.mark.parametrize('part', [0.05, 0.1])
+def test_discs_reach_no_further_beyond_a_polygon_than_wanted(part):
+    checked, rng = 0, np.random.default_rng(6)
+    for corners in [np.array(WAFFLE), np.array(CAR), *BOXES]:
+        excess = part * float(np.ptp(corners, axis=0).max())
+        footprint, radius = covered(corners.tolist(), excess)
+        after = np.roll(corners, -1, axis=0)
+        outline = np.vstack([corners + s * (after - corners) for s in np.linspace(0.0, 1.0, 40)])
+        away = np.hypot(*(outline[:, None] - footprint.discs).transpose(2, 0, 1))
+        assert away.min(axis=1).max() <= radius
+        angles = rng.uniform(0.0, math.tau, 30)
+        around = radius * np.column_stack([np.cos(angles), np.sin(angles)])
+        points = (footprint.discs[:, None] + around).reshape(-1, 2)
+        outside = points[~contains(corners, points)]
+        dense = np.hypot(*(outside[:, None] - outline).transpose(2, 0, 1)).min(axis=1)
+        spacing = np.hypot(*(after - corners).T).max() / 39.0
+        assert dense.max() <= excess + spacing
+        checked += 1
+    assert checked == 5
+
+
+def test_discs_that_reach_no_further_may_be_too_many():
+    with pytest.raises(ValueError, match='m or more'):
+        covered(WAFFLE, 1e-4)
 
 
 @pytest.mark.parametrize(('corners', 'count', 'axis'), [(WAFFLE, 2, 0), (CAR, 5, 0)])

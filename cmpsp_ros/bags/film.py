@@ -15,11 +15,11 @@ from PIL import Image
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.bags.audit import read_record
-from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.bags.errors import BagError, written
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.replay.node_parameters import hidden_obstacles
 from cmpsp_ros.bags.runs.goals import goals_driven_to
-from cmpsp_ros.bags.runs.run import read_driven, read_tracks, seen_at
+from cmpsp_ros.bags.runs.run import driven_in, read_tracks, seen_at
 from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings, to_nanoseconds
 from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.robots import DifferentialDrive
@@ -217,7 +217,11 @@ def film(bag: Path, output: Path, seconds: Sequence[float]) -> int:
         raise BagError(f"{output}: found the suffix '{output.suffix}', wanted .png or .gif")
     if output.exists():
         raise BagError(f'{output}: is there already')
-    record, driven = read_record(bag), read_driven(bag)
+    record = read_record(bag)
+    with Bag(bag) as opened:
+        driven = driven_in(opened, '')
+        hidden = hidden_obstacles(opened, record.places.node)
+        people = read_tracks(opened, record.places.people, None)
     first, settings = record.start, record.history.at(record.start)
     last = int(driven.stamps[-1])
     if not settings.moves_final_time:
@@ -233,9 +237,6 @@ def film(bag: Path, output: Path, seconds: Sequence[float]) -> int:
     led = goals_driven_to(record.decisions, settings)
     goals = list(dict.fromkeys(goal.position for goal in (*settings.goals, *(g for _, g in led))))
     ends = bodies(body(settings), [driven.at(first), driven.at(last)]).lines
-    with Bag(bag) as opened:
-        hidden = hidden_obstacles(opened, record.places.node)
-        people = read_tracks(opened, record.places.people, None)
     moved, walked = (sorted({each.id for each in some}) for some in (record.tracks, people))
     model = scene(settings, np.array(way), goals, moved, ends, hidden, walked)
     moments = [
@@ -248,15 +249,13 @@ def film(bag: Path, output: Path, seconds: Sequence[float]) -> int:
         for stamp in stamps
     ]
     frames = list(_frames(model, settings, moments, _MOVING if moving else _STILL))
-    try:
+    with written(output):
         if moving:
             frames[0].save(
                 output, save_all=True, append_images=frames[1:], duration=1000 // _RATE, loop=0
             )
         else:
             _side_by_side(frames).save(output)
-    except OSError as error:
-        raise BagError(f'{output}: {error.strerror or error}') from None
     return len(frames)
 
 

@@ -47,13 +47,10 @@ def guide(
 
     Args:
         observer: From `started`.
-        children: From `started`.
+        children: From `started`, too.
         robots: Robots of the run.
         notice: Called with each decision.
         apart: Time between the starts of two robots [s].
-
-    Raises:
-        DemoError: A node cannot be activated, has ended, or decides no more.
     """
     named = {each.namespace: each for each in robots}
     heard: dict[str, float] = {}
@@ -159,9 +156,6 @@ def driven(
     """Make a run of one robot or several; its bag is complete when the block begins.
 
     The other nodes end during the block. Arguments as of `started` and `run`.
-
-    Raises:
-        DemoError: A node failed, the run did not end, or not all of it was recorded.
     """
 
     def tell(robot: Scenario, seen: GuidanceStatus) -> None:
@@ -196,9 +190,6 @@ def started(
         folder: Existing folder with the file `parameters.yaml`, for bag and logs.
         view_port: Port of a page that shows the first robot live; None: no page.
         record: True if there is a bag.
-
-    Raises:
-        DemoError: A node failed.
     """
     children: list[Child] = []
     try:

@@ -37,12 +37,7 @@ class Sources:
 
 
 def find(bag: Bag, sources: Sources) -> Names:
-    """Full names of everything that an audit reads.
-
-    Raises:
-        BagError: The bag has no parameters of a guidance node and no file replaces them, or those
-            of several nodes and none is chosen; or odometry or commands are missing.
-    """
+    """Full names of everything that an audit reads."""
     node = _node(bag, sources)
     namespace = node.rpartition('/')[0]
     return Names(

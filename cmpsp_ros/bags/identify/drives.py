@@ -124,11 +124,7 @@ class Drive:
 
 
 def read_drives(path: Path, sources: Sources) -> tuple[list[Drive], dict[str, Any]]:
-    """Read all drives of a bag, and the parameters of a guidance node if it has them.
-
-    Raises:
-        BagError: Not a bag, no odometry or no commands, those of several robots, or too short.
-    """
+    """Read all drives of a bag, and the parameters of a guidance node if it has them."""
     with Bag(path) as bag:
         odom = _topic(bag, sources.odom, (_ODOMETRY,), 'odom', sources.namespace)
         space = odom.rpartition('/')[0] if sources.namespace is None else sources.namespace

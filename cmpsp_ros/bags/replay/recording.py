@@ -99,11 +99,7 @@ class Recording:
         self._first = True
 
     def decisions(self) -> Iterator[DecisionRecord]:
-        """Iterate over the decisions; odometry and changes are read ahead of each.
-
-        Raises:
-            BagError: The bag is damaged, or no recording of a guidance node.
-        """
+        """Iterate over the decisions; odometry and changes are read ahead of each."""
         pending: deque[DecisionRecord] = deque()
         for topic, received, message in self._bag.together(self._topics):
             while pending and received > pending[0].received + _SLACK:

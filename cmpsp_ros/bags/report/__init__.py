@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cmpsp_ros.bags.audit import Sources, read_record
-from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.bags.errors import BagError, written
 from cmpsp_ros.bags.report.page import page
 from cmpsp_ros.bags.report.picture import draw_report
 from cmpsp_ros.bags.report.view import View, labels, view
@@ -39,9 +39,7 @@ def write_report(
         for path, label in zip(paths, labels(paths), strict=True)
     ]
     text = page(views)
-    try:
+    with written(output):
         output.write_text(text, encoding='utf-8')
-    except OSError as error:
-        raise BagError(f'{output}: cannot be written: {error.strerror or error}') from error
     draw_report(views, picture)
     return output, picture

@@ -22,11 +22,7 @@ _PERIODS = 1.5
 
 
 def read_tracks(bag: Bag, topic: str, frame_id: str | None) -> tuple[Track, ...]:
-    """Messages of a topic in a frame, or in any, by id and time; none if it is not there.
-
-    Raises:
-        BagError: A message is not of its type.
-    """
+    """Messages of a topic in a frame, or in any, by id and time; none if it is not there."""
     found: dict[tuple[int, int], Track] = {}
     for _, message in bag.messages(topic) if topic in bag.topics else ():
         try:
@@ -77,12 +73,7 @@ def _after(track: Track, stamp: int) -> Track:
 
 @dataclass(frozen=True)
 class Planned:
-    """A plan as published on `~/predicted_path`.
-
-    Attributes:
-        stamp: Time [ns].
-        points: Predicted positions ``(N + 1, 2)`` [m].
-    """
+    """A plan as published on `~/predicted_path`: time [ns] and positions ``(N + 1, 2)`` [m]."""
 
     stamp: int
     points: Array
@@ -137,7 +128,7 @@ class Run:
     Attributes:
         decisions: In order.
         plans: In order; empty if they were not recorded.
-        driven: The driven path, from `read_driven`.
+        driven: The driven path, from `driven_in`.
         tracks: Moving obstacles as received, by id and time.
         people: The simulator's people as they truly were, by number and time.
         wheel_stamps: IntArray of the wheel speeds [ns], shape ``(W,)``.
@@ -160,11 +151,7 @@ class Run:
 
 
 def read_run(path: Path, namespace: str = '') -> Run:
-    """Read a run of our nodes, in a namespace as `/r1`, from its bag.
-
-    Raises:
-        BagError: Not a bag, or a topic of a run is missing.
-    """
+    """Read a run of our nodes, in a namespace as `/r1`, from its bag."""
     with Bag(path) as bag:
         decided = f'{namespace}/guidance/decision'
         decisions = read_decisions(bag, decided)
@@ -184,20 +171,11 @@ def read_run(path: Path, namespace: str = '') -> Run:
         return Run(decisions, plans, driven, told + seen, people, stamps, speeds)
 
 
-def read_driven(path: Path, namespace: str = '') -> DrivenPath:
-    """Read only the driven path, in the frame of the course.
+def driven_in(bag: Bag, namespace: str) -> DrivenPath:
+    """The driven path, in the frame of the course.
 
     The simulator's own path is preferred if there is one and odometry is in that frame.
-
-    Raises:
-        BagError: Not a bag, or there is no path in it.
     """
-    with Bag(path) as bag:
-        return driven_in(bag, namespace)
-
-
-def driven_in(bag: Bag, namespace: str) -> DrivenPath:
-    """As `read_driven`, of an open bag."""
     heard = bag.as_decided_on(f'{namespace}/guidance', 'odom')
     topic = truth_topic(bag, namespace, heard) or heard
     rows: dict[int, tuple[list[float], list[float]]] = {}

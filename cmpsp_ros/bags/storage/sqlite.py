@@ -39,11 +39,7 @@ _ROW_SIZE = 32
 
 
 def check_sqlite(path: Path) -> None:
-    """Check that rosbags can read a file in bounded memory and time, and runs no code in it.
-
-    Raises:
-        ReaderError: Not a database, not closed, damaged, or with objects that no bag has.
-    """
+    """Check that rosbags can read a file in bounded memory and time, and runs no code in it."""
     log = path.with_name(f'{path.name}-wal')
     if log.exists() and log.stat().st_size:
         msg = f'{path.name} has not been closed; `cmpsp recover` makes a whole bag of it'

@@ -14,8 +14,8 @@ from types import ModuleType
 from typing import Any, Final
 
 from cmpsp_ros.guidance import NANOSECONDS
-from cmpsp_ros.studies.common import StudyError
-from cmpsp_ros.studies.monte_carlo import pictures, results_log
+from cmpsp_ros.studies.common import StudyError, disk_errors
+from cmpsp_ros.studies.monte_carlo import pictures
 from cmpsp_ros.studies.monte_carlo.driving import DrivenRun, drive, outcome
 from cmpsp_ros.studies.monte_carlo.judging import (
     COSTS,
@@ -25,7 +25,13 @@ from cmpsp_ros.studies.monte_carlo.judging import (
     read_answers,
     write_answers,
 )
-from cmpsp_ros.studies.monte_carlo.outcome import RunVerdict, StudyOutcome
+from cmpsp_ros.studies.monte_carlo.outcome import (
+    RunVerdict,
+    StudyOutcome,
+    append,
+    digest,
+    open_results_log,
+)
 from cmpsp_ros.studies.monte_carlo.study import RunTask, Study
 from cmpsp_ros.studies.monte_carlo.summary import figures, to_json, write_parquet
 from cmpsp_ros.warmup import new_pool
@@ -83,7 +89,7 @@ def run_study(order: Order, progress: Progress) -> dict[str, Any]:
         ParameterError: A parameter is wrong.
     """
     study, folder = order.study, order.folder
-    there = results_log.open_results_log(folder, study)
+    there = open_results_log(folder, study)
     missing = [number for number in range(order.runs) if number not in there]
     advance = progress('runs', order.runs)
     advance(order.runs - len(missing))
@@ -96,7 +102,7 @@ def run_study(order: Order, progress: Progress) -> dict[str, Any]:
     judged = solved('judge', failed if order.judge else [], JUDGED, judge_failure)
     compared = solved('costs', arrived[: order.costs], COSTS, compare_cost)
     values = figures(study, outcomes, judged, compared)
-    with _disk_errors(folder):
+    with disk_errors(folder):
         (folder / 'summary.json').write_text(to_json(values), encoding='utf-8')
         write_parquet(folder / 'runs.parquet', outcomes, study.tolerance, judged)
         _draw(order, outcomes, failed[:PICTURES], progress)
@@ -109,14 +115,10 @@ def run_one(study: Study, number: int, folder: Path) -> tuple[StudyOutcome, list
     Returns:
         Its outcome, the decision at each change of fallback level and all contacts with people, and
         the picture.
-
-    Raises:
-        StudyError: The picture cannot be written.
-        ParameterError: A parameter is wrong.
     """
     study.values()
     driven = drive(study.run(number))
-    with _disk_errors(folder):
+    with disk_errors(folder):
         folder.mkdir(parents=True, exist_ok=True)
         picture = _draw_one(folder, study, driven)
     made = outcome(driven)
@@ -127,13 +129,9 @@ def run_one(study: Study, number: int, folder: Path) -> tuple[StudyOutcome, list
 def make_runs(
     order: Order, numbers: Sequence[int], advance: Callable[[int], None]
 ) -> Iterator[StudyOutcome]:
-    """Make runs here, each of which is in the folder's results log before it is yielded.
-
-    Raises:
-        StudyError: A process has died, or the disk refuses.
-    """
+    """Make runs here, each of which is in the folder's results log before it is yielded."""
     make = partial(_make_and_log, order.study, order.folder)
-    with _disk_errors(order.folder):
+    with disk_errors(order.folder):
         if order.workers == 1:
             for number in numbers:
                 yield from make([number])
@@ -163,7 +161,7 @@ def _make_on_cluster(
         raise StudyError(text) from error
     client = _connected(distributed, order.scheduler)
     gone = (distributed.client.FutureCancelledError, distributed.KilledWorker, OSError)
-    code, futures = results_log.digest(), []
+    code, futures = digest(), []
     try:
         futures = [
             client.submit(_make_remotely, order.study, list(each), code, pure=False)
@@ -179,8 +177,8 @@ def _make_on_cluster(
                 text = f'a worker lacks something: {error}'
                 raise StudyError(f'{order.scheduler}: {text}') from error
             for each in outcomes:
-                with _disk_errors(order.folder):
-                    results_log.append(order.folder, each)
+                with disk_errors(order.folder):
+                    append(order.folder, each)
                 yield each
             advance(len(outcomes))
     finally:
@@ -211,7 +209,7 @@ def _make_and_log(study: Study, folder: Path, numbers: Sequence[int]) -> list[St
     outcomes = []
     for number in numbers:
         outcomes.append(_made(study, number))
-        results_log.append(folder, outcomes[-1])
+        append(folder, outcomes[-1])
     return outcomes
 
 
@@ -232,7 +230,7 @@ def _made(study: Study, number: int) -> StudyOutcome:
 
 def _make_remotely(study: Study, numbers: Sequence[int], code: str) -> list[StudyOutcome]:
     """Runs made by a worker that has the code of this digest."""
-    found = results_log.digest()
+    found = digest()
     if found != code:
         raise StudyError(f'a worker has other code: found {found}, wanted {code}')
     with _ONE_AT_A_TIME:
@@ -299,11 +297,3 @@ def _changes(driven: DrivenRun) -> list[str]:
             texts.append(f'{time:6.2f} s  {each.level.name.lower():8} {each.reason}')
         before = each.level
     return [*texts, driven.exception] if driven.exception else texts
-
-
-@contextlib.contextmanager
-def _disk_errors(folder: Path) -> Iterator[None]:
-    try:
-        yield
-    except OSError as error:
-        raise StudyError(f'{folder}: {error.strerror or error}') from error

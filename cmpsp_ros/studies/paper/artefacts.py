@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 
 from matplotlib.figure import Figure
 
-from cmpsp_ros.studies.common import StudyError, plot_style
+from cmpsp_ros.studies.common import StudyError, disk_errors, plot_style
 from cmpsp_ros.studies.paper import convergence, figures
 from cmpsp_ros.studies.paper.drives import Laboratory, Panels, guessed_path
 from cmpsp_ros.studies.paper.experiments import (
@@ -175,9 +175,7 @@ def _fill(artefact: Artefact, lab: Laboratory) -> Sheet:
 
 
 def _make_folder(output: Path) -> None:
-    try:
+    with disk_errors(output):
         if output.exists() and (not output.is_dir() or any(output.iterdir())):
             raise StudyError(f'{output}: found something there, wanted a new or empty folder')
         output.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise StudyError(f'{output}: {error.strerror or error}') from error

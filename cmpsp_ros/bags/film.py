@@ -18,8 +18,7 @@ from cmpsp_ros.bags.audit import read_record
 from cmpsp_ros.bags.errors import BagError, written
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.replay.node_parameters import hidden_obstacles
-from cmpsp_ros.bags.runs.goals import goals_driven_to
-from cmpsp_ros.bags.runs.run import driven_in, read_tracks, seen_at
+from cmpsp_ros.bags.runs.run import driven_in, goals_driven_to, read_tracks, seen_at
 from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings, to_nanoseconds
 from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.robots import DifferentialDrive

@@ -16,8 +16,8 @@ from cmpsp_ros.bags.audit.legs import Leg, RunSpan
 from cmpsp_ros.bags.audit.record import AuditRecord
 from cmpsp_ros.bags.decision_record import DecisionRecord
 from cmpsp_ros.bags.runs import in_words
-from cmpsp_ros.bags.runs.goals import Passing
 from cmpsp_ros.bags.runs.odometry import Hole
+from cmpsp_ros.bags.runs.run import Passing
 from cmpsp_ros.guidance import (
     GOAL,
     NANOSECONDS,

@@ -82,7 +82,7 @@ def scene(
 
     Args:
         settings: Robot, road and obstacles.
-        way: Points of the driven path, shape ``(K, 2)`` [m].
+        way: Points of the driven path, ``(K, 2)`` [m].
         goals: Each with a ball `goal 0`, `goal 1`, ... on a post (x, y) [m].
         moving: Ids of the moving obstacles, each a body `moving 7` to be placed later.
         ends: Lines on the floor where the robot starts and ends, each ``(K, 2)`` [m].
@@ -201,15 +201,8 @@ _AMONG_PEOPLE, _FROM_ABOVE = 3.0, -45.0
 def film(bag: Path, output: Path, seconds: Sequence[float]) -> int:
     """Draw the robot in its scene; return the number of frames.
 
-    Args:
-        bag: Bag of one run.
-        output: New picture: a `.png` with its frames side by side, or a `.gif` in real time.
-        seconds: Times of the frames [s]; by default four, or ten a second for a `.gif`.
-
-    Raises:
-        BagError: The bag cannot be used, a time is not in it, MuJoCo or its renderer is missing,
-            or the picture cannot be written.
-        ParameterError: The bag's parameters cannot be used.
+    A `.png` has the frames side by side, by default four; a `.gif` is in real time, by default with
+    ten a second. Without MuJoCo or its renderer it is a `BagError`, too.
     """
     moving = output.suffix == '.gif'
     if output.suffix not in ('.png', '.gif'):

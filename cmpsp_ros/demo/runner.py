@@ -124,7 +124,7 @@ def run(
     progress: Callable[[float], None],
     view_port: int | None = None,
 ) -> Summary:
-    """Make one run and keep all its results in a folder.
+    """Make one run and keep all its results in an existing folder.
 
     Args:
         scenario: Scenario of the run.
@@ -133,11 +133,7 @@ def run(
         view_port: Port of a page that shows the run live; None: no page.
 
     Returns:
-        Its figures; they are also in `summary.json`.
-
-    Raises:
-        DemoError: A node failed, or the run did not end.
-        BagError: The recording does not cover the run.
+        Its figures, as in `summary.json`; a `BagError` if the recording does not cover the run.
     """
     write_parameter_file(folder / 'parameters.yaml', scenario.values)
     with driven([scenario], folder, progress, view_port):

@@ -21,17 +21,7 @@ from cmpsp_ros.robots import arc_ends
 def identify(
     paths: Sequence[Path], sources: Sources | None = None, robot: str | None = None
 ) -> Identification:
-    """Identify one robot from its drives.
-
-    Args:
-        paths: Bags of odometry and commands, of any program.
-        sources: Topics, where they cannot be found.
-        robot: Name or file of the robot, with its prior values.
-
-    Raises:
-        BagError: A bag cannot be used.
-        ParameterError: The robot's file cannot be used.
-    """
+    """Identify one robot, by name or file for prior values, from bags of drives of any program."""
     known: dict[str, Any] = {} if robot is None else load_robot(robot)
     drives = []
     for path in paths:
@@ -67,11 +57,7 @@ _PHASES: Final = np.array(
 
 
 def excitation(max_speed: float, max_turn: float) -> tuple[Array, Array]:
-    """Commands of a drive.
-
-    Args:
-        max_speed: Limit of the speed [m/s].
-        max_turn: Limit of the turn rate [rad/s].
+    """Commands of a drive with limits [m/s, rad/s] that leave no robot too near to the circle.
 
     Returns:
         When each phase ends, ``(P,)`` [s], and its twist, ``(P, 2)`` [m/s, rad/s].

@@ -46,7 +46,6 @@ class Series:
     """Steps of a drive along one axis, 0 ahead or 1 turning, and the command there.
 
     Attributes:
-        axis: The axis.
         stamps: Stamps of odometry, ``(N + 1,)`` [s].
         steps: Change between messages, ``(N,)`` [m] or [rad].
         changes: Times of the changes of the command, ``(C,)`` [s].

@@ -59,14 +59,9 @@ class Change:
 
 @dataclass
 class WhatIf:
-    """Two laws on the same odometry.
+    """Two laws on the same odometry: the recorded one, and a changed one by its first settings.
 
-    Attributes:
-        settings: Initial settings of the changed law.
-        odometry: All odometry received.
-        recorded: Decisions of the recorded law.
-        decisions: Decisions of the changed law, with the time of reception of odometry [ns].
-        left_out: Topics that could not be copied.
+    Its decisions have the time of reception of odometry [ns]; `left_out` are topics not copied.
     """
 
     settings: GuidanceSettings

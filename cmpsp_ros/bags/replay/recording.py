@@ -51,13 +51,9 @@ class OdometrySample:
 
 
 class Recording:
-    """The messages of one guidance node, each kept only as long as it may be needed.
+    """The messages of one guidance node, in its frame, each kept as long as it may be needed.
 
-    Args:
-        bag: An open bag.
-        names: Names of node and topics.
-        frame_id: Frame in which odometry is usable.
-        others: Namespaces of the robots whose plans it receives.
+    Plans of robots in other namespaces are among them.
 
     Attributes:
         odometry: Read and not yet used, in order.

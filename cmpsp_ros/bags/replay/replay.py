@@ -113,18 +113,13 @@ def _waypoint_pairs(recorded: DecisionRecord, decision: Decision) -> Pairs:
 
 @dataclass
 class ReplayOutcome:
-    """Result of a replay.
+    """Counts of decisions compared, and of fields that differ; software of the recording by name.
 
     Attributes:
-        software: Software installed where the bag was recorded, by name.
-        decisions: Decisions compared.
-        stops: Stops among them that odometry does not show; their reason is taken as recorded.
-        commands: Decisions whose command was recorded and compared too.
-        plans: Decisions whose plan was recorded and compared too.
+        stops: Stops that odometry does not show; their reason is taken as recorded.
+        commands, plans: Decisions whose command or plan was recorded and compared too.
         skipped: Decisions before the first run in the bag, which cannot be replayed.
         differing: Decisions that differ.
-        differences: Number of fields that differ.
-        first: The first difference, if any.
     """
 
     software: Mapping[str, str]

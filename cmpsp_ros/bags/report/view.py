@@ -57,10 +57,7 @@ class View:
     """One bag in a report.
 
     Attributes:
-        label: Name in the report.
-        record: The audited data.
         decisions: All decisions, those whose command came too late to be sent among them.
-        findings: Results of the audit.
         plans: Some of the plans, in order of time; none if they were not recorded.
         grids: Some of the grids that sensors had shown, with their times [ns].
         hidden: Obstacles that only the simulator knows; none without our simulator.

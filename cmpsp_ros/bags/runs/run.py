@@ -126,17 +126,13 @@ class DrivenPath:
 
 @dataclass(frozen=True)
 class Run:
-    """A recorded run.
+    """A recorded run; plans are empty if they were not recorded.
 
     Attributes:
-        decisions: In order.
-        plans: In order; empty if they were not recorded.
-        driven: The driven path, from `driven_in`.
         tracks: Moving obstacles as received, by id and time.
         people: The simulator's people as they truly were, by number and time.
-        wheel_stamps: IntArray of the wheel speeds [ns], shape ``(W,)``.
-        wheel_speeds: Wheel speeds of all wheels, driven or, without a simulator, commanded; shape
-            ``(W, wheels)`` [rad/s].
+        wheel_stamps: Stamps of the wheel speeds [ns], shape ``(W,)``.
+        wheel_speeds: Driven or, without a simulator, commanded, ``(W, wheels)`` [rad/s].
     """
 
     decisions: tuple[DecisionRecord, ...]

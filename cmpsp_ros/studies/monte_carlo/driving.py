@@ -34,14 +34,10 @@ _EDGES = 2
 
 @dataclass
 class DrivenRun:
-    """A completed run.
+    """A completed run: motions, the last at rest, and decisions up to the final time [ns].
 
     Attributes:
-        task: Settings and scenario.
-        motions: Changes of the motion and odometry instants, the last at rest.
-        decisions: Decisions of the law, up to the final time.
         exception: Type and text of an exception of the law; empty if there was none.
-        end: The final time, possibly postponed by the law [ns].
         walking: Those who walk about, if any.
         people: Instants [ns], and the states of all people from then on, as of `People.at`.
     """

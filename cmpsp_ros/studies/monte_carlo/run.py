@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import as_completed
@@ -33,7 +34,7 @@ from cmpsp_ros.studies.monte_carlo.outcome import (
     open_results_log,
 )
 from cmpsp_ros.studies.monte_carlo.study import RunTask, Study
-from cmpsp_ros.studies.monte_carlo.summary import figures, to_json, write_parquet
+from cmpsp_ros.studies.monte_carlo.summary import figures, write_parquet
 from cmpsp_ros.warmup import new_pool
 
 PICTURES: Final = 12
@@ -54,12 +55,9 @@ Progress = Callable[[str, int], Callable[[int], None]]
 
 @dataclass(frozen=True)
 class Order:
-    """A request for a study.
+    """A request for a study of so many runs, with all results in a folder.
 
     Attributes:
-        study: Definition of the runs.
-        runs: Number of runs, numbered from 0 on.
-        folder: Folder of all results.
         workers: Processes that share the runs; 1 is this one.
         scheduler: Address of a Dask scheduler whose workers share them instead, if any, as in
             ``tcp://10.0.0.1:8786``; they need this package.
@@ -103,7 +101,7 @@ def run_study(order: Order, progress: Progress) -> dict[str, Any]:
     compared = solved('costs', arrived[: order.costs], COSTS, compare_cost)
     values = figures(study, outcomes, judged, compared)
     with disk_errors(folder):
-        (folder / 'summary.json').write_text(to_json(values), encoding='utf-8')
+        (folder / 'summary.json').write_text(json.dumps(values, indent=2) + '\n', encoding='utf-8')
         write_parquet(folder / 'runs.parquet', outcomes, study.tolerance, judged)
         _draw(order, outcomes, failed[:PICTURES], progress)
     return values

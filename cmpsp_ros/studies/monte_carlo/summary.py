@@ -136,11 +136,6 @@ def figures(
     }
 
 
-def to_json(values: Mapping[str, Any]) -> str:
-    """The figures as text; floats read back bit for bit."""
-    return json.dumps(values, indent=2) + '\n'
-
-
 def tables(values: Mapping[str, Any]) -> list[Table]:
     """The figures to look at: counts, and each run that failed."""
     title = f'{values["study"]}: {values["runs"]} runs of seed {values["seed"]}'
@@ -189,23 +184,16 @@ def write_parquet(
     outcomes: Sequence[StudyOutcome],
     tolerance: float,
     judged: Mapping[int, Mapping[str, Any]],
-) -> bool:
+) -> None:
     """Write a row for each run, lengths in [m], times in [s], wheel speeds in [rad/s].
 
-    Args:
-        path: The file; replaced if it exists.
-        outcomes: Outcomes by number.
-        tolerance: Maximum terminal error of a run that arrived [m].
-        judged: Results of the reference solver, by number.
-
-    Returns:
-        False without pyarrow, with nothing written.
+    Without pyarrow nothing is written. A run has arrived within `tolerance` [m].
     """
     try:
         import pyarrow as pa  # type: ignore[import-untyped]  # noqa: PLC0415 (optional)
         from pyarrow import parquet  # noqa: PLC0415
     except ImportError:
-        return False
+        return
     rows = [
         {
             **asdict(each),
@@ -225,7 +213,6 @@ def write_parquet(
         place = table.column_names.index(name)
         table = table.set_column(place, name, table.column(name).cast(kind))
     parquet.write_table(table, path)
-    return True
 
 
 def _costs(compared: Mapping[int, Mapping[str, Any]]) -> dict[str, Any]:

@@ -49,15 +49,9 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True)
 class Scenario:
-    """The random part of a run.
+    """The random part of a run: initial pose [m, m, rad], obstacles and people, if any.
 
-    Attributes:
-        number: Number of the run in its study.
-        pose: Initial pose (x, y, heading) [m, m, rad].
-        obstacles: On the road.
-        seed: Seed of all random numbers of the plant.
-        changes: Settings of the guidance law that differ from those of the study.
-        people: Those who walk about, if any.
+    The seed is that of the plant; `changes` are settings of the law that differ from the study's.
     """
 
     number: int

@@ -47,8 +47,8 @@ class Scaling:
     ) -> Scaling:
         """Units from bounds, guess ``(N + 1, n)`` and ``(N + 1, r)``, and derivatives along it.
 
-        A control's unit is its largest bound, else its largest guess or the change that moves the
-        output by its own unit, if that is more. A state's unit is its size at the start, in the target or
+        A control's unit is its largest bound, else its largest guess or what moves the output by
+        its own unit, if that is more. A state's unit is its size at the start, in the target or
         along the guess, or what the controls can reach soon where it hardly moves. An output's
         unit is the size of its target or of its states at the start. Path constraints have the
         units that make their largest derivative 1, and so has the cost. A change of the user's

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-
-    from rclpy.node import Node
-    from rclpy.publisher import Publisher
-    from rclpy.subscription import Subscription
+from rclpy.subscription import Subscription
+from rclpy.timer import Timer
 
 
 @dataclass(frozen=True)
@@ -20,7 +19,6 @@ class Topic:
     """One topic or service of a node.
 
     Attributes:
-        node: Name of the node.
         direction: Seen from the node.
         name: As the node uses it, before namespaces and remapping.
         type: Message or service class.
@@ -79,6 +77,11 @@ class Listener:
         for each in self._subscriptions:
             for message in waiting(each):
                 each.callback(message)
+
+
+def steady_timer(node: Node, period: float, callback: Callable[[], None]) -> Timer:
+    """Timer with a period [s] of a clock that never jumps: simulated time may stand still."""
+    return node.create_timer(period, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
 
 def waiting(subscription: Subscription) -> Iterator[Any]:

@@ -2,37 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from builtin_interfaces.msg import Duration
 from geometry_msgs.msg import PoseStamped
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.action.server import ServerGoalHandle
+from rclpy.lifecycle import LifecycleNode
 from rclpy.task import Future
 
-from cmpsp_ros.guidance import NANOSECONDS, Goal, GoalError
+from cmpsp_ros.guidance import NANOSECONDS, Decision, Goal, GoalError, GuidanceLaw
 from cmpsp_ros.guidance.messages import TransformError
 from cmpsp_ros.nodes.common.messages import set_pose
 from cmpsp_ros.nodes.common.topic import Listener
 from cmpsp_ros.nodes.common.topics import GOAL_POSE
-from cmpsp_ros.nodes.guidance.inputs import nav2
+from cmpsp_ros.nodes.guidance.inputs.course import RoadInput
+from cmpsp_ros.nodes.guidance.inputs.transforms import TransformInput
 from cmpsp_ros.robots import speeds_and_turns
 
 try:
     from nav2_msgs.action import FollowPath, NavigateToPose
 except ImportError:  # Nav2 is not among the wheels
     FollowPath = NavigateToPose = None
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
-
-    from rclpy.action.server import ServerGoalHandle
-    from rclpy.lifecycle import LifecycleNode
-
-    from cmpsp_ros.guidance import Decision, GuidanceLaw
-    from cmpsp_ros.nodes.guidance.inputs.course import RoadInput
-    from cmpsp_ros.nodes.guidance.inputs.transforms import TransformInput
 
 NAVIGATE, FOLLOW = 'navigate_to_pose', 'follow_path'
 
@@ -44,11 +38,7 @@ FAILED_TO_MAKE_PROGRESS. NavigateToPose has none of its own there: Nav2 hands on
 
 
 class GoalInput(Listener):
-    """Gives received goals to the law.
-
-    Attributes:
-        cancelled: Reason to stand until the next goal; empty where there is none.
-    """
+    """Gives received goals to the law; `cancelled` is a reason to stand until the next one."""
 
     def __init__(
         self,
@@ -195,12 +185,9 @@ class GoalActions:
         pose: Sequence[float],
         distance: Callable[[Sequence[float], Goal], float],
     ) -> None:
-        """Report a decision to the client, and end its goal where that is due.
+        """Report a decision at a pose [m, m, rad] to the client, and end its goal if that is due.
 
-        Args:
-            decision: The decision.
-            pose: Pose of the robot (x, y, heading) [m, m, rad].
-            distance: Distance from a pose to a goal [m].
+        `distance` is that from a pose to a goal [m].
         """
         running = self._running
         if running is None:
@@ -241,13 +228,13 @@ class GoalActions:
             self._node.get_logger().warning(f'{name} is aborted: {error}')
             cause = 'transform' if isinstance(error.__cause__, TransformError) else 'refused'
             handle.abort()
-            return nav2.result(kind, _CODES[cause], str(error))
+            return result(kind, _CODES[cause], str(error))
         self.abort('Another goal came.')
         begun = self._node.get_clock().now().nanoseconds
         running = self._running = _Running(name, handle, goal, begun, Future())
         end, cause, reason = await running.ended
         end()
-        return nav2.result(kind, _CODES[cause], reason)
+        return result(kind, _CODES[cause], reason)
 
     def _end(self, end: Callable[[], None], cause: str, reason: str) -> None:
         running, self._running = self._running, None
@@ -262,7 +249,7 @@ class GoalActions:
         set_pose(here.pose, pose)
         if running.name == FOLLOW:
             speed = float(speeds_and_turns(decision.twist)[0])
-            return nav2.follow_path_feedback(FollowPath, here, far, speed)
+            return path_feedback(here, far, speed)
         return NavigateToPose.Feedback(
             current_pose=here,
             navigation_time=_duration((now.nanoseconds - running.begun) / NANOSECONDS),
@@ -274,3 +261,27 @@ class GoalActions:
 def _duration(seconds: float) -> Duration:
     sec, nanosec = divmod(round(max(0.0, seconds) * NANOSECONDS), NANOSECONDS)
     return Duration(sec=sec, nanosec=nanosec)
+
+
+def path_feedback(pose: PoseStamped, distance: float, speed: float) -> Any:
+    """Feedback of FollowPath: distance [m] to the goal along the path, and speed [m/s].
+
+    From Lyrical on they are fields of a message `nav2_msgs/TrackingFeedback`, beside the pose. Its
+    tracking errors stay 0: the path is a road here, on which the robot may drive anywhere.
+    """
+    feedback = FollowPath.Feedback()
+    values = getattr(feedback, 'tracking_feedback', feedback)
+    values.distance_to_goal, values.speed = distance, speed
+    if values is not feedback:
+        values.header, values.robot_pose = pose.header, pose
+        values.remaining_path_length = distance
+    return feedback
+
+
+def result(kind: Any, code: int, reason: str) -> Any:
+    """Result of an action; Jazzy had no text at first."""
+    found = kind.Result()
+    for field, value in (('error_code', code), ('error_msg', reason)):
+        if hasattr(found, field):
+            setattr(found, field, value)
+    return found

@@ -23,12 +23,7 @@ def mjcf(robot: Robot, physics: Physics, wheel_lag: float) -> str:
 
     Two driven wheels that touch the floor in one point each, and two castors without friction
     before and behind them. The motors hold their wheels at a commanded speed as far as their
-    torque goes; with a lag, the command reaches them through a filter of first order.
-
-    Args:
-        robot: Wheel radius and half track give all lengths [m].
-        physics: Mass, friction and torque.
-        wheel_lag: Time constant of that filter; 0 for none [s].
+    torque goes; with a lag [s], the command reaches them through a filter of first order.
     """
     radius, track = robot.wheel_radius, robot.half_track
     castor, arm = 0.4 * radius, 0.9 * track

@@ -21,9 +21,9 @@ from rosgraph_msgs.msg import Clock as ClockMessage
 from std_srvs.srv import Trigger
 
 from cmpsp_ros.bags import Bag, BagError, UnknownTypeError
-from cmpsp_ros.nodes.common.bag_topics import message_class, offering
+from cmpsp_ros.nodes.common.qos import offering
 from cmpsp_ros.nodes.common.runtime import run
-from cmpsp_ros.nodes.common.topic import steady_timer
+from cmpsp_ros.nodes.common.topic import message_class, steady_timer
 from cmpsp_ros.nodes.common.topics import CLOCK
 
 _CLOCK_PERIOD = 10_000_000

@@ -20,7 +20,7 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from cmpsp_ros.bags import BagWriter
-from cmpsp_ros.nodes.common.bag_topics import for_bag
+from cmpsp_ros.nodes.common.qos import for_bag
 
 pytestmark = pytest.mark.integration
 

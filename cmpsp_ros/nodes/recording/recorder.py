@@ -17,10 +17,10 @@ from rclpy.qos import QoSCompatibility, QoSProfile, qos_check_compatible
 from std_srvs.srv import Trigger
 
 from cmpsp_ros.bags import BagError, BagWriter, UnknownTypeError
-from cmpsp_ros.nodes.common.bag_topics import for_bag, hearing_all, message_class
 from cmpsp_ros.nodes.common.health import Health, Report
+from cmpsp_ros.nodes.common.qos import for_bag, hearing_all
 from cmpsp_ros.nodes.common.runtime import StartupError, run
-from cmpsp_ros.nodes.common.topic import steady_timer
+from cmpsp_ros.nodes.common.topic import message_class, steady_timer
 from cmpsp_ros.nodes.common.topics import RECORDER_FLUSH
 from cmpsp_ros.nodes.recording.options import read_options, topics_of_nodes
 from cmpsp_ros.nodes.recording.received import (

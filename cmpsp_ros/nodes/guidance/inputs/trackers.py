@@ -25,8 +25,8 @@ from cmpsp_ros.guidance.messages import (
     is_relative,
     without_robots,
 )
-from cmpsp_ros.nodes.common.bag_topics import message_class
 from cmpsp_ros.nodes.common.messages import cloud_of
+from cmpsp_ros.nodes.common.topic import message_class
 from cmpsp_ros.nodes.common.topics import GUIDANCE_MOVING, OWN_TRACKS, TRACKER, Topic, plans_of
 from cmpsp_ros.nodes.guidance.inputs.surroundings import SurroundingsInput
 from cmpsp_ros.nodes.guidance.inputs.transforms import TransformInput

@@ -9,7 +9,8 @@ from nav_msgs.msg import Odometry
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from cmpsp_ros.bags import UnknownTypeError
-from cmpsp_ros.nodes.common.bag_topics import for_bag, message_class, offering
+from cmpsp_ros.nodes.common.qos import for_bag, offering
+from cmpsp_ros.nodes.common.topic import message_class
 
 RELIABLE, BEST_EFFORT = ReliabilityPolicy.RELIABLE, ReliabilityPolicy.BEST_EFFORT
 VOLATILE, LATCHED = DurabilityPolicy.VOLATILE, DurabilityPolicy.TRANSIENT_LOCAL

@@ -1,13 +1,8 @@
-"""Topics as bags have them: message classes by name, and quality of service."""
+"""Quality of service: from offers of publishers to subscriptions and bags."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable
-from importlib import import_module
-from importlib.util import find_spec
-from pathlib import Path
-from typing import Any
 
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -20,10 +15,7 @@ from rosbags.interfaces import (
     QosTime,
 )
 
-from cmpsp_ros.bags import UnknownTypeError
-
 _DEPTH, _MAX_DEPTH = 10, 10_000
-_NAME = re.compile(r'([a-z][a-z0-9_]*)/msg/([A-Z][A-Za-z0-9]*)')
 
 
 def hearing_all(offered: Iterable[QoSProfile], *, depth: int) -> QoSProfile:
@@ -77,20 +69,3 @@ def offering(recorded: Iterable[Qos]) -> QoSProfile:
 
 def _time(duration: Duration) -> QosTime:
     return QosTime(*divmod(duration.nanoseconds, 10**9))
-
-
-def message_class(name: str) -> Any:
-    """Class of a type, such as `nav_msgs/msg/Odometry`; raises UnknownTypeError without it."""
-    match = _NAME.fullmatch(name)
-    # A bag may name any package; only one of messages is imported.
-    if match and _has_messages(match[1]):
-        found = getattr(import_module(f'{match[1]}.msg'), match[2], None)
-        if found is not None:
-            return found
-    raise UnknownTypeError(f'found type {name!r}, wanted one that is installed here')
-
-
-def _has_messages(package: str) -> bool:
-    spec = find_spec(package)
-    folders = (spec and spec.submodule_search_locations) or ()
-    return any((Path(folder) / 'msg' / '__init__.py').is_file() for folder in folders)

@@ -29,7 +29,7 @@ class Goal:
         self.ended = self.handle.get_result_async() if self.handle.accepted else None
 
     def result(self):
-        self.client.until(self.ended.done, timeout)
+        self.client.until(self.ended.done)
         answer = self.ended.result()
         return answer.status, answer.result.error_code, answer.result.error_msg
 

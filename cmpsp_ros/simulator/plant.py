@@ -17,6 +17,7 @@ import numpy as np
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.simulator.body import ArcBody, Body, Motion
 from cmpsp_ros.simulator.measurement import Measurement, Stream, generator
+from cmpsp_ros.simulator.physics import PhysicsBody
 from cmpsp_ros.simulator.settings import PlantSettings
 
 _NS = 1_000_000_000
@@ -42,7 +43,10 @@ class Plant:
         """Put the robot at its initial pose, at rest, at a time [ns]; or PhysicsError."""
         self._settings = settings
         self._now_ns = self._heard_ns = start_ns
-        self._body = _body(settings)
+        wheels = settings.robot, settings.wheel_lag
+        self._body: Body = (
+            ArcBody(*wheels) if settings.physics is None else PhysicsBody(*wheels, settings.physics)
+        )
         self.reset()
 
     @property
@@ -182,12 +186,3 @@ class Plant:
     def _expiry(self, stamp_ns: int) -> int | None:
         lasts = self._settings.cmd_vel_timeout
         return stamp_ns + round(lasts * _NS) if 0.0 < lasts < math.inf else None
-
-
-def _body(settings: PlantSettings) -> Body:
-    if settings.physics is None:
-        return ArcBody(settings.robot, settings.wheel_lag)
-    # MuJoCo is an option, and takes a while to import.
-    from cmpsp_ros.simulator.physics_body import PhysicsBody  # noqa: PLC0415
-
-    return PhysicsBody(settings.robot, settings.wheel_lag, settings.physics)

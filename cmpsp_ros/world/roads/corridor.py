@@ -105,11 +105,6 @@ class Corridor(Road):
         """The centre line, shape ``(K, 2)`` [m]."""
         return np.column_stack([self._drawn.x, self._drawn.y])
 
-    def area(self) -> Array:
-        """The road as one polygon, which winds round twice where it crosses itself, ``(K, 2)``."""
-        left, right = self.edges()
-        return np.vstack([left, right[::-1]])
-
     def middle(self) -> Array:
         """A pose in the middle of the road, along it, shape ``(3,)`` [m, m, rad]."""
         at, half = self._samples, len(self._samples.x) // 2

@@ -74,7 +74,8 @@ class TrackInput(SurroundingsInput):
         """Everything known to move at a time [ns]: each object once, then robots by name."""
         self.drain()
         known = self.settings.moving_obstacles
-        told, robots = (each.at(stamp, known.timeout) for each in (self._obstacles, self._plans))
+        told = self._obstacles.at(stamp, known.timeout)
+        robots = self._plans.at(stamp, known.timeout)
         if self._publisher is None:
             return (*told, *robots)
         seen = () if sighting is None else sighting.tracks

@@ -94,7 +94,7 @@ LOOKS: Final = {
     'seen': Look('seen by sensors', SEEN, SEEN),
     'kept clear': Look('kept clear at samples', MARGIN, width=1.0, dash='dash'),
     'moving': Look('path of a moving obstacle', MOVING, width=1.0, dash='dashdot'),
-    'tracked': Look('track of what moves', MOVING, width=0.8, dash='dot'),
+    'tracked': Look('track of a moving obstacle', MOVING, width=0.8, dash='dot'),
     'person': Look('path of a person', PERSON, width=1.0),
     'robot': Look('other robot', TEXT, width=1.2, dash='dot'),
     'trail': Look('', '', width=0.6),

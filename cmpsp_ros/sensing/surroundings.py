@@ -103,7 +103,7 @@ class Surroundings:
         return ''
 
     def _see(self, sensor: str, beams: Beams) -> None:
-        """Enter what stands still into the grid, and follow what moves."""
+        """Enter static obstacles into the grid, and track moving ones."""
         if self._tracker is None:
             self._grid.see(beams)
             return

@@ -32,17 +32,9 @@ from cmpsp_ros.guidance.messages import (
     is_relative,
     without_robots,
 )
+from cmpsp_ros.nodes.common import topics
 from cmpsp_ros.nodes.common.messages import cloud_of, set_stamp
-from cmpsp_ros.nodes.common.topic import Listener, message_class
-from cmpsp_ros.nodes.common.topics import (
-    GUIDANCE_MOVING,
-    OWN_TRACKS,
-    SCAN,
-    SIGHTING,
-    TRACKER,
-    Topic,
-    plans_of,
-)
+from cmpsp_ros.nodes.common.topic import Listener, Topic, message_class
 from cmpsp_ros.nodes.guidance.inputs.transforms import TransformInput
 from cmpsp_ros.parameters import ParameterError, Problem
 from cmpsp_ros.sensing import (
@@ -107,10 +99,10 @@ class SensorInput(SurroundingsInput):
         self._surroundings = Surroundings(settings.sight, *footprint)
         self._sensors = settings.sight.sensors
         for each in self._sensors:
-            topic = replace(SCAN, name=each.topic, type=_MESSAGES[each.type])
+            topic = replace(topics.SCAN, name=each.topic, type=_MESSAGES[each.type])
             reason = 'A message of a sensor is refused: {}.'
             self._listen(topic, partial(self._read, each), reason)
-        self._publisher = self._publish_on(SIGHTING) if self._sensors else None
+        self._publisher = self._publish_on(topics.SIGHTING) if self._sensors else None
 
     def note(self, stamp: int, pose: Array) -> str:
         """Note a pose ``(3,)`` [m, m, rad] of odometry; reason to stop if a sensor is blind."""
@@ -169,21 +161,21 @@ class TrackInput(SurroundingsInput):
         self.settings, self._transforms = settings, transforms
         known, own = settings.moving_obstacles, node.get_namespace()
         self._trackers = [
-            (each, replace(TRACKER, name=each.topic, type=_class_of(each)))
+            (each, replace(topics.TRACKER, name=each.topic, type=_class_of(each)))
             for each in known.trackers
         ]
         self._obstacles, self._plans = Tracks[Track](), Tracks[PeerTrajectory]()
         self.forget_after(NEVER)
         if known.capacity:
-            self._listen(GUIDANCE_MOVING, self._read_obstacles)
+            self._listen(topics.GUIDANCE_MOVING, self._read_obstacles)
         for each in known.others:
             if each != own:
-                self._listen(plans_of(each), partial(self._read_plan, each))
+                self._listen(topics.plans_of(each), partial(self._read_plan, each))
         for number, (source, topic) in enumerate(self._trackers):
             reason = f'A message of tracker {source.name} is refused: {{}}'
             self._listen(topic, partial(self._read_objects, number), reason)
         has_more = settings.sight.sensors or known.trackers
-        self._publisher = self._publish_on(OWN_TRACKS) if has_more else None
+        self._publisher = self._publish_on(topics.OWN_TRACKS) if has_more else None
 
     def at(self, stamp: int, sighting: Sighting | None) -> tuple[MovingObject, ...]:
         """Everything known to move at a time [ns]: each object once, then robots by name."""

@@ -20,7 +20,7 @@ from cmpsp_ros.guidance.messages import PeerTrajectory, TrackError, Tracks, chec
 from cmpsp_ros.nodes.common.messages import set_stamp
 from cmpsp_ros.nodes.common.topic import Listener
 from cmpsp_ros.nodes.common.topics import GUIDANCE_MOVING, SCAN, SIGHTING, plans_of
-from cmpsp_ros.sensing import ScanError, Sensor, Surroundings, sight_of
+from cmpsp_ros.sensing import REMEMBERED, ScanError, Sensor, Surroundings, sight_of
 from cmpsp_ros.world.grids import Cell
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ _MESSAGES = {'scan': LaserScan, 'cloud': PointCloud2}
 
 # Values of a nav_msgs/OccupancyGrid by `Cell`.
 _VALUES = np.zeros(len(Cell), dtype=np.int8)
-_VALUES[[Cell.OCCUPIED, Cell.UNKNOWN]] = 100, -1
+_VALUES[[Cell.OCCUPIED, Cell.UNKNOWN, Cell.REMEMBERED]] = 100, -1, REMEMBERED
 
 
 class SurroundingsInput(Listener):

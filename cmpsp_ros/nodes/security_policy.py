@@ -55,12 +55,7 @@ _TF: Final = {'/tf', '/tf_static'}
 class Rights:
     """Rights of one node; names below its namespace, or absolute, with `*` for anything.
 
-    Attributes:
-        node: Name, and that of its enclave.
-        publish: Topics.
-        subscribe: Topics.
-        reply: Services that it offers.
-        request: Services that it calls.
+    It publishes and subscribes topics, replies to and requests services.
     """
 
     node: str

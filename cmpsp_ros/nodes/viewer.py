@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable, Mapping
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticArray
+from nav_msgs.msg import OccupancyGrid, Odometry, Path
 from rcl_interfaces.msg import ParameterDescriptor
 from rcl_interfaces.srv import GetParameters
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.task import Future
+from sensor_msgs.msg import JointState
+from visualization_msgs.msg import MarkerArray
 
 from cmpsp_ros.nodes.common import topics
 from cmpsp_ros.nodes.common.runtime import StartupError, run
+from cmpsp_ros.nodes.common.topic import steady_timer
 from cmpsp_ros.nodes.viewer_messages import (
     SERIES,
     course_of,
@@ -27,15 +33,6 @@ from cmpsp_ros.nodes.viewer_messages import (
 )
 from cmpsp_ros.view import SharedState, ViewError, ViewServer
 from cmpsp_ros.world.grids import GridError
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-
-    from diagnostic_msgs.msg import DiagnosticArray
-    from nav_msgs.msg import OccupancyGrid, Odometry, Path
-    from rclpy.task import Future
-    from sensor_msgs.msg import JointState
-    from visualization_msgs.msg import MarkerArray
 
 HOST, PORT = '127.0.0.1', 8765
 
@@ -59,12 +56,8 @@ _ASKED = (
 class Viewer(Node):
     """Subscribes, and serves a live page until stopped; it publishes nothing.
 
-    Args:
-        namespace: Namespace of the nodes to show; that of the command line when absent.
-        parameters: Parameters, before those of the command line.
-
-    Raises:
-        StartupError: The page cannot be served at `host` and `port`.
+    Namespace and parameters of the command line override those given; StartupError where the page
+    cannot be served at `host` and `port`.
     """
 
     def __init__(
@@ -84,7 +77,7 @@ class Viewer(Node):
         # Of a node's services for parameters the only one that changes nothing and is needed.
         self._client = self.create_client(GetParameters, 'guidance/get_parameters')
         # Simulated time may stand still; the page is to know the robot all the same.
-        self.create_timer(_ASK_PERIOD, self._ask, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        steady_timer(self, _ASK_PERIOD, self._ask)
         self._state.show('namespace', self.get_namespace())
         self._server.start()
         # Not by the logger, which tells the token to all who listen to /rosout.
@@ -176,11 +169,7 @@ class Viewer(Node):
 
 
 def view(host: str, port: int, namespace: str) -> int:
-    """Show the nodes of a namespace until SIGINT or SIGTERM, as the last thing a process does.
-
-    Returns:
-        Exit code: 0 after a signal, 1 when the page cannot be served.
-    """
+    """Show the nodes of a namespace until SIGINT or SIGTERM; returns exit code."""
     return run(lambda: Viewer(namespace, {'host': host, 'port': port}), name='viewer', args=[])
 
 

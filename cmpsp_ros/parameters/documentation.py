@@ -109,8 +109,7 @@ def main() -> int:
 def with_section(text: str, name: str, content: str, source: str) -> str:
     """Replace the part between `<!-- name:begin -->` and `<!-- name:end -->` of a text.
 
-    Raises:
-        ParameterError: If the text, with this name of its source, has no such part.
+    Raises ParameterError, which names the source, if it has no such part.
     """
     mark_begin, mark_end = f'<!-- {name}:begin -->', f'<!-- {name}:end -->'
     before, begin, rest = text.partition(mark_begin)

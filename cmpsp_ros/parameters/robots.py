@@ -36,12 +36,7 @@ _SINGULAR: Final = 1e-6
 
 
 def robot_of(values: Values) -> Robot:
-    """The robot, of the model that `robot.model` names.
-
-    Raises:
-        ParameterError: It is a class of one's own that cannot be used, or has too few directions
-            of wheels.
-    """
+    """The robot, of the model that `robot.model` names, or ParameterError."""
     model = values['robot.model']
     if model in MODELS:
         return MODELS[model](values)

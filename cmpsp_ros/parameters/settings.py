@@ -60,17 +60,11 @@ _NAMESPACE: Final = re.compile(r'(?:/[A-Za-z_]\w*)+', re.ASCII)
 
 
 def guidance_settings(values: Values) -> GuidanceSettings:
-    """Settings of the guidance law.
-
-    Returns:
-        The settings, checked against each other.
+    """Settings of the guidance law, checked against each other.
 
     Raises:
         ParameterError: If a number is far out of range or the footprint is invalid; otherwise, all
-            of these problems: an invalid or too narrow road, an invalid obstacle, a goal off the
-            road or in an obstacle, times out of order or too short for a control step and its
-            command, a followed road with an end, a QP back end that is not installed, an invalid
-            namespace of another robot.
+            problems of road, obstacles, goals, times, robot, sensors, solver and namespaces.
     """
     problems = Problems(_size_problems(values))
     problems.attempt(partial(footprint_of, values))
@@ -119,12 +113,7 @@ def guidance_settings(values: Values) -> GuidanceSettings:
 
 
 def plant_settings(values: Values) -> PlantSettings:
-    """Settings of the simulated robot.
-
-    Raises:
-        ParameterError: If the times at which odometry is lost are no pairs in order, or slip is
-            asked of a robot whose tyres slip by themselves.
-    """
+    """Settings of the simulated robot; ParameterError for lost odometry or slip that cannot be."""
     windows = _dropout_windows(values)
     return build(
         PlantSettings,
@@ -170,12 +159,9 @@ def people_settings(values: Values) -> PeopleSettings:
 
 
 def check_simulation(values: Values) -> None:
-    """Refuse a simulation that cannot start or keep pace.
+    """Refuse a simulation that cannot start or keep pace, by ParameterError.
 
-    Raises:
-        ParameterError: If the footprint or an obstacle cannot be made, or the initial pose is off
-            the road or in an obstacle; otherwise, if odometry or simulated time are too slow or too
-            fast to be kept, or lockstep cannot work.
+    Odometry or simulated time may be too slow or too fast to be kept, or lockstep cannot work.
     """
     problems, of_road = Problems(), Problems()
     course = problems.attempt(lambda: Course.of(values, of_road))

@@ -45,12 +45,7 @@ _BESIDE: Final = 0.5
 
 @dataclass(frozen=True, eq=False)
 class KeptLine:
-    """A line that is kept to unless another one is clearly better.
-
-    Attributes:
-        points: Of the line, shape ``(K, 2)`` [m].
-        reluctance: By which part cells that are not beside it cost more.
-    """
+    """A line ``(K, 2)`` [m] that is kept to: cells not beside it cost more by a `reluctance`."""
 
     points: Array
     reluctance: float

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterable
 
+from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosbags.interfaces import (
     Qos,
@@ -13,11 +14,6 @@ from rosbags.interfaces import (
     QosReliability,
     QosTime,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-    from rclpy.duration import Duration
 
 _DEPTH, _MAX_DEPTH = 10, 10_000
 

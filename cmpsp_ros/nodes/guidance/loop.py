@@ -4,9 +4,18 @@ from __future__ import annotations
 
 import math
 import time
-from typing import TYPE_CHECKING
 
-from cmpsp_ros.guidance import NANOSECONDS, NEVER, FallbackLevel, GuidanceLaw, Observation
+from rclpy.lifecycle import LifecycleNode
+
+from cmpsp_ros.guidance import (
+    NANOSECONDS,
+    NEVER,
+    Decision,
+    FallbackLevel,
+    GuidanceLaw,
+    GuidanceSettings,
+    Observation,
+)
 from cmpsp_ros.guidance.messages import Arrival, OdometryError, OdometryGate
 from cmpsp_ros.guidance.mission import reason_not_to_begin
 from cmpsp_ros.nodes.guidance.diagnostics import StepTimes
@@ -17,13 +26,8 @@ from cmpsp_ros.nodes.guidance.inputs.surroundings import SensorInput
 from cmpsp_ros.nodes.guidance.inputs.trackers import TrackInput
 from cmpsp_ros.nodes.guidance.inputs.transforms import TransformInput
 from cmpsp_ros.nodes.guidance.outputs.publishers import GuidanceOutputs
-
-if TYPE_CHECKING:
-    from rclpy.lifecycle import LifecycleNode
-
-    from cmpsp_ros.guidance import Decision, GuidanceSettings
-    from cmpsp_ros.nodes.guidance.timing import GarbageCollection
-    from cmpsp_ros.parameters import Values
+from cmpsp_ros.nodes.guidance.timing import GarbageCollection
+from cmpsp_ros.parameters import Values
 
 _WATCH_PERIOD = 0.025
 
@@ -38,15 +42,6 @@ class GuidanceLoop:
     """Feeds odometry to the guidance law and publishes its decisions, while active.
 
     Lost or unusable odometry, and any exception, leads to a stop.
-
-    Attributes:
-        active: True while odometry is decided on.
-        decision: The latest decision; None before the first.
-        gate: Judges odometry.
-        road: Source of the road.
-        map: Source of the map.
-        watchdog: Age of odometry.
-        times: Computing times of control steps.
     """
 
     def __init__(
@@ -56,14 +51,7 @@ class GuidanceLoop:
         settings: GuidanceSettings,
         garbage: GarbageCollection,
     ) -> None:
-        """Open the topics, and wait to be active.
-
-        Args:
-            node: The node.
-            values: Parameters of the node.
-            settings: Settings made from them.
-            garbage: Garbage collector, run in idle time.
-        """
+        """Open the topics, and wait to be active; garbage is collected in idle time."""
         self._node, self._settings, self._garbage = node, settings, garbage
         self.active, self._in_lockstep = False, values['lockstep']
         self._law = GuidanceLaw(settings, settings.world, time.perf_counter_ns)
@@ -118,7 +106,7 @@ class GuidanceLoop:
         self._settings = settings
         self._law.reconfigure(settings, settings.world)
         self._transforms.settings = settings
-        self._tracks.take(settings)
+        self._tracks.settings = settings
         self._scenery_changed = True
         if not self.active:
             self.show()

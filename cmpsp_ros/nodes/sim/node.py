@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING
 
 from geometry_msgs.msg import TransformStamped, Twist, TwistStamped
 from nav_msgs.msg import Odometry
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.time import Time
 from rosgraph_msgs.msg import Clock as ClockMessage
 from sensor_msgs.msg import JointState
@@ -34,21 +34,15 @@ from cmpsp_ros.nodes.common.topics import (
 )
 from cmpsp_ros.nodes.sim.pace import Lockstep, RealTime
 from cmpsp_ros.nodes.sim.surroundings import Pedestrians, Scanner, Traffic
-from cmpsp_ros.parameters import TABLE, ParameterError, check_simulation, plant_settings
+from cmpsp_ros.parameters import TABLE, ParameterError, Values, check_simulation, plant_settings
 from cmpsp_ros.quick_exit import quick_exit
 from cmpsp_ros.robots import with_side
-from cmpsp_ros.simulator import OdometrySchedule, Plant, TwistError
+from cmpsp_ros.simulator import Motion, OdometrySchedule, Plant, TwistError
 
 try:
     from tf2_msgs.msg import TFMessage
 except ImportError:  # tf2 is not among the wheels
     TFMessage = None
-
-if TYPE_CHECKING:
-    from rclpy.parameter import Parameter
-
-    from cmpsp_ros.parameters import Values
-    from cmpsp_ros.simulator import Motion
 
 
 class SimNode(Node):

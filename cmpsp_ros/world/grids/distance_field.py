@@ -22,10 +22,7 @@ _FAR: Final = 1e4
 def distance_field(grid: OccupancyGrid, *, unknown_is_free: bool = False) -> DistanceField:
     """Signed distance from the occupied cells, which are closed squares.
 
-    Args:
-        grid: The grid.
-        unknown_is_free: Whether cells that are unknown, and all beyond the grid, are free; else
-            they are occupied.
+    Unknown cells, and all beyond the grid, are occupied unless `unknown_is_free`.
     """
     inner = grid.cells == Cell.OCCUPIED if unknown_is_free else ~is_free(grid.cells)
     rows, columns = inner.shape

@@ -26,7 +26,6 @@ from cmpsp_ros.bags.replay.replay import replay
 from cmpsp_ros.nodes import MODULES
 from cmpsp_ros.robots import arc_ends
 
-LIMIT = 30.0
 START = (0.0, -9.25, 0.0)
 
 
@@ -80,8 +79,8 @@ class Client:
             elif status.name == '/recorder: recorder':
                 self.recorded = {each.key: each.value for each in status.values}
 
-    def until(self, condition, timeout=LIMIT):
-        return self.ros.spin_until(condition, timeout)
+    def until(self, condition, *bound):
+        return self.ros.spin_until(condition, *bound)
 
     def connect(self):
         """Wait until nothing of an active node can be missed, in either direction."""
@@ -97,7 +96,7 @@ class Client:
     def latest(self, key, default=''):
         return self.health[-1].get(key, default) if self.health else default
 
-    def until_health(self, timeout=LIMIT, **wanted):
+    def until_health(self, *bound, **wanted):
         """Wait for diagnostics that hold all of these values, or words of the sentence."""
 
         def said():
@@ -106,7 +105,7 @@ class Client:
             fits = all(health.get(key) == value for key, value in rest.items())
             return health if fits and words in health.get('said', '') else None
 
-        return self.until(said, timeout)
+        return self.until(said, *bound)
 
     def send(self, stamp, pose=START, frame_id='odom'):
         message = odometry(stamp, pose, frame_id)
@@ -275,7 +274,7 @@ class Recording:
     def replayed(self):
         """End the recorder, and replay its bag without a difference."""
         self.process.signal(signal.SIGINT)
-        assert self.process.wait(100.0) == 0, self.process.stderr
+        assert self.process.wait() == 0, self.process.stderr
         outcome = replay(self.bag, Names.under(''))
         assert outcome.first is None, outcome.first
         return outcome

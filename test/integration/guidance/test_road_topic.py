@@ -17,7 +17,6 @@ from cmpsp_ros.robots import arc_ends
 
 pytestmark = pytest.mark.integration
 
-LIMIT = 60.0
 START = (0.0, -10.0, 0.0)
 
 # Odometry is stamped ahead of time here, and the test may be slow between two messages.

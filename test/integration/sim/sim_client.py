@@ -66,8 +66,8 @@ class Client:
             message.header.stamp = at
         self.commands.publish(message)
 
-    def until(self, condition, timeout=20.0):
-        return self.ros.spin_until(condition, timeout)
+    def until(self, condition):
+        return self.ros.spin_until(condition)
 
     def connect(self):
         """Wait until both directions are joined."""

@@ -1,4 +1,4 @@
-"""Moving obstacles, plans of other robots, and sensors, as the guidance node receives them.
+"""Sensors, as the guidance node receives them.
 
 An unusable message changes nothing: a warning is given, and the known state grows old.
 """
@@ -8,29 +8,20 @@ from __future__ import annotations
 from array import array
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from nav_msgs.msg import OccupancyGrid as GridMessage
+from rclpy.lifecycle import LifecycleNode
 from sensor_msgs.msg import LaserScan, PointCloud2
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.guidance import NANOSECONDS
-from cmpsp_ros.guidance.messages import PeerTrajectory, TrackError, Tracks, check_track_age
+from cmpsp_ros.guidance import GuidanceSettings
 from cmpsp_ros.nodes.common.messages import set_stamp
 from cmpsp_ros.nodes.common.topic import Listener
-from cmpsp_ros.nodes.common.topics import GUIDANCE_MOVING, SCAN, SIGHTING, plans_of
-from cmpsp_ros.sensing import REMEMBERED, ScanError, Sensor, Surroundings, sight_of
+from cmpsp_ros.nodes.common.topics import SCAN, SIGHTING
+from cmpsp_ros.sensing import REMEMBERED, ScanError, Sensor, Sighting, Surroundings, sight_of
 from cmpsp_ros.world.grids import Cell
-
-if TYPE_CHECKING:
-    from nav_msgs.msg import Path
-    from rclpy.lifecycle import LifecycleNode
-
-    from cmpsp_ros.guidance import GuidanceSettings
-    from cmpsp_ros.guidance.messages import MovingObject, Track
-    from cmpsp_ros.nodes.guidance.inputs.transforms import TransformInput
-    from cmpsp_ros.sensing import Sighting
 
 _THROTTLE = 2.0
 _MESSAGES = {'scan': LaserScan, 'cloud': PointCloud2}
@@ -55,83 +46,6 @@ class SurroundingsInput(Listener):
     def refusals(self) -> list[str]:
         """Reasons why last messages were refused."""
         return [each for each in self._refusals.values() if each]
-
-
-class ObstacleInput(SurroundingsInput):
-    """Receives moving obstacles, if plans have capacity for them, and keeps the latest.
-
-    Attributes:
-        settings: All settings of the guidance law, as they are now.
-    """
-
-    def __init__(
-        self, node: LifecycleNode, settings: GuidanceSettings, transforms: TransformInput
-    ) -> None:
-        """Open the topics: of obstacles unless `moving_obstacles.capacity` is 0, and of others."""
-        super().__init__(node)
-        self.settings, self._transforms = settings, transforms
-        self._tracks: Tracks[Track] = Tracks()
-        self._plans: Tracks[PeerTrajectory] = Tracks()
-        # Robots never heard of cannot be missing.
-        self._heard: dict[str, PeerTrajectory] = {}
-        known, own = settings.moving_obstacles, node.get_namespace()
-        if known.capacity:
-            self._subscriptions.append(GUIDANCE_MOVING.listen_on(node, self._hear))
-        self._subscriptions += [
-            plans_of(each).listen_on(node, partial(self._hear_plan, each))
-            for each in known.others
-            if each != own
-        ]
-
-    def at(self, stamp: int) -> tuple[MovingObject, ...]:
-        """Moving objects known at a time [ns]: obstacles by number, then robots by name."""
-        if not self._subscriptions:
-            return ()
-        self.drain()
-        timeout = self.settings.moving_obstacles.timeout
-        return (*self._tracks.at(stamp, timeout), *self._plans.at(stamp, timeout))
-
-    def forget_after(self, stamp: int) -> None:
-        """Time has jumped back to an instant [ns]: later reports are of another run."""
-        self._tracks.forget_after(stamp)
-        self._plans.forget_after(stamp)
-        self._heard = {}
-
-    def warnings(self, now: int) -> list[str]:
-        """Refusals of the last messages, and robots silent at a time [ns]."""
-        oldest = now - round(self.settings.moving_obstacles.timeout * NANOSECONDS)
-        silent = [name for name, each in self._heard.items() if each.is_older(oldest)]
-        lost = [f'Not kept clear of, for no plan comes: {", ".join(silent)}.'] if silent else []
-        return [*self.refusals, *lost]
-
-    def _hear(self, message: PointCloud2) -> None:
-        try:
-            tracks = self._transforms.tracks_of(message)
-            self._check_age(message, 'Obstacles are')
-        except TrackError as error:
-            self._refuse_topic(GUIDANCE_MOVING.name, error)
-        else:
-            self._refusals[GUIDANCE_MOVING.name] = ''
-            self._tracks.add(tracks)
-
-    def _hear_plan(self, namespace: str, message: Path) -> None:
-        topic = plans_of(namespace).name
-        try:
-            plan = PeerTrajectory.of(message, namespace, self.settings.frame_id)
-            self._check_age(message, f'The plan of {namespace} is')
-        except TrackError as error:
-            self._refuse_topic(topic, error)
-        else:
-            self._refusals[topic] = ''
-            self._plans.add([plan])
-            self._heard[namespace] = plan
-
-    def _check_age(self, message: PointCloud2 | Path, what: str) -> None:
-        now = self._node.get_clock().now().nanoseconds
-        check_track_age(message, now, self.settings.moving_obstacles.timeout, what)
-
-    def _refuse_topic(self, topic: str, error: TrackError) -> None:
-        self._refuse(topic, str(error), f'{topic} refused: {error}')
 
 
 class SensorInput(SurroundingsInput):

@@ -1,13 +1,20 @@
-"""Objects of other trackers and detectors, and the fusion of all tracks."""
+"""Moving obstacles, plans of other robots, and objects of trackers: received and fused."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+from nav_msgs.msg import Path
+from rclpy.lifecycle import LifecycleNode
+from sensor_msgs.msg import PointCloud2
 
 from cmpsp_ros.bags import UnknownTypeError
+from cmpsp_ros.guidance import NANOSECONDS, NEVER, GuidanceSettings
 from cmpsp_ros.guidance.messages import (
+    MovingObject,
     ObjectTracks,
     PeerTrajectory,
     Track,
@@ -18,29 +25,22 @@ from cmpsp_ros.guidance.messages import (
     is_relative,
     without_robots,
 )
-from cmpsp_ros.nodes.common.message_types import message_class
 from cmpsp_ros.nodes.common.messages import cloud_of
-from cmpsp_ros.nodes.common.topics import OWN_TRACKS, TRACKER
-from cmpsp_ros.nodes.guidance.inputs.surroundings import ObstacleInput, SurroundingsInput
+from cmpsp_ros.nodes.common.topic import message_class
+from cmpsp_ros.nodes.common.topics import GUIDANCE_MOVING, OWN_TRACKS, TRACKER, Topic, plans_of
+from cmpsp_ros.nodes.guidance.inputs.surroundings import SurroundingsInput
+from cmpsp_ros.nodes.guidance.inputs.transforms import TransformInput
 from cmpsp_ros.parameters import ParameterError, Problem
-from cmpsp_ros.sensing import stamp_of
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from rclpy.lifecycle import LifecycleNode
-
-    from cmpsp_ros.guidance import GuidanceSettings
-    from cmpsp_ros.guidance.messages import MovingObject
-    from cmpsp_ros.nodes.guidance.inputs.transforms import TransformInput
-    from cmpsp_ros.sensing import Sighting, TrackSource
+from cmpsp_ros.sensing import Sighting, TrackSource, stamp_of
 
 _FIRST = 2
 """Number of the first tracker; the tracks of own sensors have 1."""
 
 
-class TrackerInput(SurroundingsInput):
-    """Receives objects on the topics of `trackers.names`, and keeps the latest of each source.
+class TrackInput(SurroundingsInput):
+    """Receives tracks of all sources, fuses them, and publishes those that a decision uses.
+
+    Tracks that `moving_obstacles` brings are in the bag already.
 
     Attributes:
         settings: All settings of the guidance law, as they are now.
@@ -52,97 +52,99 @@ class TrackerInput(SurroundingsInput):
         """Open the topics; raises ParameterError for types whose package is not installed."""
         super().__init__(node)
         self.settings, self._transforms = settings, transforms
-        self._sources = settings.moving_obstacles.trackers
-        types = [_class_of(each) for each in self._sources]
-        self.forget()
-        for number, (each, kind) in enumerate(zip(self._sources, types, strict=True)):
-            topic = replace(TRACKER, name=each.topic, type=kind)
-            hear = partial(self._hear, number)
-            self._subscriptions.append(topic.listen_on(node, hear))
-
-    def forget(self) -> None:
-        """Forget everything: time has jumped back."""
-        numbered = enumerate(self._sources, _FIRST)
-        self._objects = [ObjectTracks(each, number) for number, each in numbered]
-        self._tracks: list[Tracks[Track]] = [Tracks() for _ in self._sources]
-
-    def at(self, stamp: int) -> list[tuple[Track, ...]]:
-        """Tracks of each source that are known at a time [ns]."""
-        self.drain()
-        timeout = self.settings.moving_obstacles.timeout
-        return [each.at(stamp, timeout) for each in self._tracks]
-
-    def _hear(self, number: int, message: Any) -> None:
-        source, timeout = self._sources[number], self.settings.moving_obstacles.timeout
-        frame, stamp = message.header.frame_id, stamp_of(message)
-        try:
-            now = self._node.get_clock().now().nanoseconds
-            check_track_age(message, now, timeout, 'Objects are')
-            with_motion = is_relative(source.type)
-            there, motion = self._transforms.frame_at(frame, stamp, with_motion=with_motion)
-            tracks = self._objects[number].tracks_of(message, there, motion, timeout)
-        except TrackError as error:
-            said = f'A message of tracker {source.name} is refused: {error}'
-            self._refuse(source.name, said, said)
-        else:
-            self._refusals[source.name] = ''
-            self._tracks[number].add(tracks)
-
-
-class TrackInput:
-    """Fuses the tracks of all sources, and publishes those that a decision uses.
-
-    Tracks that `moving_obstacles` brings are in the bag already.
-    """
-
-    def __init__(
-        self, node: LifecycleNode, settings: GuidanceSettings, transforms: TransformInput
-    ) -> None:
-        """Open the topics; raises ParameterError for types whose package is not installed."""
-        self._node, self._frame_id = node, settings.frame_id
-        self._obstacles = ObstacleInput(node, settings, transforms)
-        self._trackers = TrackerInput(node, settings, transforms)
-        self._fusion, self._published = TrackFusion(), dict[int, int]()
-        has_more = settings.sight.sensors or settings.moving_obstacles.trackers
+        known, own = settings.moving_obstacles, node.get_namespace()
+        self._trackers = [
+            (each, replace(TRACKER, name=each.topic, type=_class_of(each)))
+            for each in known.trackers
+        ]
+        self._obstacles, self._plans = Tracks[Track](), Tracks[PeerTrajectory]()
+        self.forget_after(NEVER)
+        if known.capacity:
+            self._listen(GUIDANCE_MOVING, self._read_obstacles)
+        for each in known.others:
+            if each != own:
+                self._listen(plans_of(each), partial(self._read_plan, each))
+        for number, (source, topic) in enumerate(self._trackers):
+            said = f'A message of tracker {source.name} is refused: '
+            self._listen(topic, partial(self._read_objects, number), said)
+        has_more = settings.sight.sensors or known.trackers
         self._publisher = OWN_TRACKS.publish_on(node) if has_more else None
 
     def at(self, stamp: int, sighting: Sighting | None) -> tuple[MovingObject, ...]:
         """Everything known to move at a time [ns]: each object once, then robots by name."""
-        known = self._obstacles.at(stamp)
+        self.drain()
+        known = self.settings.moving_obstacles
+        told = self._obstacles.at(stamp, known.timeout)
+        robots = self._plans.at(stamp, known.timeout)
         if self._publisher is None:
-            return known
-        told = [each for each in known if isinstance(each, Track)]
-        robots = [each for each in known if isinstance(each, PeerTrajectory)]
-        radius = self._obstacles.settings.moving_obstacles.others_radius
+            return (*told, *robots)
         seen = () if sighting is None else sighting.tracks
         others = [
-            without_robots(each, robots, radius, stamp)
-            for each in (seen, *self._trackers.at(stamp))
+            without_robots(each, robots, known.others_radius, stamp)
+            for each in (seen, *(each.at(stamp, known.timeout) for each in self._tracks))
         ]
         fused = self._fusion.update(stamp, (told, *others))
         self._publish([each for each in fused if each not in told])
         return (*fused, *robots)
 
-    def take(self, settings: GuidanceSettings) -> None:
-        """Take other settings."""
-        self._obstacles.settings = self._trackers.settings = settings
-
     def warnings(self, now: int) -> list[str]:
         """Refusals of the last messages, and robots silent at a time [ns]."""
-        return [*self._obstacles.warnings(now), *self._trackers.refusals]
+        oldest = now - round(self.settings.moving_obstacles.timeout * NANOSECONDS)
+        silent = [name for name, each in self._heard.items() if each.is_older(oldest)]
+        lost = [f'Not kept clear of, for no plan comes: {", ".join(silent)}.'] if silent else []
+        return [*self.refusals, *lost]
 
     def forget_after(self, stamp: int) -> None:
         """Time has jumped back to an instant [ns]: later reports are of another run."""
         self._obstacles.forget_after(stamp)
-        self._trackers.forget()
-        self._fusion, self._published = TrackFusion(), {}
+        self._plans.forget_after(stamp)
+        # Robots never heard of cannot be missing.
+        self._heard: dict[str, PeerTrajectory] = {}
+        self._objects = [ObjectTracks(e, n) for n, (e, _) in enumerate(self._trackers, _FIRST)]
+        self._tracks: list[Tracks[Track]] = [Tracks() for _ in self._trackers]
+        self._fusion, self._published = TrackFusion(), dict[int, int]()
 
     def close(self) -> None:
         """Close the topics."""
-        self._obstacles.close()
-        self._trackers.close()
+        super().close()
         if self._publisher is not None:
             self._node.destroy_publisher(self._publisher)
+
+    def _listen(self, topic: Topic, read: Callable[[Any], None], said: str = '') -> None:
+        hear = partial(self._hear, topic.name, read, said)
+        self._subscriptions.append(topic.listen_on(self._node, hear))
+
+    def _hear(self, topic: str, read: Callable[[Any], None], said: str, message: Any) -> None:
+        try:
+            read(message)
+        except TrackError as error:
+            self._refuse(topic, f'{said}{error}', f'{said or f"{topic} refused: "}{error}')
+        else:
+            self._refusals[topic] = ''
+
+    def _read_obstacles(self, message: PointCloud2) -> None:
+        tracks = self._transforms.tracks_of(message)
+        self._check_age(message, 'Obstacles are')
+        self._obstacles.add(tracks)
+
+    def _read_plan(self, namespace: str, message: Path) -> None:
+        plan = PeerTrajectory.of(message, namespace, self.settings.frame_id)
+        self._check_age(message, f'The plan of {namespace} is')
+        self._plans.add([plan])
+        self._heard[namespace] = plan
+
+    def _read_objects(self, number: int, message: Any) -> None:
+        self._check_age(message, 'Objects are')
+        is_moving = is_relative(self._trackers[number][0].type)
+        frame, stamp = message.header.frame_id, stamp_of(message)
+        there, motion = self._transforms.frame_at(frame, stamp, with_motion=is_moving)
+        timeout = self.settings.moving_obstacles.timeout
+        tracks = self._objects[number].tracks_of(message, there, motion, timeout)
+        self._tracks[number].add(tracks)
+
+    def _check_age(self, message: Any, subject: str) -> None:
+        now = self._node.get_clock().now().nanoseconds
+        check_track_age(message, now, self.settings.moving_obstacles.timeout, subject)
 
     def _publish(self, tracks: Sequence[Track]) -> None:
         """Publish tracks that were not published before; those of one time in one message."""
@@ -151,7 +153,7 @@ class TrackInput:
         self._published = {each.id: each.stamp for each in tracks}
         for stamp in sorted({each.stamp for each in new}):
             some = [each for each in new if each.stamp == stamp]
-            self._publisher.publish(cloud_of(some, stamp, self._frame_id))
+            self._publisher.publish(cloud_of(some, stamp, self.settings.frame_id))
 
 
 def _class_of(source: TrackSource) -> Any:

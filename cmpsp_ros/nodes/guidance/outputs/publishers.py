@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
+from rclpy.lifecycle import LifecycleNode
 from sensor_msgs.msg import JointState
 
+from cmpsp_ros.guidance import Decision, Goal, GuidanceSettings, LawSettings, World
 from cmpsp_ros.nodes.common.health import hardware_id
 from cmpsp_ros.nodes.common.messages import BASE, set_stamp
 from cmpsp_ros.nodes.common.topics import (
@@ -32,23 +34,13 @@ from cmpsp_ros.nodes.guidance.outputs.messages import (
     stamped_bytes,
     twist_bytes,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from rclpy.lifecycle import LifecycleNode
-
-    from cmpsp_ros.guidance import Decision, Goal, GuidanceSettings, LawSettings, World
-    from cmpsp_ros.parameters import Values
+from cmpsp_ros.parameters import Values
 
 
 class GuidanceOutputs:
-    """Publishers of one configured guidance node.
+    """Publishers of one configured guidance node, and the `listeners` that a run waits for.
 
     The command leaves before anything else is made or sent.
-
-    Attributes:
-        listeners: Subscribers that a run waits for.
     """
 
     def __init__(self, node: LifecycleNode, values: Values, settings: GuidanceSettings) -> None:

@@ -63,14 +63,9 @@ _MOST_CELLS: Final = 20_000
 
 @dataclass(frozen=True)
 class Look:
-    """Appearance of a kind of parts.
+    """Appearance of a kind of parts: name in legends, lines [pt] as plotly has them, and filling.
 
-    Attributes:
-        label: Name in legends; empty for none.
-        color: Color of its lines; empty for that of the run.
-        fill: Colour between its lines; empty for none.
-        width: Width of its lines [pt].
-        dash: Dash of its lines, as plotly names it.
+    Without a colour of their own, lines have that of the run.
     """
 
     label: str
@@ -105,13 +100,9 @@ LOOKS: Final = {
 
 @dataclass(frozen=True)
 class Part:
-    """All of one kind, at its place [m].
+    """All of one kind, at its place [m]: lines ``(K, 2)``, closed where they are filled.
 
-    Attributes:
-        kind: Key of its look.
-        outlines: Lines ``(K, 2)``, closed where they are filled.
-        names: Names and their places.
-        discs: Centres and radii of discs, which a picture in three dimensions shows as solids.
+    Its discs, by centre and radius, are solids in a picture of three dimensions.
     """
 
     kind: str

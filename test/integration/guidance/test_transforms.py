@@ -15,9 +15,10 @@ from geometry_msgs.msg import PoseStamped
 from live import LATCHED, PERIOD_NS, pose_stamped, transform
 from sensor_msgs.msg import PointCloud2
 
+from cmpsp_ros.bags import Bag
 from cmpsp_ros.bags.audit import CheckOutcome, audit
 from cmpsp_ros.bags.report import write_report
-from cmpsp_ros.bags.runs.run import read_driven
+from cmpsp_ros.bags.runs.run import driven_in
 from cmpsp_ros.guidance.messages import Track, compose
 from cmpsp_ros.nodes.common.messages import cloud_of
 from cmpsp_ros.robots import arc_ends
@@ -100,7 +101,8 @@ def test_a_run_reaches_its_goal_and_is_replayed_and_audited_without_transforms(
     found = {each.check: each.outcome for each in audit(recording.bag)}
     for check in ('obstacles', 'road', 'goal', 'obeyed', 'as_decided'):
         assert found[check] is CheckOutcome.PASSED, (check, found)
-    driven = read_driven(recording.bag).poses
+    with Bag(recording.bag) as bag:
+        driven = driven_in(bag, '').poses
     away = np.hypot(*(driven[:, None, :2] - np.array(passed)[None, :, :2]).transpose(2, 0, 1))
     assert away.min(axis=1).max() < 1e-9
     write_report([recording.bag], tmp_path / 'report.html')

@@ -38,6 +38,7 @@ from cmpsp_ros.nodes.common.topic import Listener, Topic, message_class
 from cmpsp_ros.nodes.guidance.inputs.transforms import TransformInput
 from cmpsp_ros.parameters import ParameterError, Problem
 from cmpsp_ros.sensing import (
+    REMEMBERED,
     ScanError,
     Sensor,
     Sighting,
@@ -56,7 +57,7 @@ _MESSAGES = {'scan': LaserScan, 'cloud': PointCloud2}
 
 # Values of a nav_msgs/OccupancyGrid by `Cell`.
 _VALUES = np.zeros(len(Cell), dtype=np.int8)
-_VALUES[[Cell.OCCUPIED, Cell.UNKNOWN]] = 100, -1
+_VALUES[[Cell.OCCUPIED, Cell.UNKNOWN, Cell.REMEMBERED]] = 100, -1, REMEMBERED
 
 
 class SurroundingsInput(Listener):

@@ -12,9 +12,11 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from cmpsp_ros.guidance.horizon import remaining
+from cmpsp_ros.guidance.mission.goal_manager import GoalManager
 from cmpsp_ros.guidance.planning.candidate import Candidate
 from cmpsp_ros.guidance.planning.plan_selector import PlanSelector
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
+from cmpsp_ros.guidance.safety.unseen import drives_blind
 from cmpsp_ros.guidance.safety.validation import TOUCHING
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.times import NANOSECONDS, to_nanoseconds
@@ -52,12 +54,24 @@ class ArrivalTime:
     sets_out: bool = True
 
     def choose(
+        self,
+        selector: PlanSelector,
+        context: PlanningContext,
+        selected: Candidate,
+        goals: GoalManager,
+        now: int,
+    ) -> tuple[PlanningContext, Candidate]:
+        """Pass the goal as early as a plan can, as of `now` [ns]: the control step, the plan."""
+        latest = goals.latest(now, context.start)
+        context, selected = self._search(selector, context, selected, latest)
+        final = context.horizon.edges.item(-1) + context.delay
+        if final != goals.final:
+            goals.reach_at(final)
+        return context, selected
+
+    def _search(
         self, selector: PlanSelector, context: PlanningContext, selected: Candidate, latest: int
     ) -> tuple[PlanningContext, Candidate]:
-        """The plan to follow instead of the selected one, and its control step.
-
-        `latest` [ns] is the latest final time that is tried.
-        """
         sets_out, self.sets_out = self.sets_out, False
         if sets_out:
             self.stride = _LONGEST
@@ -76,12 +90,17 @@ class ArrivalTime:
         self, selector: PlanSelector, context: PlanningContext, selected: Candidate, trials: int
     ) -> tuple[PlanningContext, Candidate]:
         period = to_nanoseconds(self.settings.control_period)
+
+        def accepts(found: Candidate) -> bool:
+            is_blind = drives_blind(self.settings, found.plan, context.start)
+            return self._is_accurate(found) and not is_blind
+
         for _ in range(trials):
             trial = self._shifted(context, -self.stride)
             if trial.horizon.edges[-1] < trial.horizon.edges[0] + _FEWEST * period:
                 break
-            found = selector.try_at_another_time(selected.plan, trial, self._is_accurate)
-            if self._is_accurate(found):
+            found = selector.try_at_another_time(selected.plan, trial, accepts)
+            if accepts(found):
                 context, selected, self.stride = trial, found, min(_GROWTH * self.stride, _LONGEST)
             elif self.stride * context.horizon.durations.sum() * NANOSECONDS < self._grid(context):
                 break

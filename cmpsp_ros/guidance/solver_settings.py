@@ -133,7 +133,8 @@ class Safety:
     stop_within_sight: Literal['off', 'stationary', 'moving'] = setting('stationary', '',
         'Whether a robot with sensors drives slowly enough to stop before space that they have '
         'not seen: `stationary`; `moving`: also before anything could come from there at '
-        '`safety.max_obstacle_speed`, though no slower than 0.1 m/s.')
+        '`safety.max_obstacle_speed`, though no slower than 0.1 m/s. With both, once something has '
+        'been seen to move, at most 0.05 m/s into places out of sight, as backwards.')
     max_odom_jump: float = setting(0.1, 'm',
         'Distance by which the position may differ between two odometry messages, beyond the '
         'distance that the wheels allow, with a quarter more than their limit; and twice as many '

@@ -34,13 +34,9 @@ _POINTS: Final = 400
 
 @dataclass(frozen=True)
 class Footprint:
-    """A polygon, and centres of equal discs that cover it, all in the robot's frame.
+    """A polygon, and centres of equal discs that cover it, all in the robot's frame [m].
 
-    Without a polygon it is one disc about the reference point.
-
-    Attributes:
-        corners: Of the polygon, anticlockwise [m].
-        centers: Of the discs [m].
+    Without corners, which go anticlockwise, it is one disc about the reference point.
     """
 
     corners: tuple[Point, ...] = ()
@@ -89,10 +85,7 @@ class Footprint:
         """Twists of the centres of all discs: one beside the reference point is faster in turns.
 
         The greatest speed is a convex function of the turn rate, below the straight line between
-        its ends.
-
-        Raises:
-            ValueError: The robot has no wheel-speed limit.
+        its ends. ValueError for a robot without a wheel-speed limit.
         """
         limits = robot.twist_limits()
         if self.reach == 0.0:
@@ -135,16 +128,11 @@ def placed(points: Array, pose: Array) -> Array:
 
 
 def covered(corners: Sequence[Point]) -> tuple[Footprint, float]:
-    """A polygon covered by as few equal discs in a row as are little wider than it.
+    """A polygon covered by as few equal discs in a row as are little wider, and their radius [m].
 
     It is cut into slices of equal length, and each disc contains the corners of its slice. The row
-    lies along the robot: a gap is driven through in that direction.
-
-    Args:
-        corners: Of a polygon that does not cross itself, in either sense of rotation [m].
-
-    Returns:
-        The footprint, and the radius of the discs [m].
+    lies along the robot: a gap is driven through in that direction. The corners may go round in
+    either sense, but not cross [m].
     """
     points = np.array(corners, dtype=float)
     after = np.roll(points, -1, axis=0)

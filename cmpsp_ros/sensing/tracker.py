@@ -1,4 +1,4 @@
-"""Tracks of what moves, from the scans of all sensors."""
+"""Tracks of moving obstacles, from the scans of all sensors."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ class Tracker:
         return [each for each in self._objects if not each.is_lost]
 
     def _movers(self, around: float = 0.0) -> Array:
-        """Discs of what moves, with so much around them (x, y, radius), ``(M, 3)`` [m]."""
+        """Discs of moving obstacles, enlarged (x, y, radius), ``(M, 3)`` [m]."""
         movers = [each for each in self._expected if each.is_moving]
         discs = [(each.x, each.y, each.radius + around) for each in movers]
         return np.array(discs).reshape(-1, 3)

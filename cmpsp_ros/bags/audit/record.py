@@ -91,19 +91,13 @@ def sweep(
 
 @dataclass(frozen=True)
 class AuditRecord:
-    """The data of an audit.
+    """The data of an audit: parameters over time, and all messages of a bag by names of topics.
 
     Attributes:
-        path: The bag.
-        places: Names of the topics read.
-        history: Parameters over time.
-        odometry: All odometry.
-        commands: All commands.
-        decisions: All decisions; none in the bag of another program.
+        decisions: None in the bag of another program.
         tracks: Moving obstacles as received, by id and time.
         people: People in the simulator as they truly were, by id and time.
         others: Paths of the other robots to be avoided, by namespace.
-        pairs: Pairs of commands and decisions.
         is_ours: True if the bag has the parameters of a guidance node of this package.
         legs: Parts in which time does not jump back and commands were sent.
     """

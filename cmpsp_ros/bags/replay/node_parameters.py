@@ -21,9 +21,6 @@ class NodeParameters:
     Attributes:
         values: Values after all changes applied so far.
         given: Keys that were recorded; the others are defaults.
-
-    Raises:
-        BagError: There are none, or they cannot be used; of `restart` and `change`, too.
     """
 
     values: Values
@@ -75,12 +72,7 @@ class NodeParameters:
 
 
 def hidden_obstacles(bag: Bag, node: str) -> tuple[Shape, ...]:
-    """Obstacles that only the simulator beside a guidance node knew when it started.
-
-    Raises:
-        BagError: Its parameters cannot be used.
-        ParameterError: One of the obstacles cannot be made.
-    """
+    """Obstacles that only the simulator beside a guidance node knew when it started."""
     sim = f'{node.rpartition("/")[0]}/sim'
     if 'sim.obstacles.names' not in bag.parameters.get(sim, {}):
         return ()

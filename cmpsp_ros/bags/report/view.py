@@ -57,10 +57,7 @@ class View:
     """One bag in a report.
 
     Attributes:
-        label: Name in the report.
-        record: The audited data.
         decisions: All decisions, those whose command came too late to be sent among them.
-        findings: Results of the audit.
         plans: Some of the plans, in order of time; none if they were not recorded.
         grids: Some of the grids that sensors had shown, with their times [ns].
         hidden: Obstacles that only the simulator knows; none without our simulator.
@@ -102,7 +99,11 @@ class View:
         """Margins, all that moves, other robots, and last the robot itself at both ends."""
         return (
             kept_clear(self.settings, self.settings.world),
-            *(_moving(each) for each in self.tracks if not each[0].is_seen),
+            *(
+                Part('moving', (_places(each),), ((each[0].name, (each[0].x, each[0].y)),))
+                for each in self.tracks
+                if not each[0].is_seen
+            ),
             Part('tracked', tuple(_places(each) for each in self.tracks if each[0].is_seen)),
             *(self._person(each) for each in self.people),
             *(self._other(name, each) for name, each in self.others.items()),
@@ -261,11 +262,7 @@ class View:
 
 
 def view(path: Path, label: str, record: AuditRecord) -> View:
-    """Everything that is shown of a bag.
-
-    Raises:
-        BagError: The bag cannot be read.
-    """
+    """Everything that is shown of a bag."""
     with Bag(path) as bag:
         found, version = plans_in(bag, record.places.path), bag.version
         decisions = read_decisions(bag, record.places.decision)
@@ -278,11 +275,7 @@ def view(path: Path, label: str, record: AuditRecord) -> View:
 
 
 def _grids(bag: Bag, topic: str) -> Iterator[tuple[int, OccupancyGrid]]:
-    """Grids that sensors had shown.
-
-    Raises:
-        BagError: The bag cannot be read.
-    """
+    """Grids that sensors had shown."""
     if topic not in bag.topics or bag.topics[topic].msgtype != _GRID:
         return
     chosen = set(thinned(np.arange(bag.topics[topic].count), _MOST_GRIDS).tolist())
@@ -323,10 +316,6 @@ def _by_id(tracks: Sequence[Track]) -> tuple[tuple[Track, ...], ...]:
 
 def _places(tracks: Sequence[Track]) -> Array:
     return np.array([(each.x, each.y) for each in tracks])
-
-
-def _moving(tracks: Sequence[Track]) -> Part:
-    return Part('moving', (_places(tracks),), ((tracks[0].name, (tracks[0].x, tracks[0].y)),))
 
 
 def _shown(decision: DecisionRecord) -> str:

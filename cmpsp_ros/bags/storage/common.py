@@ -34,6 +34,9 @@ SUFFIXES: dict[str, StorageName] = {'.mcap': 'mcap', '.db3': 'sqlite3'}
 METADATA = 'metadata.yaml'
 """Description of a complete bag."""
 
+INFORMATION = 'rosbag2_bagfile_information'
+"""Key of all in it."""
+
 UNFINISHED = 'unfinished.json'
 """Custom data of a bag that is being written."""
 
@@ -45,13 +48,9 @@ _FORMATS = {'ros2msg': MessageDefinitionFormat.MSG, 'ros2idl': MessageDefinition
 
 @dataclass(frozen=True)
 class Form:
-    """Format of a bag.
+    """Format of a bag; only chunks of mcap can be compressed, by zstd.
 
-    Attributes:
-        storage: Format of its files.
-        compressed: True if chunks are compressed by zstd; mcap only.
-        split_size: Size at which a new file is begun [bytes]; 0 for a single file.
-        split_duration: Duration after which a new file is begun [ns]; 0 for a single file.
+    A new file is begun at a size [bytes], and after a duration [ns]; 0 for a single file.
     """
 
     storage: StorageName = 'mcap'

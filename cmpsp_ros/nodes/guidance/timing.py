@@ -8,17 +8,12 @@ import os
 import resource
 import time
 from contextlib import ExitStack
-from typing import TYPE_CHECKING
 
-from cmpsp_ros.guidance import prepare
+from rclpy.impl.rcutils_logger import RcutilsLogger
+
+from cmpsp_ros.guidance import GuidanceSettings, prepare
 from cmpsp_ros.mpsp.jit import compilations, progress
-from cmpsp_ros.parameters import ParameterError, Problem
-
-if TYPE_CHECKING:
-    from rclpy.impl.rcutils_logger import RcutilsLogger
-
-    from cmpsp_ros.guidance import GuidanceSettings
-    from cmpsp_ros.parameters import Values
+from cmpsp_ros.parameters import ParameterError, Problem, Values
 
 _ANY_CPU = -1
 _YOUNG, _FULL = 1, 2

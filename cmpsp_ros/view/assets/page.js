@@ -228,7 +228,7 @@ function drawMarker(pen, marker, to, scale) {
   }
 }
 
-// What moves, as the last plan knew it, where it may be, and where it will be a second later.
+// A moving obstacle as the last plan knew it, where it may be, and where it will be a second later.
 function drawMoving(pen, {at, size, doubt, to: there}, to, scale) {
   if (!at.every(isNumber) || !isNumber(size)) return;
   for (const [across, color] of [[doubt, `${MOVING}40`], [size, MOVING]]) {

@@ -137,13 +137,7 @@ SHAPES: Final[tuple[type[Shape], ...]] = (Obstacle, Capsule, Polygon)
 
 
 class ShapeError(ValueError):
-    """Vertices that make no convex polygon.
-
-    Attributes:
-        vertex: Number of the one at fault, from 0.
-        found: The fault found.
-        wanted: The value wanted.
-    """
+    """Vertices that make no convex polygon: number of that at fault, from 0, found and wanted."""
 
     def __init__(self, vertex: int, found: str, wanted: str) -> None:
         super().__init__(f'vertex {vertex}: found {found}, wanted {wanted}')

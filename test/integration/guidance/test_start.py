@@ -18,7 +18,7 @@ def test_off_the_road_no_run_begins_until_the_robot_is_on_it(
     start_active(PATIENT)
     decision, command = client.decide(make_odometry(client.now(), (0.0, 0.0, 0.0)))
     assert command == (0.0, 0.0)
-    fault.assert_said(decision['fallback_level'], decision['level'][0], decision['reason'])
+    fault.assert_decided(decision)
     assert '9 m off the road, more than 0.5 m (start.tolerance)' in decision['reason']
     decision, command = client.decide(make_odometry(client.now(), (0.0, -9.25, 0.0)))
     assert (decision['step'], decision['fallback_level']) == ('0', 'nominal')
@@ -40,7 +40,7 @@ def test_the_clock_stops_the_robot_and_odometry_judges_the_goal(
     stop = client.decisions[-1]
     assert (stop['halted'], client.commands[-1]) == ('true', (0.0, 0.0))
     assert 1000 * MS < int(stop['stamp']) - begun < 1500 * MS
-    fault.assert_said(stop['fallback_level'], stop['level'][0], stop['reason'])
+    fault.assert_decided(stop)
     decision, command = client.decide(make_odometry(client.now(), (0.0, -9.25, 0.0)))
     assert (decision['finished'], decision['halted']) == ('true', 'false')
     assert 'm from the goal' in decision['reason']

@@ -93,7 +93,7 @@ def test_without_the_right_to_a_priority_it_says_so_and_guides_all_the_same(
 def test_a_core_that_is_not_there_is_refused(fault, start_node, client):
     running = start_node('guidance_node', {'realtime.cpu': 4095})
     health = client.until_health(level=DiagnosticStatus.ERROR)
-    fault.assert_said('—', health['level'][0], health['said'])
+    fault.assert_told(health)
     assert health['state'] == 'unconfigured'
     assert 'Traceback' not in running.stderr
 

@@ -3,6 +3,10 @@
 import math
 
 import numpy as np
+from dense_drives import PIECES, error_of, integrated
+from hypothesis import assume, given
+from hypothesis import settings as hypothesis_settings
+from hypothesis import strategies as st
 
 from cmpsp_ros.robots import DifferentialDrive
 from cmpsp_ros.world import FreeSpace, outside
@@ -74,3 +78,34 @@ def test_samples_of_a_plan_keep_what_their_two_arcs_need():
         grown.annulus.outer, [outer[0], outer[:2].min(), outer[1:].min(), outer[2]]
     )
     assert grown.at(np.zeros((4, 3))).shape == (4, 4)
+
+
+@hypothesis_settings(max_examples=400)
+@given(
+    limit=st.floats(1.0, 80.0),
+    wheels=st.lists(st.tuples(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0)), min_size=1, max_size=5),
+    period=st.floats(0.02, 0.5),
+    heading=st.floats(-math.pi, math.pi),
+    bearing=st.floats(-math.pi, math.pi),
+    edge=st.sampled_from(['inner', 'outer']),
+    further=st.floats(0.0, 0.3),
+)
+def test_no_edge_of_the_road_is_crossed(limit, wheels, period, heading, bearing, edge, further):
+    """Against a dense integration without any formula of ours."""
+    robot = DifferentialDrive(max_wheel_speed=limit)
+    space = FreeSpace.of(ROAD, (), 0.0).tightened(robot.twist_limits(), period)
+    inner, outer = space.annulus.inner.item(), space.annulus.outer.item()
+    out = inner + further if edge == 'inner' else outer - further
+    away = out * np.array([math.cos(bearing), math.sin(bearing)])
+    pose = np.array([*(ROAD.center + away), heading])
+    wheels = limit * np.array(wheels)
+    distance = np.linalg.norm(integrated(pose, wheels, period, robot) - ROAD.center, axis=1)
+    at = distance[::PIECES]
+    fine = (at >= inner - 1e-12) & (at <= outer + 1e-12)
+    kept = fine[:-1] & fine[1:]
+    assume(kept.any())
+    for k in np.flatnonzero(kept):
+        within = distance[k * PIECES : (k + 1) * PIECES + 1]
+        error = error_of(wheels, period, robot)
+        assert within.min() >= ROAD.inner_radius - error
+        assert within.max() <= ROAD.outer_radius + error

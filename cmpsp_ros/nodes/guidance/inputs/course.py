@@ -6,10 +6,12 @@ So it is checked with the whole set, takes effect between two control steps and 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from nav_msgs.msg import OccupancyGrid as GridMessage
+from nav_msgs.msg import Path
+from rclpy.lifecycle import LifecycleNode
 from rclpy.qos import QoSProfile
 
 from cmpsp_ros.guidance import NANOSECONDS
@@ -17,29 +19,21 @@ from cmpsp_ros.guidance.messages import TransformError, compose
 from cmpsp_ros.nodes.common.parameters import change_parameters
 from cmpsp_ros.nodes.common.topic import Listener
 from cmpsp_ros.nodes.common.topics import GUIDANCE_MAP, GUIDANCE_ROAD
-from cmpsp_ros.parameters import text_of
+from cmpsp_ros.nodes.guidance.inputs.transforms import TransformInput
+from cmpsp_ros.parameters import Values, text_of
 from cmpsp_ros.sensing import grid_of, stamp_of, updated
+from cmpsp_ros.world.grids import OccupancyGrid
 
 try:
     from map_msgs.msg import OccupancyGridUpdate
 except ImportError:
     OccupancyGridUpdate = None
 
-if TYPE_CHECKING:
-    from nav_msgs.msg import Path
-    from rclpy.lifecycle import LifecycleNode
-
-    from cmpsp_ros.nodes.guidance.inputs.transforms import TransformInput
-    from cmpsp_ros.parameters import Values
-    from cmpsp_ros.world.grids import OccupancyGrid
-
 
 class CourseInput(Listener):
     """Receives a part of the course.
 
-    Attributes:
-        waits: True if the first one is still to come.
-        refusal: Reason why the last one was refused; empty if it was not.
+    It `waits` for the first one; `refusal` is why the last one was refused, empty if it was not.
     """
 
     def __init__(self, node: LifecycleNode, transforms: TransformInput) -> None:
@@ -68,11 +62,7 @@ class RoadInput(CourseInput):
             node.get_logger().info('waiting for a road on the topic road')
 
     def drive_along(self, path: Path) -> tuple[float, float]:
-        """Take the path of an action for the road, and return its end, the goal.
-
-        Raises:
-            ValueError: It cannot be that; nothing changes.
-        """
+        """Take the path of an action for the road; its end is the goal. ValueError if refused."""
         if not self._subscriptions:
             raise ValueError('A path needs road.type corridor and road.source topic')
         changes = self._transforms.road_in(path)

@@ -238,8 +238,9 @@ class GuidanceLaw:
         selected = self._selector.best(context)
         goals, clock = state.mission.goals, state.clock
         if self._settings.is_soonest and goals.goal is not None:
-            search, known = state.mission.arrival, (self._selector, context, selected)
-            context, selected = search.choose(*known, goals, clock.now)
+            latest, choose = goals.latest(clock.now, estimate.start), state.mission.arrival.choose
+            context, selected = choose(self._selector, context, selected, latest)
+            goals.reach_at(context.horizon.edges.item(-1) + context.delay)
             clock.due = remaining(clock.now, goals.period, goals.final).edges.item(1)
         return supervisor.choose(state, observation, estimate, context, selected)
 

@@ -12,8 +12,7 @@ from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.goals import Target
 from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.settings import LawSettings
-from cmpsp_ros.world.map_line import Point
-from cmpsp_ros.world.roads import remaining_arc_length
+from cmpsp_ros.world.roads import Point, remaining_arc_length
 
 SPACING: Final = 0.05
 """Distance of the points of a way at which its clearance is measured [m]."""

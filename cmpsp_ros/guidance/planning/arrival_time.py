@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from cmpsp_ros.guidance.horizon import remaining
-from cmpsp_ros.guidance.mission.goal_manager import GoalManager
 from cmpsp_ros.guidance.planning.candidate import Candidate
 from cmpsp_ros.guidance.planning.plan_selector import PlanSelector
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
@@ -54,24 +53,12 @@ class ArrivalTime:
     sets_out: bool = True
 
     def choose(
-        self,
-        selector: PlanSelector,
-        context: PlanningContext,
-        selected: Candidate,
-        goals: GoalManager,
-        now: int,
-    ) -> tuple[PlanningContext, Candidate]:
-        """Pass the goal as early as a plan can, as of `now` [ns]: the control step, the plan."""
-        latest = goals.latest(now, context.start)
-        context, selected = self._search(selector, context, selected, latest)
-        final = context.horizon.edges.item(-1) + context.delay
-        if final != goals.final:
-            goals.reach_at(final)
-        return context, selected
-
-    def _search(
         self, selector: PlanSelector, context: PlanningContext, selected: Candidate, latest: int
     ) -> tuple[PlanningContext, Candidate]:
+        """The plan to follow instead of the selected one, and its control step.
+
+        `latest` [ns] is the latest final time that is tried.
+        """
         sets_out, self.sets_out = self.sets_out, False
         if sets_out:
             self.stride = _LONGEST

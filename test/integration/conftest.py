@@ -8,7 +8,7 @@ import socket
 import subprocess
 import time
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -186,10 +186,25 @@ class Ros:
 
     node: Node
     executor: SingleThreadedExecutor
+    clients: dict[str, Any] = field(default_factory=dict)
 
     def spin_until(self, condition: Callable[[], Any], timeout: float = BOUND) -> Any:
         """Spin until the condition is true, and return its value; fail when it is not in time."""
         return _wait_until(condition, timeout, lambda: self.executor.spin_once(timeout_sec=0.01))
+
+    def client(self, kind: Any, name: str) -> Any:
+        """The client of a service."""
+        if name not in self.clients:
+            self.clients[name] = self.node.create_client(kind, name)
+        return self.clients[name]
+
+    def call(self, kind: Any, name: str, request: Any = None) -> Any:
+        """Call a service, and return its answer."""
+        client = self.client(kind, name)
+        self.spin_until(client.service_is_ready)
+        answer = client.call_async(kind.Request() if request is None else request)
+        self.spin_until(answer.done)
+        return answer.result()
 
 
 @pytest.fixture

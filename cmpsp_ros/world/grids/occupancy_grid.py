@@ -25,6 +25,8 @@ class Cell(IntEnum):
     FREE = 0
     OCCUPIED = 1
     UNKNOWN = 2
+    REMEMBERED = 3
+    """Free when last seen, and out of sight now."""
 
 
 class GridError(ValueError):
@@ -62,7 +64,7 @@ class OccupancyGrid:
         shape = self.cells.shape
         check_size(shape)
         if self.cells.dtype != np.uint8 or self.cells.max() > max(Cell):
-            raise GridError('cells', f'{self.cells.dtype}, up to {self.cells.max()}', 'uint8, 0-2')
+            raise GridError('cells', f'{self.cells.dtype}, up to {self.cells.max()}', 'uint8, 0-3')
 
     @property
     def size(self) -> tuple[float, float]:
@@ -130,6 +132,11 @@ class OccupancyGrid:
         cells = self.cells.copy()
         cells[rows, columns] = other.at(self.centers(rows, columns))
         return OccupancyGrid(self.origin, self.resolution, cells)
+
+
+def is_free(cells: Cells) -> BoolArray:
+    """True for cells that are free, in sight or not."""
+    return np.asarray((cells == Cell.FREE) | (cells == Cell.REMEMBERED))
 
 
 def check_size(shape: tuple[int, ...]) -> None:

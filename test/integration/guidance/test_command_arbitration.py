@@ -25,10 +25,6 @@ def as_second(make_client):
     return make_client(prefix='/spare')
 
 
-def assert_is(fault, decision):
-    fault.assert_said(decision['fallback_level'], decision['level'][0], decision['reason'])
-
-
 def test_a_second_guidance_node_stays_inactive(fault, start_node, client, make_client):
     start_node('guidance_node', FAR)
     client.connect()
@@ -37,7 +33,7 @@ def test_a_second_guidance_node_stays_inactive(fault, start_node, client, make_c
     second = as_second(make_client)
     start_node('guidance_node', {}, *SECOND)
     health = second.until_health(said='Another node guides this robot: /guidance (')
-    fault.assert_said('—', health['level'][0], health['said'])
+    fault.assert_told(health)
     # On a very slow machine it was active for as long as it had not heard of the first.
     second.until_health(state='inactive')
     count = len(second.decisions)
@@ -49,7 +45,7 @@ def test_a_second_guidance_node_stays_inactive(fault, start_node, client, make_c
     # Once the first has been deactivated, the second may take over: when it is told to.
     assert client.change_state('deactivate')
     client.until(lambda: client.decisions[-1]['reason'].endswith('was deactivated.'))
-    assert_is(fault, client.decisions[-1])
+    fault.assert_decided(client.decisions[-1])
     client.until(lambda: second.change_state('activate'))
     second.until_health(state='active', fallback_level='nominal')
     assert second.decisions[count]['step'] == '0'
@@ -71,7 +67,7 @@ def test_of_two_that_began_together_the_later_gives_way(fault, start_node, clien
     client.until_health(state='inactive', said='robot: /rival (elsewhere:1).')
     client.until(lambda: client.commands[-1] == ZERO)
     client.until(lambda: client.decisions[-1]['fallback_level'] == 'stop')
-    assert_is(fault, client.decisions[-1])
+    fault.assert_decided(client.decisions[-1])
 
 
 def test_a_node_that_was_killed_has_a_successor(fault, start_node, client):
@@ -94,7 +90,7 @@ def test_a_node_that_was_killed_has_a_successor(fault, start_node, client):
     assert client.decisions[count]['step'] == '0'
     client.until_driving()
     client.until(lambda: client.decisions[-1]['reason'] == 'The plan meets every constraint.')
-    assert_is(fault, client.decisions[-1])
+    fault.assert_decided(client.decisions[-1])
 
 
 def test_another_source_of_commands_is_told(fault, start_node, client):
@@ -105,7 +101,7 @@ def test_another_source_of_commands_is_told(fault, start_node, client):
     client.until_health(level=DiagnosticStatus.OK, fallback_level='nominal')
     joystick = client.node.create_publisher(Twist, '/cmd_vel', 1)
     health = client.until_health(said='Others publish on /cmd_vel, too: /tester.')
-    fault.assert_said('—', health['level'][0], health['said'])
+    fault.assert_told(health)
     assert health['fallback_level'] == 'nominal'
     client.node.destroy_publisher(joystick)
     client.until_health(level=DiagnosticStatus.OK, fallback_level='nominal')

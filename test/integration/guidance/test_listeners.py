@@ -23,7 +23,7 @@ def test_without_a_listener_of_its_type_the_time_does_not_run(fault, start_node,
         'Waiting for a listener to /cmd_vel (geometry_msgs/msg/Twist).'
         ' Another listener wants geometry_msgs/msg/TwistStamped: enable_stamped_cmd_vel.'
     )
-    fault.assert_said('—', health['level'][0], health['said'])
+    fault.assert_told(health)
     assert not client.decisions
     client.park()
     driver = start_node('sim_node')

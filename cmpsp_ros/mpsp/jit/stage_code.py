@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ctypes
 import struct
+from collections.abc import Sequence
 from functools import cache
 from itertools import pairwise
 from typing import Any, Final
@@ -32,26 +33,34 @@ _LIBRARY: Final = {
 class StageCode:
     """A compiled function of one stage."""
 
-    def __init__(self, function: Any, lanes: int = _LANES) -> None:
+    def __init__(
+        self, function: Any, lanes: int = _LANES, shapes: Sequence[tuple[int, ...]] = ()
+    ) -> None:
         """Compile a CasADi function of SX with dense outputs, for at least `lanes` stages.
+
+        Outputs are vectors unless `shapes` are given, in which rows come first.
 
         Raises:
             NotImplementedError: It has an operation without machine code here, or too many.
         """
         sizes = [function.numel_out(i) for i in range(function.n_out())]
         self._ends = np.cumsum([0, *sizes]).tolist()
+        self._shapes = shapes or [(size,) for size in sizes]
         arrays = function.n_in() + function.n_out()
         self._engine, self._call = _compiled(_Text(function, lanes).text, arrays)
 
     def __call__(self, *inputs: Array) -> list[Array]:
-        """Outputs at all stages, ``(stages, numbers)`` each, for inputs of this form."""
+        """Outputs at all stages, which are their first axis, for inputs ``(stages, numbers)``."""
         stages, ends = len(inputs[0]), self._ends
         whole = np.empty(stages * ends[-1])
         held = [np.ascontiguousarray(each, float) for each in inputs]
         first = whole.ctypes.data
         places = [first + 8 * stages * end for end in ends[:-1]]
         self._call(*(each.ctypes.data for each in held), *places, stages)
-        return [whole[stages * a : stages * b].reshape(stages, b - a) for a, b in pairwise(ends)]
+        return [
+            whole[stages * a : stages * b].reshape(stages, *shape)
+            for (a, b), shape in zip(pairwise(ends), self._shapes, strict=True)
+        ]
 
     def roll_out(self, start: Array, *inputs: Array) -> Array:
         """States ``(stages + 1, n)``, each the only output for the last one; of a single lane."""

@@ -214,11 +214,8 @@ def test_a_stamped_command_has_the_stamp_of_its_odometry_and_a_reset_begins_agai
     assert firsts[0] == firsts[1]
 
 
-def test_parameters_change_while_it_drives_as_one_valid_set_or_not_at_all(start_node, client):
-    running = start_node('guidance_node', PATIENT)
-    client.connect()
-    client.drive()
-    client.until_driving()
+def test_parameters_change_while_it_drives_as_one_valid_set_or_not_at_all(start_driving, client):
+    running = start_driving(PATIENT)
     for key, value, words in (
         ('road.inner_radius', 12.0, ['road.inner_radius', '12.0 m', 'road.outer_radius = 11.0']),
         ('control_period', 0.1, ['control_period', 'read-only']),

@@ -12,7 +12,7 @@ SHARE = Path('share') / NAME
 INSTALL_REQUIRES = [
     'numpy>=1.26.4',
     'scipy>=1.11.4',
-    'numba>=0.62.0',  # older ones take minutes to compile the larger problems
+    'numba>=0.62.0',
     'llvmlite>=0.45.0',  # which numba is made of
     'pyyaml>=6.0.1',
     # bags

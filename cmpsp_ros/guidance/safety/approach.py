@@ -74,6 +74,8 @@ class Approach:
         part = replace(settings.safety, margin=_OF_MARGIN * settings.safety.margin)
         self._lag_validator = Validator(replace(settings, safety=part), with_margin=True)
         self._settings, self._max_change = settings, settings.max_wheel_change
+        # The last answer: a step asks twice about the same plan.
+        self._calmed: tuple[Plan, Validation, tuple[Plan, Validation] | None] | None = None
 
     def contact(
         self, plan: Plan, start: PlanStart, worst_margin: float = -math.inf
@@ -221,6 +223,22 @@ class Approach:
         Returns:
             It and its verdict, at the largest speed tried that is clear; None where none is.
         """
+        if self._calmed is not None and self._calmed[0] is plan and self._calmed[1] is verdict:
+            return self._calmed[2]
+        calm = self._calm(plan, verdict, start, pending, here, risk)
+        self._calmed = plan, verdict, calm
+        return calm
+
+    def _calm(
+        self,
+        plan: Plan,
+        verdict: Validation,
+        start: PlanStart,
+        pending: Validation | None,
+        here: PlanStart,
+        risk: Risk,
+    ) -> tuple[Plan, Validation] | None:
+        """As `calmed`."""
         watches = watches_unseen(self._settings, start)
         if verdict.passed and not risk.responses and not watches:
             return plan, verdict
@@ -232,9 +250,9 @@ class Approach:
                 slower = self.scaled(plan, start, fraction)
                 durations = plan.horizon.durations
                 checked = self._validator.check(start, slower.controls, durations, pending)
-            if not self._sees_enough(slower, checked.ramp, start):
+            if not checked.passed or not self._sees_enough(slower, checked.ramp, start):
                 continue
-            if checked.passed and all(
+            if all(
                 self._lag_validator.is_clear_with(
                     each, here, slower, checked.ramp, fraction * error
                 )
@@ -316,6 +334,33 @@ class Approach:
         braking = robot.braking
         # The root of speed * time + speed^2 / (2 * braking) = room.
         return 2.0 * room / (time + math.sqrt(time * time + 2.0 * room / braking))
+
+
+def _speed(self, distance: float, period: float) -> float:
+        """The largest with which the robot, after a control period more, can stop in a distance."""
+        settings, robot = self._settings, self._settings.robot
+        time = period + settings.safety.stopping_time
+        room = max(distance - settings.safety.margin, 0.0)
+        braking = robot.braking
+        # The root of speed * time + speed^2 / (2 * braking) = room.
+        return 2.0 * room / (time + math.sqrt(time * time + 2.0 * room / braking))
+
+
+def _is_known(grid: OccupancyGrid, points: Array, reach: float) -> bool:
+    """True if no cell is unknown as near to any of some points as `reach` [m]."""
+    before = np.zeros(np.add(grid.cells.shape, 1), np.int64)
+    before[1:, 1:] = (grid.cells == Cell.UNKNOWN).cumsum(axis=0).cumsum(axis=1)
+    cells = math.ceil(reach / grid.resolution)
+    rows, columns = grid.indices(points)
+    (low, left), (high, right) = (
+        (rows - cells, columns - cells),
+        (rows + cells + 1, columns + cells + 1),
+    )
+    last = grid.cells.shape
+    if min(low.min(), left.min()) < 0 or high.max() > last[0] or right.max() > last[1]:
+        return False
+    unknown = before[high, right] - before[low, right] - before[high, left] + before[low, left]
+    return not unknown.any()
 
 
 def _speed(twist: Array) -> float:

@@ -337,13 +337,13 @@ class Approach:
 
 
 def _speed(self, distance: float, period: float) -> float:
-        """The largest with which the robot, after a control period more, can stop in a distance."""
-        settings, robot = self._settings, self._settings.robot
-        time = period + settings.safety.stopping_time
-        room = max(distance - settings.safety.margin, 0.0)
-        braking = robot.braking
-        # The root of speed * time + speed^2 / (2 * braking) = room.
-        return 2.0 * room / (time + math.sqrt(time * time + 2.0 * room / braking))
+    """The largest with which the robot, after a control period more, can stop in a distance."""
+    settings, robot = self._settings, self._settings.robot
+    time = period + settings.safety.stopping_time
+    room = max(distance - settings.safety.margin, 0.0)
+    braking = robot.braking
+    # The root of speed * time + speed^2 / (2 * braking) = room.
+    return 2.0 * room / (time + math.sqrt(time * time + 2.0 * room / braking))
 
 
 def _is_known(grid: OccupancyGrid, points: Array, reach: float) -> bool:

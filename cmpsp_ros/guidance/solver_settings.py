@@ -190,7 +190,7 @@ class TaskSettings:
         '`robot.max_wheel_acceleration` the robot then comes to rest at the goal.', key='goal.when')
     patience: float = setting(3.0, 's',
         'Time without progress towards the goal after which the robot tries other ways, backs out '
-        'and turns, each for as long; then it stops for good. 0: it waits.', NOT_NEGATIVE,
+        'and turns, each after a third as long; then it stops for good. 0: it waits.', NOT_NEGATIVE,
         key='goal.patience')
     hold: bool = setting(False, '',
         'Whether the robot returns to the goal when it is moved away after arrival; otherwise it '

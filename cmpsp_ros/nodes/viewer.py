@@ -17,20 +17,10 @@ from rclpy.task import Future
 from sensor_msgs.msg import JointState
 from visualization_msgs.msg import MarkerArray
 
+from cmpsp_ros.nodes import viewer_messages as shown
 from cmpsp_ros.nodes.common import topics
 from cmpsp_ros.nodes.common.runtime import StartupError, run
 from cmpsp_ros.nodes.common.topic import steady_timer
-from cmpsp_ros.nodes.viewer_messages import (
-    SERIES,
-    course_of,
-    decision_of,
-    moving_of,
-    place_of,
-    plan_of,
-    seen_of,
-    speeds_of,
-    step_of,
-)
 from cmpsp_ros.view import SharedState, ViewError, ViewServer
 from cmpsp_ros.world.grids import GridError
 
@@ -68,7 +58,7 @@ class Viewer(Node):
         fixed = ParameterDescriptor(read_only=True)
         host = self.declare_parameter('host', HOST, fixed).value
         port = self.declare_parameter('port', PORT, fixed).value
-        self._state = SharedState(SERIES)
+        self._state = SharedState(shown.SERIES)
         self._server = self._serve(host, port)
         self._place: tuple[float, float, float] | None = None
         self._number: tuple[str, float | None] = '', None
@@ -118,7 +108,7 @@ class Viewer(Node):
             self.create_subscription(topic.type, name, callback, topic.qos)
 
     def _on_odometry(self, message: Odometry) -> None:
-        place = place_of(message)
+        place = shown.place_of(message)
         if place is None:
             return
         self._state.show('place', place)
@@ -128,32 +118,32 @@ class Viewer(Node):
             self._place = place
 
     def _on_decision(self, message: DiagnosticArray) -> None:
-        decision = decision_of(message)
+        decision = shown.decision_of(message)
         number = decision['run'], decision['step']
         if number != self._number and (number[0] != self._number[0] or number[1] == 0):
             self._state.begin()
         self._number = number
         self._state.alive()
         self._state.show('decision', decision)
-        self._state.add('steps', step_of(decision))
+        self._state.add('steps', shown.step_of(decision))
 
     def _on_plan(self, message: Path) -> None:
-        self._state.show('plan', plan_of(message))
+        self._state.show('plan', shown.plan_of(message))
 
     def _on_markers(self, message: MarkerArray) -> None:
-        self._state.show_course(course_of(message))
+        self._state.show_course(shown.course_of(message))
         # They are sent anew when parameters have changed.
         self._robot = None
 
     def _on_plan_markers(self, message: MarkerArray) -> None:
-        self._state.show('moving', moving_of(message))
+        self._state.show('moving', shown.moving_of(message))
 
     def _on_wheels(self, message: JointState) -> None:
-        self._state.show('driven', speeds_of(message))
+        self._state.show('driven', shown.speeds_of(message))
 
     def _on_sighting(self, message: OccupancyGrid) -> None:
         with suppress(GridError):
-            self._state.show('seen', seen_of(message))
+            self._state.show('seen', shown.seen_of(message))
 
     def _ask(self) -> None:
         """Ask the guidance node for data that no topic carries."""

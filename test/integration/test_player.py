@@ -88,12 +88,9 @@ def call(ros):
     """Call a service of the player: `call('resume')`."""
 
     def ask(name):
-        client = ros.node.create_client(Trigger, f'/player/{name}')
-        ros.spin_until(client.service_is_ready)
-        answer = client.call_async(Trigger.Request())
-        ros.spin_until(answer.done)
-        assert answer.result().success
-        return answer.result().message
+        answer = ros.call(Trigger, f'/player/{name}')
+        assert answer.success
+        return answer.message
 
     return ask
 

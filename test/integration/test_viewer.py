@@ -134,9 +134,7 @@ def test_another_run_begins_on_an_empty_page(start_view, start_robot, wait_until
     start_robot()
     wait_until(lambda: len(page.updates()['series']['steps']) > 5)
     before = page.updates()['run']
-    client = ros.node.create_client(Trigger, '/guidance/reset')
-    ros.spin_until(client.service_is_ready)
-    ros.spin_until(client.call_async(Trigger.Request()).done)
+    ros.call(Trigger, '/guidance/reset')
     wait_until(lambda: page.updates()['run'] > before and page.updates()['series']['steps'])
 
 

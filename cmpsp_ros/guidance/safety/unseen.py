@@ -13,6 +13,7 @@ from typing import Final
 import numpy as np
 
 from cmpsp_ros.arrays import Array
+from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.safety.reach_check import CREEP
 from cmpsp_ros.guidance.settings import LawSettings
@@ -70,6 +71,21 @@ def is_clear_of_unseen(
         if np.linalg.norm(away, axis=-1).min() < settings.robot_radius + speed * time:
             return False
     return True
+
+
+def drives_blind(settings: LawSettings, plan: Plan, start: PlanStart) -> bool:
+    """True if a plan drives backward to where nothing has been seen: sensors look ahead."""
+    world, is_back = start.world, start.robot.twist(plan.controls[:-1])[:, 0] < -PEEP
+    if world.seen is None or not is_back.any():
+        return False
+    x, y, heading = plan.poses[1:][is_back].T
+    # As much farther as it needs to turn round.
+    beyond = 2.0 * settings.circumscribed_radius
+    behind = np.column_stack([x - beyond * np.cos(heading), y - beyond * np.sin(heading)])
+    cells = world.seen.grid.at(behind)
+    if world.map is not None:
+        cells = np.where(cells == Cell.UNKNOWN, world.map.grid.at(behind), cells)
+    return bool((cells == Cell.UNKNOWN).any())
 
 
 def looks_ahead(settings: LawSettings, start: PlanStart, poses: Array, twist: Array) -> bool:

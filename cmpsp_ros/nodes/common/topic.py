@@ -69,14 +69,21 @@ class Topic:
 
 
 class Listener:
-    """Subscriptions of one input, closed together."""
+    """Subscriptions and publishers of one input, closed together."""
 
     def __init__(self, node: Node) -> None:
         self._node = node
         self._subscriptions: list[Subscription] = []
+        self._publishers: list[Publisher] = []
+
+    def _publish_on(self, topic: Topic) -> Publisher:
+        self._publishers.append(topic.publish_on(self._node))
+        return self._publishers[-1]
 
     def close(self) -> None:
         """Close the topics."""
+        for publisher in self._publishers:
+            self._node.destroy_publisher(publisher)
         for each in self._subscriptions:
             self._node.destroy_subscription(each)
 

@@ -22,8 +22,7 @@ from cmpsp_ros.nodes.guidance.diagnostics import StepTimes
 from cmpsp_ros.nodes.guidance.inputs.course import MapInput, RoadInput
 from cmpsp_ros.nodes.guidance.inputs.goals import GoalInput
 from cmpsp_ros.nodes.guidance.inputs.odometry import ClockWatch, OdometryInput, OdometryWatchdog
-from cmpsp_ros.nodes.guidance.inputs.surroundings import SensorInput
-from cmpsp_ros.nodes.guidance.inputs.trackers import TrackInput
+from cmpsp_ros.nodes.guidance.inputs.surroundings import SensorInput, TrackInput
 from cmpsp_ros.nodes.guidance.inputs.transforms import TransformInput
 from cmpsp_ros.nodes.guidance.outputs.publishers import GuidanceOutputs
 from cmpsp_ros.nodes.guidance.timing import GarbageCollection
@@ -72,16 +71,11 @@ class GuidanceLoop:
 
     def close(self) -> None:
         """Close the topics."""
-        self._odometry.close()
-        self._goals.close()
-        self._node.destroy_timer(self._timer)
-        self._node.destroy_timer(self._end_timer)
-        self._tracks.close()
-        self._sensors.close()
-        self._transforms.close()
-        self.road.close()
-        self.map.close()
-        self._outputs.close()
+        for timer in (self._timer, self._end_timer):
+            self._node.destroy_timer(timer)
+        inputs = self._odometry, self._goals, self._tracks, self._sensors, self._transforms
+        for each in (*inputs, self.road, self.map, self._outputs):
+            each.close()
 
     def reset(self) -> None:
         """Begin again: the next odometry is time 0."""

@@ -57,7 +57,7 @@ class Client:
         listen(PathMessage, f'{self.base}/predicted_path', self.paths.append, 100)
         listen(DiagnosticArray, '/diagnostics', self.on_diagnostics, 100)
         self.odometry = self.node.create_publisher(Odometry, f'{prefix}/odom', 50)
-        self.sent, self.clients = [], {}
+        self.sent = []
         self.timer = None
 
     def on_command(self, message):
@@ -152,13 +152,7 @@ class Client:
         self.until(lambda: any(speed > 0.5 for speed, _ in self.commands[count:]))
 
     def call(self, kind, name, request):
-        if name not in self.clients:
-            self.clients[name] = self.node.create_client(kind, f'{self.base}/{name}')
-        client = self.clients[name]
-        self.until(client.service_is_ready)
-        answer = client.call_async(request)
-        self.until(answer.done)
-        return answer.result()
+        return self.ros.call(kind, f'{self.base}/{name}', request)
 
     def change_state(self, name_or_id):
         number = name_or_id
@@ -250,6 +244,20 @@ def start_active(start_node, client):
         running = start_node('guidance_node', parameters)
         client.connect()
         client.until_health(state='active')
+        return running
+
+    return start
+
+
+@pytest.fixture
+def start_driving(start_node, client):
+    """Start a guidance node and drive until it is on its way: `start_driving(parameters)`."""
+
+    def start(parameters=None):
+        running = start_node('guidance_node', parameters)
+        client.connect()
+        client.drive()
+        client.until_driving()
         return running
 
     return start

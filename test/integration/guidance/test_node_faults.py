@@ -55,7 +55,7 @@ def test_an_exception_in_the_law_stops_the_robot(
         patch.setattr(Planner, 'improve', lambda *_, **__: 1 / 0)
         decision, command = decide(begin + 200_000_000)
     assert command == (0.0, 0.0)
-    fault.assert_said(decision['fallback_level'], decision['level'][0], decision['reason'])
+    fault.assert_decided(decision)
     assert decision['reason'] == 'The guidance law failed: ZeroDivisionError: division by zero'
     decision, command = decide(begin + 400_000_000)
     assert decision['fallback_level'] == 'nominal'

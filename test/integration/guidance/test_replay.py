@@ -102,7 +102,7 @@ def test_a_live_node_decides_the_same_on_played_odometry(start_node, client, spa
     assert client.change_state('configure')
     assert client.change_state('activate')
     for name in ('pause', 'resume'):
-        call(client, name)
+        client.ros.call(Trigger, f'/player/{name}')
     # The node's subscription is best effort: it is told the next odometry when it has decided, so
     # that it hears all however slow it is.
     while len(client.decisions) < len(before):
@@ -113,11 +113,3 @@ def test_a_live_node_decides_the_same_on_played_odometry(start_node, client, spa
             client.until(lambda count=count: len(client.decisions) > count)
     player.wait()
     assert [decision_to_key_values(each) for each in client.decisions] == before
-
-
-def call(client, name):
-    """Have the player do something, and wait until it has."""
-    service = client.node.create_client(Trigger, f'/player/{name}')
-    client.until(service.service_is_ready)
-    answer = service.call_async(Trigger.Request())
-    client.until(answer.done)

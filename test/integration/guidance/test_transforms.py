@@ -74,7 +74,8 @@ def test_a_run_reaches_its_goal_and_is_replayed_and_audited_without_transforms(
     localisation, start_node, record, client, make_odometry, tmp_path
 ):
     clock, recording = client.node.get_clock(), record('exclude_topics:=[/tf, /tf_static]')
-    guidance = start_node('guidance_node', {**PARAMETERS, 'recorder_timeout': 30.0})
+    patient = {'recorder_timeout': 60.0, 'odom_timeout': 10.0}
+    guidance = start_node('guidance_node', {**PARAMETERS, **patient})
     client.until_health(state='active')
     client.connect()
     client.until(localisation.moving.get_subscription_count)

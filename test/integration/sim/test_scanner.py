@@ -12,7 +12,6 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rosbags.interfaces import QosDurability
 from sensor_msgs.msg import LaserScan, PointCloud2
 from sim_client import BEST_EFFORT, Client, stamp, twist
-from std_srvs.srv import Trigger
 
 from cmpsp_ros.bags import Bag
 from cmpsp_ros.guidance.messages import tracks_of
@@ -76,7 +75,7 @@ def test_in_lockstep_none_is_missing_and_a_reset_begins_the_same_again(simulate,
     expected = set(range(0, 2_000_000_001, 100_000_000))
     client.until(lambda: {stamp(each) for each in client.scans} == expected)
     first = next(each.ranges for each in client.scans if stamp(each) == 0)
-    assert client.call(client.resetter, Trigger.Request()).success
+    assert client.reset()
     client.until(lambda: np.array_equal(client.scans[-1].ranges, first, equal_nan=True))
     assert stamp(client.scans[-1]) == 2_000_000_000
 

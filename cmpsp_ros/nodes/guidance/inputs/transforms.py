@@ -62,9 +62,9 @@ class TransformInput(Listener):
         self.settings, self._robot_frame = settings, robot_frame
         self._transforms = Transforms()
         self._unread: deque[bytes] = deque(maxlen=_DEPTH)
-        self._odometry = OWN_ODOM.publish_on(node)
-        self._goals = OWN_GOAL_POSE.publish_on(node)
-        self._moving = OWN_MOVING.publish_on(node)
+        self._odometry = self._publish_on(OWN_ODOM)
+        self._goals = self._publish_on(OWN_GOAL_POSE)
+        self._moving = self._publish_on(OWN_MOVING)
         topics = (
             ('/tf', DurabilityPolicy.VOLATILE, self._keep),
             ('/tf_static', DurabilityPolicy.TRANSIENT_LOCAL, self._hear_static),
@@ -73,12 +73,6 @@ class TransformInput(Listener):
             qos = QoSProfile(depth=_DEPTH, durability=durability)
             listen = node.create_subscription(TFMessage, topic, hear, qos, raw=True)
             self._subscriptions.append(listen)
-
-    def close(self) -> None:
-        """Close the topics."""
-        super().close()
-        for publisher in (self._odometry, self._goals, self._moving):
-            self._node.destroy_publisher(publisher)
 
     def robot_frame(self, child_frame: str) -> str:
         """Frame of the robot's centre, where odometry is of a child frame."""

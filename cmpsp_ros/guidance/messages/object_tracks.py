@@ -103,10 +103,10 @@ class ObjectTracks:
         free = sorted(self._motions.keys() - self._named.values())
         nameless = [k for k, each in enumerate(objects) if each.name is None]
         known = [copy.copy(self._motions[each]) for each in free]
-        for each in known:
-            each.predict(stamp)
+        for estimate in known:
+            estimate.predict(stamp)
         distances = [
-            [each.surprise(seen[k].x, seen[k].y, _variance(seen[k])) for each in known]
+            [at.surprise(seen[k].x, seen[k].y, _variance(seen[k])) for at in known]
             for k in nameless
         ]
         for row, column in pairs(np.array(distances).reshape(len(nameless), len(known)), _GATE):
@@ -146,6 +146,8 @@ def _variance(track: Track) -> float:
 
 def _with_state(track: Track, estimate: MotionFilter) -> Track:
     """A track with an estimated state."""
-    doubts = dict(zip(Track.DOUBTS, estimate.stddevs, strict=True))
     x, y, vx, vy = estimate.x, estimate.y, estimate.vx, estimate.vy
-    return replace(track, x=x, y=y, vx=vx, vy=vy, **doubts)
+    position, velocity = estimate.stddevs
+    return replace(
+        track, x=x, y=y, vx=vx, vy=vy, position_stddev=position, velocity_stddev=velocity
+    )

@@ -336,32 +336,5 @@ class Approach:
         return 2.0 * room / (time + math.sqrt(time * time + 2.0 * room / braking))
 
 
-def _speed(self, distance: float, period: float) -> float:
-    """The largest with which the robot, after a control period more, can stop in a distance."""
-    settings, robot = self._settings, self._settings.robot
-    time = period + settings.safety.stopping_time
-    room = max(distance - settings.safety.margin, 0.0)
-    braking = robot.braking
-    # The root of speed * time + speed^2 / (2 * braking) = room.
-    return 2.0 * room / (time + math.sqrt(time * time + 2.0 * room / braking))
-
-
-def _is_known(grid: OccupancyGrid, points: Array, reach: float) -> bool:
-    """True if no cell is unknown as near to any of some points as `reach` [m]."""
-    before = np.zeros(np.add(grid.cells.shape, 1), np.int64)
-    before[1:, 1:] = (grid.cells == Cell.UNKNOWN).cumsum(axis=0).cumsum(axis=1)
-    cells = math.ceil(reach / grid.resolution)
-    rows, columns = grid.indices(points)
-    (low, left), (high, right) = (
-        (rows - cells, columns - cells),
-        (rows + cells + 1, columns + cells + 1),
-    )
-    last = grid.cells.shape
-    if min(low.min(), left.min()) < 0 or high.max() > last[0] or right.max() > last[1]:
-        return False
-    unknown = before[high, right] - before[low, right] - before[high, left] + before[low, left]
-    return not unknown.any()
-
-
 def _speed(twist: Array) -> float:
     return abs(float(speeds_and_turns(twist)[0]))

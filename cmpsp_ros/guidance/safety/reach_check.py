@@ -102,7 +102,7 @@ class ReachCheck:
         return f'{name} could be {-float(least[worst]):.3g} m into the robot before it is at rest.'
 
     def _sets(self, start: PlanStart) -> _Sets:
-        """What may be reached from a start; a step asks for many paths from the same one."""
+        """Sets that may be reached from a start; a step asks for many paths from the same one."""
         known = self._known
         if known is None or known.pose is not start.pose or known.moving is not start.reachable:
             states = start.reachable.states.copy()

@@ -30,7 +30,7 @@ _OPACITY: Final = bytes([0, 255, 255])
 def grid_picture(grid: OccupancyGrid) -> dict[str, Any]:
     """Picture of a grid along the axes, bounded in size, with its position [m].
 
-    Free cells, remembered ones too, are transparent. Of several in a pixel an occupied one is shown.
+    Free and remembered cells are transparent. Of several in a pixel an occupied one is shown.
 
     Returns:
         Left edge ``x``, upper edge ``y``, ``width``, ``height``, and ``source``, a data URL.

@@ -17,8 +17,7 @@ from cmpsp_ros.arrays import Array
 from cmpsp_ros.bags.audit import read_record
 from cmpsp_ros.bags.errors import BagError, written
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.replay.node_parameters import hidden_obstacles
-from cmpsp_ros.bags.runs.run import driven_in, goals_driven_to, read_tracks, seen_at
+from cmpsp_ros.bags.runs.run import driven_in, goals_driven_to, seen_at
 from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings, to_nanoseconds
 from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.robots import DifferentialDrive
@@ -212,8 +211,6 @@ def film(bag: Path, output: Path, seconds: Sequence[float]) -> int:
     record = read_record(bag)
     with Bag(bag) as opened:
         driven = driven_in(opened, '')
-        hidden = hidden_obstacles(opened, record.places.node)
-        people = read_tracks(opened, record.places.people, None)
     first, settings = record.start, record.history.at(record.start)
     last = int(driven.stamps[-1])
     if not settings.moves_final_time:
@@ -229,14 +226,15 @@ def film(bag: Path, output: Path, seconds: Sequence[float]) -> int:
     led = goals_driven_to(record.decisions, settings)
     goals = list(dict.fromkeys(goal.position for goal in (*settings.goals, *(g for _, g in led))))
     ends = bodies(body(settings), [driven.at(first), driven.at(last)]).lines
-    moved, walked = (sorted({each.id for each in some}) for some in (record.tracks, people))
+    moved, walked = (sorted({each.id for each in some}) for some in (record.tracks, record.people))
+    hidden = record.history.epochs[0].hidden
     model = scene(settings, np.array(way), goals, moved, ends, hidden, walked)
     moments = [
         _Moment(
             driven.at(stamp),
             seen_at(record.tracks, stamp, settings),
             next((goals.index(goal.position) for since, goal in led[::-1] if since <= stamp), -1),
-            seen_at(people, stamp, settings),
+            seen_at(record.people, stamp, settings),
         )
         for stamp in stamps
     ]

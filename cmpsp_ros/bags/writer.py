@@ -1,12 +1,12 @@
 """Writing bags that stay readable if the writing is interrupted.
 
-rosbags writes a single file; our bags may have several, each with all topics, and must close on a
-full disk. The metadata have version 9, as rosbag2 of ROS 2 Jazzy writes it.
+rosbags writes one file; ours may be several, each with all topics, and must close on a full disk.
 """
 
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Sequence
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
@@ -32,8 +32,8 @@ from cmpsp_ros.bags.storage.common import (
     NO_MESSAGE_YET,
     REFUSALS,
     UNFINISHED,
-    FolderLock,
     Form,
+    locked,
     write_atomically,
 )
 from cmpsp_ros.bags.storage.mcap_writer import McapStorage
@@ -75,7 +75,7 @@ class _File(NamedTuple):
 
 
 class BagWriter:
-    """A new bag: metadata version 9, ROS 2 Jazzy message definitions.
+    """A new bag: metadata version 9, as rosbag2 of ROS 2 Jazzy writes it, and its definitions.
 
     As a context manager it always closes the bag, also after `KeyboardInterrupt`. Not thread-safe.
     Every method raises a `BagError` when the bag is closed or the disk refuses; what was written
@@ -107,9 +107,9 @@ class BagWriter:
             raise BagError(msg)
         with self._writing('cannot create the bag'):
             path.mkdir(parents=True)
-            self._lock = FolderLock(path)
+            self._lock = locked(path)
             self._storage: Storage | None = self._begin_file()
-            self._lock.sync()
+            os.fsync(self._lock)
 
     @property
     def message_count(self) -> int:
@@ -171,7 +171,7 @@ class BagWriter:
                 self._kept = dict(self._custom)
             if self._storage is not None:
                 self._storage.flush()
-            self._lock.sync()
+            os.fsync(self._lock)
 
     def set_parameters(self, node_name: str, values: Mapping[str, object], since: int = 0) -> None:
         """Keep a node's parameters with the bag, in place of any kept for it and this time before.
@@ -218,7 +218,7 @@ class BagWriter:
         finally:
             if (self.path / METADATA).exists():
                 (self.path / UNFINISHED).unlink(missing_ok=True)
-            self._lock.release()
+            os.close(self._lock)
 
     def __enter__(self) -> Self:
         return self

@@ -7,7 +7,7 @@ import signal
 import socket
 import subprocess
 import time
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -74,16 +74,18 @@ def ros_domain(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[int]
 
 @contextmanager
 def _held(domain: int) -> Iterator[None]:
-    """Hold a domain nobody uses.
+    """Hold a domain nobody uses, not even a process that a run before left behind.
 
-    The first participant of a domain receives at 7410 + 250 * domain. The last port of the
-    domain, which none of its participants comes to use, is our claim against other test runs.
+    Participant k of a domain receives at 7410 + 250 * domain + 2 * k. The last port of the domain,
+    which none of its participants comes to use, is our claim against other test runs.
     """
     base = 7400 + 250 * domain
     with socket.socket(type=socket.SOCK_DGRAM) as claim:
         claim.bind(('127.0.0.1', base + 249))
-        with socket.socket(type=socket.SOCK_DGRAM) as first:
-            first.bind(('127.0.0.1', base + 10))
+        with ExitStack() as ports:
+            for port in range(base + 10, base + 30):
+                each = ports.enter_context(socket.socket(type=socket.SOCK_DGRAM))
+                each.bind(('127.0.0.1', port))
         yield
 
 

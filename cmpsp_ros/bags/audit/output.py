@@ -85,14 +85,13 @@ def _add_case(suite: Element, finding: Finding) -> None:
         'testcase',
         {'name': finding.title, 'classname': f'audit.{finding.check}', 'time': '0'},
     )
+    message = {'message': _text(finding.sentence)}
     if finding.outcome is CheckOutcome.SKIPPED:
-        SubElement(case, 'skipped', {'message': _text(finding.sentence)})
+        SubElement(case, 'skipped', message)
     elif finding.outcome is CheckOutcome.NOT_JUDGED:
-        SubElement(case, 'error', {'message': _text(finding.sentence), 'type': 'not judged'})
+        SubElement(case, 'error', message, type='not judged')
     elif finding.outcome is CheckOutcome.FAILED:
-        failure = SubElement(
-            case, 'failure', {'message': _text(finding.sentence), 'type': finding.check}
-        )
+        failure = SubElement(case, 'failure', message, type=finding.check)
         when = '' if finding.at is None else f', at {finding.at:.3f} s'
         failure.text = _text(f'worst {finding.worst_text}, limit {finding.limit_text}{when}')
 

@@ -26,11 +26,10 @@ from cmpsp_ros.bags.runs.odometry import (
     longest_interval,
     pieces,
 )
-from cmpsp_ros.bags.runs.run import DrivenPath, lifetime, seen_at
+from cmpsp_ros.bags.runs.run import DrivenPath, lifetime, plans_in, seen_at
 from cmpsp_ros.bags.runs.sensor_clearance import Knowledge, SensorClearance, look, sightings
 from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings, to_nanoseconds
-from cmpsp_ros.guidance.messages import Track, heading_of
-from cmpsp_ros.sensing import stamp_of
+from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.world.roads import FAR
 
 _NEAR = 3.0
@@ -174,18 +173,7 @@ class AuditRecord:
     def plans(self) -> dict[int, Array]:
         """Poses ``(K, 3)`` [m, m, rad] of recorded plans, by the stamps of their decisions [ns]."""
         with Bag(self.path) as bag:
-            topic = self.places.path
-            found = bag.messages(topic) if topic in bag.topics else ()
-            paths = {
-                stamp_of(message): [each.pose for each in message.poses] for _, message in found
-            }
-        return {
-            stamp: np.array(
-                [(each.position.x, each.position.y, heading_of(each.orientation)) for each in poses]
-            )
-            for stamp, poses in paths.items()
-            if len(poses) > 1
-        }
+            return {each.stamp: each.poses for each in plans_in(bag, self.places.path)}
 
     @cached_property
     def encounters(self) -> tuple[Encounter, ...]:

@@ -76,10 +76,15 @@ def _after(track: Track, stamp: int) -> Track:
 
 @dataclass(frozen=True)
 class Planned:
-    """A plan as published on `~/predicted_path`: time [ns] and positions ``(N + 1, 2)`` [m]."""
+    """A plan as published on `~/predicted_path`: time [ns] and poses ``(N + 1, 3)`` [m, m, rad]."""
 
     stamp: int
-    points: Array
+    poses: Array
+
+    @property
+    def points(self) -> Array:
+        """Predicted positions ``(N + 1, 2)`` [m]."""
+        return self.poses[:, :2]
 
 
 @dataclass(frozen=True)
@@ -203,10 +208,13 @@ def plans_in(bag: Bag, topic: str) -> tuple[Planned, ...]:
     """The plans that a bag has in a topic; none if it has no such topic."""
     plans = []
     for _, message in bag.messages(topic) if topic in bag.topics else ():
-        points = [(each.pose.position.x, each.pose.position.y) for each in message.poses]
+        poses = [
+            (each.pose.position.x, each.pose.position.y, heading_of(each.pose.orientation))
+            for each in message.poses
+        ]
         # One pose is where the robot stands.
-        if len(points) > 1:
-            plans.append(Planned(stamp_of(message), np.array(points)))
+        if len(poses) > 1:
+            plans.append(Planned(stamp_of(message), np.array(poses)))
     return tuple(plans)
 
 

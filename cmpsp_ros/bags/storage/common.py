@@ -88,22 +88,13 @@ def read_profiles(text: str) -> tuple[Qos, ...]:
         return ()
 
 
-class FolderLock:
-    """The writer's lock, released by `release` or by the end of the process."""
-
-    def __init__(self, folder: Path) -> None:
-        self._file = os.open(folder, os.O_RDONLY)
-        # Some network file systems have no locks, and the bag is good all the same.
-        with suppress(OSError):
-            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-
-    def sync(self) -> None:
-        """Have the names of the files in the folder survive a loss of power."""
-        os.fsync(self._file)
-
-    def release(self) -> None:
-        """Release the lock."""
-        os.close(self._file)
+def locked(folder: Path) -> int:
+    """File descriptor of a folder with the writer's lock, which ends with it or the process."""
+    file = os.open(folder, os.O_RDONLY)
+    # Some network file systems have no locks, and the bag is good all the same.
+    with suppress(OSError):
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    return file
 
 
 def is_locked(folder: Path) -> bool:

@@ -21,7 +21,6 @@ from cmpsp_ros.arrays import Array
 _LANES: Final = 4
 # Beyond this compiling takes longer than it saves.
 _LONGEST: Final = 20_000
-_POINTER: Final = 'ptr' if llvm.llvm_version_info[0] >= 15 else 'double*'
 _ARITHMETIC: Final = {'ADD': 'fadd', 'SUB': 'fsub', 'MUL': 'fmul', 'DIV': 'fdiv'}
 _COMPARISONS: Final = {'LT': 'olt', 'LE': 'ole', 'EQ': 'oeq', 'NE': 'une'}
 _LIBRARY: Final = {
@@ -172,14 +171,14 @@ class _Text:
 
     def _place(self, array: str, size: int, index: int, lane: int) -> str:
         offset = lane * size + index
-        return self._line(f'getelementptr double, {_POINTER} {array}, i64 {offset}')
+        return self._line(f'getelementptr double, ptr {array}, i64 {offset}')
 
     def _load(self, array: int, index: int) -> str:
         size = self._function.numel_in(array)
         if (array, index) not in self._loaded:
             places = [self._place(f'%x{array}', size, index, i) for i in range(self._lanes)]
             self._loaded[array, index] = self._joined(
-                self._line(f'load double, {_POINTER} {place}') for place in places
+                self._line(f'load double, ptr {place}') for place in places
             )
         return self._loaded[array, index]
 
@@ -187,7 +186,7 @@ class _Text:
         size, first = self._function.numel_out(array), self._function.n_in()
         for lane, number in enumerate(self._split(value)):
             place = self._place(f'%x{first + array}', size, index, lane)
-            self._lines.append(f'store double {number}, {_POINTER} {place}')
+            self._lines.append(f'store double {number}, ptr {place}')
 
     def _constant(self, value: float) -> str:
         bits = f'0x{struct.unpack("<Q", struct.pack("<d", value))[0]:016X}'
@@ -198,7 +197,7 @@ class _Text:
         f, lanes = self._function, self._lanes
         sizes = [f.numel_in(i) for i in range(f.n_in())]
         sizes += [f.numel_out(i) for i in range(f.n_out())]
-        arguments = ', '.join(f'{_POINTER} %a{i}' for i in range(len(sizes)))
+        arguments = ', '.join(f'ptr %a{i}' for i in range(len(sizes)))
         declared = [
             f'declare double @{name}({", ".join(["double"] * count)}) nounwind readnone'
             for count, names in _LIBRARY.items()
@@ -209,7 +208,7 @@ class _Text:
             for i, size in enumerate(sizes)
             for line in (
                 f'%o{i} = mul i64 %k, {size}',
-                f'%x{i} = getelementptr double, {_POINTER} %a{i}, i64 %o{i}',
+                f'%x{i} = getelementptr double, ptr %a{i}, i64 %o{i}',
             )
         ]
         return '\n'.join([

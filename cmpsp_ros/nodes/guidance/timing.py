@@ -86,10 +86,10 @@ class GarbageCollection:
         """Disable automatic collection."""
         self._took = {_YOUNG: 0.0, _FULL: 0.0}
         self._since_full = 0
-        self._latest = time.monotonic()
-        self._on = True
         self.settle()
         gc.disable()
+        self._latest = time.monotonic()
+        self._on = True
 
     def end(self) -> None:
         """Enable automatic collection again."""
@@ -112,9 +112,10 @@ class GarbageCollection:
             self._since_full += 1
 
     def _collect(self, generation: int) -> None:
-        self._latest = time.monotonic()
+        begun = time.monotonic()
         gc.collect(generation)
-        self._took[generation] = time.monotonic() - self._latest
+        self._latest = time.monotonic()
+        self._took[generation] = self._latest - begun
 
 
 def check_cpu(values: Values) -> None:

@@ -249,6 +249,20 @@ def start_active(start_node, client):
     return start
 
 
+@pytest.fixture
+def start_driving(start_node, client):
+    """Start a guidance node and drive until it is on its way: `start_driving(parameters)`."""
+
+    def start(parameters=None):
+        running = start_node('guidance_node', parameters)
+        client.connect()
+        client.drive()
+        client.until_driving()
+        return running
+
+    return start
+
+
 class Recording:
     """A recorder at work, and the bag that it writes."""
 

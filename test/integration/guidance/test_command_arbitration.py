@@ -25,11 +25,10 @@ def as_second(make_client):
     return make_client(prefix='/spare')
 
 
-def test_a_second_guidance_node_stays_inactive(fault, start_node, client, make_client):
-    start_node('guidance_node', FAR)
-    client.connect()
-    client.drive()
-    client.until_driving()
+def test_a_second_guidance_node_stays_inactive(
+    fault, start_node, start_driving, client, make_client
+):
+    start_driving(FAR)
     second = as_second(make_client)
     start_node('guidance_node', {}, *SECOND)
     health = second.until_health(said='Another node guides this robot: /guidance (')
@@ -51,12 +50,9 @@ def test_a_second_guidance_node_stays_inactive(fault, start_node, client, make_c
     assert second.decisions[count]['step'] == '0'
 
 
-def test_of_two_that_began_together_the_later_gives_way(fault, start_node, client):
+def test_of_two_that_began_together_the_later_gives_way(fault, start_driving, client):
     """Both are active before either has heard the other; then each hears when the other began."""
-    start_node()
-    client.connect()
-    client.drive()
-    client.until_driving()
+    start_driving()
     rival = GUIDED_BY.publish_on(client.node)
     client.until(rival.get_subscription_count)
     later = str(time.time_ns() + 10**18)
@@ -70,12 +66,9 @@ def test_of_two_that_began_together_the_later_gives_way(fault, start_node, clien
     fault.assert_decided(client.decisions[-1])
 
 
-def test_a_node_that_was_killed_has_a_successor(fault, start_node, client):
+def test_a_node_that_was_killed_has_a_successor(fault, start_node, start_driving, client):
     """A dead process that the graph still shows does not keep the next one from guiding."""
-    first = start_node()
-    client.connect()
-    client.drive()
-    client.until_driving()
+    first = start_driving()
     first.signal(signal.SIGKILL)
     assert first.wait() == -signal.SIGKILL
     # A robot stops by itself when commands stay out.
@@ -93,11 +86,8 @@ def test_a_node_that_was_killed_has_a_successor(fault, start_node, client):
     fault.assert_decided(client.decisions[-1])
 
 
-def test_another_source_of_commands_is_told(fault, start_node, client):
-    start_node()
-    client.connect()
-    client.drive()
-    client.until_driving()
+def test_another_source_of_commands_is_told(fault, start_driving, client):
+    start_driving()
     client.until_health(level=DiagnosticStatus.OK, fallback_level='nominal')
     joystick = client.node.create_publisher(Twist, '/cmd_vel', 1)
     health = client.until_health(said='Others publish on /cmd_vel, too: /tester.')

@@ -105,11 +105,8 @@ def test_bad_odometry_that_goes_on_is_answered_once_a_control_period(
     assert (len(client.commands) - 2) * PERIOD_NS <= took
 
 
-def test_odometry_that_stops_stops_the_robot_until_it_comes_back(fault, start_node, client):
-    running = start_node()
-    client.connect()
-    client.drive()
-    client.until_driving()
+def test_odometry_that_stops_stops_the_robot_until_it_comes_back(fault, start_driving, client):
+    running = start_driving()
     client.until_health(level=DiagnosticStatus.OK)
     client.park()
     client.until(lambda: client.commands[-1] == ZERO)
@@ -176,11 +173,8 @@ def test_simulated_time_that_begins_again_is_noticed(fault, start_active, client
         (signal.SIGTERM, 2),
     ],
 )
-def test_a_signal_while_it_drives_leaves_a_robot_that_stands(start_node, client, number, times):
-    running = start_node()
-    client.connect()
-    client.drive()
-    client.until_driving()
+def test_a_signal_while_it_drives_leaves_a_robot_that_stands(start_driving, client, number, times):
+    running = start_driving()
     for _ in range(times):
         running.signal(number)
     client.until(lambda: running.process.poll() is not None)

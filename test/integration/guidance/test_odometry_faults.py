@@ -149,11 +149,8 @@ def test_good_and_bad_odometry_in_turn_is_one_stop_within_the_limit(
     end()
 
 
-def test_old_odometry_between_new_is_ignored(fault, start_node, repeat, client):
-    start_node()
-    client.connect()
-    client.drive()
-    client.until_driving()
+def test_old_odometry_between_new_is_ignored(fault, start_driving, repeat, client):
+    start_driving()
     count = len(client.decisions)
     for age in (30 * MS, 100_000 * MS):
         repeat(0.01, lambda age=age: client.send(client.now() - age, client.pose + 5.0))

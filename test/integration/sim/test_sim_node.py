@@ -111,8 +111,6 @@ def test_simulated_time_begins_at_zero_and_goes_before_odometry(simulate, ros):
     ('parameters', 'said'),
     [
         ({'odom_rat': 50.0}, ['odom_rat:', 'did you mean odom_rate?']),
-        ({'noise.dropout_windows': '[2.0, 1.0]'}, ['noise.dropout_windows:', 'pairs of times']),
-        ({'lockstep': 'true', 'odom_rate': 7.0}, ['control_period, odom_rate:', '7.0 Hz']),
         ({'initial_pose': '[0.0, 0.0, 0.0]'}, ['initial_pose:', 'road edge']),
     ],
 )

@@ -104,7 +104,7 @@ class MapInput(CourseInput):
         self._subscriptions.append(topic.listen_on(node, self._hear))
         if OccupancyGridUpdate is not None:
             name, qos = f'{self._topic}_updates', QoSProfile(depth=10)
-            listen = node.create_subscription(OccupancyGridUpdate, name, self._hear_update, qos)
+            listen = node.create_subscription(OccupancyGridUpdate, name, self._hear, qos)
             self._subscriptions.append(listen)
         node.get_logger().info(self.waiting)
 
@@ -125,25 +125,19 @@ class MapInput(CourseInput):
             return f'The map is {age:.3f} s old (map.timeout).'
         return self.refusal
 
-    def _hear(self, message: GridMessage) -> None:
+    def _hear(self, message: GridMessage | OccupancyGridUpdate) -> None:
         frame = message.header.frame_id
         try:
-            self._grid = grid_of(message, frame, self._lethal)
+            if isinstance(message, GridMessage):
+                self._grid = grid_of(message, frame, self._lethal)
+            elif self._grid is not None and frame == self._frame:
+                self._grid = updated(self._grid, message, self._lethal)
+            else:
+                return
         except ValueError as error:
             self._refuse('map', error)
             return
         self._frame, self._stamp = frame, stamp_of(message)
-        self._take()
-
-    def _hear_update(self, message: OccupancyGridUpdate) -> None:
-        if self._grid is None or message.header.frame_id != self._frame:
-            return
-        try:
-            self._grid = updated(self._grid, message, self._lethal)
-        except ValueError as error:
-            self._refuse('map', error)
-            return
-        self._stamp = stamp_of(message)
         self._take()
 
     def _take(self) -> None:

@@ -158,11 +158,13 @@ def from_functions(
     N, r = whole_number('horizon', horizon), whole_number('controls', controls)
     start = vector('x0', x0)
     bounds = control_bounds(lower, upper, (N + 1, r))
-    output = h and (lambda _, *of: h(*of))
+    output: Callable[..., Any] | None = h and (lambda _, *of: h(*of))
     if final_time is not None:
-        r, (start, *bounds) = r + 1, free_final_time(final_time, start, *bounds)
+        start, least, largest = free_final_time(final_time, start, *bounds)
+        r, bounds = r + 1, (least, largest)
         step = _with_time(F)
-        L, residuals, g, output = (each and _with_time(each) for each in (L, residuals, g, output))
+        L, residuals, g = (each and _with_time(each) for each in (L, residuals, g))
+        output = output and _with_time(output)
 
         def F(k: int, z: Any, v: Any) -> Any:
             return np.append(step(k, z, v), z[-1] + v[-1])

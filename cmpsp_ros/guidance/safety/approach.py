@@ -74,6 +74,8 @@ class Approach:
         part = replace(settings.safety, margin=_OF_MARGIN * settings.safety.margin)
         self._lag_validator = Validator(replace(settings, safety=part), with_margin=True)
         self._settings, self._max_change = settings, settings.max_wheel_change
+        # The last answer: a step asks twice about the same plan.
+        self._calmed: tuple[Plan, Validation, tuple[Plan, Validation] | None] | None = None
 
     def contact(
         self, plan: Plan, start: PlanStart, worst_margin: float = -math.inf
@@ -221,6 +223,22 @@ class Approach:
         Returns:
             It and its verdict, at the largest speed tried that is clear; None where none is.
         """
+        if self._calmed is not None and self._calmed[0] is plan and self._calmed[1] is verdict:
+            return self._calmed[2]
+        calm = self._calm(plan, verdict, start, pending, here, risk)
+        self._calmed = plan, verdict, calm
+        return calm
+
+    def _calm(
+        self,
+        plan: Plan,
+        verdict: Validation,
+        start: PlanStart,
+        pending: Validation | None,
+        here: PlanStart,
+        risk: Risk,
+    ) -> tuple[Plan, Validation] | None:
+        """As `calmed`."""
         watches = watches_unseen(self._settings, start)
         if verdict.passed and not risk.responses and not watches:
             return plan, verdict
@@ -232,9 +250,9 @@ class Approach:
                 slower = self.scaled(plan, start, fraction)
                 durations = plan.horizon.durations
                 checked = self._validator.check(start, slower.controls, durations, pending)
-            if not self._sees_enough(slower, checked.ramp, start):
+            if not checked.passed or not self._sees_enough(slower, checked.ramp, start):
                 continue
-            if checked.passed and all(
+            if all(
                 self._lag_validator.is_clear_with(
                     each, here, slower, checked.ramp, fraction * error
                 )

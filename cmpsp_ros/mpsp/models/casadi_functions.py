@@ -12,6 +12,7 @@ from cmpsp_ros.arrays import Array, BoolArray
 from cmpsp_ros.mpsp.arguments import (
     ProblemError,
     control_bounds,
+    free_final_time,
     numbers,
     terminal_target,
     vector,
@@ -86,12 +87,8 @@ def from_casadi(
     """
     casadi = _casadi()
     if T is not None:
-        if final_time is None or not 0.0 < final_time[0] <= final_time[1] <= final_time[2]:
-            order = '0 < least <= guess <= largest'
-            raise ProblemError(f'final_time: found {final_time}, wanted {order}')
-        bounds = control_bounds(lower, upper, (whole_number('horizon', horizon) + 1, u.shape[0]))
-        lower, upper = _with_time_bounds(*bounds, final_time)
-        x0 = np.append(vector('x0', x0), final_time[1])
+        shape = whole_number('horizon', horizon) + 1, u.shape[0]
+        x0, lower, upper = free_final_time(final_time, x0, *control_bounds(lower, upper, shape))
         old = [x, u, T]
         x, u = (type(each).sym(name, each.shape[0] + 1) for name, each in {'x': x, 'u': u}.items())
         ahead = x[-1] + u[-1]
@@ -158,16 +155,6 @@ def _casadi() -> ModuleType:
         ) from error
     module: ModuleType = casadi
     return module
-
-
-def _with_time_bounds(
-    lower: Array, upper: Array, final_time: tuple[float, float, float]
-) -> tuple[Array, Array]:
-    """Bounds with those of the change of the final time, which happens at stage 0."""
-    least, guess, largest = final_time
-    change = np.zeros((2, len(lower), 1))
-    change[:, 0, 0] = least - guess, largest - guess
-    return np.hstack([lower, change[0]]), np.hstack([upper, change[1]])
 
 
 def _column(casadi: ModuleType, name: str, value: Any, kind: type) -> Any:

@@ -12,8 +12,8 @@ SHARE = Path('share') / NAME
 INSTALL_REQUIRES = [
     'numpy>=1.26.4',
     'scipy>=1.11.4',
-    'numba>=0.59.0',
-    'llvmlite>=0.42.0',  # which numba is made of
+    'numba>=0.62.0',
+    'llvmlite>=0.45.0',  # which numba is made of
     'pyyaml>=6.0.1',
     # bags
     'rosbags>=0.11.9',  # whose storage classes bags reads and writes with
@@ -41,7 +41,7 @@ EXTRAS_REQUIRE = {
     'solvers': ['daqp>=0.11.0', 'qpsolvers>=4.3.3', 'clarabel>=0.11.0'],  # other QP back ends
     'dask': ['distributed>=2024.5.0'],
     'casadi': ['casadi>=3.6.7'],
-    'mujoco': ['mujoco>=3.1.6'],
+    'mujoco': ['mujoco>=3.5.0'],
     'parquet': ['pyarrow>=15.0.0'],
     'report': ['plotly>=5.15.0'],  # its plotly.min.js goes into the page
     'test': [

@@ -44,13 +44,7 @@ _PLAN_RADIUS = 0.15
 
 @dataclass(frozen=True)
 class PlansTiming:
-    """Control steps in which a number of plans are improved and compared.
-
-    Attributes:
-        count: Number of plans.
-        first: Times of the first step, with the path search, shape ``(runs,)`` [us].
-        second: Times of the next step, shape ``(runs,)`` [us].
-    """
+    """Times of the first step of so many plans, a path search in it, and the next [us]."""
 
     count: int
     first: Array
@@ -123,13 +117,9 @@ _BEARINGS = (math.radians(-72.0), math.radians(-6.0))
 
 @dataclass(frozen=True)
 class ObstaclesTiming:
-    """Control steps past a number of obstacles.
+    """Medians of control steps past so many obstacles that stand, or move along the road [us].
 
-    Attributes:
-        count: Number of plans.
-        standing: Median of all steps where they stand [us].
-        moving: Median where they move along the road [us].
-        first: Longest first step where they stand, which looks for ways between them [us].
+    The longest first step where they stand looks for ways between them.
     """
 
     count: int

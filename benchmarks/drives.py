@@ -32,13 +32,7 @@ from cmpsp_ros.studies.paper import table1, table2
 
 @dataclass(frozen=True)
 class Preset:
-    """A preset that can be driven.
-
-    Attributes:
-        name: Name of the preset, or its file.
-        settings: Settings of the guidance law.
-        pose: Start pose, shape ``(3,)`` [m, m, rad].
-    """
+    """A preset, or a file, that can be driven from a pose ``(3,)`` [m, m, rad]."""
 
     name: str
     settings: GuidanceSettings
@@ -72,13 +66,7 @@ def of_tables() -> list[Preset]:
 
 @dataclass(frozen=True)
 class PresetTiming:
-    """Computing times of one preset [ms].
-
-    Attributes:
-        name: Name of the preset.
-        first: Times of the first step, with the full horizon, over all runs.
-        every: Times of every step of all runs.
-    """
+    """Times of the first step, with the full horizon, and of every step of a preset [ms]."""
 
     name: str
     first: Spread

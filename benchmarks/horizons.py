@@ -27,15 +27,7 @@ _ASYMPTOTIC = 100
 
 @dataclass(frozen=True)
 class Growth:
-    """One method over horizons.
-
-    Attributes:
-        name: Name of the method.
-        steps: Horizons, shape ``(K,)``.
-        times: Median of the first step at each, shape ``(K,)`` [us].
-        exponent: Slope of the logarithm of time over that of steps from 100 steps on; None with
-            fewer than two horizons there.
-    """
+    """Medians of a first step over horizons [us], and their exponent from 100 steps on."""
 
     name: str
     steps: list[int]
@@ -45,12 +37,16 @@ class Growth:
     @classmethod
     def of(cls, name: str, times: dict[int, float]) -> Growth:
         """From the times by number of steps."""
-        long = [each for each in times if each >= _ASYMPTOTIC]
-        exponent = None
-        if len(long) >= 2:
-            slope, _ = np.polyfit(np.log(long), np.log([times[each] for each in long]), 1)
-            exponent = float(slope)
-        return cls(name, list(times), list(times.values()), exponent)
+        long = {steps: each for steps, each in times.items() if steps >= _ASYMPTOTIC}
+        return cls(name, list(times), list(times.values()), exponent(long))
+
+
+def exponent(times: dict[int, float]) -> float | None:
+    """Slope of the logarithm of times over that of their steps; None with fewer than two."""
+    if len(times) < 2:
+        return None
+    slope, _ = np.polyfit(np.log(list(times)), np.log(list(times.values())), 1)
+    return float(slope)
 
 
 def grow(
@@ -140,23 +136,14 @@ class LongStep:
 
 @dataclass(frozen=True)
 class LongHorizons:
-    """Control steps over horizons.
-
-    Attributes:
-        found: At each horizon.
-        missing: Why other solvers were not timed, by name.
-    """
+    """Control steps at each horizon, and why other solvers were not timed, by name."""
 
     found: list[LongStep]
     missing: dict[str, str]
 
     def exponent(self, name: str = WARM) -> float | None:
-        """Slope of the logarithm of a time over that of ``N``; None with fewer than two of them."""
-        times = {each.steps: each.times[name] for each in self.found if name in each.times}
-        if len(times) < 2:
-            return None
-        slope, _ = np.polyfit(np.log(list(times)), np.log(list(times.values())), 1)
-        return float(slope)
+        """Exponent of ``N`` in a time."""
+        return exponent({one.steps: one.times[name] for one in self.found if name in one.times})
 
 
 def time_long_horizons(

@@ -18,11 +18,9 @@ from cmpsp_ros.arrays import Array
 
 @dataclass(frozen=True)
 class Loop:
-    """One closed loop over the whole time.
+    """Wheel speeds ``(N + 1, 2)`` [rad/s] of one closed loop, and times of its steps ``(N,)`` [us].
 
-    Attributes:
-        wheel_speeds: Driven, shape ``(N + 1, 2)`` [rad/s]; the last pair moves nothing.
-        times: Computing time of every step, shape ``(N,)`` [us].
+    The last pair of wheel speeds moves nothing.
     """
 
     wheel_speeds: Array
@@ -31,13 +29,7 @@ class Loop:
 
 @dataclass(frozen=True)
 class Timed:
-    """A method that solves the task, and its computing times.
-
-    Attributes:
-        name: Name of the method.
-        outcome: Outcome of its closed loop.
-        times: Times of every step of every run, shape ``(runs, N)`` [us].
-    """
+    """A method that solves the task, and times of every step of every run, ``(runs, N)`` [us]."""
 
     name: str
     outcome: TaskOutcome
@@ -56,12 +48,7 @@ class Timed:
 
 @dataclass(frozen=True)
 class Ratios:
-    """One method beside another: medians of quotients in the same step of the same run.
-
-    Attributes:
-        first: Ratio at the first step.
-        loop: Ratio over all steps.
-    """
+    """One method beside another: medians of quotients in the first step, and in all, of a run."""
 
     first: float
     loop: float
@@ -75,13 +62,9 @@ class Ratios:
 
 @dataclass(frozen=True)
 class MethodComparison:
-    """Results of comparing methods.
+    """Closed loops of methods that solve the task, the first of them the baseline.
 
-    Attributes:
-        steps: Steps of the full horizon.
-        runs: Closed loops of each method.
-        timed: Methods that solve the task; the first is the baseline.
-        left_out: Reasons why the others were not timed, by name.
+    Reasons why the others were not timed are by name.
     """
 
     steps: int
@@ -162,13 +145,7 @@ def _try(task: Task, method: Method, steps: int) -> TaskOutcome | str:
 
 @dataclass(frozen=True)
 class Tail:
-    """Control steps of one method.
-
-    Attributes:
-        name: Name of the method.
-        times: Times of every step of many closed loops, shape ``(K,)`` [us].
-        again: Times of their first step, repeated, shape ``(K,)`` [us].
-    """
+    """Times of all steps of many closed loops, and of their first, repeated, ``(K,)`` [us]."""
 
     name: str
     times: Array
@@ -241,13 +218,7 @@ def loops(count: int, steps: int) -> int:
 
 @dataclass(frozen=True)
 class HardCase:
-    """Computing times of one run.
-
-    Attributes:
-        name: Name of the run.
-        times: Times of every step, shape ``(runs, N)`` [ms].
-        elastic: Steps in which the last program needed slack.
-    """
+    """Times of all steps of a case ``(runs, N)`` [ms], and steps whose last program had slack."""
 
     name: str
     times: Array

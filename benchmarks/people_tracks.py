@@ -256,22 +256,7 @@ def row(score: Score) -> tuple[str, ...]:
         100.0 * score.astray / max(len(score.errors), 1), score.false,
         np.median(score.times), np.percentile(score.times, 99.0),
     )  # fmt: skip
-    forms = (
-        '.2f',
-        '.2f',
-        'd',
-        '.1f',
-        '.3f',
-        '.3f',
-        '.2f',
-        '.1f',
-        '.1f',
-        '.1f',
-        '.1f',
-        'd',
-        '.2f',
-        '.2f',
-    )
+    forms = '.2f .2f d .1f .3f .3f .2f .1f .1f .1f .1f d .2f .2f'.split()  # noqa: SIM905
     return tuple(format(each, form) for each, form in zip(numbers, forms, strict=True))
 
 

@@ -71,20 +71,13 @@ class Results:
     """All that was measured.
 
     Attributes:
-        order: The order.
-        machine: Machine of the measurements.
         robots: Robots on long horizons.
         models: A differential drive and a car on one course.
         long_horizons: One plan's control steps over long horizons.
-        presets: Control steps of the presets.
-        comparison: Methods at one horizon.
+        comparison, growth: Methods at one horizon, and over horizons.
         tails: Many control steps of the project's own methods.
-        hard: Full steps of hard cases.
-        plans: Control steps with several plans side by side.
-        growth: Methods over horizons.
         general: Programs of other sizes than the robot's.
         missing: Reasons why other methods are missing, by name.
-        latency: Latency over DDS; None if not requested.
         resident: Resident set of this process at the end [MB].
     """
 
@@ -122,13 +115,7 @@ _LONG = 400
 
 @dataclass(frozen=True)
 class Target:
-    """One figure and its limit.
-
-    Attributes:
-        what: Description of the measurement.
-        at_most: Limit.
-        found: The figure; None if it was not measured.
-    """
+    """One figure and its limit; None if it was not measured."""
 
     what: str
     at_most: float

@@ -24,14 +24,9 @@ _LARGEST_VIOLATION = 1e-3
 
 @dataclass(frozen=True)
 class TaskOutcome:
-    """Outcome of a control history, by the project's own model.
+    """Outcome of a control history, by the project's own model: first term of (95), miss [m].
 
-    Attributes:
-        cost: First term of (95), at every sample.
-        miss: Distance of the end from the goal [m].
-        violation: Maximum violation of road edges and obstacles at the samples [m]; negative if
-            clear.
-        wheel_speed: Maximum wheel speed [rad/s].
+    The violation of road edges and obstacles at the samples [m] is negative if they are clear.
     """
 
     cost: float
@@ -46,12 +41,6 @@ class Task:
 
     The space to keep to at the samples is that of the preset's own control period at every number
     of steps. It would be empty with ten steps otherwise, and another problem with each number.
-
-    Attributes:
-        settings: Settings of the preset.
-        pose: Start pose, shape ``(3,)`` [m, m, rad].
-        space: Free space of the robot's centre at the samples.
-        cost: Weights of the cost.
     """
 
     settings: GuidanceSettings

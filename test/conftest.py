@@ -180,6 +180,14 @@ class Faults:
         assert fitting, f'{fallback}, {LEVELS[level]}: {sentence!r} fits none of {self.rows}'
         self.compared |= fitting
 
+    def assert_decided(self, decision):
+        """Check that a decision, as its message has it, fits a row."""
+        self.assert_said(decision['fallback_level'], decision['level'][0], decision['reason'])
+
+    def assert_told(self, health):
+        """Check that diagnostics fit a row."""
+        self.assert_said('—', health['level'][0], health['said'])
+
 
 def _rows():
     for line in (ROOT / 'doc' / 'reference' / 'faults.md').read_text(encoding='utf-8').splitlines():

@@ -14,29 +14,34 @@ from pathlib import Path
 import numpy as np
 
 ROS = Path(sys.prefix)
-DEFINITIONS = {
-    'bond': {
-        'msg/Status.msg': """
+
+
+def _parsed(text: str) -> dict[str, dict[str, str]]:
+    """Fields of interfaces by package and file; before the fields of each its name."""
+    found: dict[str, dict[str, str]] = {}
+    for each in text.split('\n# ')[1:]:
+        name, _, fields = each.partition('\n')
+        package, _, file = name.partition('/')
+        found.setdefault(package, {})[file] = f'{fields}\n'
+    return found
+
+
+DEFINITIONS = _parsed("""
+# bond/msg/Status.msg
 std_msgs/Header header
 string id
 string instance_id
 bool active
 float32 heartbeat_timeout
 float32 heartbeat_period
-"""
-    },
-    'map_msgs': {
-        'msg/OccupancyGridUpdate.msg': """
+# map_msgs/msg/OccupancyGridUpdate.msg
 std_msgs/Header header
 int32 x
 int32 y
 uint32 width
 uint32 height
 int8[] data
-"""
-    },
-    'nav2_msgs': {
-        'action/NavigateToPose.action': """
+# nav2_msgs/action/NavigateToPose.action
 geometry_msgs/PoseStamped pose
 string behavior_tree
 ---
@@ -48,8 +53,7 @@ builtin_interfaces/Duration navigation_time
 builtin_interfaces/Duration estimated_time_remaining
 int16 number_of_recoveries
 float32 distance_remaining
-""",
-        'action/FollowPath.action': """
+# nav2_msgs/action/FollowPath.action
 nav_msgs/Path path
 string controller_id
 string goal_checker_id
@@ -61,50 +65,38 @@ string error_msg
 ---
 float32 distance_to_goal
 float32 speed
-""",
-    },
-    'tf2_msgs': {'msg/TFMessage.msg': 'geometry_msgs/TransformStamped[] transforms\n'},
-    'vision_msgs': {
-        'msg/Detection3DArray.msg': """
+# tf2_msgs/msg/TFMessage.msg
+geometry_msgs/TransformStamped[] transforms
+# vision_msgs/msg/Detection3DArray.msg
 std_msgs/Header header
 vision_msgs/Detection3D[] detections
-""",
-        'msg/Detection3D.msg': """
+# vision_msgs/msg/Detection3D.msg
 std_msgs/Header header
 ObjectHypothesisWithPose[] results
 BoundingBox3D bbox
 string id
-""",
-        'msg/ObjectHypothesisWithPose.msg': """
+# vision_msgs/msg/ObjectHypothesisWithPose.msg
 ObjectHypothesis hypothesis
 geometry_msgs/PoseWithCovariance pose
-""",
-        'msg/ObjectHypothesis.msg': """
+# vision_msgs/msg/ObjectHypothesis.msg
 string class_id
 float64 score
-""",
-        'msg/BoundingBox3D.msg': """
+# vision_msgs/msg/BoundingBox3D.msg
 geometry_msgs/Pose center
 geometry_msgs/Vector3 size
-""",
-    },
-    'autoware_perception_msgs': {
-        'msg/TrackedObjects.msg': """
+# autoware_perception_msgs/msg/TrackedObjects.msg
 std_msgs/Header header
 TrackedObject[] objects
-""",
-        'msg/TrackedObject.msg': """
+# autoware_perception_msgs/msg/TrackedObject.msg
 unique_identifier_msgs/UUID object_id
 float32 existence_probability
 ObjectClassification[] classification
 TrackedObjectKinematics kinematics
 Shape shape
-""",
-        'msg/ObjectClassification.msg': """
+# autoware_perception_msgs/msg/ObjectClassification.msg
 uint8 label
 float32 probability
-""",
-        'msg/TrackedObjectKinematics.msg': """
+# autoware_perception_msgs/msg/TrackedObjectKinematics.msg
 uint8 UNAVAILABLE=0
 uint8 SIGN_UNKNOWN=1
 uint8 AVAILABLE=2
@@ -113,22 +105,17 @@ geometry_msgs/TwistWithCovariance twist_with_covariance
 geometry_msgs/AccelWithCovariance acceleration_with_covariance
 uint8 orientation_availability
 bool is_stationary
-""",
-        'msg/Shape.msg': """
+# autoware_perception_msgs/msg/Shape.msg
 uint8 BOUNDING_BOX=0
 uint8 CYLINDER=1
 uint8 POLYGON=2
 uint8 type
 geometry_msgs/Polygon footprint
 geometry_msgs/Vector3 dimensions
-""",
-    },
-    'radar_msgs': {
-        'msg/RadarTracks.msg': """
+# radar_msgs/msg/RadarTracks.msg
 std_msgs/Header header
 radar_msgs/RadarTrack[] tracks
-""",
-        'msg/RadarTrack.msg': """
+# radar_msgs/msg/RadarTrack.msg
 uint16 NO_CLASSIFICATION=0
 uint16 STATIC=1
 uint16 DYNAMIC=2
@@ -142,28 +129,20 @@ float32[6] position_covariance
 float32[6] velocity_covariance
 float32[6] acceleration_covariance
 float32[6] size_covariance
-""",
-    },
-    'costmap_converter_msgs': {
-        'msg/ObstacleArrayMsg.msg': """
+# costmap_converter_msgs/msg/ObstacleArrayMsg.msg
 std_msgs/Header header
 costmap_converter_msgs/ObstacleMsg[] obstacles
-""",
-        'msg/ObstacleMsg.msg': """
+# costmap_converter_msgs/msg/ObstacleMsg.msg
 std_msgs/Header header
 geometry_msgs/Polygon polygon
 float64 radius
 int64 id
 geometry_msgs/Quaternion orientation
 geometry_msgs/TwistWithCovariance velocities
-""",
-    },
-    'derived_object_msgs': {
-        'msg/ObjectArray.msg': """
+# derived_object_msgs/msg/ObjectArray.msg
 std_msgs/Header header
 derived_object_msgs/Object[] objects
-""",
-        'msg/Object.msg': """
+# derived_object_msgs/msg/Object.msg
 std_msgs/Header header
 uint32 id
 uint8 detection_level
@@ -178,13 +157,10 @@ shape_msgs/SolidPrimitive shape
 uint8 classification
 uint8 classification_certainty
 uint32 classification_age
-""",
-    },
-}
+""")
 # Those of Jazzy are Kilted's too; here is what Lyrical has instead.
-LYRICAL = {
-    'nav2_msgs': {
-        'msg/TrackingFeedback.msg': """
+LYRICAL = _parsed("""
+# nav2_msgs/msg/TrackingFeedback.msg
 std_msgs/Header header
 float32 position_tracking_error
 float32 heading_tracking_error
@@ -193,14 +169,13 @@ geometry_msgs/PoseStamped robot_pose
 float32 distance_to_goal
 float32 speed
 float32 remaining_path_length
-""",
-        'action/FollowPath.action': DEFINITIONS['nav2_msgs']['action/FollowPath.action'].replace(
-            'float32 distance_to_goal\nfloat32 speed',
-            'nav2_msgs/TrackingFeedback tracking_feedback',
-        ),
-        'action/NavigateToPose.action': DEFINITIONS['nav2_msgs']['action/NavigateToPose.action']
-        + 'float32 position_tracking_error\nfloat32 heading_tracking_error\n',
-    }
+""")
+LYRICAL['nav2_msgs'] |= {
+    'action/FollowPath.action': DEFINITIONS['nav2_msgs']['action/FollowPath.action'].replace(
+        'float32 distance_to_goal\nfloat32 speed', 'nav2_msgs/TrackingFeedback tracking_feedback'
+    ),
+    'action/NavigateToPose.action': DEFINITIONS['nav2_msgs']['action/NavigateToPose.action']
+    + 'float32 position_tracking_error\nfloat32 heading_tracking_error\n',
 }
 
 

@@ -1,4 +1,7 @@
-"""Bags: writing, reading, replay, audit and report, without rclpy."""
+"""Bags: writing, reading, replay, audit and report, without rclpy.
+
+A bag, file or folder that cannot be used is a `BagError`, parameters a `ParameterError`.
+"""
 
 from typing import TYPE_CHECKING
 

@@ -55,11 +55,7 @@ class DecisionRecord:
 
     @classmethod
     def of(cls, source: str, received: int, message: Any) -> DecisionRecord:
-        """A message of `~/decision`, without command and path.
-
-        Raises:
-            BagError: It is none.
-        """
+        """A message of `~/decision`, without command and path."""
         try:
             status = status_of(message)
             return cls(source, received, str(status.message), entries_of(status))
@@ -130,11 +126,7 @@ class DecisionRecord:
 
 
 def read_decisions(bag: Bag, topic: str) -> tuple[DecisionRecord, ...]:
-    """Decisions of a topic, in order; none if the bag lacks the topic.
-
-    Raises:
-        BagError: A message is no decision of this package.
-    """
+    """Decisions of a topic, in order; none if the bag lacks the topic."""
     return tuple(_read(bag, topic)) if topic in bag.topics else ()
 
 

@@ -108,9 +108,6 @@ def tables(bag: Bag) -> list[Table]:
 
     Odometry and commands are found by their types; wheel speeds, decisions and plans by their
     names, too, so that joints and paths of other nodes are not taken for ours.
-
-    Raises:
-        BagError: There is none, or the bag is damaged.
     """
     found = []
     for name, types, ending, columns, rows in _TABLES:
@@ -239,7 +236,8 @@ def _pose(pose: Any) -> tuple[float, float, float]:
 def _write_csv(table: Table, path: Path) -> int:
     with path.open('x', newline='', encoding='utf-8') as file:
         writer = csv.writer(file)
-        writer.writerow([_title(each) for each in table.columns])
+        titles = (f'{each.name} [{each.unit}]'.removesuffix(' []') for each in table.columns)
+        writer.writerow(titles)
         count = 0
         for count, row in enumerate(table.rows, 1):  # noqa: B007 (the last counts)
             writer.writerow(row)
@@ -272,10 +270,6 @@ def _parquet_writer() -> Callable[[Table, Path], int]:
         return count
 
     return write
-
-
-def _title(column: Column) -> str:
-    return f'{column.name} [{column.unit}]' if column.unit else column.name
 
 
 _TABLES: tuple[tuple[str, str, str, Columns, Rows], ...] = (

@@ -15,11 +15,9 @@ from PIL import Image
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.bags.audit import read_record
-from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.bags.errors import BagError, written
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.replay.node_parameters import hidden_obstacles
-from cmpsp_ros.bags.runs.goals import goals_driven_to
-from cmpsp_ros.bags.runs.run import read_driven, read_tracks, seen_at
+from cmpsp_ros.bags.runs.run import driven_in, goals_driven_to, seen_at
 from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings, to_nanoseconds
 from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.robots import DifferentialDrive
@@ -83,7 +81,7 @@ def scene(
 
     Args:
         settings: Robot, road and obstacles.
-        way: Points of the driven path, shape ``(K, 2)`` [m].
+        way: Points of the driven path, ``(K, 2)`` [m].
         goals: Each with a ball `goal 0`, `goal 1`, ... on a post (x, y) [m].
         moving: Ids of the moving obstacles, each a body `moving 7` to be placed later.
         ends: Lines on the floor where the robot starts and ends, each ``(K, 2)`` [m].
@@ -202,22 +200,17 @@ _AMONG_PEOPLE, _FROM_ABOVE = 3.0, -45.0
 def film(bag: Path, output: Path, seconds: Sequence[float]) -> int:
     """Draw the robot in its scene; return the number of frames.
 
-    Args:
-        bag: Bag of one run.
-        output: New picture: a `.png` with its frames side by side, or a `.gif` in real time.
-        seconds: Times of the frames [s]; by default four, or ten a second for a `.gif`.
-
-    Raises:
-        BagError: The bag cannot be used, a time is not in it, MuJoCo or its renderer is missing,
-            or the picture cannot be written.
-        ParameterError: The bag's parameters cannot be used.
+    A `.png` has the frames side by side, by default four; a `.gif` is in real time, by default with
+    ten a second. Without MuJoCo or its renderer it is a `BagError`, too.
     """
     moving = output.suffix == '.gif'
     if output.suffix not in ('.png', '.gif'):
         raise BagError(f"{output}: found the suffix '{output.suffix}', wanted .png or .gif")
     if output.exists():
         raise BagError(f'{output}: is there already')
-    record, driven = read_record(bag), read_driven(bag)
+    record = read_record(bag)
+    with Bag(bag) as opened:
+        driven = driven_in(opened, '')
     first, settings = record.start, record.history.at(record.start)
     last = int(driven.stamps[-1])
     if not settings.moves_final_time:
@@ -233,30 +226,26 @@ def film(bag: Path, output: Path, seconds: Sequence[float]) -> int:
     led = goals_driven_to(record.decisions, settings)
     goals = list(dict.fromkeys(goal.position for goal in (*settings.goals, *(g for _, g in led))))
     ends = bodies(body(settings), [driven.at(first), driven.at(last)]).lines
-    with Bag(bag) as opened:
-        hidden = hidden_obstacles(opened, record.places.node)
-        people = read_tracks(opened, record.places.people, None)
-    moved, walked = (sorted({each.id for each in some}) for some in (record.tracks, people))
+    moved, walked = (sorted({each.id for each in some}) for some in (record.tracks, record.people))
+    hidden = record.history.epochs[0].hidden
     model = scene(settings, np.array(way), goals, moved, ends, hidden, walked)
     moments = [
         _Moment(
             driven.at(stamp),
             seen_at(record.tracks, stamp, settings),
             next((goals.index(goal.position) for since, goal in led[::-1] if since <= stamp), -1),
-            seen_at(people, stamp, settings),
+            seen_at(record.people, stamp, settings),
         )
         for stamp in stamps
     ]
     frames = list(_frames(model, settings, moments, _MOVING if moving else _STILL))
-    try:
+    with written(output):
         if moving:
             frames[0].save(
                 output, save_all=True, append_images=frames[1:], duration=1000 // _RATE, loop=0
             )
         else:
             _side_by_side(frames).save(output)
-    except OSError as error:
-        raise BagError(f'{output}: {error.strerror or error}') from None
     return len(frames)
 
 

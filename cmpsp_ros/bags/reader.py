@@ -37,13 +37,7 @@ _PARAMETER_EVENT = 'rcl_interfaces/msg/ParameterEvent'
 
 @dataclass(frozen=True)
 class BagTopic:
-    """A topic of a bag.
-
-    Attributes:
-        msgtype: Type, as in `nav_msgs/msg/Odometry`.
-        count: Number of messages.
-        qos_profiles: QoS offered by the publishers when recording began.
-    """
+    """A topic of a bag: type, number of messages, QoS of its publishers when recording began."""
 
     msgtype: str
     count: int
@@ -103,9 +97,6 @@ class Bag:
         """Iterate over a topic's stamps [ns] and serialised messages (CDR), in order of time.
 
         Messages of one stamp come in the order of writing.
-
-        Raises:
-            BagError: No such topic, or the bag is damaged.
         """
         for _, stamp, raw in self.raw_together([topic]):
             yield stamp, raw

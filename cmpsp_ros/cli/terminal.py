@@ -70,11 +70,7 @@ def say(text: object) -> None:
 
 @contextmanager
 def exit_on(*kinds: type[Exception], code: int) -> Iterator[None]:
-    """Turn errors that a user can fix into their message and an exit code.
-
-    Raises:
-        Exit: There was such an error.
-    """
+    """Turn errors that a user can fix into their message and an exit code."""
     try:
         yield
     except kinds as error:
@@ -84,11 +80,7 @@ def exit_on(*kinds: type[Exception], code: int) -> Iterator[None]:
 
 @contextmanager
 def writing_to(folder: Path) -> Iterator[None]:
-    """Turn a full disk into a message with the name of a folder on it, and exit code 1.
-
-    Raises:
-        Exit: The disk is full, or the quota of this user.
-    """
+    """Turn a full disk into a message with the name of a folder on it, and exit code 1."""
     try:
         yield
     except OSError as error:

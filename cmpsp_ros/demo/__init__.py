@@ -1,4 +1,7 @@
-"""One run, from parameters to pictures: the nodes as processes, monitored, recorded, summarised."""
+"""One run, from parameters to pictures: the nodes as processes, monitored, recorded, summarised.
+
+A run that cannot be started, or does not end, is a `DemoError`.
+"""
 
 from typing import TYPE_CHECKING
 

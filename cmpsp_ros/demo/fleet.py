@@ -25,11 +25,7 @@ from cmpsp_ros.robots import placed
 class RobotOutcome:
     """Result of the run of one robot of several.
 
-    Attributes:
-        namespace: Namespace of the robot.
-        summary: Figures of its run.
-        apart: Minimum distance of its footprint from any other robot's until its final time, also
-            between samples [m].
+    `apart` is the least distance from any other until its final time, also between samples [m].
     """
 
     namespace: str

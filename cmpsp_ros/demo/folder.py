@@ -31,9 +31,6 @@ def make_folder(output: Path | None, *, force: bool) -> Path:
     Args:
         output: The folder; None for `runs/<time>`, which `runs/latest` then points at.
         force: True if an earlier run in that folder may be removed; other files there stay.
-
-    Raises:
-        DemoError: The folder exists, or cannot be made.
     """
     folder = output or _RUNS / datetime.now().astimezone().strftime('%Y-%m-%d_%H-%M-%S')
     try:

@@ -39,9 +39,6 @@ def use_free_domain() -> int:
 
     Unless Fast DDS is configured otherwise, nodes that start together discover each other at once.
     The choice is set in this process' environment, which its children inherit.
-
-    Raises:
-        DemoError: All domains are taken.
     """
     # Where to begin differs between processes, so that two that start together do not collide.
     offset = os.getpid() % len(_DOMAINS)
@@ -59,7 +56,8 @@ def use_free_domain() -> int:
 
 def _is_free(domain: int) -> bool:
     """True if no DDS participant has the first unicast port of a domain, and nobody a claim."""
-    for port in (_first_port(domain), _last_port(domain)):
+    # Its first unicast port: RTPS 2.2, 9.6.1.1.
+    for port in (7400 + 250 * domain + 10, _last_port(domain)):
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
             try:
                 probe.bind(('127.0.0.1', port))
@@ -78,11 +76,6 @@ def _claim(domain: int) -> None:
         claim.bind(('127.0.0.1', _last_port(domain)))
 
 
-def _first_port(domain: int) -> int:
-    """Unicast port of the first participant of a domain (RTPS 2.2, 9.6.1.1)."""
-    return 7400 + 250 * domain + 10
-
-
 def _last_port(domain: int) -> int:
     """A port of a domain that none of its participants uses."""
     return 7400 + 250 * domain + 249
@@ -90,14 +83,7 @@ def _last_port(domain: int) -> int:
 
 @dataclass(frozen=True)
 class Child:
-    """A node running as a process.
-
-    Attributes:
-        name: Program, of `cmpsp_ros.nodes.MODULES`, with the namespace before it if there is
-            one.
-        process: The process.
-        log: File with its output.
-    """
+    """A node running as a process, with its log; its name has the namespace before it, if any."""
 
     name: str
     process: subprocess.Popen[bytes]
@@ -107,14 +93,7 @@ class Child:
     def start(
         cls, name: str, ros_arguments: Sequence[str], folder: Path, namespace: str = ''
     ) -> Child:
-        """Start a node.
-
-        Args:
-            name: Program, of `cmpsp_ros.nodes.MODULES`.
-            ros_arguments: Arguments after `--ros-args`.
-            folder: Folder of its log, with a folder for each namespace.
-            namespace: Namespace of the node, as in `/r1`.
-        """
+        """Start a program of `cmpsp_ros.nodes.MODULES`; each namespace has a folder of logs."""
         log = folder / namespace.strip('/') / f'{name}.log'
         log.parent.mkdir(parents=True, exist_ok=True)
         command = [sys.executable, '-m', MODULES.get(name, name), '--ros-args', *ros_arguments]
@@ -140,11 +119,7 @@ class Child:
             raise DemoError(f'{self.name} ended with exit code {code}:\n{self.last_words()}')
 
     def ask(self, refusal: str, change: Callable[[], bool]) -> None:
-        """Request a state change of a guidance node; `change` returns True if it agreed.
-
-        Raises:
-            DemoError: It refused, did not answer, or has ended.
-        """
+        """Request a state change of a guidance node; `change` returns True if it agreed."""
         try:
             agreed = change()
         except TimeoutError as error:

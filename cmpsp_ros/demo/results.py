@@ -55,7 +55,7 @@ _DRIVEN = 'black'
 
 
 def draw_trajectory(
-    run: Run, settings: GuidanceSettings, path: Path, hidden: Sequence[Shape] = ()
+    run: Run, settings: GuidanceSettings, path: Path, hidden: Sequence[Shape] = (), title: str = ''
 ) -> Figure:
     """Draw road, obstacles with the margin kept, the driven path and the plan at a few instants.
 
@@ -69,9 +69,9 @@ def draw_trajectory(
     there = course([settings.road], settings.obstacles, hidden)
     draw(axes, traces([*there, kept_clear(settings, settings.world)], ''))
     plans = [plan for plan in run.plans if first <= plan.stamp < last]
+    plans = [plans[number * len(plans) // _PLANS] for number in range(_PLANS if plans else 0)]
     colors = mpl.colormaps['viridis'](np.linspace(0.15, 0.85, _PLANS))
-    for number, color in enumerate(colors) if plans else ():
-        plan = plans[number * len(plans) // _PLANS]
+    for plan, color in zip(plans, colors, strict=False):
         name = f'plan at {(plan.stamp - first) / 1e9:.1f} s'
         axes.plot(*plan.points.T, '.-', ms=3, lw=0.8, color=color, zorder=4, label=name)
     _draw_moving(axes, run, settings, first, last)
@@ -84,13 +84,13 @@ def draw_trajectory(
     points += stood.lines
     low, high = frame(points, (*settings.obstacles, *hidden), _ROOM * settings.road.width)
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), xlabel='x [m]', ylabel='y [m]')
-    axes.set_aspect('equal')
+    axes.set(aspect='equal', title=title)
     handles, labels = axes.get_legend_handles_labels()
     rows = math.ceil(len(labels) / _COLUMNS)
     width, height = high - low
     figure.set_size_inches(_WIDTH, _WIDTH * height / width + _BELOW + _ROW * rows)
     legend_below(figure, handles, labels, ncols=_COLUMNS)
-    figure.savefig(path, dpi=120)
+    figure.savefig(path, dpi=120, bbox_inches='tight')
     return figure
 
 
@@ -138,7 +138,7 @@ def _draw_encounters(
         label = None
 
 
-def draw_controls(run: Run, settings: GuidanceSettings, path: Path) -> Figure:
+def draw_controls(run: Run, settings: GuidanceSettings, path: Path, title: str = '') -> Figure:
     """Draw wheel speeds, or other controls of the robot, with their limits."""
     first, last = window(run, settings)
     robot, stamps, twists = settings.robot, run.driven.stamps, run.driven.twists
@@ -167,6 +167,7 @@ def draw_controls(run: Run, settings: GuidanceSettings, path: Path) -> Figure:
         axes.grid(alpha=0.3)
         axes.legend()
     rows[-1].set_xlabel('time [s]')
+    rows[0].set_title(title)
     figure.savefig(path, dpi=120)
     return figure
 
@@ -231,6 +232,9 @@ def sum_up(scenario: Scenario, folder: Path) -> Summary:
     scenario = replace(scenario, settings=settings)
     summary = summarise(recorded, scenario.truth, scenario.name)
     summary.write(folder / 'summary.json')
-    draw_trajectory(recorded, scenario.settings, folder / 'trajectory.png', scenario.hidden)
-    draw_controls(recorded, scenario.settings, folder / 'wheel_speeds.png')
+    title = f'{scenario.name}: clearance {summary.clearance:.3f} m'
+    if summary.miss is not None:
+        title += f', miss {summary.miss:.4f} m'
+    draw_trajectory(recorded, settings, folder / 'trajectory.png', scenario.hidden, title)
+    draw_controls(recorded, settings, folder / 'wheel_speeds.png', scenario.name)
     return summary

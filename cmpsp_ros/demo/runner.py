@@ -47,13 +47,10 @@ def guide(
 
     Args:
         observer: From `started`.
-        children: From `started`.
+        children: From `started`, too.
         robots: Robots of the run.
         notice: Called with each decision.
         apart: Time between the starts of two robots [s].
-
-    Raises:
-        DemoError: A node cannot be activated, has ended, or decides no more.
     """
     named = {each.namespace: each for each in robots}
     heard: dict[str, float] = {}
@@ -127,7 +124,7 @@ def run(
     progress: Callable[[float], None],
     view_port: int | None = None,
 ) -> Summary:
-    """Make one run and keep all its results in a folder.
+    """Make one run and keep all its results in an existing folder.
 
     Args:
         scenario: Scenario of the run.
@@ -136,11 +133,7 @@ def run(
         view_port: Port of a page that shows the run live; None: no page.
 
     Returns:
-        Its figures; they are also in `summary.json`.
-
-    Raises:
-        DemoError: A node failed, or the run did not end.
-        BagError: The recording does not cover the run.
+        Its figures, as in `summary.json`; a `BagError` if the recording does not cover the run.
     """
     write_parameter_file(folder / 'parameters.yaml', scenario.values)
     with driven([scenario], folder, progress, view_port):
@@ -159,9 +152,6 @@ def driven(
     """Make a run of one robot or several; its bag is complete when the block begins.
 
     The other nodes end during the block. Arguments as of `started` and `run`.
-
-    Raises:
-        DemoError: A node failed, the run did not end, or not all of it was recorded.
     """
 
     def tell(robot: Scenario, seen: GuidanceStatus) -> None:
@@ -196,9 +186,6 @@ def started(
         folder: Existing folder with the file `parameters.yaml`, for bag and logs.
         view_port: Port of a page that shows the first robot live; None: no page.
         record: True if there is a bag.
-
-    Raises:
-        DemoError: A node failed.
     """
     children: list[Child] = []
     try:

@@ -30,14 +30,10 @@ _PACE: Final = 0.8
 
 @dataclass(frozen=True)
 class Scenario:
-    """A complete, checked set of parameters.
+    """A complete, checked set of parameters of all nodes, with remarks for the user on it.
 
-    Attributes:
-        name: Preset, or file without its suffix, and the robot if one was chosen.
-        values: Parameters of all nodes.
-        settings: The guidance settings made of them.
-        remarks: Warnings for the user before the run, in sentences.
-        namespace: Namespace of the robot, as in `/r1`; empty for a single robot.
+    Its name is a preset, or a file without its suffix, and the robot if one was chosen; a single
+    robot has no namespace.
     """
 
     name: str
@@ -86,8 +82,7 @@ def load_scenario(
         namespace: Namespace of the robot, if the file has several.
 
     Raises:
-        ParameterError: A key or value is wrong; names the key, the value found and the one
-            expected.
+        ParameterError: A key or value is wrong.
     """
     changes = dict(parse_assignment(each) for each in assignments)
     given = load_parameter_file(preset, namespace=namespace or None)

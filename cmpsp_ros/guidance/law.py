@@ -237,9 +237,12 @@ class GuidanceLaw:
             stamp, pose, moving = observation.stamp, observation.pose, estimate.start.moving
             return supervisor.decisions.stop(state, stamp, pose, reason, moving=moving)
         selected = self._selector.best(context)
-        if self._settings.is_soonest and state.mission.goals.goal is not None:
-            chosen = state.mission.at_earliest(self._selector, context, selected, state.clock)
-            context, selected = chosen
+        goals, clock = state.mission.goals, state.clock
+        if self._settings.is_soonest and goals.goal is not None:
+            latest, choose = goals.latest(clock.now, estimate.start), state.mission.arrival.choose
+            context, selected = choose(self._selector, context, selected, latest)
+            goals.reach_at(context.horizon.edges.item(-1) + context.delay)
+            clock.due = remaining(clock.now, goals.period, goals.final).edges.item(1)
         return supervisor.choose(state, observation, estimate, context, selected)
 
     def _pending(self, estimate: Estimate) -> Validation | None:

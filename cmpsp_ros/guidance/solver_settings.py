@@ -133,7 +133,8 @@ class Safety:
     stop_within_sight: Literal['off', 'stationary', 'moving'] = setting('stationary', '',
         'Whether a robot with sensors drives slowly enough to stop before space that they have '
         'not seen: `stationary`; `moving`: also before anything could come from there at '
-        '`safety.max_obstacle_speed`, though no slower than 0.1 m/s.')
+        '`safety.max_obstacle_speed`, though no slower than 0.1 m/s. With both, once something has '
+        'been seen to move, at most 0.05 m/s into places out of sight, as backwards.')
     max_odom_jump: float = setting(0.1, 'm',
         'Distance by which the position may differ between two odometry messages, beyond the '
         'distance that the wheels allow, with a quarter more than their limit; and twice as many '
@@ -189,7 +190,7 @@ class TaskSettings:
         '`robot.max_wheel_acceleration` the robot then comes to rest at the goal.', key='goal.when')
     patience: float = setting(3.0, 's',
         'Time without progress towards the goal after which the robot tries other ways, backs out '
-        'and turns, each for as long; then it stops for good. 0: it waits.', NOT_NEGATIVE,
+        'and turns, each after a third as long; then it stops for good. 0: it waits.', NOT_NEGATIVE,
         key='goal.patience')
     hold: bool = setting(False, '',
         'Whether the robot returns to the goal when it is moved away after arrival; otherwise it '

@@ -8,15 +8,12 @@ from typing import Final
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.decision import Decision, Plan
-from cmpsp_ros.guidance.horizon import remaining
 from cmpsp_ros.guidance.messages.tracks import MovingObject
 from cmpsp_ros.guidance.mission.closed_road import ClosedRoad
 from cmpsp_ros.guidance.mission.goal_manager import GoalManager
 from cmpsp_ros.guidance.mission.progress_watch import ProgressWatch
 from cmpsp_ros.guidance.planning.arrival_time import ArrivalTime
-from cmpsp_ros.guidance.planning.candidate import Candidate
 from cmpsp_ros.guidance.planning.manoeuvre_search import ManoeuvreSearch, needs_manoeuvres
-from cmpsp_ros.guidance.planning.plan_selector import PlanSelector
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 from cmpsp_ros.guidance.prediction.estimator import Estimator, Observation
 from cmpsp_ros.guidance.settings import LawSettings
@@ -101,7 +98,7 @@ class Mission:
         closed_road: Obstacles that close the road to it.
         searched: Inputs of the search for the next control step.
         idle_steps: Number of control steps without progress, since a plan could reach the goal.
-        reaches_goal: True if the last plan ended within the tolerance of the goal.
+        reaches_goal: True if the last plan ended within the tolerance of the goal, and was clear.
         final_pose: Pose at the final time, shape ``(3,)`` [m, m, rad]; None before.
         warnings: Tasks that no plan of the run can fulfil, in sentences.
         watch: Progress on the way to the goal.
@@ -140,18 +137,6 @@ class Mission:
         self._begin_again()
         self.arrival.sets_out = True
         self.searched = self.searched._replace(hysteresis=NOT_SEARCHED.hysteresis)
-
-    def at_earliest(
-        self, selector: PlanSelector, context: PlanningContext, selected: Candidate, clock: Clock
-    ) -> tuple[PlanningContext, Candidate]:
-        """Pass the goal as early as a plan can: the control step, and the plan instead."""
-        goals, latest = self.goals, self.goals.latest(clock.now, context.start)
-        context, selected = self.arrival.choose(selector, context, selected, latest)
-        final = context.horizon.edges.item(-1) + context.delay
-        if final != goals.final:
-            goals.reach_at(final)
-            clock.due = remaining(clock.now, goals.period, final).edges.item(1)
-        return context, selected
 
     def reconfigure(self, settings: LawSettings, world: World) -> None:
         """Go on with other settings, in another world."""

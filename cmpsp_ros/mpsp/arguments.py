@@ -82,6 +82,23 @@ def control_bounds(
     return least, largest
 
 
+def free_final_time(
+    final_time: tuple[float, float, float] | None, x0: ArrayLike, lower: Array, upper: Array
+) -> tuple[Array, Array, Array]:
+    """Initial state and bounds with the final time as last state, and its change as last control.
+
+    It changes at stage 0, from the guess; `final_time` is the least, guessed and largest one.
+    """
+    if final_time is None or not 0.0 < final_time[0] <= final_time[1] <= final_time[2]:
+        order = '0 < least <= guess <= largest'
+        raise ProblemError(f'final_time: found {final_time}, wanted {order}')
+    least, guess, largest = final_time
+    change = np.zeros((2, len(lower), 1))
+    change[:, 0, 0] = least - guess, largest - guess
+    start = np.append(vector('x0', x0), guess)
+    return start, np.hstack([lower, change[0]]), np.hstack([upper, change[1]])
+
+
 def _bound(name: str, value: ArrayLike, shape: tuple[int, int]) -> Array:
     array = numbers(name, value)
     if array.shape not in {(), shape[1:], shape}:

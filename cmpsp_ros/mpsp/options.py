@@ -39,7 +39,8 @@ class Options:
         penalty_path: Weight of each path constraint in merit and relaxation, one for all or shape
             ``(l,)``; not negative, infinite for a linear one that is never relaxed and that the
             guess meets. None for 1000 in scaled units.
-        qp: Name of the QP back end; not asked where the closed form (35) will do.
+        qp: Name of the QP back end. Others than the default one are not asked where the closed
+            form (35) will do.
         hessian: Which Hessian of the cost.
         elastic: Whether a subproblem without a feasible point is solved relaxed.
         trust_radius: Largest predicted change of each state component in one iteration, one for

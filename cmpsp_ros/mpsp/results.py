@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import Enum
 from typing import NamedTuple
 
@@ -13,6 +13,7 @@ from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.arguments import not_finite
 from cmpsp_ros.mpsp.problem import Evaluation
 from cmpsp_ros.mpsp.qp import QPSolution, QPStatus, kkt_residual
+from cmpsp_ros.mpsp.qp.active_set.records import Space
 from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 
 SLACK_TOLERANCE = 1e-6
@@ -103,6 +104,14 @@ class Iterate:
     gap: float = 0.0
 
     @property
+    def multipliers(self) -> tuple[Array, Array, Array]:
+        """``lambda``, ``rho`` and ``beta`` of the last step, 0 at the guess."""
+        if (step := self.step) is None:
+            value = self.evaluation
+            return np.zeros_like(value.output_error), np.zeros_like(value.g), np.zeros_like(self.U)
+        return step.terminal_multipliers, step.path_multipliers, step.bound_multipliers
+
+    @property
     def not_finite(self) -> str:
         """The first number of prediction or cost that is not finite; empty where all are."""
         cost = self.evaluation.cost
@@ -158,47 +167,16 @@ class Record:
         return frozenset((int(k), int(j)) for k, j in np.argwhere(self.bound_multipliers))
 
 
-def residual_at(at: Iterate, subproblem: Subproblem | None) -> float:
+def residual_at(at: Iterate, subproblem: Subproblem | None, room: Space | None = None) -> float:
     """KKT residual of an iterate with its latest multipliers; NaN without a subproblem."""
     if subproblem is None:
         return math.nan
+    terminal, path, bounds = at.multipliers
+    path = np.where(subproblem.linearisation.g == -np.inf, 0.0, path)
     # A point that is its own subproblem's solution, with dU = 0, meets the conditions.
-    here = QPSolution.unsolved(subproblem.size, QPStatus.SOLVED)
-    if at.step is not None:
-        applies = subproblem.linearisation.g != -np.inf
-        here = replace(
-            here,
-            terminal=at.step.terminal_multipliers,
-            path=np.where(applies, at.step.path_multipliers, 0.0),
-            bounds=at.step.bound_multipliers,
-        )
-    return kkt_residual(subproblem, here, None, np.zeros_like(at.X))
-
-
-def record(at: Iterate, residual: float) -> Record:
-    """Measure an iterate whose KKT residual is known."""
-    step, evaluation = at.step, at.evaluation
-    g, moved = evaluation.g, 0.0 if at.previous_U is None else np.linalg.norm(at.U - at.previous_U)
-    terminal = np.zeros_like(evaluation.output_error)
-    path, bounds = np.zeros_like(g), np.zeros_like(at.U)
-    if step is not None:
-        terminal, path = step.terminal_multipliers, step.path_multipliers
-        bounds = step.bound_multipliers
-    return Record(
-        at.index,
-        at.U,
-        evaluation.cost,
-        float(moved),
-        0.0 if step is None else step.length,
-        float(np.linalg.norm(evaluation.output_error)),
-        float(g.max(initial=0.0)),
-        at.gap,
-        residual,
-        terminal,
-        path,
-        bounds,
-        0.0 if step is None else step.shift,
-    )
+    still, dX = np.zeros_like(at.U), np.zeros_like(at.X)
+    here = QPSolution(QPStatus.SOLVED, still, terminal, path, dX, bounds)
+    return kkt_residual(subproblem, here, None, dX, room)
 
 
 _NAMED = 4

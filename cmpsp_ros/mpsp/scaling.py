@@ -9,7 +9,6 @@ import numpy as np
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.options import Options
 from cmpsp_ros.mpsp.problem import Evaluation, Hessian, Linearisation, OptimalControlProblem
-from cmpsp_ros.mpsp.qp.dense.condensing import sensitivities
 from cmpsp_ros.mpsp.results import Iterate, Step
 
 # A state that the guess moves by less than this part of what the controls can reach tells nothing.
@@ -55,15 +54,11 @@ class Scaling:
         units changes all of them alike, and nothing in the scaled problem. Constraints whose
         penalties are given keep the user's units, in which the penalties compare them.
         """
-        blocks = sensitivities(lin.A, lin.B)
-        S_N = np.einsum('mi,jia->jma', lin.h_X, blocks[:, -1])
-        S_N[-1] += lin.h_U
         start, largest = np.abs(X[0]), np.abs(X).max(axis=0)
         output = np.maximum(np.abs(problem.target), np.abs(lin.h_X) @ start)
-        control = _control_units(problem, U, S_N, np.maximum(output, np.abs(lin.output_error)))
+        control = _control_units(problem, U, lin, np.maximum(output, np.abs(lin.output_error)))
         # Over the whole horizon what is unstable would have no scale.
-        soon = max(1, len(U) // 4) + 1
-        reach = np.sqrt(np.einsum('jkia,a->ki', blocks[:, :soon] ** 2, control**2)).max(axis=0)
+        reach = _reach(lin, control, max(1, len(U) // 4))
         known = np.maximum(start, _asked_for(lin.h_X, problem.target))
         seen = np.maximum(known, np.minimum(largest, _UNLIKELY * np.maximum(known, reach)))
         state = _or_one(np.where(seen > _STANDS_STILL * reach, seen, reach))
@@ -209,15 +204,32 @@ class ScaledProblem(OptimalControlProblem):
         return XX * x * x[:, None] / J, UX * x * u[:, None] / J, UU * u * u[:, None] / J
 
 
-def _control_units(problem: OptimalControlProblem, U: Array, S_N: Array, wanted: Array) -> Array:
+def _control_units(
+    problem: OptimalControlProblem, U: Array, lin: Linearisation, wanted: Array
+) -> Array:
     bounds = np.stack([problem.control_lower, problem.control_upper])
     found = np.abs(np.where(np.isfinite(bounds), bounds, 0.0)).max(axis=(0, 1))
-    reach = np.sqrt((S_N**2).sum(axis=0))
-    for a in np.flatnonzero(found == 0.0):
-        helps = (reach[:, a] > 0.0) & (wanted > 0.0)
-        needed = (wanted[helps] / reach[helps, a]).min() if helps.any() else 0.0
-        found[a] = max(np.abs(U[:, a]).max(), needed)
+    if not found.all():
+        h_X, S_N = lin.h_X, [lin.h_U]
+        for A, B in zip(lin.A[::-1], lin.B[::-1], strict=True):
+            S_N.append(h_X @ B)
+            h_X = h_X @ A
+        reach = np.sqrt(np.square(S_N).sum(axis=0))
+        for a in np.flatnonzero(found == 0.0):
+            helps = (reach[:, a] > 0.0) & (wanted > 0.0)
+            needed = (wanted[helps] / reach[helps, a]).min() if helps.any() else 0.0
+            found[a] = max(np.abs(U[:, a]).max(), needed)
     return _or_one(found)
+
+
+def _reach(lin: Linearisation, control: Array, steps: int) -> Array:
+    """Change of each state that independent controls of these sizes make within so many steps."""
+    B = lin.B[:steps] * control
+    squares = B @ B.swapaxes(1, 2)
+    for k in range(1, len(squares)):
+        squares[k] += lin.A[k].dot(squares[k - 1]).dot(lin.A[k].T)
+    found: Array = np.sqrt(squares.diagonal(axis1=1, axis2=2).max(axis=0))
+    return found
 
 
 def _asked_for(h_X: Array, target: Array) -> Array:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 import signal
 import time
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from geometry_msgs.msg import Twist, TwistStamped
 from nav_msgs.msg import Odometry
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
+from rclpy.publisher import Publisher
 from rclpy.serialization import deserialize_message, serialize_message
 
 from cmpsp_ros.arrays import Array
@@ -18,14 +18,10 @@ from cmpsp_ros.bags import BagError, BagWriter
 from cmpsp_ros.bags.identify import RADIUS
 from cmpsp_ros.guidance.messages import OdometryError, OdometryReading
 from cmpsp_ros.nodes.common.runtime import StartupError, run
+from cmpsp_ros.nodes.common.topic import steady_timer
 from cmpsp_ros.nodes.common.topics import COMMAND, GUIDANCE_ODOM
 
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from rclpy.publisher import Publisher
-
-    Commands = tuple[Array, Array]
+Commands = tuple[Array, Array]
 
 PERIOD = 0.05
 """Time between two commands [s]."""
@@ -45,8 +41,7 @@ _TYPES = {'geometry_msgs/msg/Twist': Twist, 'geometry_msgs/msg/TwistStamped': Tw
 class Excitation(Node):
     """Drives once, records itself, and ends its process; its last command is a zero twist.
 
-    Attributes:
-        problem: Why the drive was cut short; empty if it was not.
+    `problem` is why the drive was cut short; empty if it was not.
     """
 
     def __init__(self, bag: Path, odom: str, cmd_vel: str, commands: Commands) -> None:
@@ -65,8 +60,7 @@ class Excitation(Node):
         self._place, self._start = (math.nan, math.nan), (math.nan, math.nan)
         quality = GUIDANCE_ODOM.qos
         self.create_subscription(Odometry, self._odom, self._on_odometry, quality, raw=True)
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._timer = self.create_timer(PERIOD, self._tick, clock=steady)
+        self._timer = steady_timer(self, PERIOD, self._tick)
 
     def stop(self) -> None:
         """Stop the robot, and close the bag."""
@@ -141,16 +135,9 @@ class Excitation(Node):
 
 
 def drive(bag: Path, odom: str, cmd_vel: str, commands: Commands) -> str:
-    """Wait for odometry and a robot, drive it, and record it.
+    """Wait for odometry and a robot, drive it, and record it; why that was cut short, if it was.
 
-    Args:
-        bag: New bag.
-        odom: Topic of odometry.
-        cmd_vel: Topic of commands.
-        commands: When each phase ends [s], and its twist [m/s, rad/s].
-
-    Returns:
-        Why the drive was cut short; empty if it was not.
+    `commands` are when each phase ends [s], and its twist [m/s, rad/s].
     """
     nodes: list[Excitation] = []
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import partial
-from typing import TYPE_CHECKING
+from types import TracebackType
+from typing import Self
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from lifecycle_msgs.msg import Transition
@@ -15,30 +17,16 @@ from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 
 from cmpsp_ros.nodes.common.topics import RECORDER_FLUSH
-from cmpsp_ros.nodes.recording.received import from_values
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
-    from types import TracebackType
-    from typing import Self
-
-    from cmpsp_ros.nodes.recording.received import ByTopic
+from cmpsp_ros.nodes.recording.received import ByTopic, from_values
 
 _WAKE_PERIOD = 0.02
 
 
 @dataclass
 class GuidanceStatus:
-    """Latest messages of a guidance node.
+    """Latest diagnostics and decision of a guidance node, as text, empty before the first.
 
-    Attributes:
-        health: Latest figures of its diagnostics, as text; empty before the first.
-        level: Level of its latest diagnostics.
-        message: Message of its latest diagnostics.
-        decision: Latest decision, as text; empty before the first.
-        reason: Reason of the decision.
-        decisions: Number of decisions received.
-        commands: Number of those that were sent, and not withdrawn since they were late.
+    `commands` counts the decisions that were sent, and not withdrawn since they were late.
     """
 
     health: dict[str, str] = field(default_factory=dict)
@@ -54,10 +42,7 @@ class LifecycleClient:
     """Listens to the guidance node of each robot and activates it; a context manager.
 
     It has a ROS context of its own, in this process, and is spun only while it waits.
-
-    Attributes:
-        robots: Status of each robot, by its namespace.
-        on_decision: Called with each decision received, and the namespace of the robot.
+    `on_decision` is called with each decision received, and the namespace of the robot.
     """
 
     def __init__(self, domain_id: int, namespaces: Iterable[str] = ('',)) -> None:
@@ -111,12 +96,9 @@ class LifecycleClient:
         return True
 
     def recorded(self, timeout: float, check: Callable[[], None] = lambda: None) -> ByTopic:
-        """Messages that the recorder has written, by topic.
+        """Messages that the recorder has written, by topic; TimeoutError without an answer [s].
 
         `check` is called repeatedly, and may raise an error of its own.
-
-        Raises:
-            TimeoutError: It did not answer within the time [s].
         """
         end = time.monotonic() + timeout
 
@@ -138,12 +120,9 @@ class LifecycleClient:
         namespace: str = '',
         still_compiles: Callable[[], bool] = lambda: False,
     ) -> bool:
-        """Configure the guidance node of a robot; True if it agreed.
+        """Configure the guidance node of a robot; True if it agreed, or TimeoutError.
 
         After each timeout [s], `still_compiles` decides on further waiting.
-
-        Raises:
-            TimeoutError: It did not answer within the time.
         """
         transition = Transition.TRANSITION_CONFIGURE
         return self._change_state(transition, timeout, namespace, still_compiles)

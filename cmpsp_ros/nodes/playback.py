@@ -9,25 +9,22 @@ import sys
 import termios
 import time
 import tty
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.time import Time
 from rosgraph_msgs.msg import Clock as ClockMessage
 from std_srvs.srv import Trigger
 
 from cmpsp_ros.bags import Bag, BagError, UnknownTypeError
-from cmpsp_ros.nodes.common.message_types import message_class
 from cmpsp_ros.nodes.common.qos import offering
 from cmpsp_ros.nodes.common.runtime import run
+from cmpsp_ros.nodes.common.topic import message_class, steady_timer
 from cmpsp_ros.nodes.common.topics import CLOCK
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
-    from pathlib import Path
 
 _CLOCK_PERIOD = 10_000_000
 """Maximum time between two messages of the clock [ns]."""
@@ -154,9 +151,8 @@ class Player(Node):
             ('toggle_paused', self._toggle),
         ):
             self.create_service(Trigger, f'~/{name}', partial(_answer, change))
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._timer = self.create_timer(_MIN_WAIT / 1e9, self._publish_due, clock=steady)
-        self.create_timer(_KEY_PERIOD, self._on_keys, clock=steady)
+        self._timer = steady_timer(self, _MIN_WAIT / 1e9, self._publish_due)
+        steady_timer(self, _KEY_PERIOD, self._on_keys)
         self._rewind()
         if not playback.paused:
             self._resume()
@@ -243,11 +239,8 @@ def _answer(
 def play(path: Path, playback: Playback, remappings: Sequence[str] = ()) -> int:
     """Play a bag until its end or a signal, as the last thing a process does; returns exit code.
 
-    Remappings are rules of ROS, as in `/odom:=/r1/odom`.
-
-    Raises:
-        BagError: The bag cannot be read, is empty, or lacks a topic.
-
+    Remappings are rules of ROS, as in `/odom:=/r1/odom`. Raises BagError for a bag that cannot be
+    read, is empty, or lacks a topic.
     """
     with Bag(path) as bag:
         topics = chosen_topics(bag, playback.topics)
@@ -262,9 +255,7 @@ def play(path: Path, playback: Playback, remappings: Sequence[str] = ()) -> int:
 def chosen_topics(bag: Bag, wanted: Sequence[str]) -> list[str]:
     """Topics of a bag to play, whose types are installed here; by default not `_OF_OTHERS`.
 
-    Raises:
-        BagError: One that is wanted is not there, or not of a type that is installed here.
-
+    Raises BagError for one that is not there, or not of a type that is installed here.
     """
     chosen = []
     for name in list(dict.fromkeys(wanted)) or sorted(bag.topics.keys() - _OF_OTHERS):

@@ -12,21 +12,8 @@ from pathlib import Path
 from typing import Final
 from xml.etree import ElementTree as ET
 
-from cmpsp_ros.nodes.common.topics import (
-    CLOCK,
-    DECISION,
-    GOAL_POSE,
-    GUIDANCE_MOVING,
-    GUIDANCE_ODOM,
-    MARKERS,
-    OTHER_PLANS,
-    PLAN,
-    PLAN_MARKERS,
-    SIGHTING,
-    SIM_WHEELS,
-    TOPICS,
-    Topic,
-)
+from cmpsp_ros.nodes.common import topics
+from cmpsp_ros.nodes.common.topic import Topic
 from cmpsp_ros.nodes.guidance.inputs.goals import FOLLOW, NAVIGATE
 from cmpsp_ros.nodes.recording.options import ALWAYS, own_topics
 
@@ -55,12 +42,7 @@ _TF: Final = {'/tf', '/tf_static'}
 class Rights:
     """Rights of one node; names below its namespace, or absolute, with `*` for anything.
 
-    Attributes:
-        node: Name, and that of its enclave.
-        publish: Topics.
-        subscribe: Topics.
-        reply: Services that it offers.
-        request: Services that it calls.
+    It publishes and subscribes topics, replies to and requests services.
     """
 
     node: str
@@ -73,17 +55,26 @@ class Rights:
         self.publish |= {'/rosout', '/parameter_events'}
         self.reply |= {f'{self.node}/{name}' for name in _NODE_SERVICES}
         places = {'in': self.subscribe, 'out': self.publish, 'srv': self.reply}
-        for each in TOPICS:
+        for each in topics.TOPICS:
             if each.node == self.node:
                 places[each.direction].add(_name(each))
 
 
 def rights() -> tuple[Rights, ...]:
     """Rights of all nodes: those in the table of topics, and these."""
-    absolute = {each.name for each in TOPICS if each.name.startswith('/')}
+    absolute = {each.name for each in topics.TOPICS if each.name.startswith('/')}
     recorded = {each if each in absolute else each[1:] for each in own_topics('/')}
-    shown = GUIDANCE_ODOM, DECISION, PLAN, MARKERS, PLAN_MARKERS, SIGHTING, SIM_WHEELS, CLOCK
-    played = GUIDANCE_ODOM, GUIDANCE_MOVING, GOAL_POSE, CLOCK
+    shown = (
+        topics.GUIDANCE_ODOM,
+        topics.DECISION,
+        topics.PLAN,
+        topics.MARKERS,
+        topics.PLAN_MARKERS,
+        topics.SIGHTING,
+        topics.SIM_WHEELS,
+        topics.CLOCK,
+    )
+    played = topics.GUIDANCE_ODOM, topics.GUIDANCE_MOVING, topics.GOAL_POSE, topics.CLOCK
     actions = [f'{action}/_action' for action in (NAVIGATE, FOLLOW)]
     return (
         Rights(
@@ -94,14 +85,14 @@ def rights() -> tuple[Rights, ...]:
                 *(f'{action}/{name}' for action in actions for name in _ACTION_TOPICS),
             },
             # The clock is for use_sim_time, as with the viewer; the recorder hears it anyway.
-            subscribe={CLOCK.name, *_TF},
+            subscribe={topics.CLOCK.name, *_TF},
             reply={
                 *(f'guidance/{name}' for name in _LIFECYCLE_SERVICES),
                 *(f'{action}/{name}' for action in actions for name in _ACTION_SERVICES),
             },
         ),
         Rights('sim', publish=set(_TF)),
-        Rights('recorder', subscribe={*recorded, _name(OTHER_PLANS), *ALWAYS, *_TF}),
+        Rights('recorder', subscribe={*recorded, _name(topics.OTHER_PLANS), *ALWAYS, *_TF}),
         Rights('viewer', subscribe=set(map(_name, shown)), request={'guidance/get_parameters'}),
         Rights(
             'player',

@@ -3,39 +3,26 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable, Mapping
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticArray
+from nav_msgs.msg import OccupancyGrid, Odometry, Path
 from rcl_interfaces.msg import ParameterDescriptor
 from rcl_interfaces.srv import GetParameters
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.task import Future
+from sensor_msgs.msg import JointState
+from visualization_msgs.msg import MarkerArray
 
+from cmpsp_ros.nodes import viewer_messages as shown
 from cmpsp_ros.nodes.common import topics
 from cmpsp_ros.nodes.common.runtime import StartupError, run
-from cmpsp_ros.nodes.viewer_messages import (
-    SERIES,
-    course_of,
-    decision_of,
-    moving_of,
-    place_of,
-    plan_of,
-    seen_of,
-    speeds_of,
-    step_of,
-)
+from cmpsp_ros.nodes.common.topic import steady_timer
 from cmpsp_ros.view import SharedState, ViewError, ViewServer
 from cmpsp_ros.world.grids import GridError
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-
-    from diagnostic_msgs.msg import DiagnosticArray
-    from nav_msgs.msg import OccupancyGrid, Odometry, Path
-    from rclpy.task import Future
-    from sensor_msgs.msg import JointState
-    from visualization_msgs.msg import MarkerArray
 
 HOST, PORT = '127.0.0.1', 8765
 
@@ -59,12 +46,8 @@ _ASKED = (
 class Viewer(Node):
     """Subscribes, and serves a live page until stopped; it publishes nothing.
 
-    Args:
-        namespace: Namespace of the nodes to show; that of the command line when absent.
-        parameters: Parameters, before those of the command line.
-
-    Raises:
-        StartupError: The page cannot be served at `host` and `port`.
+    Namespace and parameters of the command line override those given; StartupError where the page
+    cannot be served at `host` and `port`.
     """
 
     def __init__(
@@ -75,7 +58,7 @@ class Viewer(Node):
         fixed = ParameterDescriptor(read_only=True)
         host = self.declare_parameter('host', HOST, fixed).value
         port = self.declare_parameter('port', PORT, fixed).value
-        self._state = SharedState(SERIES)
+        self._state = SharedState(shown.SERIES)
         self._server = self._serve(host, port)
         self._place: tuple[float, float, float] | None = None
         self._number: tuple[str, float | None] = '', None
@@ -84,7 +67,7 @@ class Viewer(Node):
         # Of a node's services for parameters the only one that changes nothing and is needed.
         self._client = self.create_client(GetParameters, 'guidance/get_parameters')
         # Simulated time may stand still; the page is to know the robot all the same.
-        self.create_timer(_ASK_PERIOD, self._ask, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        steady_timer(self, _ASK_PERIOD, self._ask)
         self._state.show('namespace', self.get_namespace())
         self._server.start()
         # Not by the logger, which tells the token to all who listen to /rosout.
@@ -125,7 +108,7 @@ class Viewer(Node):
             self.create_subscription(topic.type, name, callback, topic.qos)
 
     def _on_odometry(self, message: Odometry) -> None:
-        place = place_of(message)
+        place = shown.place_of(message)
         if place is None:
             return
         self._state.show('place', place)
@@ -135,32 +118,32 @@ class Viewer(Node):
             self._place = place
 
     def _on_decision(self, message: DiagnosticArray) -> None:
-        decision = decision_of(message)
+        decision = shown.decision_of(message)
         number = decision['run'], decision['step']
         if number != self._number and (number[0] != self._number[0] or number[1] == 0):
             self._state.begin()
         self._number = number
         self._state.alive()
         self._state.show('decision', decision)
-        self._state.add('steps', step_of(decision))
+        self._state.add('steps', shown.step_of(decision))
 
     def _on_plan(self, message: Path) -> None:
-        self._state.show('plan', plan_of(message))
+        self._state.show('plan', shown.plan_of(message))
 
     def _on_markers(self, message: MarkerArray) -> None:
-        self._state.show_course(course_of(message))
+        self._state.show_course(shown.course_of(message))
         # They are sent anew when parameters have changed.
         self._robot = None
 
     def _on_plan_markers(self, message: MarkerArray) -> None:
-        self._state.show('moving', moving_of(message))
+        self._state.show('moving', shown.moving_of(message))
 
     def _on_wheels(self, message: JointState) -> None:
-        self._state.show('driven', speeds_of(message))
+        self._state.show('driven', shown.speeds_of(message))
 
     def _on_sighting(self, message: OccupancyGrid) -> None:
         with suppress(GridError):
-            self._state.show('seen', seen_of(message))
+            self._state.show('seen', shown.seen_of(message))
 
     def _ask(self) -> None:
         """Ask the guidance node for data that no topic carries."""
@@ -176,11 +159,7 @@ class Viewer(Node):
 
 
 def view(host: str, port: int, namespace: str) -> int:
-    """Show the nodes of a namespace until SIGINT or SIGTERM, as the last thing a process does.
-
-    Returns:
-        Exit code: 0 after a signal, 1 when the page cannot be served.
-    """
+    """Show the nodes of a namespace until SIGINT or SIGTERM; returns exit code."""
     return run(lambda: Viewer(namespace, {'host': host, 'port': port}), name='viewer', args=[])
 
 

@@ -6,21 +6,17 @@ Anybody may publish on these topics: no message can make the page large or slow.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
-from diagnostic_msgs.msg import DiagnosticStatus
-from visualization_msgs.msg import Marker
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from nav_msgs.msg import OccupancyGrid, Odometry, Path
+from sensor_msgs.msg import JointState
+from visualization_msgs.msg import Marker, MarkerArray
 
 from cmpsp_ros.guidance import DECISION_KEYS, Key
 from cmpsp_ros.sensing import grid_of
 from cmpsp_ros.view import grid_picture
 from cmpsp_ros.world.grids import GridError
-
-if TYPE_CHECKING:
-    from diagnostic_msgs.msg import DiagnosticArray
-    from nav_msgs.msg import OccupancyGrid, Odometry, Path
-    from sensor_msgs.msg import JointState
-    from visualization_msgs.msg import MarkerArray
 
 SERIES: Final = ('path', 'steps')
 """Series kept row by row: (x, y); and `step_of` each decision."""
@@ -82,11 +78,7 @@ def plan_of(message: Path) -> list[list[float]]:
 
 
 def seen_of(message: OccupancyGrid) -> dict[str, Any]:
-    """The picture of a grid.
-
-    Raises:
-        GridError: It is none, or turned.
-    """
+    """The picture of a grid, or GridError where it is none, or turned."""
     grid = grid_of(message, message.header.frame_id)
     if grid.origin[2] != 0.0:
         raise GridError('origin', f'{grid.origin[2]} rad', 'a grid along the axes')

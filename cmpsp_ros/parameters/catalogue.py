@@ -5,28 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Final
 
-from cmpsp_ros.guidance import (
-    InitialGuess,
-    MovingObstacles,
-    Safety,
-    SolverSettings,
-    TaskSettings,
-    Weights,
-)
+from cmpsp_ros import guidance, simulator
 from cmpsp_ros.parameters.obstacles import map_parameters, shape_parameters
 from cmpsp_ros.parameters.parameter import REQUIRED, Group, Parameter, ParameterType
 from cmpsp_ros.parameters.roads import road_parameters
 from cmpsp_ros.parameters.table import ParameterTable
 from cmpsp_ros.sensing import Sensor, SightSettings, TrackSource
 from cmpsp_ros.setting import NOT_NEGATIVE, POSITIVE, Range, settings_of
-from cmpsp_ros.simulator import (
-    LaserSettings,
-    OdometryErrors,
-    PeopleSettings,
-    Physics,
-    PlantSettings,
-    Walker,
-)
 
 _BOOL, _INTEGER, _DOUBLE = ParameterType.BOOL, ParameterType.INTEGER, ParameterType.DOUBLE
 _STRING, _DOUBLES = ParameterType.STRING, ParameterType.DOUBLE_ARRAY
@@ -42,18 +27,18 @@ def _parameters() -> Iterator[Parameter]:
     of_task = Group('Task', 'guidance')
 
     task = Group('Task', 'guidance', 'sim')
-    yield from task.of(TaskSettings, only=('frame_id', 'control_period'))
+    yield from task.of(guidance.TaskSettings, only=('frame_id', 'control_period'))
     yield task('robot_frame', _STRING, '', '',
         "Frame of the robot's centre, midway between its wheels, if odometry is that of another "
         'point: transformed with `/tf`. Empty: the child frame of odometry.',
         **_FIXED, **guidance_only)
     delays = 'command_delay', 'max_command_delay', 'delay_tolerance', 'max_lag', 'max_slip'
-    yield from of_task.of(TaskSettings, only=delays)
+    yield from of_task.of(guidance.TaskSettings, only=delays)
     yield task('final_time', _DOUBLE, 10.0, 's',
         'Time at which to pass the goal, counted from the first odometry; 10 s in the paper. With '
         '`follow.speed`: time at which to stop; 0: never. With `goal.when` = `soonest` it does not '
         'matter.', range=NOT_NEGATIVE, **_FIXED)
-    yield from of_task.of(TaskSettings, only=('start_tolerance',))
+    yield from of_task.of(guidance.TaskSettings, only=('start_tolerance',))
     yield task('start.pose', _DOUBLES, [], 'm, m, rad',
         'Pose at which a run should begin (x, y, heading); only the position is checked. Empty: '
         'anywhere on the road.', **guidance_only)
@@ -63,7 +48,7 @@ def _parameters() -> Iterator[Parameter]:
         'Heading at the goal: one number, or empty for any.', **guidance_only)
     times = 'when', 'may_be_late', 'patience'
     goal = 'goal_tolerance', 'heading_tolerance', *times, 'hold', 'nominal_speed'
-    yield from of_task.of(TaskSettings, only=goal)
+    yield from of_task.of(guidance.TaskSettings, only=goal)
     yield task('goal.wait', _BOOL, False, '',
         'Whether the robot waits until a goal is received, instead of driving to `goal.position`.',
         **_FIXED, **guidance_only)
@@ -143,8 +128,8 @@ def _parameters() -> Iterator[Parameter]:
 
     moving = Group('Moving obstacles', 'guidance')
     own = 'capacity', 'timeout', 'growth'
-    yield from moving.of(MovingObstacles, 'moving_obstacles.', own)
-    yield from moving.of(MovingObstacles, only=('quantile', 'max_acceleration'))
+    yield from moving.of(guidance.MovingObstacles, 'moving_obstacles.', own)
+    yield from moving.of(guidance.MovingObstacles, only=('quantile', 'max_acceleration'))
     sim_only = {'nodes': ('sim',), **_FIXED}
     yield moving('moving_obstacles.names', _STRINGS, [], '',
         'Obstacles that the simulator moves and publishes, each with its own block; omit it if '
@@ -170,15 +155,15 @@ def _parameters() -> Iterator[Parameter]:
     yield from sight.of(Sensor, 'sensors.<name>.')
     yield from sight.of(SightSettings, 'sight.')
     others = 'others', 'others_radius'
-    yield from Group('Other robots', 'guidance').of(MovingObstacles, only=others)
-    yield from Group('Cost', 'guidance').of(Weights, 'weights.')
+    yield from Group('Other robots', 'guidance').of(guidance.MovingObstacles, only=others)
+    yield from Group('Cost', 'guidance').of(guidance.Weights, 'weights.')
     solver = Group('Solver', 'guidance')
-    yield from solver.of(SolverSettings, 'solver.')
-    yield from solver.of(InitialGuess, 'initial_guess.')
+    yield from solver.of(guidance.SolverSettings, 'solver.')
+    yield from solver.of(guidance.InitialGuess, 'initial_guess.')
     safety = Group('Safety', 'guidance')
-    yield from safety.of(Safety, 'safety.')
-    yield from safety.of(MovingObstacles, only=('max_speed',))
-    yield from safety.of(TaskSettings, only=('odom_timeout', 'failure_tolerance'))
+    yield from safety.of(guidance.Safety, 'safety.')
+    yield from safety.of(guidance.MovingObstacles, only=('max_speed',))
+    yield from safety.of(guidance.TaskSettings, only=('odom_timeout', 'failure_tolerance'))
 
     node = Group('Node', 'guidance', 'sim')
     yield node('enable_stamped_cmd_vel', _BOOL, False, '',
@@ -205,11 +190,11 @@ def _parameters() -> Iterator[Parameter]:
 
     sim = Group('Simulator', 'sim')
     own = 'initial_pose', 'odom_rate', 'odom_jitter'
-    yield from sim.of(PlantSettings, only=own)
+    yield from sim.of(simulator.PlantSettings, only=own)
     yield sim('clock_offset', _DOUBLE, 0.0, 's',
         'Time by which the clock of the robot, in all stamps of the simulator, is ahead of the '
         'ROS time of the other nodes.', range=Range(-3600.0, 3600.0), **_FIXED)
-    yield from sim.of(PlantSettings, only=('cmd_vel_timeout',), nodes=('guidance', 'sim'))
+    yield from sim.of(simulator.PlantSettings, only=('cmd_vel_timeout',), nodes=('guidance', 'sim'))
     yield sim('real_time_factor', _DOUBLE, 1.0, '',
         'Simulated seconds per second of wall time.', range=POSITIVE, **_FIXED)
     yield sim('publish_clock', _BOOL, False, '',
@@ -223,24 +208,24 @@ def _parameters() -> Iterator[Parameter]:
         range=POSITIVE)
 
     plant = Group('Disturbances of the simulator', 'sim')
-    rest = settings_of(PlantSettings).keys() - {*own, 'cmd_vel_timeout', 'seed'}
-    yield from plant.of(PlantSettings, only=rest)
-    yield from plant.of(OdometryErrors, 'noise.')
+    rest = settings_of(simulator.PlantSettings).keys() - {*own, 'cmd_vel_timeout', 'seed'}
+    yield from plant.of(simulator.PlantSettings, only=rest)
+    yield from plant.of(simulator.OdometryErrors, 'noise.')
     yield plant('noise.dropout_windows', _DOUBLES, [], 's',
         'Intervals in which all odometry is lost: begin and end of each, in order, counted from '
         'the start of the simulator or its last reset; omit it if there are none.',
         range=NOT_NEGATIVE, **_FIXED)
-    yield from plant.of(PlantSettings, only=('seed',))
+    yield from plant.of(simulator.PlantSettings, only=('seed',))
 
     physics = Group('Physics of the simulator', 'sim')
     yield physics('plant', _STRING, 'kinematic', '',
         'Model of the robot: exact arcs of the commanded wheel speeds, or a body with mass, '
         'motors and tyres in MuJoCo (installed separately).',
         choices=('kinematic', 'mujoco'), **_FIXED)
-    yield from physics.of(Physics, 'physics.')
+    yield from physics.of(simulator.Physics, 'physics.')
 
     scan = Group('Laser scanner of the simulator', 'sim')
-    yield from scan.of(LaserSettings, 'sim.scan.')
+    yield from scan.of(simulator.LaserSettings, 'sim.scan.')
     yield scan('sim.obstacles.names', _STRINGS, [], '',
         'Names of obstacles that only the simulator knows, each with its own block; omit it if '
         'there are none.')
@@ -253,8 +238,8 @@ def _parameters() -> Iterator[Parameter]:
         **_FIXED)
     yield people('sim.people.<name>.position', _DOUBLES, REQUIRED, 'm',
         'Initial position (x, y).', **_POINT, **_FIXED)
-    yield from people.of(Walker, 'sim.people.<name>.')
-    yield from people.of(PeopleSettings, 'sim.people.')
+    yield from people.of(simulator.Walker, 'sim.people.<name>.')
+    yield from people.of(simulator.PeopleSettings, 'sim.people.')
 # fmt: on
 
 

@@ -37,8 +37,7 @@ class Course:
         knows_road: Whether it is valid, and no placeholder.
         obstacles: Static obstacles, including the map; none where one is invalid.
         footprint: The robot's corners, and the discs that cover it.
-        radius: Radius of each of these discs [m].
-        radius_name: Description of that radius.
+        radius: Radius of each of these discs [m]; `radius_name` is its description.
     """
 
     road: Road
@@ -50,11 +49,7 @@ class Course:
 
     @classmethod
     def of(cls, values: Values, problems: Problems) -> Self:
-        """Course of a parameter set; invalid parts are noted as problems.
-
-        Raises:
-            ParameterError: The footprint is invalid.
-        """
+        """Course of a parameter set; invalid parts are problems, an invalid footprint an error."""
         footprint, radius = footprint_of(values)
         name = f'the radius of the discs of {FOOTPRINT}' if footprint.corners else 'robot.radius'
         kept = radius + values['safety.margin']
@@ -71,12 +66,9 @@ class Course:
     def place_problems(
         self, key: str, point: Point, heading: float | None = None
     ) -> Iterator[Problem]:
-        """Problems if the robot, without its margin, cannot be at a point.
+        """Problems if the robot, without its margin, cannot be at the point of a key [m].
 
-        Args:
-            key: Parameter of the point.
-            point: The point [m].
-            heading: Heading there [rad]; None for any.
+        The heading there may be any [rad].
         """
         road = self.road if self.knows_road else OpenFloor()
         space = FreeSpace.of(road, self.obstacles, self.radius, self.footprint.discs)
@@ -96,9 +88,7 @@ class Course:
 def course_problems(values: Values, given: Collection[str]) -> Iterator[Problem]:
     """Problems if the course is incomplete: it needs a road, and a goal or a speed to follow it.
 
-    Args:
-        values: A set resolved by the table.
-        given: Keys given by the user; all others are defaults.
+    Keys that are not given by the user are defaults.
     """
     if not any(key.startswith('road.') for key in given):
         types = f'{", ".join(ROAD_TYPES[:-1])} or {ROAD_TYPES[-1]}'

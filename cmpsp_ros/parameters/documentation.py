@@ -11,6 +11,7 @@ import json
 import math
 import sys
 import textwrap
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -84,14 +85,14 @@ def defaults_file() -> str:
     return '\n'.join(rows) + '\n'
 
 
-def main() -> int:
+def main(arguments: Sequence[str] | None = None) -> int:
     """Print the table, the file or the schema, or write the table into a page."""
     parser = argparse.ArgumentParser(description=__doc__, prog='documentation')
     choice = parser.add_mutually_exclusive_group()
     choice.add_argument('--write', metavar='PAGE.md', type=Path, help='replace the table in it')
     choice.add_argument('--defaults', action='store_true', help='print the file of defaults')
     choice.add_argument('--schema', action='store_true', help='print the JSON schema')
-    given = parser.parse_args()
+    given = parser.parse_args(arguments)
     if given.write is None:
         schema = f'{json.dumps(json_schema(), indent=2)}\n' if given.schema else ''
         sys.stdout.write(schema or (defaults_file() if given.defaults else f'{markdown_table()}\n'))
@@ -109,8 +110,7 @@ def main() -> int:
 def with_section(text: str, name: str, content: str, source: str) -> str:
     """Replace the part between `<!-- name:begin -->` and `<!-- name:end -->` of a text.
 
-    Raises:
-        ParameterError: If the text, with this name of its source, has no such part.
+    Raises ParameterError, which names the source, if it has no such part.
     """
     mark_begin, mark_end = f'<!-- {name}:begin -->', f'<!-- {name}:end -->'
     before, begin, rest = text.partition(mark_begin)

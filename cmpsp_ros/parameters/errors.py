@@ -20,11 +20,7 @@ class Problem(NamedTuple):
 
 
 class ParameterError(ValueError):
-    """An invalid set of parameters; its message has one line for each problem.
-
-    Attributes:
-        problems: All problems of the set, at least one.
-    """
+    """An invalid set of parameters; its message has one line for each of its `problems`."""
 
     def __init__(self, *problems: Problem) -> None:
         super().__init__(*problems)

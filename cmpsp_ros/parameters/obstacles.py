@@ -89,9 +89,7 @@ def obstacles_of(values: Values) -> tuple[Shape, ...]:
     """The static obstacles, including the map.
 
     Raises:
-        ParameterError: A block lacks a value that its type needs, or has one of another type, its
-            vertices are not a convex polygon, or the map is invalid; names the key and the vertex.
-            With all problems of all obstacles.
+        ParameterError: With all problems of all obstacles; names key and vertex.
     """
     problems = Problems()
     shapes = problems.attempt(lambda: shapes_of(values, 'obstacles'))
@@ -106,11 +104,7 @@ def obstacles_of(values: Values) -> tuple[Shape, ...]:
 
 
 def shapes_of(values: Values, section: str = HIDDEN) -> tuple[Shape, ...]:
-    """The shapes of a section, by default of those that only the simulator knows.
-
-    Raises:
-        ParameterError: As from `obstacles_of`.
-    """
+    """The shapes of a section, by default of those that only the simulator knows."""
     problems = Problems()
     prefixes = [f'{section}.{name}' for name in values[f'{section}.names']]
     shapes = [problems.attempt(partial(_shape, values, prefix)) for prefix in prefixes]
@@ -119,11 +113,7 @@ def shapes_of(values: Values, section: str = HIDDEN) -> tuple[Shape, ...]:
 
 
 def map_of(values: Values) -> GridObstacle | None:
-    """The occupied cells of the map, if there is one; the same object for the same map.
-
-    Raises:
-        ParameterError: It is no map, or nothing is free in it.
-    """
+    """The occupied cells of the map, if there is one; the same object for the same map."""
     if values['map.cells'] == NO_MAP:
         return None
     x, y, yaw = values['map.origin']

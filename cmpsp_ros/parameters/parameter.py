@@ -58,7 +58,6 @@ class Parameter:
 
     Attributes:
         name: Its key, with ``<name>`` in place of a name listed by the user.
-        type: Type of its values.
         default: Value when none is given, or ``REQUIRED``. Text may be empty if this is.
         unit: SI unit, empty when there is none.
         description: One or more sentences for the table.
@@ -199,13 +198,9 @@ class Group:
     def of(
         self, kind: type, prefix: str = '', only: Collection[str] = (), **rest: Any
     ) -> Iterator[Parameter]:
-        """Parameters of the settings that a dataclass declares.
+        """Parameters of the settings that a dataclass declares, or of `only` some fields.
 
-        Args:
-            kind: The dataclass.
-            prefix: Prefix of their names.
-            only: Fields, if not all.
-            rest: As in `Parameter`.
+        `rest` as in `Parameter`.
         """
         declared = settings_of(kind)
         hints = _annotations(kind, declared)

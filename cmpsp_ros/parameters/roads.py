@@ -63,11 +63,8 @@ def lacks_road(values: Values) -> bool:
 def road_of(values: Values, kept: float = 0.0) -> Road:
     """Road of a parameter set; until one is received, a placeholder for compiling code.
 
-    The placeholder has the same type, and room for a distance from its edges, `kept` [m].
-
-    Raises:
-        ParameterError: A corridor's lists do not match, or its points are not a road; names the
-            point.
+    The placeholder has the same type, and room for a distance from its edges, `kept` [m]. Raises
+    ParameterError, which names the point.
     """
     return _placeholder(kept) if lacks_road(values) else _KINDS[values['road.type']].make(values)
 
@@ -143,13 +140,7 @@ def _placeholder(kept: float) -> Corridor:
 
 
 class _Kind(NamedTuple):
-    """A type of road.
-
-    Attributes:
-        make: Makes the road of a set of values.
-        keys: Parameters that the checks need.
-        narrow: Problems of a road that is too narrow; arguments as of `road_problems`.
-    """
+    """A type of road: its maker, parameters that its checks need, and problems if it is narrow."""
 
     make: Callable[[Values], Road]
     keys: tuple[str, ...]

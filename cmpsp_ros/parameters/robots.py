@@ -11,20 +11,10 @@ from typing import Any, Final
 
 import numpy as np
 
+from cmpsp_ros import robots
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
 from cmpsp_ros.parameters.table import Values
-from cmpsp_ros.robots import (
-    Ackermann,
-    DifferentialDrive,
-    Footprint,
-    Point,
-    Robot,
-    contains,
-    covered,
-    mecanum,
-    on_omni_wheels,
-)
 
 FOOTPRINT: Final = 'robot.footprint'
 
@@ -35,25 +25,18 @@ _FEWEST_WHEELS: Final = 3
 _SINGULAR: Final = 1e-6
 
 
-def robot_of(values: Values) -> Robot:
-    """The robot, of the model that `robot.model` names.
-
-    Raises:
-        ParameterError: It is a class of one's own that cannot be used, or has too few directions
-            of wheels.
-    """
+def robot_of(values: Values) -> robots.Robot:
+    """The robot, of the model that `robot.model` names, or ParameterError."""
     model = values['robot.model']
     if model in MODELS:
         return MODELS[model](values)
-    from cmpsp_ros.robots import ModelError, custom_robot  # noqa: PLC0415 (few need it)
-
     try:
-        return custom_robot(model, values)
-    except ModelError as error:
+        return robots.custom_robot(model, values)
+    except robots.ModelError as error:
         raise ParameterError(Problem('robot.model', *error.args)) from error
 
 
-def robot_problems(values: Values, robot: Robot) -> Iterator[Problem]:
+def robot_problems(values: Values, robot: robots.Robot) -> Iterator[Problem]:
     """Parameters that a robot lacks or cannot follow."""
     model, names = values['robot.model'], values['robot.joint_names']
     counts = {
@@ -90,13 +73,13 @@ def _car_problems(values: Values) -> Iterator[Problem]:
         yield Problem('goal.hold', 'true', 'false for a car: it cannot turn where it stands')
 
 
-def _on_omni_wheels(values: Values) -> Robot:
+def _on_omni_wheels(values: Values) -> robots.Robot:
     bearings = values['robot.wheel_bearings']
     rows = [(-math.sin(each), math.cos(each), 1.0) for each in bearings]
     if len(rows) < _FEWEST_WHEELS or np.linalg.svd(rows, compute_uv=False)[-1] < _SINGULAR:
         wanted = 'three or more directions, of which three differ'
         raise ParameterError(Problem('robot.wheel_bearings', describe(bearings), wanted))
-    return on_omni_wheels(values['robot.half_track'], bearings, **_wheels(values))
+    return robots.on_omni_wheels(values['robot.half_track'], bearings, **_wheels(values))
 
 
 def _wheels(values: Values) -> dict[str, float]:
@@ -107,15 +90,15 @@ def _wheels(values: Values) -> dict[str, float]:
     }
 
 
-MODELS: Final[dict[str, Callable[[Values], Robot]]] = {
-    'differential_drive': lambda values: DifferentialDrive(
+MODELS: Final[dict[str, Callable[[Values], robots.Robot]]] = {
+    'differential_drive': lambda values: robots.DifferentialDrive(
         half_track=values['robot.half_track'], **_wheels(values)
     ),
-    'mecanum': lambda values: mecanum(
+    'mecanum': lambda values: robots.mecanum(
         values['robot.half_track'], values['robot.half_wheel_base'], **_wheels(values)
     ),
     'omni_wheels': _on_omni_wheels,
-    'ackermann': lambda values: Ackermann(
+    'ackermann': lambda values: robots.Ackermann(
         wheel_base=values['robot.wheel_base'],
         max_steering_angle=values['robot.max_steering_angle'],
         max_steering_rate=values['robot.max_steering_rate'] or math.inf,
@@ -125,28 +108,28 @@ MODELS: Final[dict[str, Callable[[Values], Robot]]] = {
 """Makers of the robots that `robot.model` names."""
 
 
-def footprint_of(values: Values) -> tuple[Footprint, float]:
+def footprint_of(values: Values) -> tuple[robots.Footprint, float]:
     """The footprint, and the radius of each disc that covers it [m].
 
     Raises ParameterError unless it is a polygon around the robot's reference point.
     """
     text, excess = values[FOOTPRINT], values['robot.footprint_excess']
-    return _covered(text, excess) if text else (Footprint(), values['robot.radius'])
+    return _covered(text, excess) if text else (robots.Footprint(), values['robot.radius'])
 
 
 @lru_cache(maxsize=16)
-def _covered(text: str, excess: float) -> tuple[Footprint, float]:
+def _covered(text: str, excess: float) -> tuple[robots.Footprint, float]:
     corners = _read(text)
     if problem := _why_no_polygon(np.array(corners)):
         raise ParameterError(Problem(FOOTPRINT, problem, _CORNERS))
     try:
-        return covered(corners, excess)
+        return robots.covered(corners, excess)
     except ValueError as error:
         found = f'{excess:g} m, which takes too many discs'
         raise ParameterError(Problem('robot.footprint_excess', found, str(error))) from error
 
 
-def _read(text: str) -> list[Point]:
+def _read(text: str) -> list[robots.Point]:
     """Three or more corners, from text as Nav2 writes it."""
     try:
         corners: Any = ast.literal_eval(text)
@@ -178,7 +161,7 @@ def _why_no_polygon(corners: Array) -> str:
         is_neighbour = 1 in (j - i, (i - j) % count)
         if _meet(corners[i], after[i], corners[j], after[j], is_neighbour=is_neighbour):
             return f'sides that cross, from corners {i} and {j} (from 0)'
-    if not contains(corners, np.zeros(2)):
+    if not robots.contains(corners, np.zeros(2)):
         return 'corners that do not go around [0, 0], where odometry is of'
     return ''
 

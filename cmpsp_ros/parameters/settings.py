@@ -11,16 +11,8 @@ from typing import Any, Final
 
 import numpy as np
 
+from cmpsp_ros import guidance, simulator
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.guidance import (
-    SEEN,
-    GuidanceSettings,
-    InitialGuess,
-    MovingObstacles,
-    Safety,
-    SolverSettings,
-    Weights,
-)
 from cmpsp_ros.mpsp import ProblemError
 from cmpsp_ros.mpsp.qp import available, backend
 from cmpsp_ros.parameters.course import (
@@ -38,14 +30,6 @@ from cmpsp_ros.parameters.roads import road_of
 from cmpsp_ros.parameters.robots import footprint_of, robot_of, robot_problems
 from cmpsp_ros.parameters.table import Values
 from cmpsp_ros.sensing import Sensor, SightSettings, TrackSource
-from cmpsp_ros.simulator import (
-    LaserSettings,
-    OdometryErrors,
-    PeopleSettings,
-    Physics,
-    PlantSettings,
-    Walker,
-)
 from cmpsp_ros.world.obstacles import Shape
 
 _MOST_STEPS: Final = 10_000
@@ -59,18 +43,12 @@ _DIVISORS: Final = ('robot.wheel_radius', 'robot.half_track', 'weights.control_c
 _NAMESPACE: Final = re.compile(r'(?:/[A-Za-z_]\w*)+', re.ASCII)
 
 
-def guidance_settings(values: Values) -> GuidanceSettings:
-    """Settings of the guidance law.
-
-    Returns:
-        The settings, checked against each other.
+def guidance_settings(values: Values) -> guidance.GuidanceSettings:
+    """Settings of the guidance law, checked against each other.
 
     Raises:
         ParameterError: If a number is far out of range or the footprint is invalid; otherwise, all
-            of these problems: an invalid or too narrow road, an invalid obstacle, a goal off the
-            road or in an obstacle, times out of order or too short for a control step and its
-            command, a followed road with an end, a QP back end that is not installed, an invalid
-            namespace of another robot.
+            problems of road, obstacles, goals, times, robot, sensors, solver and namespaces.
     """
     problems = Problems(_size_problems(values))
     problems.attempt(partial(footprint_of, values))
@@ -96,7 +74,7 @@ def guidance_settings(values: Values) -> GuidanceSettings:
         for name in values['trackers.names']
     )
     return build(
-        GuidanceSettings,
+        guidance.GuidanceSettings,
         values,
         robot=robot,
         road=course.road,
@@ -106,36 +84,33 @@ def guidance_settings(values: Values) -> GuidanceSettings:
         final_time=values['final_time'] or math.inf,
         waypoints=waypoints_of(values),
         follow=follow_of(values),
-        moving_obstacles=build(MovingObstacles, values, 'moving_obstacles.', trackers=trackers),
+        moving_obstacles=build(
+            guidance.MovingObstacles, values, 'moving_obstacles.', trackers=trackers
+        ),
         sight=build(SightSettings, values, 'sight.', sensors=sensors),
         robot_radius=course.radius,
         footprint=course.footprint,
-        weights=build(Weights, values, 'weights.'),
-        solver=build(SolverSettings, values, 'solver.'),
-        initial_guess=build(InitialGuess, values, 'initial_guess.'),
-        safety=build(Safety, values, 'safety.'),
+        weights=build(guidance.Weights, values, 'weights.'),
+        solver=build(guidance.SolverSettings, values, 'solver.'),
+        initial_guess=build(guidance.InitialGuess, values, 'initial_guess.'),
+        safety=build(guidance.Safety, values, 'safety.'),
         start_pose=tuple(values['start.pose']) or None,
     )
 
 
-def plant_settings(values: Values) -> PlantSettings:
-    """Settings of the simulated robot.
-
-    Raises:
-        ParameterError: If the times at which odometry is lost are no pairs in order, or slip is
-            asked of a robot whose tyres slip by themselves.
-    """
+def plant_settings(values: Values) -> simulator.PlantSettings:
+    """Settings of the simulated robot; ParameterError for lost odometry or slip that cannot be."""
     windows = _dropout_windows(values)
     return build(
-        PlantSettings,
+        simulator.PlantSettings,
         values,
         robot=robot_of(values),
-        odometry=build(OdometryErrors, values, 'noise.', dropout_windows=windows),
+        odometry=build(simulator.OdometryErrors, values, 'noise.', dropout_windows=windows),
         physics=_physics(values),
     )
 
 
-def laser_settings(values: Values) -> LaserSettings:
+def laser_settings(values: Values) -> simulator.LaserSettings:
     """Settings of the simulated laser scanner.
 
     Raises ParameterError for inconsistent angles, ranges or times, and invalid own obstacles.
@@ -143,7 +118,7 @@ def laser_settings(values: Values) -> LaserSettings:
     problems = Problems(_scan_problems(values))
     problems.attempt(partial(shapes_of, values))
     problems.check()
-    return build(LaserSettings, values, 'sim.scan.', seed=values['noise.seed'])
+    return build(simulator.LaserSettings, values, 'sim.scan.', seed=values['noise.seed'])
 
 
 def scenery(values: Values) -> tuple[tuple[Shape, ...], list[Array]]:
@@ -152,13 +127,13 @@ def scenery(values: Values) -> tuple[tuple[Shape, ...], list[Array]]:
     return obstacles_of(values) + shapes_of(values), lines
 
 
-def people_settings(values: Values) -> PeopleSettings:
+def people_settings(values: Values) -> simulator.PeopleSettings:
     """People who walk about in the simulator; ParameterError for waypoints that are no points."""
     problems, walkers = Problems(), []
     for name in values['sim.people.names']:
         prefix = f'sim.people.{name}.'
         place = tuple(values[f'{prefix}position'])
-        walkers.append(build(Walker, values, prefix, name=name, position=place))
+        walkers.append(build(simulator.Walker, values, prefix, name=name, position=place))
         key, given = f'{prefix}waypoints', values[f'{prefix}waypoints']
         if walkers[-1].motion != 'waypoints' and given:
             problems.append(Problem(key, describe(given), f'{prefix}motion: waypoints with them'))
@@ -166,16 +141,13 @@ def people_settings(values: Values) -> PeopleSettings:
             problems.append(Problem(key, describe(given or None), 'x and y [m] of each point'))
     problems.check()
     seed = values['noise.seed']
-    return build(PeopleSettings, values, 'sim.people.', walkers=tuple(walkers), seed=seed)
+    return build(simulator.PeopleSettings, values, 'sim.people.', walkers=tuple(walkers), seed=seed)
 
 
 def check_simulation(values: Values) -> None:
-    """Refuse a simulation that cannot start or keep pace.
+    """Refuse a simulation that cannot start or keep pace, by ParameterError.
 
-    Raises:
-        ParameterError: If the footprint or an obstacle cannot be made, or the initial pose is off
-            the road or in an obstacle; otherwise, if odometry or simulated time are too slow or too
-            fast to be kept, or lockstep cannot work.
+    Odometry or simulated time may be too slow or too fast to be kept, or lockstep cannot work.
     """
     problems, of_road = Problems(), Problems()
     course = problems.attempt(lambda: Course.of(values, of_road))
@@ -242,13 +214,13 @@ def _dropout_windows(values: Values) -> tuple[tuple[float, float], ...]:
     return tuple(zip(times[::2], times[1::2], strict=True))
 
 
-def _physics(values: Values) -> Physics | None:
+def _physics(values: Values) -> simulator.Physics | None:
     if values['plant'] != 'mujoco':
         return None
     wanted = 'no slip: with plant mujoco it is friction that decides'
     slips = [each for each in ('wheel_slip', 'wheel_slip_stddev') if np.any(values[each])]
     Problems(Problem(key, describe(values[key]), wanted) for key in slips).check()
-    return build(Physics, values, 'physics.')
+    return build(simulator.Physics, values, 'physics.')
 
 
 def _whole(seconds: float) -> int:
@@ -324,5 +296,7 @@ def _sensor_problems(values: Values) -> Iterator[Problem]:
         if low >= high:
             key = f'sensors.{name}.heights'
             yield Problem(key, describe([low, high]), 'the least z before the greatest')
-    if values['sensors.names'] and SEEN in values['obstacles.names']:
-        yield Problem('obstacles.names', repr(SEEN), 'another name: it is that of what is seen')
+    if values['sensors.names'] and guidance.SEEN in values['obstacles.names']:
+        yield Problem(
+            'obstacles.names', repr(guidance.SEEN), 'another name: it is that of what is seen'
+        )

@@ -21,8 +21,7 @@ if TYPE_CHECKING:
         speeds_and_turns,
         with_side,
     )
-    from cmpsp_ros.robots.custom import CustomRobot
-    from cmpsp_ros.robots.custom_loading import ModelError, custom_robot
+    from cmpsp_ros.robots.custom import CustomRobot, ModelError, custom_robot
     from cmpsp_ros.robots.differential_drive import DifferentialDrive
     from cmpsp_ros.robots.footprint import DISC, Bodies, Footprint, Point, contains, covered, placed
     from cmpsp_ros.robots.kinematics import (

@@ -20,10 +20,8 @@ NO_RAMP: Array = np.zeros((0, 2))
 class TimeScaling(NamedTuple):
     """Time scaling of a plan: the same path, driven more slowly.
 
-    Attributes:
-        wheels: Wheel speeds of a control, as a matrix ``(W, r)``.
-        scaled: How many of the controls, the first, are scaled.
-        steering: Largest change of the others while a wheel changes by 1 rad/s.
+    `wheels` are wheel speeds of a control, as a matrix ``(W, r)``. The first `scaled` controls are
+    scaled; the others change by `steering` at most while a wheel changes by 1 rad/s.
     """
 
     wheels: Array
@@ -43,12 +41,8 @@ def within_ramp(
 ) -> Array:
     """Slow a plan ``(N + 1, r)`` down along its path until the wheels can follow it.
 
-    Args:
-        plan: Controls wanted, of which the last moves nothing.
-        durations: Length of its steps, shape ``(N,)`` [s].
-        previous: The command before it, shape ``(r,)``.
-        max_change: Largest wheel-speed change between commands, infinite for none [rad/s].
-        scaling: Time scaling of the robot.
+    Its last control moves nothing; its steps last `durations` ``(N,)`` [s]. `previous` ``(r,)`` is
+    the command before it; `max_change` of wheel speeds between commands may be infinite [rad/s].
     """
     if max_change == math.inf:
         return plan
@@ -101,10 +95,8 @@ def with_lag(
     """Controls of wheels that follow commands with a first-order lag, in slices of constant speed.
 
     `controls` ``(r,)`` are in effect at first, and overwritten by the last. Each of the `commands`
-    ``(K, r)`` lasts `held` ``(K,)`` [s]; `time_constant` > 0 [s].
-
-    Returns:
-        Controls in effect, shape ``(K * slices, r)``, and their durations [s].
+    ``(K, r)`` lasts `held` ``(K,)`` [s]; `time_constant` > 0 [s]. Returns controls in effect,
+    ``(K * slices, r)``, and their durations [s].
     """
     means = np.empty((len(commands) * slices, commands.shape[1]))
     _lag(means, controls, np.ascontiguousarray(commands), held, time_constant, slices)

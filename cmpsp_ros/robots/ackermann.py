@@ -20,13 +20,8 @@ class Ackermann(Robot):
     """A car: its pose is that of the middle of the rear axle.
 
     Controls are the speed of the rear wheels [rad/s] and the steering angle [rad], as of one front
-    wheel in the middle.
-
-    Attributes:
-        wheel_base: Distance of the axles [m].
-        max_steering_angle: Limit in both directions, below a right angle [rad].
-        max_steering_rate: Limit of its change; infinite for none, and without a limit of the
-            wheels' acceleration [rad/s].
+    wheel in the middle. `max_steering_angle` [rad] is below a right angle; `max_steering_rate`
+    [rad/s] is infinite for none, and without a limit of the wheels' acceleration.
     """
 
     n_speeds: ClassVar[int] = 1

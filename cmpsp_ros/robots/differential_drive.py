@@ -16,8 +16,7 @@ from cmpsp_ros.robots.robot import Robot, TwistLimits
 class DifferentialDrive(Robot):
     """A robot on two driven wheels, steered by their difference in speed: ``U = [w_r, w_l]``.
 
-    Attributes:
-        half_track: Distance from a wheel to the robot's centre, the paper's ``L`` [m].
+    `half_track` is the distance from a wheel to the robot's centre, the paper's ``L`` [m].
     """
 
     half_track: float = 0.055

@@ -37,13 +37,9 @@ _FINEST: Final = 10
 
 @dataclass(frozen=True)
 class Footprint:
-    """A polygon, and centres of equal discs that cover it, all in the robot's frame.
+    """A polygon, and centres of equal discs that cover it, all in the robot's frame [m].
 
-    Without a polygon it is one disc about the reference point.
-
-    Attributes:
-        corners: Of the polygon, anticlockwise [m].
-        centers: Of the discs [m].
+    Without corners, which go anticlockwise, it is one disc about the reference point.
     """
 
     corners: tuple[Point, ...] = ()
@@ -88,10 +84,7 @@ class Footprint:
         """Twists of the centres of all discs: one beside the reference point is faster in turns.
 
         The greatest speed is a convex function of the turn rate, below the straight line between
-        its ends.
-
-        Raises:
-            ValueError: The robot has no wheel-speed limit.
+        its ends. ValueError for a robot without a wheel-speed limit.
         """
         limits = robot.twist_limits()
         if self.reach == 0.0:

@@ -28,13 +28,10 @@ _ALL: Final = 1.0 + 1e-9
 
 @dataclass(frozen=True, kw_only=True)
 class Omnidirectional(DerivedRobot):
-    """A robot whose controls are the speeds of three of its wheels.
+    """A robot whose controls are the speeds of the three wheels that depend on each other least.
 
-    They are the three that depend on each other least; limits of all others are constraints.
-
-    Attributes:
-        rims: For each wheel, the speed of its rim for a unit of forward speed, of speed to the
-            left, and of turn rate, the last one in metres.
+    Limits of all others are constraints. `rims` are for each wheel the speed of its rim for a unit
+    of forward speed, of speed to the left, and of turn rate, the last one in metres.
     """
 
     n_controls: ClassVar[int] = 3

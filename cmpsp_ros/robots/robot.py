@@ -18,10 +18,10 @@ from cmpsp_ros.robots.kinematics import Kinematics, addresses, displacement, ste
 
 
 class Signal(NamedTuple):
-    """A wheel speed or another control over time, as pictures show it.
+    """A wheel speed or another control over time, ``(N,)``, as pictures show it.
 
-    `axis` is the quantity with its unit, as in `wheel speed [rad/s]`; `values` have the shape
-    ``(N,)``; `limit` is that of their magnitude, infinite for none.
+    `axis` is the quantity with its unit, as in `wheel speed [rad/s]`; `limit` that of its
+    magnitude, infinite for none.
     """
 
     name: str
@@ -37,14 +37,11 @@ class Signal(NamedTuple):
 
 @dataclass(frozen=True)
 class TwistLimits:
-    """Bounds on the twists that can be driven: ``|v| + half_track |w| <= speed``.
+    """Bounds on the twists that can be driven: ``|v| + half_track |w| <= speed`` [m/s, rad/s].
 
-    Attributes:
-        speed: Largest speed, reached when driving straight [m/s].
-        turn_rate: Largest turn rate [rad/s].
-        half_track: Speed lost to a unit turn rate [m]; with wheel limits (94) the paper's ``L``,
-            by (91), and ``turn_rate`` is ``speed / half_track``. Negative for a point of the robot
-            that is faster in turns.
+    `half_track` is the speed lost to a unit turn rate [m]; with wheel limits (94) the paper's
+    ``L``, by (91), and ``turn_rate`` is ``speed / half_track``. Negative for a point of the robot
+    that is faster in turns.
     """
 
     speed: float
@@ -283,10 +280,9 @@ class Robot(ABC):
         return slowed
 
     def roll_out(self, pose: Array, controls: Array, durations: Array) -> Array:
-        """Poses ``(N + 1, 3)`` [m, m, rad] along the path driven, exactly, from a pose on.
+        """Poses ``(N + 1, 3)`` [m, m, rad] along the path driven, exactly; headings not wrapped.
 
-        Each of the controls ``(N, r)`` is held for its duration ``(N,)`` [s]. The heading is not
-        wrapped.
+        Each of the controls ``(N, r)`` is held for its duration ``(N,)`` [s].
         """
         poses = np.empty((len(durations) + 1, 3))
         poses[0] = pose
@@ -294,10 +290,9 @@ class Robot(ABC):
         return poses
 
     def jacobians(self, poses: Array, controls: Array, durations: Array) -> tuple[Array, Array]:
-        """Derivatives of every step of `roll_out` by its pose and by its control.
+        """Derivatives ``A (N, 3, 3)`` and ``B (N, 3, r)`` of all steps by their poses and controls.
 
-        They are ``A (N, 3, 3)`` and ``B (N, 3, r)``: the transposes of the paper's ``dF_k/dX_k``
-        and ``dF_k/dU_k``, which it writes with the derivative along rows.
+        They are the transposes of the paper's ``dF_k/dX_k`` and ``dF_k/dU_k``.
         """
         A = np.zeros((len(durations), 3, 3))
         B = np.zeros((len(durations), 3, self.n_controls))

@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 from cmpsp_ros.sensing.messages import FARTHEST
 from cmpsp_ros.world.grids import Cell, Cells, GridError, OccupancyGrid, check_size
 
+REMEMBERED: Final = 1
+"""Value of a free cell out of sight, in the grids that guidance publishes."""
+
 LETHAL: Final = 65
 """Default value from which a cell is occupied, as of map_server."""
 
@@ -66,6 +69,7 @@ def _cells(data: Any, shape: tuple[int, int], lethal: int) -> Cells:
     if values.shape != (count,):
         raise GridError('data', f'{values.size} values', f'{count} for {shape[1]} x {shape[0]}')
     known = np.where(values >= lethal, np.uint8(Cell.OCCUPIED), np.uint8(Cell.FREE))
+    known[(values == REMEMBERED) & (lethal > REMEMBERED)] = Cell.REMEMBERED
     return np.where(values < 0, np.uint8(Cell.UNKNOWN), known).reshape(shape)
 
 

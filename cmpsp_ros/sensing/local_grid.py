@@ -132,9 +132,15 @@ class LocalGrid:
         corners = np.column_stack([columns + self._column, rows + self._row])
         return np.asarray((corners + self._hits[rows, columns]) * self._resolution, dtype=float)
 
-    def at(self, stamp: int) -> OccupancyGrid:
-        """The grid at a time [ns]; cells last seen too long before it are unknown."""
+    def at(self, stamp: int, in_sight: int | None = None) -> OccupancyGrid:
+        """The grid at a time [ns]; cells last seen too long before it are unknown.
+
+        Those seen longer ago than `in_sight` [ns], if it is given, are remembered at best.
+        """
         cells = np.where(self._seen >= stamp - self._memory, self._cells, np.uint8(Cell.UNKNOWN))
+        if in_sight is not None:
+            is_old = self._seen < stamp - in_sight
+            cells[is_old & (cells == Cell.FREE)] = Cell.REMEMBERED
         origin = self._column * self._resolution, self._row * self._resolution, 0.0
         return OccupancyGrid(origin, self._resolution, cells)
 

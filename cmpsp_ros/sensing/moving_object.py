@@ -1,4 +1,4 @@
-"""One object in sight: a Kalman filter of constant velocity, and evidence that it moves."""
+"""One object in sight: how it moves, how large it is, and evidence that it moves."""
 
 from __future__ import annotations
 
@@ -6,13 +6,10 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
+from cmpsp_ros.sensing.motion_filter import MotionFilter
 from cmpsp_ros.sensing.track import Track
 
 _NS: Final = 1_000_000_000
-_FIRST_VELOCITY: Final = 1.0
-"""Standard deviation of a velocity that is not known yet [m/s]."""
-_AGILITY: Final = 0.2
-"""Power spectral density of accelerations, white noise [m^2/s^3]."""
 _ASIDE: Final = 0.3
 """Distance from where it is expected at which one that was lost may be found (one sigma) [m]."""
 _SURPRISING: Final = 4.0
@@ -23,15 +20,12 @@ _STILL_SPEED, _STILL_AFTER = 0.15, _NS
 """Speed of what stands still [m/s], and time after which it is static again [ns]."""
 
 
-@dataclass
-class MovingObject:
-    """State of an object; both axes have the same covariance.
+@dataclass(kw_only=True)
+class MovingObject(MotionFilter):
+    """State of an object.
 
     Attributes:
         number: Unique in a run; cells that it has marked in the grid bear it.
-        stamp: Time of the state [ns].
-        x: Centre [m].
-        y: Centre [m].
         radius: Radius of a disc that covers it [m].
         begun: Time at which it was first seen [ns].
         seen: Time at which it was last seen [ns].
@@ -47,18 +41,10 @@ class MovingObject:
     """
 
     number: int
-    stamp: int
-    x: float
-    y: float
     radius: float
-    position_variance: float
     begun: int
     seen: int
     origin: tuple[float, float]
-    vx: float = 0.0
-    vy: float = 0.0
-    covariance: float = 0.0
-    velocity_variance: float = _FIRST_VELOCITY**2
     name: int = 0
     is_moving: bool = False
     evidence: int = 0
@@ -68,43 +54,23 @@ class MovingObject:
     sightings: int = 1
     is_lost: bool = False
 
-    def predict(self, stamp: int) -> None:
-        """Go on to a time [ns]."""
-        if stamp <= self.stamp:
-            return
-        h, self.stamp = (stamp - self.stamp) / _NS, stamp
-        self.x, self.y = self.x + h * self.vx, self.y + h * self.vy
-        added = _AGILITY * h
-        self.position_variance += h * (2.0 * self.covariance + h * self.velocity_variance)
-        self.position_variance += added * h * h / 3.0
-        self.covariance += h * self.velocity_variance + added * h / 2.0
-        self.velocity_variance += added
-
-    def correct(self, x: float, y: float, radius: float, variance: float) -> None:
+    def see(self, x: float, y: float, radius: float, variance: float) -> None:
         """Take in a centre [m] that was seen with a variance [m^2], and how large it looked."""
-        off_x, off_y = x - self.x, y - self.y
-        surprise = (off_x * off_x + off_y * off_y) / (self.position_variance + variance)
+        surprise = self.surprise(x, y, variance)
         if surprise > _SURPRISING:
             # Somebody has stopped or turned: less is known than it seemed.
             factor = surprise / _SURPRISING
             self.position_variance *= factor
             self.covariance *= factor
             self.velocity_variance *= factor
-        total = self.position_variance + variance
-        gain, velocity_gain = self.position_variance / total, self.covariance / total
-        self.x, self.y = self.x + gain * off_x, self.y + gain * off_y
-        self.vx, self.vy = self.vx + velocity_gain * off_x, self.vy + velocity_gain * off_y
-        self.velocity_variance -= velocity_gain * self.covariance
-        self.position_variance *= 1.0 - gain
-        self.covariance *= 1.0 - gain
+        self.correct(x, y, variance)
         change = radius - self.radius
         self.radius += (_RISE if change > 0.0 else _FALL) * change
         self.seen, self.gone = self.stamp, 0
 
     def distance(self, other: MovingObject) -> float:
         """Squared Mahalanobis distance of the place of another, at the same time."""
-        variance = self.position_variance + other.position_variance + _ASIDE * _ASIDE
-        return ((self.x - other.x) ** 2 + (self.y - other.y) ** 2) / variance
+        return self.surprise(other.x, other.y, other.position_variance + _ASIDE * _ASIDE)
 
     @property
     def speed(self) -> float:

@@ -147,9 +147,10 @@ def _add_or_join(found: list[Segment], segment: Segment, origin: Array, movers: 
             continue
         other_x, other_y = other.center(origin, 0.0)
         is_near = math.hypot(x - other_x, y - other_y) <= _STRIDE
-        if is_near and _nearest(movers, other_x, other_y) == owner:
-            near, front = min((other.near, other.front), (segment.near, segment.front))
-            sine = math.sin(min((segment.left - other.right) / 2.0, 1.0))
+        near, front = min((other.near, other.front), (segment.near, segment.front))
+        sine = math.sin(min((segment.left - other.right) / 2.0, 1.0))
+        radius = near * sine / (1.0 - sine)
+        if is_near and radius <= _LARGEST and _nearest(movers, other_x, other_y) == owner:
             found[place] = Segment(
                 np.concatenate([other.members, segment.members]),
                 other.right,
@@ -159,7 +160,7 @@ def _add_or_join(found: list[Segment], segment: Segment, origin: Array, movers: 
                 (False, False),
                 other.entered + segment.entered,
                 other.static + segment.static,
-                near * sine / (1.0 - sine),
+                radius,
                 other.legs + segment.legs,
             )
             return

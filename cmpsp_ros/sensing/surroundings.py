@@ -86,7 +86,8 @@ class Surroundings:
             for x, y in placed(self._footprint.discs, pose).tolist():
                 self._grid.stand_at(x, y, self._robot_radius, stamp, corners)
             tracks = self._tracker.tracks(stamp) if self._tracker is not None else ()
-            self._sighting = Sighting(stamp, self._grid.at(stamp), tracks)
+            grid = self._grid.at(stamp, round(self._settings.timeout * _NS))
+            self._sighting = Sighting(stamp, grid, tracks)
             self._is_stale = False
         return self._sighting
 
@@ -103,7 +104,7 @@ class Surroundings:
         return ''
 
     def _see(self, sensor: str, beams: Beams) -> None:
-        """Enter what stands still into the grid, and follow what moves."""
+        """Enter static obstacles into the grid, and track moving ones."""
         if self._tracker is None:
             self._grid.see(beams)
             return

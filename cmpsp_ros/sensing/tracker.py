@@ -1,4 +1,4 @@
-"""Tracks of what moves, from the scans of all sensors."""
+"""Tracks of moving obstacles, from the scans of all sensors."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ class Tracker:
         return [each for each in self._objects if not each.is_lost]
 
     def _movers(self, around: float = 0.0) -> Array:
-        """Discs of what moves, with so much around them (x, y, radius), ``(M, 3)`` [m]."""
+        """Discs of moving obstacles, enlarged (x, y, radius), ``(M, 3)`` [m]."""
         movers = [each for each in self._expected if each.is_moving]
         discs = [(each.x, each.y, each.radius + around) for each in movers]
         return np.array(discs).reshape(-1, 3)
@@ -142,8 +142,18 @@ class Tracker:
             return None
         self._number += 1
         variance = _variance(segment)
-        new = MovingObject(self._number, stamp, x, y, radius, variance, stamp, stamp, segment.front)
-        new.evidence = int(segment.has_entered)
+        new = MovingObject(
+            stamp,
+            x,
+            y,
+            variance,
+            number=self._number,
+            radius=radius,
+            begun=stamp,
+            seen=stamp,
+            origin=segment.front,
+            evidence=int(segment.has_entered),
+        )
         self._objects.append(new)
         return new
 
@@ -151,7 +161,7 @@ class Tracker:
         """Take in what is seen of an object; True if it has begun to move."""
         elapsed, is_cut = each.stamp - each.seen, any(segment.is_cut)
         radius = each.radius if is_cut else max(segment.radius, _LEGS if segment.legs else _BODY)
-        each.correct(*segment.center(origin, each.radius), radius, _variance(segment))
+        each.see(*segment.center(origin, each.radius), radius, _variance(segment))
         has_left = view.is_through(*each.origin)
         is_fast = each.speed**2 > _SIGNIFICANT * each.velocity_variance
         moves = segment.has_entered or (is_fast and (has_left or segment.entered >= _FEW))

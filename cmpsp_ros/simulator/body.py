@@ -14,13 +14,9 @@ from cmpsp_ros.robots import Robot
 
 @dataclass(frozen=True)
 class Motion:
-    """Pose of the robot at an instant, and its motion from there on.
+    """Pose of the robot at an instant [m, m, rad], not wrapped, and its motion from there on.
 
-    Attributes:
-        stamp_ns: The instant [ns].
-        pose: Shape ``(3,)`` [m, m, rad]; the heading is not wrapped.
-        wheel_speeds: At which the wheels turn, shape ``(W,)`` [rad/s].
-        twist: At which the robot moves, as of a `Robot`.
+    The wheels turn at `wheel_speeds` ``(W,)`` [rad/s]; the twist is as of a `Robot`.
     """
 
     stamp_ns: int
@@ -61,12 +57,7 @@ _SETTLED = 1e-9
 
 
 class LaggedWheels:
-    """A control after one change of the command.
-
-    Attributes:
-        target: Command, shape ``(r,)``.
-        slices: Slices until it is reached; 0 without lag.
-    """
+    """A control ``(r,)`` after one change of the command, reached after so many `slices`."""
 
     def __init__(self, speeds: Array, target: Array, time_constant: float) -> None:
         """Begin a change from the control in effect to another ``(r,)``; ``T`` is 0 for no lag."""

@@ -26,11 +26,9 @@ _NS = 1_000_000_000
 
 
 class Scan(NamedTuple):
-    """A scan that is complete.
+    """A scan that is complete: when its first beam was cast [ns], and ranges ``(count,)`` [m].
 
-    Attributes:
-        stamp_ns: When its first beam was cast [ns].
-        ranges: NaN, ``-inf`` and ``inf`` as in REP 117, shape ``(count,)`` [m].
+    NaN, ``-inf`` and ``inf`` are as in REP 117.
     """
 
     stamp_ns: int
@@ -66,12 +64,7 @@ class Laser:
         return bool(self._motions) and self.next_ns + self._beams_ns[-1] <= stamp_ns
 
     def scan(self, edges: Array, discs: Array) -> Scan:
-        """The next scan, once it is due.
-
-        Args:
-            edges: As of `cast`.
-            discs: As of `cast`; where they are at the time of the first beam.
-        """
+        """The next scan, once it is due; arguments as of `cast`, as when its first beam is cast."""
         settings, stamp_ns = self._settings, self.next_ns
         rays = self._rays(stamp_ns + self._beams_ns)
         ranges = np.empty(settings.count)
@@ -109,15 +102,7 @@ _OVERLAP = 1e-9
 
 
 def edges_of(shapes: Sequence[Shape], lines: Iterable[Array] = ()) -> Array:
-    """Straight edges of shapes, and those of lines.
-
-    Args:
-        shapes: Each with its radius around its corners.
-        lines: Points of each, shape ``(K, 2)`` [m].
-
-    Returns:
-        Both ends of each edge (x, y, x, y), shape ``(S, 4)`` [m].
-    """
+    """Ends (x, y, x, y) of straight edges, ``(S, 4)`` [m]: of shapes, and of lines ``(K, 2)``."""
     edges = []
     for shape in shapes:
         ring = [*shape.corners, shape.corners[0]] if len(shape.corners) > 1 else []
@@ -154,8 +139,7 @@ def cast(ranges: Array, rays: Array, times: Array, edges: Array, discs: Array) -
         rays: Origin and heading of each (x, y, heading), shape ``(R, 3)`` [m, m, rad].
         times: When each is cast, shape ``(R,)`` [s].
         edges: Both ends of each (x, y, x, y), shape ``(S, 4)`` [m].
-        discs: Centre at time 0, velocity and radius of each, shape ``(D, 5)`` [m, m/s, m]. From
-            within one the distance is 0.
+        discs: Centre at time 0, velocity and radius, ``(D, 5)`` [m, m/s, m]; within one it is 0.
     """
     for i in range(rays.shape[0]):
         x, y, cosine, sine = rays[i, 0], rays[i, 1], math.cos(rays[i, 2]), math.sin(rays[i, 2])

@@ -65,12 +65,7 @@ _NS = 1_000_000_000
 
 
 class OdometrySchedule:
-    """When a robot measures its pose.
-
-    Attributes:
-        next_ns: The next instant [ns].
-        period_ns: Distance of the grid's points [ns].
-    """
+    """When a robot measures its pose: the next instant, and the period of the grid [ns]."""
 
     def __init__(self, settings: PlantSettings, start_ns: int) -> None:
         """Begin the grid at an instant [ns]; a jitter shorter than the period keeps the order."""

@@ -92,10 +92,7 @@ class People:
     def advance(self, stamp_ns: int, robot: Array, radius: float) -> None:
         """Walk up to an instant [ns], with the velocities chosen now kept until the next.
 
-        Args:
-            stamp_ns: The instant.
-            robot: Centres of the discs that cover the robot there, shape ``(D, 2)`` [m].
-            radius: Radius of these [m].
+        The robot is in discs there with these centres ``(D, 2)`` and this radius [m].
         """
         if not self._begun or not len(self) or stamp_ns <= self._past[-1][0]:
             return

@@ -17,6 +17,7 @@ import numpy as np
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.simulator.body import ArcBody, Body, Motion
 from cmpsp_ros.simulator.measurement import Measurement, Stream, generator
+from cmpsp_ros.simulator.physics import PhysicsBody
 from cmpsp_ros.simulator.settings import PlantSettings
 
 _NS = 1_000_000_000
@@ -39,14 +40,13 @@ class Plant:
     """The robot between commands."""
 
     def __init__(self, settings: PlantSettings, start_ns: int = 0) -> None:
-        """Put the robot at its initial pose, at rest, at a time [ns].
-
-        Raises:
-            PhysicsError: MuJoCo is asked for and not installed.
-        """
+        """Put the robot at its initial pose, at rest, at a time [ns]; or PhysicsError."""
         self._settings = settings
         self._now_ns = self._heard_ns = start_ns
-        self._body = _body(settings)
+        wheels = settings.robot, settings.wheel_lag
+        self._body: Body = (
+            ArcBody(*wheels) if settings.physics is None else PhysicsBody(*wheels, settings.physics)
+        )
         self.reset()
 
     @property
@@ -100,15 +100,10 @@ class Plant:
         self._body.reconfigure(self._now_ns, settings.robot, settings.wheel_lag)
 
     def command(self, stamp_ns: int, *twist: float) -> None:
-        """Ask for a twist; it is driven from ``stamp_ns`` plus the actuation delay on.
+        """Ask for a twist [m/s, rad/s]; it is driven from ``stamp_ns`` plus the actuation delay on.
 
         A controller with a period takes it at its next instant. It takes effect in `advance`, also
-        when there is no delay. However the delay may vary, no
-        command overtakes another.
-
-        Args:
-            stamp_ns: When the robot hears the command [ns], not before the time reached.
-            twist: Speed and turn rate, or forward, to the left and turn rate [m/s, rad/s].
+        when there is no delay. However the delay may vary, no command overtakes another.
 
         Raises:
             TwistError: The twist is not finite; the last one before stays in force.
@@ -134,21 +129,14 @@ class Plant:
         self._pending.append(_Command(effect_ns, self._latest, self._next_grip()))
 
     def advance(self, stamp_ns: int) -> list[Motion]:
-        """Let time pass.
+        """Let time pass up to an instant [ns]; ValueError for one in the past.
 
         A command counts as in time when its successor takes effect at the very instant at which it
         expires; for that reason the robot stops only once time has gone past that instant.
 
-        Args:
-            stamp_ns: Time to reach [ns], not before the time reached.
-
         Returns:
-            The motion at each change of wheel speeds on the way (a command takes effect, or
-            expires, or lagging wheels change speed), in order: with them the
-            whole path can be drawn again, arc by arc.
-
-        Raises:
-            ValueError: ``stamp_ns`` lies in the past.
+            The motion at each change of wheel speeds on the way, in order: with them the whole path
+            can be drawn again, arc by arc.
         """
         if stamp_ns < self._now_ns:
             raise ValueError(f'advance to {stamp_ns} ns: expected {self._now_ns} ns or later')
@@ -198,12 +186,3 @@ class Plant:
     def _expiry(self, stamp_ns: int) -> int | None:
         lasts = self._settings.cmd_vel_timeout
         return stamp_ns + round(lasts * _NS) if 0.0 < lasts < math.inf else None
-
-
-def _body(settings: PlantSettings) -> Body:
-    if settings.physics is None:
-        return ArcBody(settings.robot, settings.wheel_lag)
-    # MuJoCo is an option, and takes a while to import.
-    from cmpsp_ros.simulator.physics_body import PhysicsBody  # noqa: PLC0415
-
-    return PhysicsBody(settings.robot, settings.wheel_lag, settings.physics)

@@ -40,8 +40,8 @@ def choose_velocities(
         velocities: Those before, shape ``(P, 2)`` [m/s].
         targets: Next waypoint of each, shape ``(P, 2)`` [m].
         people: Radius, speed, 1 for giving way, and group of each, shape ``(P, 4)``.
-        edges: As of `cast`.
-        posts: Discs as of `cast`.
+        edges: As of `cast`, like the posts.
+        posts: Discs.
         robot: Centres of its discs, shape ``(D, 2)`` [m].
         robot_radius: Their radius [m].
         limit: Limit of accelerations [m/s^2].

@@ -11,16 +11,7 @@ from cmpsp_ros.guidance import Decision, GuidanceLaw, GuidanceSettings, Observat
 
 
 def drive(settings: GuidanceSettings, pose: Array) -> Iterator[Decision]:
-    """Decide and drive until the final time.
-
-    Args:
-        settings: All settings of the law.
-        pose: Pose to start from, shape ``(3,)`` [m, m, rad].
-
-    Yields:
-        The decision of each control instant, up to and including the one that says that the final
-        time has passed.
-    """
+    """Decisions of a drive from a pose ``(3,)``, up to the one after the final time."""
     law = GuidanceLaw(settings, settings.world)
     period = to_nanoseconds(settings.control_period)
     stamp, finished = 0, False

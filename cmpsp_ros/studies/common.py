@@ -41,6 +41,15 @@ class StudyError(ValueError):
 
 
 @contextmanager
+def disk_errors(path: Path) -> Iterator[None]:
+    """Turn a refusal of the disk into a `StudyError`."""
+    try:
+        yield
+    except OSError as error:
+        raise StudyError(f'{path}: {error.strerror or error}') from error
+
+
+@contextmanager
 def plot_style() -> Iterator[None]:
     """Draw and save in the style of a journal, independent of the user's matplotlib settings."""
     with mpl.rc_context():

@@ -139,13 +139,7 @@ def plain_text(text: str) -> str:
 
 
 def along(poses: Array, twists: Array, durations: Array) -> Array:
-    """Positions along arcs, several on each to show its curvature, shape ``(K, 2)``.
-
-    Args:
-        poses: Start of each arc and end of the last, ``(N + 1, 3)`` [m, m, rad].
-        twists: Speed and turn rate on each, ``(N, 2)`` [m/s, rad/s].
-        durations: Duration of each, ``(N,)`` [s].
-    """
+    """Positions ``(K, 2)`` along arcs between poses ``(N + 1, 3)``, several on each."""
     parts = np.linspace(0.0, 1.0, PER_ARC, endpoint=False)
     begins = np.repeat(poses[:-1], PER_ARC, axis=0)
     since = (durations[:, None] * parts).ravel()

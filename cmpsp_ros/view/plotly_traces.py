@@ -15,13 +15,14 @@ from PIL import Image
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance import Goal
 from cmpsp_ros.view.scene import GOAL, SEEN, UNSEEN, Lines, Part
-from cmpsp_ros.world.grids import OccupancyGrid
+from cmpsp_ros.world.grids import Cell, OccupancyGrid
 
 _MOST: Final = 256
 """Pixels along a side at most."""
 
 # Free, unknown and occupied cells by rank: the highest in a pixel is drawn.
-_RANKS: Final = np.array([0, 2, 1], dtype=np.uint8)
+_RANKS: Final = np.zeros(len(Cell), dtype=np.uint8)
+_RANKS[[Cell.UNKNOWN, Cell.OCCUPIED]] = 1, 2
 _COLORS: Final = bytes.fromhex(''.join(each[1:] for each in ('#ffffff', UNSEEN, SEEN)))
 _OPACITY: Final = bytes([0, 255, 255])
 
@@ -29,7 +30,7 @@ _OPACITY: Final = bytes([0, 255, 255])
 def grid_picture(grid: OccupancyGrid) -> dict[str, Any]:
     """Picture of a grid along the axes, bounded in size, with its position [m].
 
-    Free cells are transparent. Of several cells in a pixel an occupied one is shown.
+    Free and remembered cells are transparent. Of several in a pixel an occupied one is shown.
 
     Returns:
         Left edge ``x``, upper edge ``y``, ``width``, ``height``, and ``source``, a data URL.

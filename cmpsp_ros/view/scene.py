@@ -63,14 +63,9 @@ _MOST_CELLS: Final = 20_000
 
 @dataclass(frozen=True)
 class Look:
-    """Appearance of a kind of parts.
+    """Appearance of a kind of parts: name in legends, lines [pt] as plotly has them, and filling.
 
-    Attributes:
-        label: Name in legends; empty for none.
-        color: Color of its lines; empty for that of the run.
-        fill: Colour between its lines; empty for none.
-        width: Width of its lines [pt].
-        dash: Dash of its lines, as plotly names it.
+    Without a colour of their own, lines have that of the run.
     """
 
     label: str
@@ -94,7 +89,7 @@ LOOKS: Final = {
     'seen': Look('seen by sensors', SEEN, SEEN),
     'kept clear': Look('kept clear at samples', MARGIN, width=1.0, dash='dash'),
     'moving': Look('path of a moving obstacle', MOVING, width=1.0, dash='dashdot'),
-    'tracked': Look('track of what moves', MOVING, width=0.8, dash='dot'),
+    'tracked': Look('track of a moving obstacle', MOVING, width=0.8, dash='dot'),
     'person': Look('path of a person', PERSON, width=1.0),
     'robot': Look('other robot', TEXT, width=1.2, dash='dot'),
     'trail': Look('', '', width=0.6),
@@ -105,13 +100,9 @@ LOOKS: Final = {
 
 @dataclass(frozen=True)
 class Part:
-    """All of one kind, at its place [m].
+    """All of one kind, at its place [m]: lines ``(K, 2)``, closed where they are filled.
 
-    Attributes:
-        kind: Key of its look.
-        outlines: Lines ``(K, 2)``, closed where they are filled.
-        names: Names and their places.
-        discs: Centres and radii of discs, which a picture in three dimensions shows as solids.
+    Its discs, by centre and radius, are solids in a picture of three dimensions.
     """
 
     kind: str

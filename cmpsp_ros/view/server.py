@@ -46,11 +46,7 @@ class Access:
     """
 
     def __init__(self, host: str) -> None:
-        """Open the port on an address; 0 for any that is free.
-
-        Raises:
-            ViewError: It cannot be listened on, or the token of the environment is not fit.
-        """
+        """Open the port on an address; 0 for any that is free."""
         is_loopback = _is_loopback(host)
         # A foreign site can give its own name this machine's address, and would then be the same
         # site. Elsewhere the token keeps it out.

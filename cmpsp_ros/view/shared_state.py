@@ -18,13 +18,7 @@ LONGEST: Final = 20_000
 
 @dataclass(frozen=True)
 class ClientState:
-    """The state that a browser already has.
-
-    Attributes:
-        course: Number of its course.
-        run: Number of the run that its series belong to.
-        rows: Number of rows of each of its series.
-    """
+    """The state that a browser already has: numbers of its course and run, rows of each series."""
 
     course: int = -1
     run: int = -1

@@ -187,11 +187,10 @@ class FreeSpace:
         return found
 
     def along(self, poses: Array, twists: Array, durations: Array, near: float = math.nan) -> Array:
-        """Least clearance of arcs, from end to end and of all discs, along a path.
+        """Least clearance of arcs, from end to end and of all discs, along a path; see `at`.
 
         Arcs begin at poses ``(K, 3)`` and are driven under twists, see `Robot`, for durations
         ``(K,)`` [s]. Where the road crosses itself a path keeps to the branch that it is on.
-        Otherwise as `at`.
         """
         found = np.empty((len(poses), 1 + len(self.first)))
         arcs = [np.ascontiguousarray(each) for each in (poses, twists, durations)]

@@ -11,18 +11,10 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array, BoolArray
 from cmpsp_ros.world.free_space import FreeSpace
+from cmpsp_ros.world.grids import grid_search
 from cmpsp_ros.world.grids.distance_field import node_points, nodes_near, signed_distances
 from cmpsp_ros.world.grids.field_functions import DistanceField
 from cmpsp_ros.world.grids.grid_obstacle import GridObstacle
-from cmpsp_ros.world.grids.grid_search import (
-    NEIGHBOURS,
-    ROOM,
-    STEPS,
-    cells_from,
-    costs_of,
-    evenly_spaced,
-    lengths_to,
-)
 from cmpsp_ros.world.obstacles.shapes import Shape
 from cmpsp_ros.world.roads import OpenFloor
 
@@ -45,12 +37,7 @@ _BESIDE: Final = 0.5
 
 @dataclass(frozen=True, eq=False)
 class KeptLine:
-    """A line that is kept to unless another one is clearly better.
-
-    Attributes:
-        points: Of the line, shape ``(K, 2)`` [m].
-        reluctance: By which part cells that are not beside it cost more.
-    """
+    """A line ``(K, 2)`` [m] that is kept to: cells not beside it cost more by a `reluctance`."""
 
     points: Array
     reluctance: float
@@ -89,15 +76,15 @@ class MapSearch:
         """
         field = self.grid.field
         lengths, led_out = _lengths(self, goal)
-        cells = cells_from(led_out, nodes_near(field, start))
+        cells = grid_search.cells_from(led_out, nodes_near(field, start))
         if not len(cells):
             return np.empty((0, 2))
         # Once it is out it keeps to cells that fit.
         out = int((lengths[tuple(cells.T)] == led_out[tuple(cells.T)]).argmax())
-        cells = np.vstack([cells[:out], cells_from(lengths, cells[out])])
+        cells = np.vstack([cells[:out], grid_search.cells_from(lengths, cells[out])])
         line = np.vstack([start, node_points(field, cells[1:-1]), goal])
         passes = math.ceil((_SMOOTHED / float(field.frame['cell'][0])) ** 2)
-        return evenly_spaced(line, spacing, passes)
+        return grid_search.evenly_spaced(line, spacing, passes)
 
     def lengths(self, points: Array, goal: Point) -> Array:
         """Lengths of the lines from points ``(K, 2)`` to a goal, longer where it is narrow [m]."""
@@ -136,10 +123,10 @@ def _lengths(search: MapSearch, goal: Point) -> tuple[Array, Array]:
     distances = field.distances.copy()
     for each in search.obstacles:
         if each is not search.grid:
-            _take_out(distances, field, each, search.wanted + ROOM)
+            _take_out(distances, field, each, search.wanted + grid_search.ROOM)
     cell = float(field.frame['cell'][0])
     least = search.body - _ROUNDING * cell
-    costs = costs_of(distances - search.wanted)
+    costs = grid_search.costs_of(distances - search.wanted)
     costs[(distances < search.wanted) & (distances >= search.margin)] = _TOO_NEAR
     is_tight = (distances < search.margin) & (distances > least)
     spent = (search.margin - distances[is_tight]) / (search.margin - least)
@@ -155,7 +142,7 @@ def _lengths(search: MapSearch, goal: Point) -> tuple[Array, Array]:
         beside = np.s_[max(column - around, 0) : column + around + 1]
         near = costs[part, beside]
         np.maximum(near, _BLOCKED, out=near, where=np.isfinite(near))
-    lengths = lengths_to(costs, nodes_near(field, np.array(goal)))
+    lengths = grid_search.lengths_to(costs, nodes_near(field, np.array(goal)))
     is_near = (distances < search.margin) & (distances > search.body / 2.0)
     return lengths, _led_out(lengths, is_near, math.ceil(search.margin / cell))
 
@@ -172,7 +159,7 @@ def _led_out(lengths: Array, is_near: BoolArray, steps: int) -> Array:
     for _ in range(steps):
         beside = [
             found[rows + i, columns + j] + step * _TOO_NEAR
-            for (i, j), step in zip(NEIGHBOURS, STEPS, strict=True)
+            for (i, j), step in zip(grid_search.NEIGHBOURS, grid_search.STEPS, strict=True)
         ]
         found[rows, columns] = np.min([found[rows, columns], *beside], axis=0)
     return np.minimum(found, lengths)

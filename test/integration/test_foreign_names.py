@@ -15,7 +15,6 @@ from cmpsp_ros.nodes.common.topics import DECISION
 
 pytestmark = pytest.mark.integration
 
-LIMIT = 60.0
 CASE3 = Path(__file__).parents[2] / 'config' / 'case3.yaml'
 REMAPPED = ('-r', 'odom:=/wheels/odom', '-r', 'cmd_vel:=/base/cmd_vel')
 ODOM, CMD_VEL = '/wheels/odom', '/base/cmd_vel'
@@ -45,8 +44,8 @@ def test_a_remapped_robot_is_recorded_and_replayed_from_any_bag(spawn, ros, tmp_
     guidance = spawn([*module, MODULES['guidance_node'], '--ros-args', *REMAPPED, *course, *flags])
     decisions = []
     ros.node.create_subscription(DECISION.type, '/guidance/decision', decisions.append, 100)
-    ros.spin_until(lambda: len(decisions) > 3, LIMIT)
-    ros.spin_until(lambda: len(decisions) > 10, LIMIT)
+    ros.spin_until(lambda: len(decisions) > 3)
+    ros.spin_until(lambda: len(decisions) > 10)
     for each in (guidance, recorder, sim):
         each.end()
     names = Names.under('', ODOM, CMD_VEL)

@@ -25,7 +25,6 @@ from cmpsp_ros.nodes.recording.received import from_values
 
 pytestmark = pytest.mark.integration
 
-LIMIT = 60.0
 ROOT = Path(__file__).parents[2]
 RECORDED = {'/r1/odom', '/r1/cmd_vel', '/r1/guidance/decision', '/clock'}
 BEST_EFFORT = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -81,7 +80,7 @@ def test_a_robot_in_a_namespace_drives_in_simulated_time_and_is_recorded(
     ros.node.create_subscription(Twist, '/r1/cmd_vel', twists.append, 10)
     ros.node.create_subscription(Odometry, '/r1/odom', places.append, BEST_EFFORT)
     running = {name: spawn(command) for name, command in started.items()}
-    ros.spin_until(lambda: len(twists) > 5 and places[-1].pose.pose.position.x > 0.1, LIMIT)
+    ros.spin_until(lambda: len(twists) > 5 and places[-1].pose.pose.position.x > 0.1)
     # Of the second file, and on the clock of the simulator.
     assert twists[-1].linear.x > 0.5
     assert places[-1].header.stamp.sec < 1000
@@ -97,11 +96,11 @@ def test_a_robot_in_a_namespace_drives_in_simulated_time_and_is_recorded(
         written = from_values(said.get('/r1/recorder: recorder', {}))
         return set(written) >= RECORDED and written['/r1/guidance/decision'].count > 10
 
-    ros.spin_until(are_recorded, LIMIT)
+    ros.spin_until(are_recorded)
     assert 'no recorder' not in running['guidance_node'].stderr
     for each in reversed(running.values()):
         each.signal(signal.SIGINT)
-        assert each.wait(LIMIT) == 0, each.stderr
+        assert each.wait() == 0, each.stderr
         assert '[INFO]' not in each.stderr
         assert 'Traceback' not in each.stderr
     with Bag(bag) as recorded:
@@ -128,10 +127,10 @@ def test_however_the_launch_ends_the_robot_stops(spawn, ros):
     simulator = spawn([sys.executable, '-m', MODULES['sim_node'], '--ros-args', *course])
     twists = []
     ros.node.create_subscription(Twist, '/cmd_vel', twists.append, 10)
-    ros.spin_until(lambda: len(twists) > 3 and twists[-1].linear.x > 0.5, LIMIT)
+    ros.spin_until(lambda: len(twists) > 3 and twists[-1].linear.x > 0.5)
     launch.signal(signal.SIGKILL)
-    ros.spin_until(lambda: twists[-1] == Twist(), LIMIT)
-    ros.spin_until(lambda: not ros.node.count_publishers('/cmd_vel'), LIMIT)
+    ros.spin_until(lambda: twists[-1] == Twist())
+    ros.spin_until(lambda: not ros.node.count_publishers('/cmd_vel'))
     assert 'has ended, and so does this node' in launch.stderr
     assert simulator.process.poll() is None
 
@@ -164,11 +163,11 @@ def test_a_launch_that_is_killed_leaves_nothing_behind(
     launch = spawn([sys.executable, '-c', OPEN_ALL, json.dumps(every)])
     twists = []
     ros.node.create_subscription(Twist, '/cmd_vel', twists.append, 10)
-    ros.spin_until(lambda: len(twists) > 3 and twists[-1].linear.x > 0.5, LIMIT)
+    ros.spin_until(lambda: len(twists) > 3 and twists[-1].linear.x > 0.5)
     nodes = Path(f'/proc/{launch.pid}/task/{launch.pid}/children').read_text().split()
     assert len(nodes) == 4
     launch.signal(number)
-    wait_until(lambda: all(map(is_gone, nodes)), LIMIT)
+    wait_until(lambda: all(map(is_gone, nodes)))
     assert 'Traceback' not in launch.stderr
     # The recorder is the last to go: the bag is whole, and has the robot stop.
     with Bag(bag) as recorded:
@@ -184,5 +183,5 @@ def test_after_a_launch_that_has_ended_it_does_not_set_off(spawn, wait_until):
     assert gone.wait() == 0
     more = ['-p', f'stop_with_process:={gone.pid}']
     running = spawn([sys.executable, '-m', MODULES['guidance_node'], '--ros-args', *course, *more])
-    assert running.wait(LIMIT) == 0
+    assert running.wait() == 0
     assert 'nominal' not in running.stderr

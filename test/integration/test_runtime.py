@@ -168,7 +168,7 @@ def test_frozen_subscriber_delays_the_exit_a_little_only(start, wait_until):
     listener.signal(signal.SIGSTOP)
     process.signal(signal.SIGINT)
     try:
-        assert process.wait(5.0) == 0
+        assert process.wait() == 0
     finally:
         listener.signal(signal.SIGCONT)
     assert '/cmd_vel: a subscriber has not confirmed the last message' in process.stderr
@@ -246,23 +246,17 @@ def test_caught_up_with_nothing_is_heard_twice_nor_lost(start, ros):
 
 def test_impossible_transition_does_not_kill(start, ros):
     process = start(Managed)
-    change = ros.node.create_client(ChangeState, '/managed/change_state')
-    state = ros.node.create_client(GetState, '/managed/get_state')
-    ros.spin_until(lambda: change.service_is_ready() and state.service_is_ready())
-
-    def call(client, request):
-        answer = client.call_async(request)
-        ros.spin_until(answer.done)
-        return answer.result()
 
     def changed(number):
-        return call(change, ChangeState.Request(transition=Transition(id=number))).success
+        request = ChangeState.Request(transition=Transition(id=number))
+        return ros.call(ChangeState, '/managed/change_state', request).success
 
     assert not changed(99)
     assert not changed(Transition.TRANSITION_ACTIVATE)
     assert changed(Transition.TRANSITION_CONFIGURE)
     assert changed(Transition.TRANSITION_ACTIVATE)
-    assert call(state, GetState.Request()).current_state.id == State.PRIMARY_STATE_ACTIVE
+    state = ros.call(GetState, '/managed/get_state').current_state
+    assert state.id == State.PRIMARY_STATE_ACTIVE
     process.signal(signal.SIGINT)
     assert process.wait() == 0
     assert process.stderr.count('refused') == 2

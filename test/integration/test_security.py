@@ -19,7 +19,6 @@ from cmpsp_ros.nodes.common.topics import TOPICS
 
 pytestmark = pytest.mark.integration
 
-LIMIT = 60.0
 CONFIG = Path(__file__).parents[2] / 'config'
 NODES = ('guidance', 'sim', 'recorder', 'viewer', 'player')
 ENFORCED = {'ROS_SECURITY_ENABLE': 'true', 'ROS_SECURITY_STRATEGY': 'Enforce'}
@@ -118,9 +117,7 @@ def test_the_nodes_use_all_that_they_are_granted_and_nothing_else(start, ros):
         ]
 
     try:
-        ros.spin_until(
-            lambda: len(found := used(ros.node)) > len(grants) and not unused(found), LIMIT
-        )
+        ros.spin_until(lambda: len(found := used(ros.node)) > len(grants) and not unused(found))
     except AssertionError:
         pytest.fail(f'granted and never used: {unused(used(ros.node))}')
     beyond = {use for use in used(ros.node) if not any(covers(each, use) for each in granted())}
@@ -140,7 +137,7 @@ def started(spawn, **env):
 
 def test_without_keys_no_node_starts_in_the_clear(spawn, tmp_path):
     running = started(spawn, ROS_SECURITY_KEYSTORE=str(tmp_path / 'keys'))
-    assert running.wait(LIMIT) == 1
+    assert running.wait() == 1
     assert 'SECURITY ERROR' in running.stderr
     assert f'{tmp_path}/keys/enclaves/cmpsp/guidance' in running.stderr
     assert 'Traceback' not in running.stderr
@@ -155,5 +152,5 @@ def test_with_keys_that_are_none_no_node_starts_either(spawn, ros, tmp_path):
     ):
         (enclave / name).write_text('')
     running = started(spawn, ROS_SECURITY_KEYSTORE=str(tmp_path / 'keys'))
-    assert running.wait(LIMIT) == 1
+    assert running.wait() == 1
     assert 'guidance' not in ros.node.get_node_names()

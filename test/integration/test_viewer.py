@@ -29,7 +29,6 @@ from cmpsp_ros.view import LEVEL_COLORS
 
 pytestmark = pytest.mark.integration
 
-LIMIT = 60.0
 CASE3 = Path(__file__).parents[2] / 'config' / 'case3.yaml'
 NAMES = ('chromium', 'chromium-headless-shell', 'google-chrome', 'chrome', 'chromium-browser')
 BROWSER = next(filter(None, map(shutil.which, NAMES)), None)
@@ -42,7 +41,7 @@ class Page:
         self.address = address
 
     def updates(self):
-        with urllib.request.urlopen(f'{self.address}updates', timeout=LIMIT) as answer:
+        with urllib.request.urlopen(f'{self.address}updates', timeout=60.0) as answer:
             return json.load(answer)
 
     def decision(self):
@@ -56,7 +55,7 @@ def start_view(spawn, wait_until):
     def start(*args):
         running = spawn([sys.executable, '-m', 'cmpsp_ros.cli', 'view', '--port', '0', *args])
         address = r'open (http://127\.0\.0\.1:\d+/) in a browser'
-        found = wait_until(lambda: re.search(address, running.stderr), LIMIT)
+        found = wait_until(lambda: re.search(address, running.stderr))
         return running, Page(found[1])
 
     return start
@@ -82,9 +81,7 @@ def test_where_its_port_is_taken_it_takes_the_next_and_says_so(spawn, wait_until
         port = taken.getsockname()[1]
         flags = ['--ros-args', '-p', f'port:={port}']
         running = spawn([sys.executable, '-m', MODULES['viewer'], *flags])
-        found = wait_until(
-            lambda: re.search(r'open http://127.0.0.1:(\d+)/', running.stderr), LIMIT
-        )
+        found = wait_until(lambda: re.search(r'open http://127.0.0.1:(\d+)/', running.stderr))
         assert port < int(found[1]) < port + 10
         assert f'port {port} is taken: port {found[1]} instead' in running.stderr
 
@@ -100,7 +97,7 @@ def test_it_shows_a_run_from_road_to_arrival(start_view, start_robot, wait_until
         there = {'plan', 'robot', 'place', 'driven'} <= set(updates)
         return updates if is_nominal and there else None
 
-    updates = wait_until(under_way, LIMIT)
+    updates = wait_until(under_way)
     assert updates['decision']['reason'].endswith('.')
     assert updates['robot'] == {
         'robot.radius': 0.0, 'robot.footprint': '', 'robot.wheel_radius': 0.035,
@@ -108,7 +105,7 @@ def test_it_shows_a_run_from_road_to_arrival(start_view, start_robot, wait_until
     }  # fmt: skip
     drawn = {(each['kind'], each['of']) for each in updates['course']}
     assert {('line', 'road'), ('disc', 'obstacles'), ('disc', 'goal')} <= drawn
-    wait_until(lambda: page.decision()['finished'], LIMIT)
+    wait_until(lambda: page.decision()['finished'])
     updates = page.updates()
     # Who was not there from the beginning is shown the whole path as well.
     path, steps = updates['series']['path'], updates['series']['steps']
@@ -118,7 +115,7 @@ def test_it_shows_a_run_from_road_to_arrival(start_view, start_robot, wait_until
     assert sum(level == 'nominal' for *_, level in steps) > 10
     assert steps[-1][1:3] == [0.0, 0.0]
     running.signal(signal.SIGINT)
-    assert running.wait(LIMIT) == 0
+    assert running.wait() == 0
     assert 'Traceback' not in running.stderr
 
 
@@ -126,7 +123,7 @@ def test_it_follows_one_namespace_alone(start_view, start_robot, wait_until):
     _, of_r1 = start_view('--namespace', '/r1')
     _, of_r2 = start_view('--namespace', 'r2')
     start_robot('/r1')
-    wait_until(lambda: of_r1.decision().get('level'), LIMIT)
+    wait_until(lambda: of_r1.decision().get('level'))
     assert of_r1.updates()['namespace'] == '/r1'
     assert of_r2.updates()['namespace'] == '/r2'
     assert not of_r2.decision()
@@ -135,18 +132,16 @@ def test_it_follows_one_namespace_alone(start_view, start_robot, wait_until):
 def test_another_run_begins_on_an_empty_page(start_view, start_robot, wait_until, ros):
     _, page = start_view()
     start_robot()
-    wait_until(lambda: len(page.updates()['series']['steps']) > 5, LIMIT)
+    wait_until(lambda: len(page.updates()['series']['steps']) > 5)
     before = page.updates()['run']
-    client = ros.node.create_client(Trigger, '/guidance/reset')
-    ros.spin_until(client.service_is_ready, LIMIT)
-    ros.spin_until(client.call_async(Trigger.Request()).done, LIMIT)
-    wait_until(lambda: page.updates()['run'] > before and page.updates()['series']['steps'], LIMIT)
+    ros.call(Trigger, '/guidance/reset')
+    wait_until(lambda: page.updates()['run'] > before and page.updates()['series']['steps'])
 
 
 def test_an_address_of_another_machine_is_exit_code_2(spawn):
     elsewhere = ['--host', '203.0.113.1', '--port', '8765']
     running = spawn([sys.executable, '-m', 'cmpsp_ros.cli', 'view', *elsewhere])
-    assert running.wait(LIMIT) == 2
+    assert running.wait() == 2
     assert '203.0.113.1, port 8765: found Cannot assign requested address' in running.stderr
     assert 'Traceback' not in running.stderr
 
@@ -165,9 +160,9 @@ def test_a_demo_shows_itself(spawn, wait_until, tmp_path):
         except urllib.error.URLError:
             return None
 
-    assert wait_until(decided, LIMIT) in LEVEL_COLORS
+    assert wait_until(decided) in LEVEL_COLORS
     # On a busy machine it may miss the goal.
-    assert running.wait(LIMIT) in {0, 1}, running.stderr
+    assert running.wait() in {0, 1}, running.stderr
     assert (folder / 'summary.json').exists()
     assert f'{page.address} shows the run' in running.stderr
     assert (folder / 'viewer.log').exists()
@@ -202,7 +197,7 @@ def test_it_shows_what_moves_and_the_goal_driven_to(start_view, wait_until, ros,
         updates = page.updates()
         return updates if updates.get('moving') and updates.get('decision') else None
 
-    updates = wait_until(shown, LIMIT)
+    updates = wait_until(shown)
     assert updates['moving'] == [{'at': [1.0, 2.0], 'size': 0.6, 'doubt': 0.9, 'to': [1.5, 2.25]}]
     goal = [updates['decision'][each] for each in ('goal', 'goal_x', 'goal_y', 'goal_time')]
     assert goal == ['b', 0.5, -1.0, 17.0]
@@ -229,7 +224,7 @@ def show_grid(page, ros, wait_until):
         publisher.publish(grid_of_three(12))
         return page.updates().get('seen')
 
-    return wait_until(shown, LIMIT)
+    return wait_until(shown)
 
 
 def test_it_knows_what_sensors_have_seen(start_view, wait_until, ros):
@@ -245,7 +240,7 @@ def test_it_draws_what_sensors_have_seen(start_view, wait_until, ros, browse):
     course = ros.node.create_publisher(MARKERS.type, '/guidance/markers', MARKERS.qos)
     goal = Marker(ns='goal', type=Marker.CYLINDER, color=ColorRGBA(a=1.0))
     course.publish(MarkerArray(markers=[goal]))
-    wait_until(lambda: page.updates().get('course'), LIMIT)
+    wait_until(lambda: page.updates().get('course'))
     dom, complaints = browse(page)
     assert complaints == []
     assert 'data-seen="12"' in dom
@@ -272,8 +267,8 @@ def browse(tmp_path):
 def test_a_browser_draws_it_without_complaint(start_view, start_robot, wait_until, browse):
     _, page = start_view()
     start_robot()
-    wait_until(lambda: len(page.updates()['series']['steps']) > 10, LIMIT)
-    wait_until(lambda: 'robot' in page.updates(), LIMIT)
+    wait_until(lambda: len(page.updates()['series']['steps']) > 10)
+    wait_until(lambda: 'robot' in page.updates())
     dom, complaints = browse(page)
     assert complaints == []
     body = re.search(r'<body ([^>]*)>', dom)[1]
@@ -302,7 +297,7 @@ def test_texts_of_anybody_do_not_run(start_view, wait_until, ros, browse):
         markers.publish(MarkerArray(markers=[text]))
         return page.decision() and page.updates().get('course')
 
-    wait_until(shown, LIMIT)
+    wait_until(shown)
     dom, complaints = browse(page)
     assert complaints == []
     assert '<title>cmpsp view</title>' in dom

@@ -37,17 +37,9 @@ class CheckOutcome(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Finding:
-    """Result of a check.
+    """Result of a check, or why it was impossible, in a sentence and by the worst value.
 
-    Attributes:
-        check: Short name, for machines.
-        title: Name for people.
-        outcome: Outcome of the check.
-        sentence: Result in words, or why the check was impossible.
-        worst: The worst value; None where there is none.
-        limit: Limit, in the same unit.
-        unit: Their unit.
-        at: Time of the worst value, from time 0 of the first run [s].
+    Worst value and limit have one unit; `at` is its time, from time 0 of the first run [s].
     """
 
     check: str
@@ -90,12 +82,9 @@ class NotJudgedError(Exception):
 
 @dataclass(frozen=True)
 class Sample:
-    """One value that a check looks at.
+    """One value that a check looks at, with its limit, at a time [ns] if it has one.
 
     Attributes:
-        value: The value.
-        limit: Limit.
-        at: Time [ns], if it has one.
         excess: The check fails if it is above 0, or NaN.
         rank: The largest is the worst, of those that fail if there are any; by default `excess`.
         unit: In place of the check's.

@@ -73,12 +73,7 @@ class History:
 
 
 def read_history(bag: Bag, places: Names, params_file: str | Path | None) -> History:
-    """Parameters of guidance node and simulator with their recorded changes, or those of a file.
-
-    Raises:
-        BagError: The recorded changes cannot be read.
-        ParameterError: The parameters cannot be used; names each key.
-    """
+    """Parameters of guidance node and simulator with their recorded changes, or those of a file."""
     if params_file is not None:
         given = load_parameter_file(params_file)
         values = TABLE.resolve(given)

@@ -77,11 +77,7 @@ class Pairs:
 
 
 def read_commands(bag: Bag, topic: str) -> Commands:
-    """Commands of a topic, with the stamps that they carry or else the times of reception.
-
-    Raises:
-        BagError: The topic is of another type than Twist and TwistStamped.
-    """
+    """Commands of a topic, with the stamps that they carry or else the times of reception."""
     found = bag.topics[topic].msgtype
     if found not in {_TWIST, _STAMPED}:
         raise BagError(
@@ -146,12 +142,7 @@ def timed(
 
 @dataclass(frozen=True)
 class RunSpan:
-    """One run: from a time 0 to the next.
-
-    Attributes:
-        start: Time 0 [ns].
-        end: Beginning of the next run, or end of the recording [ns].
-    """
+    """One run: from its time 0 to that of the next, or to the end of the recording [ns]."""
 
     start: int
     end: int

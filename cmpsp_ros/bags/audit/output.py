@@ -13,7 +13,7 @@ from rich.text import Text
 
 from cmpsp_ros.bags.audit.finding import CheckOutcome, Finding
 from cmpsp_ros.bags.audit.record import AuditRecord
-from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.bags.errors import written
 from cmpsp_ros.guidance import NANOSECONDS
 
 _STYLES = {
@@ -53,17 +53,14 @@ def _outcome(finding: Finding) -> Text:
 
 
 def write_junit(path: Path, findings: Sequence[Finding], record: AuditRecord) -> None:
-    """Write one test case a check; valid by the schema that Jenkins and GitLab read.
-
-    Raises:
-        BagError: The file cannot be written.
-    """
+    """Write one test case a check; valid by the schema that Jenkins and GitLab read."""
     counts = {each: sum(one.outcome is each for one in findings) for each in CheckOutcome}
+    start = datetime.fromtimestamp(record.start // NANOSECONDS, UTC)
     suite = Element(
         'testsuite',
         {
             'name': _text(f'audit of {record.path}'),
-            'timestamp': _date(record.start),
+            'timestamp': f'{start:%Y-%m-%dT%H:%M:%S}',
             'hostname': 'localhost',
             'tests': str(len(findings)),
             'failures': str(counts[CheckOutcome.FAILED]),
@@ -78,10 +75,8 @@ def write_junit(path: Path, findings: Sequence[Finding], record: AuditRecord) ->
     SubElement(suite, 'system-out')
     SubElement(suite, 'system-err')
     indent(suite)
-    try:
+    with written(path):
         ElementTree(suite).write(path, encoding='utf-8', xml_declaration=True)
-    except OSError as error:
-        raise BagError(f'{path}: cannot be written: {error.strerror or error}') from error
 
 
 def _add_case(suite: Element, finding: Finding) -> None:
@@ -90,21 +85,15 @@ def _add_case(suite: Element, finding: Finding) -> None:
         'testcase',
         {'name': finding.title, 'classname': f'audit.{finding.check}', 'time': '0'},
     )
+    message = {'message': _text(finding.sentence)}
     if finding.outcome is CheckOutcome.SKIPPED:
-        SubElement(case, 'skipped', {'message': _text(finding.sentence)})
+        SubElement(case, 'skipped', message)
     elif finding.outcome is CheckOutcome.NOT_JUDGED:
-        SubElement(case, 'error', {'message': _text(finding.sentence), 'type': 'not judged'})
+        SubElement(case, 'error', message, type='not judged')
     elif finding.outcome is CheckOutcome.FAILED:
-        failure = SubElement(
-            case, 'failure', {'message': _text(finding.sentence), 'type': finding.check}
-        )
+        failure = SubElement(case, 'failure', message, type=finding.check)
         when = '' if finding.at is None else f', at {finding.at:.3f} s'
         failure.text = _text(f'worst {finding.worst_text}, limit {finding.limit_text}{when}')
-
-
-def _date(stamp: int) -> str:
-    seconds = stamp // NANOSECONDS
-    return datetime.fromtimestamp(seconds, UTC).strftime('%Y-%m-%dT%H:%M:%S')
 
 
 def _text(text: str) -> str:

@@ -152,11 +152,10 @@ def people(record: AuditRecord) -> Iterator[Sample]:
     yield from _apart(record.people_met, ', at its true position')
 
 
-def _others_gap(record: AuditRecord, _worst: Sample) -> str:
-    return record.others_sentence
-
-
-@check('others', 'Path: clear of other robots', gaps=(_others_gap, path_gap), **_APART)
+@check(
+    'others', 'Path: clear of other robots', **_APART,
+    gaps=(lambda record, _: record.others_sentence, path_gap),
+)  # fmt: skip
 def others(record: AuditRecord) -> Iterator[Sample]:
     """Clearance from the other robots at their positions, while the robot moved."""
     if not record.settings.moving_obstacles.others:
@@ -179,18 +178,11 @@ def margin(record: AuditRecord) -> Iterator[Sample]:
     yield from _clear(record, slice(None), wanted)
 
 
-def _too_close(worst: Sample) -> str:
-    return f'While the level is nominal, the path driven is {-worst.value:.3g} m too close.'
-
-
-def _unseen_or_gap(record: AuditRecord, worst: Sample) -> str:
-    return record.unseen or path_gap(record, worst)
-
-
 @check(
     'nominal', 'Fallback: nominal is clear', needs=_ROAD, of_decisions=True, unit='m',
     of_reach=True, good='Wherever the level is nominal, the path driven is clear.',
-    bad=_too_close, gaps=(_unseen_or_gap,),
+    bad='While the level is nominal, the path driven is {depth:.3g} m too close.',
+    gaps=(lambda record, worst: record.unseen or path_gap(record, worst),),
 )  # fmt: skip
 def nominal(record: AuditRecord) -> Iterator[Sample]:
     """Clearance of the path driven wherever the level is nominal."""
@@ -207,7 +199,8 @@ def nominal(record: AuditRecord) -> Iterator[Sample]:
         least = sweep.clearance.min(axis=1)[under] + sweep.tolerance
         if len(least) and least.min() < np.inf:
             is_any, at = True, int(sweep.stamps[under][least.argmin()])
-            yield Sample(float(least.min()), 0.0, at, float(-least.min()) - _ROUNDING)
+            depth = -float(least.min())
+            yield Sample(-depth, 0.0, at, depth - _ROUNDING, words={'depth': depth})
     if not is_any:
         raise SkippedError('No control step has level nominal.')
 

@@ -97,12 +97,15 @@ def promise(record: AuditRecord) -> Iterator[Sample]:
 
 
 def _brakes(settings: GuidanceSettings, commands: Commands, k: int) -> bool:
-    """True if no wheel could be slower than a command makes it."""
+    """True if the fastest wheel could not be slower, and so no stop could come to rest earlier.
+
+    Which way the robot turns meanwhile is that of the stop promised with the command before.
+    """
     robot, change = settings.robot, settings.max_wheel_change
     if k == 0 or change == math.inf:
         return False
-    before, now = (np.abs(robot.wheel_speeds(commands.twists[i])) for i in (k - 1, k))
-    return bool((now <= np.maximum(before - change, 0.0) + _TOLERANCE).all())
+    before, now = (np.abs(robot.wheel_speeds(commands.twists[i])).max() for i in (k - 1, k))
+    return bool(now <= max(before - change, 0.0) + _TOLERANCE)
 
 
 def _stops(

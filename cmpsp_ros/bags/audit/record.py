@@ -26,11 +26,10 @@ from cmpsp_ros.bags.runs.odometry import (
     longest_interval,
     pieces,
 )
-from cmpsp_ros.bags.runs.run import DrivenPath, lifetime, seen_at
+from cmpsp_ros.bags.runs.run import DrivenPath, lifetime, plans_in, seen_at
 from cmpsp_ros.bags.runs.sensor_clearance import Knowledge, SensorClearance, look, sightings
 from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings, to_nanoseconds
-from cmpsp_ros.guidance.messages import Track, heading_of
-from cmpsp_ros.sensing import stamp_of
+from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.world.roads import FAR
 
 _NEAR = 3.0
@@ -91,19 +90,13 @@ def sweep(
 
 @dataclass(frozen=True)
 class AuditRecord:
-    """The data of an audit.
+    """The data of an audit: parameters over time, and all messages of a bag by names of topics.
 
     Attributes:
-        path: The bag.
-        places: Names of the topics read.
-        history: Parameters over time.
-        odometry: All odometry.
-        commands: All commands.
-        decisions: All decisions; none in the bag of another program.
+        decisions: None in the bag of another program.
         tracks: Moving obstacles as received, by id and time.
         people: People in the simulator as they truly were, by id and time.
         others: Paths of the other robots to be avoided, by namespace.
-        pairs: Pairs of commands and decisions.
         is_ours: True if the bag has the parameters of a guidance node of this package.
         legs: Parts in which time does not jump back and commands were sent.
     """
@@ -180,18 +173,7 @@ class AuditRecord:
     def plans(self) -> dict[int, Array]:
         """Poses ``(K, 3)`` [m, m, rad] of recorded plans, by the stamps of their decisions [ns]."""
         with Bag(self.path) as bag:
-            topic = self.places.path
-            found = bag.messages(topic) if topic in bag.topics else ()
-            paths = {
-                stamp_of(message): [each.pose for each in message.poses] for _, message in found
-            }
-        return {
-            stamp: np.array(
-                [(each.position.x, each.position.y, heading_of(each.orientation)) for each in poses]
-            )
-            for stamp, poses in paths.items()
-            if len(poses) > 1
-        }
+            return {each.stamp: each.poses for each in plans_in(bag, self.places.path)}
 
     @cached_property
     def encounters(self) -> tuple[Encounter, ...]:

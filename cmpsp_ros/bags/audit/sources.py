@@ -21,13 +21,9 @@ _NODE = 'guidance'
 
 @dataclass(frozen=True)
 class Sources:
-    """The user's choice of sources; None: found in the bag.
+    """The user's choice: topics, a parameter file or preset to judge by, a namespace as in `/r1`.
 
-    Attributes:
-        odom: Topic of the odometry.
-        cmd_vel: Topic of the commands.
-        params_file: Parameter file or preset to judge by, instead of the parameters in the bag.
-        namespace: Namespace of the guidance node, as in `/r1`.
+    None: found in the bag.
     """
 
     odom: str | None = None
@@ -37,12 +33,7 @@ class Sources:
 
 
 def find(bag: Bag, sources: Sources) -> Names:
-    """Full names of everything that an audit reads.
-
-    Raises:
-        BagError: The bag has no parameters of a guidance node and no file replaces them, or those
-            of several nodes and none is chosen; or odometry or commands are missing.
-    """
+    """Full names of everything that an audit reads."""
     node = _node(bag, sources)
     namespace = node.rpartition('/')[0]
     return Names(

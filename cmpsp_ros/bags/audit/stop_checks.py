@@ -16,8 +16,8 @@ from cmpsp_ros.bags.audit.legs import Leg, RunSpan
 from cmpsp_ros.bags.audit.record import AuditRecord
 from cmpsp_ros.bags.decision_record import DecisionRecord
 from cmpsp_ros.bags.runs import in_words
-from cmpsp_ros.bags.runs.goals import Passing
 from cmpsp_ros.bags.runs.odometry import Hole
+from cmpsp_ros.bags.runs.run import Passing
 from cmpsp_ros.guidance import (
     GOAL,
     NANOSECONDS,
@@ -102,12 +102,9 @@ def age(record: AuditRecord) -> Iterator[Sample]:
 
 
 def _silence_in_words(worst: Sample) -> str:
-    if worst.words['longest'] > worst.limit:
-        return (
-            f'Odometry is silent for {worst.words["longest"]:.3g} s, and the robot is stopped'
-            ' in time.'
-        )
-    return 'Odometry is never silent for long.'
+    longest = worst.words['longest']
+    said = f'Odometry is silent for {longest:.3g} s, and the robot is stopped in time.'
+    return said if longest > worst.limit else 'Odometry is never silent for long.'
 
 
 @check(
@@ -215,14 +212,10 @@ def _goal_in_words(worst: Sample) -> str:
     return f'{when} the robot is {passing}{beyond}{count}'
 
 
-def _goal_gap(record: AuditRecord, _worst: Sample) -> str:
-    return _passings(record)[1]
-
-
 @check(
     'goal', 'Path: goal at the final time',
     needs=('goal.position', 'goal.tolerance', 'final_time'), unit='m', good=_goal_in_words,
-    bad=_goal_in_words, gaps=(_goal_gap,),
+    bad=_goal_in_words, gaps=(lambda record, _: _passings(record)[1],),
 )  # fmt: skip
 def goal(record: AuditRecord) -> Iterator[Sample]:
     """Miss at each goal at its time, in each run that was not begun again before."""

@@ -46,7 +46,6 @@ class Series:
     """Steps of a drive along one axis, 0 ahead or 1 turning, and the command there.
 
     Attributes:
-        axis: The axis.
         stamps: Stamps of odometry, ``(N + 1,)`` [s].
         steps: Change between messages, ``(N,)`` [m] or [rad].
         changes: Times of the changes of the command, ``(C,)`` [s].
@@ -124,11 +123,7 @@ class Drive:
 
 
 def read_drives(path: Path, sources: Sources) -> tuple[list[Drive], dict[str, Any]]:
-    """Read all drives of a bag, and the parameters of a guidance node if it has them.
-
-    Raises:
-        BagError: Not a bag, no odometry or no commands, those of several robots, or too short.
-    """
+    """Read all drives of a bag, and the parameters of a guidance node if it has them."""
     with Bag(path) as bag:
         odom = _topic(bag, sources.odom, (_ODOMETRY,), 'odom', sources.namespace)
         space = odom.rpartition('/')[0] if sources.namespace is None else sources.namespace

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.bags.errors import written
 from cmpsp_ros.bags.identify.drives import Drive, Series
 from cmpsp_ros.bags.identify.estimates import AXES, Identification
 from cmpsp_ros.bags.identify.model import Response
@@ -19,17 +19,11 @@ from cmpsp_ros.view import BAGS, EDGE, GRID, TEXT
 
 
 def write_parameters(path: Path, robot: Identification) -> None:
-    """Write identified parameters; the others are comments.
-
-    Raises:
-        BagError: The file cannot be written.
-    """
+    """Write identified parameters; the others are comments."""
     drives = ''.join(f'# {each.label}, {each.stamps[-1]:.0f} s\n' for each in robot.drives)
     head = f'# By `cmpsp identify`, intervals of 95 %, from\n{drives}\n/**:\n  ros__parameters:\n'
-    try:
+    with written(path):
         path.write_text(head + '\n'.join(_lines(robot)) + '\n', encoding='utf-8')
-    except OSError as error:
-        raise BagError(f'{path}: cannot be written: {error.strerror or error}') from error
 
 
 def _lines(robot: Identification) -> Iterator[str]:
@@ -90,11 +84,7 @@ _MEAN: Final = 0.06
 
 
 def draw(robot: Identification, path: Path) -> None:
-    """Draw the longest drive, and an enlargement of its liveliest part.
-
-    Raises:
-        BagError: The picture cannot be written.
-    """
+    """Draw the longest drive, and an enlargement of its liveliest part."""
     number = int(np.argmax([each.stamps[-1] for each in robot.drives]))
     drive = robot.drives[number]
     figure = Figure(figsize=(15.0, 8.0), layout='constrained')
@@ -109,10 +99,8 @@ def draw(robot: Identification, path: Path) -> None:
         panels[axis][0].set(ylabel=f'{name} speed [{unit}]', xlim=(0.0, series.stamps[-1]))
         panels[axis][1].set(xlim=(begin, begin + _DETAIL))
     panels[0][0].legend(ncols=4, loc='lower left', bbox_to_anchor=(0.0, 1.0), frameon=False)
-    try:
+    with written(path):
         figure.savefig(path, dpi=110)
-    except OSError as error:
-        raise BagError(f'{path}: cannot be written: {error.strerror or error}') from error
 
 
 def _draw_speeds(axes: Axes, robot: Identification, drive: Drive, series: Series) -> None:

@@ -15,7 +15,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from cmpsp_ros.arrays import Array
 from cmpsp_ros.bags.decision_record import DecisionRecord
 from cmpsp_ros.bags.errors import UnknownTypeError
 from cmpsp_ros.bags.messages import (
@@ -28,8 +27,7 @@ from cmpsp_ros.bags.messages import (
 )
 from cmpsp_ros.bags.names import Names
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.replay.follower import Follower
-from cmpsp_ros.bags.replay.inputs import Halted, Input, Inputs, OdometryReceived
+from cmpsp_ros.bags.replay.inputs import Follower, Halted, Input, Inputs, OdometryReceived
 from cmpsp_ros.bags.replay.recording import OdometrySample
 from cmpsp_ros.bags.writer import BagWriter
 from cmpsp_ros.guidance import Decision, GuidanceSettings
@@ -48,12 +46,7 @@ _RECORDED, _CHANGED = BAGS[:2]
 
 @dataclass(frozen=True)
 class Change:
-    """The change to the recorded law.
-
-    Attributes:
-        base: A parameter set instead of the recorded one with its live changes, or None.
-        assignments: Values by key that replace those of the set.
-    """
+    """Values by key that replace those of a set, by default the recorded one as it changed."""
 
     base: Mapping[str, Any] | None
     assignments: Mapping[str, Any]
@@ -66,14 +59,9 @@ class Change:
 
 @dataclass
 class WhatIf:
-    """Two laws on the same odometry.
+    """Two laws on the same odometry: the recorded one, and a changed one by its first settings.
 
-    Attributes:
-        settings: Initial settings of the changed law.
-        odometry: All odometry received.
-        recorded: Decisions of the recorded law.
-        decisions: Decisions of the changed law, with the time of reception of odometry [ns].
-        left_out: Topics that could not be copied.
+    Its decisions have the time of reception of odometry [ns]; `left_out` are topics not copied.
     """
 
     settings: GuidanceSettings
@@ -215,17 +203,10 @@ def _draw_plans(axes: Axes, result: WhatIf) -> None:
         (recorded, _RECORDED, '-', 'recorded plans'),
         (changed, _CHANGED, '--', 'changed plans'),
     ):
-        for index, plan in enumerate(_some(plans)):
-            label = name if index == 0 else None
+        for part in range(_PLANS_DRAWN if plans else 0):
+            plan, label = plans[part * len(plans) // _PLANS_DRAWN], None if part else name
             axes.plot(*plan.T, style, color=color, lw=1.2, label=label, zorder=4)
     axes.plot(*driven.T, color='black', lw=2.0, label='driven, as recorded', zorder=3)
     axes.plot(*result.settings.goal, '*', color=GOAL, ms=14, label='goal', zorder=5)
     show(axes, [driven, np.array([result.settings.goal]), *recorded, *changed], _MARGIN)
     axes.legend(loc='best')
-
-
-def _some(plans: Sequence[Array]) -> list[Array]:
-    """A few of the plans, from the first on."""
-    return (
-        [plans[part * len(plans) // _PLANS_DRAWN] for part in range(_PLANS_DRAWN)] if plans else []
-    )

@@ -1,4 +1,4 @@
-"""The inputs of a recorded guidance law, in the order that its decisions imply.
+"""The inputs of a recorded guidance law in the order that its decisions imply, and their follower.
 
 Odometry, goals, moving obstacles and plans of other robots are in the bag. Everything else is
 recorded with each decision: stops by the node's clock, resets, live parameter changes, and which
@@ -9,7 +9,8 @@ goals, obstacles and plans had arrived by then (`halted`, `late`, `skipped`, `ru
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -21,7 +22,7 @@ from cmpsp_ros.bags.names import Names
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.replay.node_parameters import NodeParameters
 from cmpsp_ros.bags.replay.recording import OdometrySample, Recording
-from cmpsp_ros.guidance import Goal
+from cmpsp_ros.guidance import Decision, Goal, GoalError, GuidanceLaw, GuidanceSettings, Observation
 from cmpsp_ros.guidance.messages import MovingObject
 from cmpsp_ros.parameters import Values
 from cmpsp_ros.sensing import Sighting
@@ -94,9 +95,6 @@ class Inputs:
 
     Attributes:
         skipped: Decisions before the first run in the bag, of a law whose state is unknown.
-
-    Raises:
-        BagError: A topic or the parameters are missing, or cannot be used.
     """
 
     def __init__(self, bag: Bag, names: Names) -> None:
@@ -234,3 +232,45 @@ def _began_anew(before: DecisionRecord, decision: DecisionRecord) -> bool:
     """True if the node was configured or started again, so that another law decides."""
     again = decision.run == before.run and decision.step < before.step
     return bool(decision.run < before.run or decision.revision < before.revision or again)
+
+
+class Follower:
+    """Feeds inputs to a law, which is created by the first of them."""
+
+    law: GuidanceLaw
+
+    def __init__(self, settings_of: Callable[[Values], GuidanceSettings]) -> None:
+        """Wait for the input that creates the law; `settings_of` converts its parameters."""
+        self._settings_of = settings_of
+
+    def follow(self, event: Input) -> Decision | None:
+        """Process one input; return the resulting decision, if any.
+
+        Raises:
+            Exception: Any error of the law on odometry.
+        """
+        match event:
+            case RunStarted(values):
+                settings = self._settings_of(values)
+                self.law = GuidanceLaw(settings, settings.world)
+            case ParametersChanged(values):
+                settings = self._settings_of(values)
+                self.law.reconfigure(settings, settings.world)
+            case RunReset():
+                self.law.reset()
+            case GoalReceived(stamp, goal):
+                # A refusal is counted, as it was then.
+                with suppress(GoalError):
+                    self.law.set_goal(stamp, goal)
+            case Halted(decision):
+                names = 'finished', 'cancelled', 'braking'
+                flags = {name: getattr(decision, name) for name in names}
+                return self.law.halt(decision.stamp, decision.reason, **flags)
+            case OdometryReceived(odometry, recorded, tracks=tracks, sighting=sighting):
+                observation = Observation(odometry.stamp, odometry.pose, tracks, sighting)
+                decided = self.law.step(observation)
+                if decided is None:
+                    return None
+                late = 0.0 if recorded is None or decided.plan is None else recorded.late
+                return self.law.after_step(late)
+        return None

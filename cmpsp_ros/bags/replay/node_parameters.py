@@ -8,8 +8,7 @@ from typing import Any
 from cmpsp_ros.bags.custom_data import plain_values
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.parameters import TABLE, ParameterError, Values, is_of_ros, shapes_of
-from cmpsp_ros.world.obstacles import Shape
+from cmpsp_ros.parameters import TABLE, ParameterError, Values, is_of_ros
 
 EVENTS = '/parameter_events'
 """Topic of the changes."""
@@ -21,9 +20,6 @@ class NodeParameters:
     Attributes:
         values: Values after all changes applied so far.
         given: Keys that were recorded; the others are defaults.
-
-    Raises:
-        BagError: There are none, or they cannot be used; of `restart` and `change`, too.
     """
 
     values: Values
@@ -72,19 +68,6 @@ class NodeParameters:
                 f'{self._path}: parameters of {self._node}: {error.problems[0]}'
             ) from error
         self.given = frozenset(given)
-
-
-def hidden_obstacles(bag: Bag, node: str) -> tuple[Shape, ...]:
-    """Obstacles that only the simulator beside a guidance node knew when it started.
-
-    Raises:
-        BagError: Its parameters cannot be used.
-        ParameterError: One of the obstacles cannot be made.
-    """
-    sim = f'{node.rpartition("/")[0]}/sim'
-    if 'sim.obstacles.names' not in bag.parameters.get(sim, {}):
-        return ()
-    return shapes_of(NodeParameters(bag, sim).values)
 
 
 def changes_in(event: Any, node: str) -> dict[str, Any] | None:

@@ -51,13 +51,9 @@ class OdometrySample:
 
 
 class Recording:
-    """The messages of one guidance node, each kept only as long as it may be needed.
+    """The messages of one guidance node, in its frame, each kept as long as it may be needed.
 
-    Args:
-        bag: An open bag.
-        names: Names of node and topics.
-        frame_id: Frame in which odometry is usable.
-        others: Namespaces of the robots whose plans it receives.
+    Plans of robots in other namespaces are among them.
 
     Attributes:
         odometry: Read and not yet used, in order.
@@ -99,11 +95,7 @@ class Recording:
         self._first = True
 
     def decisions(self) -> Iterator[DecisionRecord]:
-        """Iterate over the decisions; odometry and changes are read ahead of each.
-
-        Raises:
-            BagError: The bag is damaged, or no recording of a guidance node.
-        """
+        """Iterate over the decisions; odometry and changes are read ahead of each."""
         pending: deque[DecisionRecord] = deque()
         for topic, received, message in self._bag.together(self._topics):
             while pending and received > pending[0].received + _SLACK:

@@ -14,8 +14,14 @@ from cmpsp_ros.bags.decision_record import DecisionRecord
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.names import Names
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.replay.follower import Follower
-from cmpsp_ros.bags.replay.inputs import Halted, Input, Inputs, OdometryMissing, OdometryReceived
+from cmpsp_ros.bags.replay.inputs import (
+    Follower,
+    Halted,
+    Input,
+    Inputs,
+    OdometryMissing,
+    OdometryReceived,
+)
 from cmpsp_ros.guidance import FIELDS, Decision, GuidanceSettings, decision_to_key_values, waypoints
 from cmpsp_ros.parameters import ParameterError, Values, guidance_settings
 from cmpsp_ros.robots import with_side
@@ -33,14 +39,7 @@ _FRACTION = re.compile(r'-?(\d+\.\d+(e[+-]?\d+)?|\d+e[+-]?\d+|inf|nan)')
 
 @dataclass(frozen=True)
 class Difference:
-    """A field that differs between replay and recording.
-
-    Attributes:
-        number: Number of the decision in the bag, from 1.
-        stamp: Stamp of its odometry [ns].
-        field: The field that differs.
-        recorded, replayed: Its values.
-    """
+    """A field that differs, of the decision of a number, from 1, on odometry of a stamp [ns]."""
 
     number: int
     stamp: int
@@ -56,11 +55,9 @@ class Difference:
 
 
 class Comparison:
-    """Comparison of decisions, bit by bit or within a tolerance.
+    """Comparison of decisions, bit by bit, or floats within a tolerance, which is absolute below 1.
 
-    Args:
-        tolerance: Difference up to which floats count as equal: relative, and below 1 absolute;
-            None for bit by bit. With a tolerance, numbers in sentences are left out.
+    Numbers in sentences are left out then.
     """
 
     def __init__(self, tolerance: float | None = None) -> None:
@@ -116,18 +113,13 @@ def _waypoint_pairs(recorded: DecisionRecord, decision: Decision) -> Pairs:
 
 @dataclass
 class ReplayOutcome:
-    """Result of a replay.
+    """Counts of decisions compared, and of fields that differ; software of the recording by name.
 
     Attributes:
-        software: Software installed where the bag was recorded, by name.
-        decisions: Decisions compared.
-        stops: Stops among them that odometry does not show; their reason is taken as recorded.
-        commands: Decisions whose command was recorded and compared too.
-        plans: Decisions whose plan was recorded and compared too.
+        stops: Stops that odometry does not show; their reason is taken as recorded.
+        commands, plans: Decisions whose command or plan was recorded and compared too.
         skipped: Decisions before the first run in the bag, which cannot be replayed.
         differing: Decisions that differ.
-        differences: Number of fields that differ.
-        first: The first difference, if any.
     """
 
     software: Mapping[str, str]

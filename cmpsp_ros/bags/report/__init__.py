@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cmpsp_ros.bags.audit import Sources, read_record
-from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.bags.errors import BagError, written
 from cmpsp_ros.bags.report.page import page
 from cmpsp_ros.bags.report.picture import draw_report
 from cmpsp_ros.bags.report.view import View, labels, view
@@ -15,20 +15,9 @@ from cmpsp_ros.bags.report.view import View, labels, view
 def write_report(
     paths: Sequence[Path], output: Path, sources: Sources | None = None, *, force: bool = False
 ) -> tuple[Path, Path]:
-    """Write the report of one bag, or of several side by side.
+    """Write the report of one bag, or of several side by side: a page, and a picture beside it.
 
-    Args:
-        paths: The bags.
-        output: The page; the picture is beside it.
-        sources: Topics and parameters, where they are not the usual ones.
-        force: True if an earlier report may be replaced.
-
-    Returns:
-        Page and picture.
-
-    Raises:
-        BagError: A bag cannot be used, or the report not written.
-        ParameterError: The parameters cannot be used.
+    An earlier report is replaced with `force` only.
     """
     picture = output.with_suffix('.png')
     for each in (output, picture):
@@ -39,9 +28,7 @@ def write_report(
         for path, label in zip(paths, labels(paths), strict=True)
     ]
     text = page(views)
-    try:
+    with written(output):
         output.write_text(text, encoding='utf-8')
-    except OSError as error:
-        raise BagError(f'{output}: cannot be written: {error.strerror or error}') from error
     draw_report(views, picture)
     return output, picture

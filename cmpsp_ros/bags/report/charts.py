@@ -6,6 +6,7 @@ import html
 import math
 from collections.abc import Sequence
 from itertools import cycle
+from textwrap import shorten
 from typing import Any
 
 import numpy as np
@@ -38,7 +39,7 @@ def levels(views: Sequence[View]) -> Figure:
                 'x': [number(each.end - each.begin) for _, each in bands],
                 'text': [
                     f'{each.begin:.2f} to {each.end:.2f} s, {each.steps} steps'
-                    f'<br>{escaped(_wrapped(each.reason))}'
+                    f'<br>{escaped(shorten(each.reason, 90, placeholder="…"))}'
                     for _, each in bands
                 ],
                 'textposition': 'none',
@@ -289,7 +290,3 @@ def _mark(figure: Figure, value: float, text: str, *, axis: str = 'y', log: bool
 
 def _named(views: Sequence[View], view: View, name: str) -> str:
     return name if len(views) == 1 else f'{escaped(view.label)}: {name}'
-
-
-def _wrapped(text: str, width: int = 90) -> str:
-    return text if len(text) <= width else f'{text[: width - 1]}…'

@@ -25,7 +25,6 @@ from cmpsp_ros.bags.report import charts
 from cmpsp_ros.bags.report.path_chart import moving, panels, path
 from cmpsp_ros.bags.report.view import View
 from cmpsp_ros.parameters import TABLE, describe
-from cmpsp_ros.robots import Signal
 from cmpsp_ros.view import LEVEL_COLORS, bag_color
 
 _MOST_BANDS = 200
@@ -113,10 +112,6 @@ def verdicts(views: Sequence[View]) -> str:
     return ''.join(words)
 
 
-def _largest(signal: Signal) -> str:
-    return f'{np.abs(signal.values).max(initial=0.0):.4g} {signal.unit}'.rstrip()
-
-
 def _figures(view: View) -> dict[str, str]:
     taken = view.steps[1]
     by_check = {each.check: each for each in view.findings}
@@ -125,11 +120,13 @@ def _figures(view: View) -> dict[str, str]:
         counts[band.level] += band.steps
     known = [float(each.min()) for each in view.clearance[1].values()]
     missed = len(view.missed_deadlines[0])
+    peaks = ((each, np.abs(each.values).max(initial=0.0)) for each in view.commands[1])
+    largest = {each.name: f'{peak:.4g} {each.unit}' for each, peak in peaks}
     quantiles = np.percentile(taken, [50, 99, 100]).tolist() if len(taken) else []
     return {
         'miss at the final time': by_check['goal'].worst_text or 'unknown',
         'least clearance': f'{min(known):.4g} m' if known else 'unknown',
-        **{f'largest {each.name}': _largest(each) for each in view.commands[1]},
+        **{f'largest {name}': text.rstrip() for name, text in largest.items()},
         'step time p50 / p99 / max': ' / '.join(f'{each:.2f}' for each in quantiles) + ' ms'
         if len(taken)
         else 'unknown',
@@ -167,11 +164,7 @@ def _table(
 
 
 def page(views: Sequence[View]) -> str:
-    """The report of one or several bags as HTML.
-
-    Raises:
-        BagError: plotly, whose script goes into the page, is not installed.
-    """
+    """The report of one or several bags as HTML."""
     script, library = _asset('page.js'), _plotly()
     return Template(_asset('page.html')).substitute(
         policy=_policy(script, library),

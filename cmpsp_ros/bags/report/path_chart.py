@@ -10,8 +10,7 @@ import numpy as np
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.bags.report.charts import Figure, axis, escaped, layout, suffix
 from cmpsp_ros.bags.report.view import MOST_PLANS, View, thinned
-from cmpsp_ros.bags.runs.goals import goals_driven_to
-from cmpsp_ros.bags.runs.run import DrivenPath, lifetime
+from cmpsp_ros.bags.runs.run import DrivenPath, goals_driven_to, lifetime
 from cmpsp_ros.guidance import Goal
 from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.view import (

@@ -9,7 +9,7 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.bags.errors import written
 from cmpsp_ros.bags.report.charts import Figure as Chart
 from cmpsp_ros.bags.report.charts import clearance, controls, levels, quantities, step_times, suffix
 from cmpsp_ros.bags.report.path_chart import panels, path
@@ -22,9 +22,6 @@ def draw_report(views: Sequence[View], output: Path) -> Figure:
 
     Returns:
         The figure that was written.
-
-    Raises:
-        BagError: The picture cannot be written.
     """
     places, titles = panels(views), quantities(views)
     charts_ = [(levels(views), 0), *((controls(views), row) for row in range(len(titles)))]
@@ -51,10 +48,8 @@ def draw_report(views: Sequence[View], output: Path) -> Figure:
         shown = axes
     if shown is not None:
         shown.set(xlabel='time [s]', xlim=(0.0, max(view.end for view in views)))
-    try:
+    with written(output):
         figure.savefig(output, dpi=110)
-    except OSError as error:
-        raise BagError(f'{output}: cannot be written: {error.strerror or error}') from error
     return figure
 
 

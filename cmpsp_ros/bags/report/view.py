@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
-from contextlib import suppress
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import groupby, pairwise
@@ -18,14 +17,13 @@ from cmpsp_ros.bags.audit import AuditRecord, Finding, audit_record
 from cmpsp_ros.bags.audit.record import EDGES
 from cmpsp_ros.bags.decision_record import DecisionRecord, read_decisions
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.replay.node_parameters import hidden_obstacles
-from cmpsp_ros.bags.runs.run import DrivenPath, Planned, plans_in, read_tracks
+from cmpsp_ros.bags.runs.run import DrivenPath, Planned, plans_in
+from cmpsp_ros.bags.runs.sensor_clearance import sightings
 from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings, World
 from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.robots import Signal
-from cmpsp_ros.sensing import grid_of, stamp_of
 from cmpsp_ros.view import Part, bodies, body, course, disc, kept_clear, trail
-from cmpsp_ros.world.grids import GridError, OccupancyGrid
+from cmpsp_ros.world.grids import OccupancyGrid
 from cmpsp_ros.world.obstacles import Shape
 from cmpsp_ros.world.roads import FAR
 
@@ -34,8 +32,6 @@ MOST_POINTS = 4000
 
 MOST_PLANS = 600
 """Plans that are kept for the slider."""
-
-_GRID = 'nav_msgs/msg/OccupancyGrid'
 
 _MOST_GRIDS = 200
 """Grids that are kept for the slider."""
@@ -57,14 +53,9 @@ class View:
     """One bag in a report.
 
     Attributes:
-        label: Name in the report.
-        record: The audited data.
         decisions: All decisions, those whose command came too late to be sent among them.
-        findings: Results of the audit.
         plans: Some of the plans, in order of time; none if they were not recorded.
         grids: Some of the grids that sensors had shown, with their times [ns].
-        hidden: Obstacles that only the simulator knows; none without our simulator.
-        people: True positions of each of its people, in order of time.
         version: Version of this package that recorded it, or empty.
     """
 
@@ -74,8 +65,6 @@ class View:
     findings: tuple[Finding, ...]
     plans: tuple[Planned, ...]
     grids: tuple[tuple[int, OccupancyGrid], ...]
-    hidden: tuple[Shape, ...]
-    people: tuple[tuple[Track, ...], ...]
     version: str
 
     @property
@@ -88,6 +77,16 @@ class View:
         """All static obstacles that guidance knew."""
         epochs = self.record.history.epochs
         return tuple(dict.fromkeys(shape for each in epochs for shape in each.settings.obstacles))
+
+    @property
+    def hidden(self) -> tuple[Shape, ...]:
+        """Obstacles that only the simulator knew at first; none without our simulator."""
+        return self.record.history.epochs[0].hidden
+
+    @cached_property
+    def people(self) -> tuple[tuple[Track, ...], ...]:
+        """True positions of each of the simulator's people, in order of time."""
+        return _by_id(self.record.people)
 
     @cached_property
     def course(self) -> tuple[Part, ...]:
@@ -102,7 +101,11 @@ class View:
         """Margins, all that moves, other robots, and last the robot itself at both ends."""
         return (
             kept_clear(self.settings, self.settings.world),
-            *(_moving(each) for each in self.tracks if not each[0].is_seen),
+            *(
+                Part('moving', (_places(each),), ((each[0].name, (each[0].x, each[0].y)),))
+                for each in self.tracks
+                if not each[0].is_seen
+            ),
             Part('tracked', tuple(_places(each) for each in self.tracks if each[0].is_seen)),
             *(self._person(each) for each in self.people),
             *(self._other(name, each) for name, each in self.others.items()),
@@ -261,35 +264,17 @@ class View:
 
 
 def view(path: Path, label: str, record: AuditRecord) -> View:
-    """Everything that is shown of a bag.
-
-    Raises:
-        BagError: The bag cannot be read.
-    """
+    """Everything that is shown of a bag."""
     with Bag(path) as bag:
         found, version = plans_in(bag, record.places.path), bag.version
         decisions = read_decisions(bag, record.places.decision)
-        grids = tuple(_grids(bag, record.places.sighting))
-        hidden = hidden_obstacles(bag, record.places.node)
-        people = _by_id(read_tracks(bag, record.places.people, None))
+        seen = bag.topics.get(record.places.sighting)
+        chosen = set(thinned(np.arange(0 if seen is None else seen.count), _MOST_GRIDS).tolist())
+        shown = enumerate(sightings(bag, record.places.sighting, (0.0, np.inf)))
+        grids = tuple(each for number, each in shown if number in chosen)
     plans = tuple(found[each] for each in thinned(np.arange(len(found)), MOST_PLANS))
     findings = audit_record(record)
-    return View(label, record, decisions, findings, plans, grids, hidden, people, version)
-
-
-def _grids(bag: Bag, topic: str) -> Iterator[tuple[int, OccupancyGrid]]:
-    """Grids that sensors had shown.
-
-    Raises:
-        BagError: The bag cannot be read.
-    """
-    if topic not in bag.topics or bag.topics[topic].msgtype != _GRID:
-        return
-    chosen = set(thinned(np.arange(bag.topics[topic].count), _MOST_GRIDS).tolist())
-    for number, (_, message) in enumerate(bag.messages(topic)):
-        if number in chosen:
-            with suppress(GridError):
-                yield stamp_of(message), grid_of(message, message.header.frame_id)
+    return View(label, record, decisions, findings, plans, grids, version)
 
 
 def thinned(index: NDArray[np.intp], most: int) -> NDArray[np.intp]:
@@ -323,10 +308,6 @@ def _by_id(tracks: Sequence[Track]) -> tuple[tuple[Track, ...], ...]:
 
 def _places(tracks: Sequence[Track]) -> Array:
     return np.array([(each.x, each.y) for each in tracks])
-
-
-def _moving(tracks: Sequence[Track]) -> Part:
-    return Part('moving', (_places(tracks),), ((tracks[0].name, (tracks[0].x, tracks[0].y)),))
 
 
 def _shown(decision: DecisionRecord) -> str:

@@ -1,7 +1,6 @@
 """A recorded run as arrays: decisions, goals, moving obstacles and encounters."""
 
 from cmpsp_ros.bags.runs.encounters import encounters, robot_encounters
-from cmpsp_ros.bags.runs.goals import Passing, goals_driven_to, mean_speed
 from cmpsp_ros.bags.runs.odometry import (
     holes,
     in_words,
@@ -10,4 +9,13 @@ from cmpsp_ros.bags.runs.odometry import (
     overlaps,
     pieces,
 )
-from cmpsp_ros.bags.runs.run import DrivenPath, Run, lifetime, read_run, seen_at
+from cmpsp_ros.bags.runs.run import (
+    DrivenPath,
+    Passing,
+    Run,
+    goals_driven_to,
+    lifetime,
+    mean_speed,
+    read_run,
+    seen_at,
+)

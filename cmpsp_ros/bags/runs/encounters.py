@@ -67,20 +67,13 @@ def encounters(
 
 
 def read_others(bag: Bag, namespaces: Iterable[str], own: str) -> dict[str, DrivenPath]:
-    """Paths of other robots by namespace: the simulator's own where there are some, else odometry.
-
-    Raises:
-        BagError: The bag is damaged.
-    """
+    """Paths of other robots by namespace: the simulator's own if there is one, else odometry."""
+    recorded = {name for name, topic in bag.topics.items() if topic.count > 1}
     return {
-        each: driven_in(bag, each) for each in namespaces if each != own and _is_recorded(bag, each)
+        each: driven_in(bag, each)
+        for each in namespaces
+        if each != own and recorded & {f'{each}/sim/truth', f'{each}/odom'}
     }
-
-
-def _is_recorded(bag: Bag, namespace: str) -> bool:
-    """True if a bag has the path of a robot."""
-    topics = (f'{namespace}/{topic}' for topic in ('sim/truth', 'odom'))
-    return any(topic in bag.topics and bag.topics[topic].count > 1 for topic in topics)
 
 
 def robot_encounters(

@@ -22,12 +22,7 @@ _LOST: Final = 3.0
 
 
 class Hole(NamedTuple):
-    """Time between two poses that are known.
-
-    Attributes:
-        begin: Stamp of the pose before [ns].
-        end: Stamp of the pose after [ns].
-    """
+    """Time between two poses that are known, by their stamps [ns]."""
 
     begin: int
     end: int
@@ -117,12 +112,7 @@ class OdometrySeries:
     spreads: Array
 
     def legs(self, backwards: float) -> list[OdometrySeries]:
-        """Parts in which time does not jump back.
-
-        Args:
-            backwards: Smallest step back that counts as a jump [s]; smaller ones are only out of
-                order.
-        """
+        """Parts in which time does not jump back by more than so much [s], or is out of order."""
         jumps = np.flatnonzero(np.diff(self.stamps) < -backwards * NANOSECONDS) + 1
         legs = []
         for leg in np.split(np.arange(len(self.stamps)), jumps):
@@ -143,11 +133,7 @@ class OdometrySeries:
 
 
 def read_odometry(bag: Bag, topic: str, frame_id: str | None) -> OdometrySeries:
-    """Odometry of a topic, in a frame or in any.
-
-    Raises:
-        BagError: It is of another type, in another frame, or not finite.
-    """
+    """Odometry of a topic, in a frame or in any."""
     found = bag.topics[topic].msgtype
     if found != _TYPE:
         raise BagError(f'{bag.path}: found {found} in {topic}, wanted {_TYPE} (--odom)')

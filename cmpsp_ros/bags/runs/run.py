@@ -1,9 +1,11 @@
-"""A recorded run as arrays: decisions, commands and the driven path."""
+"""A recorded run as arrays: decisions, commands, the driven path and the goals."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from itertools import groupby, pairwise
 from pathlib import Path
 
 import numpy as np
@@ -12,21 +14,18 @@ from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.bags.decision_record import DecisionRecord, read_decisions
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings
+from cmpsp_ros.guidance import NANOSECONDS, Goal, GuidanceSettings
 from cmpsp_ros.guidance.messages import Track, TrackError, heading_of, tracks_of
 from cmpsp_ros.robots import arc_ends, plain
 from cmpsp_ros.sensing import stamp_of
+from cmpsp_ros.world.roads import arc_length_to
 
 _PERIODS = 1.5
 """Control periods for which what own sensors have seen counts."""
 
 
 def read_tracks(bag: Bag, topic: str, frame_id: str | None) -> tuple[Track, ...]:
-    """Messages of a topic in a frame, or in any, by id and time; none if it is not there.
-
-    Raises:
-        BagError: A message is not of its type.
-    """
+    """Messages of a topic in a frame, or in any, by id and time; none if it is not there."""
     found: dict[tuple[int, int], Track] = {}
     for _, message in bag.messages(topic) if topic in bag.topics else ():
         try:
@@ -77,15 +76,15 @@ def _after(track: Track, stamp: int) -> Track:
 
 @dataclass(frozen=True)
 class Planned:
-    """A plan as published on `~/predicted_path`.
-
-    Attributes:
-        stamp: Time [ns].
-        points: Predicted positions ``(N + 1, 2)`` [m].
-    """
+    """A plan as published on `~/predicted_path`: time [ns] and poses ``(N + 1, 3)`` [m, m, rad]."""
 
     stamp: int
-    points: Array
+    poses: Array
+
+    @property
+    def points(self) -> Array:
+        """Predicted positions ``(N + 1, 2)`` [m]."""
+        return self.poses[:, :2]
 
 
 @dataclass(frozen=True)
@@ -132,17 +131,13 @@ class DrivenPath:
 
 @dataclass(frozen=True)
 class Run:
-    """A recorded run.
+    """A recorded run; plans are empty if they were not recorded.
 
     Attributes:
-        decisions: In order.
-        plans: In order; empty if they were not recorded.
-        driven: The driven path, from `read_driven`.
         tracks: Moving obstacles as received, by id and time.
         people: The simulator's people as they truly were, by number and time.
-        wheel_stamps: IntArray of the wheel speeds [ns], shape ``(W,)``.
-        wheel_speeds: Wheel speeds of all wheels, driven or, without a simulator, commanded; shape
-            ``(W, wheels)`` [rad/s].
+        wheel_stamps: Stamps of the wheel speeds [ns], shape ``(W,)``.
+        wheel_speeds: Driven or, without a simulator, commanded, ``(W, wheels)`` [rad/s].
     """
 
     decisions: tuple[DecisionRecord, ...]
@@ -160,11 +155,7 @@ class Run:
 
 
 def read_run(path: Path, namespace: str = '') -> Run:
-    """Read a run of our nodes, in a namespace as `/r1`, from its bag.
-
-    Raises:
-        BagError: Not a bag, or a topic of a run is missing.
-    """
+    """Read a run of our nodes, in a namespace as `/r1`, from its bag."""
     with Bag(path) as bag:
         decided = f'{namespace}/guidance/decision'
         decisions = read_decisions(bag, decided)
@@ -184,20 +175,11 @@ def read_run(path: Path, namespace: str = '') -> Run:
         return Run(decisions, plans, driven, told + seen, people, stamps, speeds)
 
 
-def read_driven(path: Path, namespace: str = '') -> DrivenPath:
-    """Read only the driven path, in the frame of the course.
+def driven_in(bag: Bag, namespace: str) -> DrivenPath:
+    """The driven path, in the frame of the course.
 
     The simulator's own path is preferred if there is one and odometry is in that frame.
-
-    Raises:
-        BagError: Not a bag, or there is no path in it.
     """
-    with Bag(path) as bag:
-        return driven_in(bag, namespace)
-
-
-def driven_in(bag: Bag, namespace: str) -> DrivenPath:
-    """As `read_driven`, of an open bag."""
     heard = bag.as_decided_on(f'{namespace}/guidance', 'odom')
     topic = truth_topic(bag, namespace, heard) or heard
     rows: dict[int, tuple[list[float], list[float]]] = {}
@@ -226,10 +208,13 @@ def plans_in(bag: Bag, topic: str) -> tuple[Planned, ...]:
     """The plans that a bag has in a topic; none if it has no such topic."""
     plans = []
     for _, message in bag.messages(topic) if topic in bag.topics else ():
-        points = [(each.pose.position.x, each.pose.position.y) for each in message.poses]
+        poses = [
+            (each.pose.position.x, each.pose.position.y, heading_of(each.pose.orientation))
+            for each in message.poses
+        ]
         # One pose is where the robot stands.
-        if len(points) > 1:
-            plans.append(Planned(stamp_of(message), np.array(points)))
+        if len(poses) > 1:
+            plans.append(Planned(stamp_of(message), np.array(poses)))
     return tuple(plans)
 
 
@@ -237,3 +222,56 @@ def _wheels(bag: Bag, topic: str) -> tuple[IntArray, Array]:
     rows = [(stamp_of(message), message.velocity) for _, message in bag.messages(topic)]
     stamps = np.array([stamp for stamp, _ in rows], dtype=np.int64)
     return stamps, np.array([speeds for _, speeds in rows]).reshape(len(rows), -1)
+
+
+@dataclass(frozen=True)
+class Passing:
+    """Position at the time of a goal [ns]: distance [m] and heading error [rad] or None.
+
+    `ratio` is the larger of both errors, each divided by its tolerance.
+    """
+
+    goal: Goal
+    stamp: int
+    miss: float
+    heading_miss: float | None
+    ratio: float
+
+    @classmethod
+    def of(cls, settings: GuidanceSettings, goal: Goal, stamp: int, pose: Array) -> Passing:
+        """Measure it at a pose ``(3,)`` [m, m, rad]."""
+        miss, off = math.dist(pose[:2], goal.position), None
+        ratio = miss / settings.goal_tolerance
+        if goal.heading is not None:
+            off = abs(math.remainder(float(pose[2]) - goal.heading, math.tau))
+            ratio = max(ratio, off / settings.heading_tolerance)
+        return cls(goal, stamp, miss, off, ratio)
+
+    def __str__(self) -> str:
+        """Both misses in words."""
+        where = self.goal.name if self.goal.name not in ('', 'goal') else 'the goal'
+        turned = '' if self.heading_miss is None else f' and {self.heading_miss:.3g} rad'
+        return f'{self.miss:.3g} m{turned} from {where}'
+
+
+def mean_speed(settings: GuidanceSettings, poses: Array, seconds: float) -> float:
+    """Mean speed along the centre line, negative against its direction [m/s], of close poses."""
+    steps = (
+        arc_length_to(settings.road, before, tuple(after[:2].tolist()), float(after[2]))
+        for before, after in pairwise(poses)
+    )
+    return sum(steps) / seconds
+
+
+def goals_driven_to(
+    decisions: Sequence[DecisionRecord], settings: GuidanceSettings
+) -> list[tuple[int, Goal]]:
+    """Each goal with the stamp [ns] from which it was the current one; none on a followed road.
+
+    A decision that names no goal has the only one there is.
+    """
+    if settings.follow is not None:
+        return []
+    alone = Goal(settings.goal, settings.final_time, settings.goal_heading)
+    same = groupby(decisions, key=lambda each: each.goal or alone)
+    return [(next(group).stamp, goal) for goal, group in same]

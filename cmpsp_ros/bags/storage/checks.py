@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import yaml
 from rosbags.rosbag2 import Reader, ReaderError
 
-from cmpsp_ros.bags.storage.common import METADATA, SUFFIXES
+from cmpsp_ros.bags.storage.common import INFORMATION, METADATA, SUFFIXES
 from cmpsp_ros.bags.storage.limits import (
     MAX_CHUNK,
     MAX_FILES,
@@ -33,17 +33,11 @@ if TYPE_CHECKING:
 
     from cmpsp_ros.bags.storage.common import Found, Remark
 
-INFORMATION = 'rosbag2_bagfile_information'
-
 _CHECKS = {'mcap': check_mcap, 'sqlite3': check_sqlite}
 
 
 def read_metadata(folder: Path) -> dict[str, Any]:
-    """Metadata of a bag's folder.
-
-    Raises:
-        ReaderError: Too large, not YAML, or not a bag's.
-    """
+    """Metadata of a bag's folder."""
     path = folder / METADATA
     check_file(path, MAX_METADATA)
     text = path.read_text(encoding='utf-8')
@@ -63,9 +57,6 @@ def check_bag(path: Path) -> dict[str, Any]:
 
     Returns:
         The metadata of its folder; empty for a single storage file.
-
-    Raises:
-        ReaderError: Damaged, or beyond the supported limits.
     """
     if not path.is_dir():
         _check_storage(path, SUFFIXES.get(path.suffix, ''))

@@ -34,6 +34,9 @@ SUFFIXES: dict[str, StorageName] = {'.mcap': 'mcap', '.db3': 'sqlite3'}
 METADATA = 'metadata.yaml'
 """Description of a complete bag."""
 
+INFORMATION = 'rosbag2_bagfile_information'
+"""Key of all in it."""
+
 UNFINISHED = 'unfinished.json'
 """Custom data of a bag that is being written."""
 
@@ -45,13 +48,9 @@ _FORMATS = {'ros2msg': MessageDefinitionFormat.MSG, 'ros2idl': MessageDefinition
 
 @dataclass(frozen=True)
 class Form:
-    """Format of a bag.
+    """Format of a bag; only chunks of mcap can be compressed, by zstd.
 
-    Attributes:
-        storage: Format of its files.
-        compressed: True if chunks are compressed by zstd; mcap only.
-        split_size: Size at which a new file is begun [bytes]; 0 for a single file.
-        split_duration: Duration after which a new file is begun [ns]; 0 for a single file.
+    A new file is begun at a size [bytes], and after a duration [ns]; 0 for a single file.
     """
 
     storage: StorageName = 'mcap'
@@ -89,22 +88,13 @@ def read_profiles(text: str) -> tuple[Qos, ...]:
         return ()
 
 
-class FolderLock:
-    """The writer's lock, released by `release` or by the end of the process."""
-
-    def __init__(self, folder: Path) -> None:
-        self._file = os.open(folder, os.O_RDONLY)
-        # Some network file systems have no locks, and the bag is good all the same.
-        with suppress(OSError):
-            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-
-    def sync(self) -> None:
-        """Have the names of the files in the folder survive a loss of power."""
-        os.fsync(self._file)
-
-    def release(self) -> None:
-        """Release the lock."""
-        os.close(self._file)
+def locked(folder: Path) -> int:
+    """File descriptor of a folder with the writer's lock, which ends with it or the process."""
+    file = os.open(folder, os.O_RDONLY)
+    # Some network file systems have no locks, and the bag is good all the same.
+    with suppress(OSError):
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    return file
 
 
 def is_locked(folder: Path) -> bool:

@@ -58,11 +58,7 @@ _WINDOW_LOG = 26
 
 
 def check_file(path: Path, limit: int | None = None) -> None:
-    """Check that a path is a regular file, no larger than a limit [bytes].
-
-    Raises:
-        ReaderError: It is larger, or a pipe or device, which would be waited for without end.
-    """
+    """Check that a path is a regular file, no larger than a limit [bytes]; pipes are waited for."""
     status = path.stat()
     if not stat.S_ISREG(status.st_mode):
         raise ReaderError(f'{path.name} is not a regular file')
@@ -71,11 +67,7 @@ def check_file(path: Path, limit: int | None = None) -> None:
 
 
 def check_yaml(text: str) -> None:
-    """Check that parsing text as YAML does not multiply its size.
-
-    Raises:
-        ReaderError: Not YAML, nested too deeply, or with aliases, which multiply their anchors.
-    """
+    """Check that parsing YAML does not multiply its size: aliases do, and nesting."""
     depth = 0
     try:
         for event in yaml.parse(text, Loader=yaml.CSafeLoader):
@@ -93,9 +85,6 @@ def inflate(data: bytes, compression: str, limit: int, *, truncated: bool = Fals
     """Uncompress one frame of `zstd`, `lz4` or '' (none), to at most `limit` bytes.
 
     Of a truncated frame the result is the beginning of the whole.
-
-    Raises:
-        ReaderError: Another compression, damaged, cut off, or the result is larger.
     """
     inflated, complete = data, True
     if compression:
@@ -124,11 +113,7 @@ def inflated_allowed(size: int) -> int:
 
 
 def inflate_file(source: Path, target: Path) -> Path:
-    """Uncompress a file that is compressed by zstd as a whole; returns the target.
-
-    Raises:
-        ReaderError: It is larger than `MAX_INFLATED_FILE` when uncompressed.
-    """
+    """Uncompress a file that is compressed by zstd as a whole; returns the target."""
     check_file(source)
     size = 0
     with zstd.open(source, 'rb') as file, target.open('wb') as output:

@@ -75,14 +75,9 @@ class McapRecord(NamedTuple):
 
 
 class ChunkHead(NamedTuple):
-    """The header of a chunk.
+    """The header of a chunk: stamps [ns], and its records uncompressed and in the file [bytes].
 
-    Attributes:
-        start, end: First and last stamp [ns].
-        size: Length of its records, uncompressed [bytes].
-        checksum: CRC-32 of its records; 0 for none.
-        compression: `zstd`, `lz4`, or empty for none.
-        compressed: Length of its records in the file [bytes].
+    A checksum, CRC-32, is 0 for none; compression is `zstd`, `lz4`, or empty for none.
     """
 
     start: int
@@ -94,11 +89,7 @@ class ChunkHead(NamedTuple):
 
 
 def records(file: BinaryIO, start: int, end: int) -> Iterator[McapRecord]:
-    """Iterate over records between two offsets, without reading their content.
-
-    The last may be truncated. Iteration ends at invalid data. The file may be moved between
-    two records.
-    """
+    """Records between two offsets, up to invalid data or a truncated one, without their content."""
     while start + _RECORD.size <= end:
         file.seek(start)
         opcode, size = _RECORD.unpack(file.read(_RECORD.size))
@@ -110,11 +101,7 @@ def records(file: BinaryIO, start: int, end: int) -> Iterator[McapRecord]:
 
 
 def content(file: BinaryIO, record: McapRecord, end: int, limit: int = _MAX_RECORD) -> BytesIO:
-    """Read the content of a record.
-
-    Raises:
-        ReaderError: It is longer than the limit, or reaches beyond the end.
-    """
+    """Read the content of a record."""
     most = min(limit, end - record.body)
     if record.size > most:
         raise ReaderError(
@@ -125,11 +112,7 @@ def content(file: BinaryIO, record: McapRecord, end: int, limit: int = _MAX_RECO
 
 
 def read_chunk(body: BytesIO, *, truncated: bool = False) -> tuple[ChunkHead, bytes]:
-    """Uncompress a chunk record; a truncated one yields its first records.
-
-    Raises:
-        ReaderError: Damaged, cut off, or larger than `MAX_CHUNK`.
-    """
+    """Uncompress a chunk record; a truncated one yields its first records."""
     head = _chunk_head(body)
     data = body.read(head.compressed) if truncated else read_exact(body, head.compressed)
     inflated = inflate(data, head.compression, head.size, truncated=truncated)
@@ -171,11 +154,7 @@ def _channel(body: BytesIO) -> tuple[int, int, str, str, str]:
 
 
 def check_mcap(path: Path) -> None:
-    """Check that rosbags can read a file in bounded memory and time.
-
-    Raises:
-        ReaderError: Not an mcap file, truncated, damaged, or beyond the supported limits.
-    """
+    """Check that rosbags can read a file in bounded memory and time."""
     size = path.stat().st_size
     with path.open('rb') as file:
         if file.read(len(MAGIC)) != MAGIC:
@@ -202,10 +181,9 @@ def check_mcap(path: Path) -> None:
 
 
 class _Checker:
-    """Checks of records that rosbags reads one after the other, an index or a file without one.
+    """Checks of records that rosbags reads one after the other: an index, or a file without one.
 
-    Attributes:
-        chunks: Heads of chunks by offset, as the index has them.
+    `chunks` has the heads of chunks by offset, as the index has them.
     """
 
     def __init__(self, name: str, allowed: int) -> None:

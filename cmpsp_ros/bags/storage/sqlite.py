@@ -39,11 +39,7 @@ _ROW_SIZE = 32
 
 
 def check_sqlite(path: Path) -> None:
-    """Check that rosbags can read a file in bounded memory and time, and runs no code in it.
-
-    Raises:
-        ReaderError: Not a database, not closed, damaged, or with objects that no bag has.
-    """
+    """Check that rosbags can read a file in bounded memory and time, and runs no code in it."""
     log = path.with_name(f'{path.name}-wal')
     if log.exists() and log.stat().st_size:
         msg = f'{path.name} has not been closed; `cmpsp recover` makes a whole bag of it'
@@ -52,8 +48,11 @@ def check_sqlite(path: Path) -> None:
         address = f'{path.absolute().as_uri()}?immutable=1'
         with closing(sqlite3.connect(address, uri=True)) as database:
             _check_tables(database, path)
-            # Reads every value, none of which may be longer than the limit set by `_guard`.
-            database.execute('SELECT max(length(data)) FROM messages').fetchone()
+            # SQLite knows it without reading the values, so that no limit would stop it.
+            longest = database.execute('SELECT max(length(data)) FROM messages').fetchone()[0] or 0
+            if longest > MAX_CHUNK:
+                msg = f'message of {longest} bytes in {path.name}, at most {MAX_CHUNK} are read'
+                raise ReaderError(msg)
     except sqlite3.Error as error:
         raise ReaderError(f'{path.name} is not a sound database: {error}') from error
 

@@ -4,49 +4,36 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Final
 
-import numpy as np
-
-from cmpsp_ros.arrays import Array
-from cmpsp_ros.guidance.commands.decision_builder import DecisionBuilder
-from cmpsp_ros.guidance.commands.making_way import Choice
+from cmpsp_ros.guidance.commands.making_way import Checks, Choice
 from cmpsp_ros.guidance.decision import Decision, FallbackLevel
-from cmpsp_ros.guidance.goals import Target
 from cmpsp_ros.guidance.mission.back_out import back_out, turn_round
 from cmpsp_ros.guidance.mission.progress_watch import Remedy
+from cmpsp_ros.guidance.mission.unreachable import SPACING, tightest, way_left, why_unreachable
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 from cmpsp_ros.guidance.prediction.estimator import Observation, PlanStart
-from cmpsp_ros.guidance.safety.approach import Approach
-from cmpsp_ros.guidance.safety.validation import Validator
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.state import LawState
-from cmpsp_ros.world.roads import remaining_arc_length
 
 _BACK: Final = 1.0
 """Length of the trail that it backs out along [m]."""
 _AHEAD: Final = 1.5
 """Length of the way ahead on which the place that does not fit is looked for [m]."""
-_SPACING: Final = 0.05
 _SAME: Final = 0.5
 """Distance of places that count as one [m]."""
+_SOONER: Final = 3
+"""Part of the patience, as a divisor, after which the next remedy is tried."""
 
 
 class Escalation:
     """Chooses the next remedy where the watch has counted no progress for `goal.patience`."""
 
     def __init__(
-        self,
-        settings: LawSettings,
-        validator: Validator,
-        approach: Approach,
-        decisions: DecisionBuilder,
-        drop_plan: Callable[[LawState], None],
+        self, settings: LawSettings, checks: Checks, drop_plan: Callable[[LawState], None]
     ) -> None:
-        """Take what checks plans, what decides on them, and how to search all classes afresh."""
-        self._settings, self._validator, self._approach = settings, validator, approach
-        self._decisions, self._drop_plan = decisions, drop_plan
+        """Take what checks plans, and how to search all classes afresh."""
+        self._settings, self._checks, self._drop_plan = settings, checks, drop_plan
         self._patience = math.ceil(settings.patience / settings.control_period)
 
     def choose(
@@ -54,7 +41,8 @@ class Escalation:
     ) -> Choice | Decision | None:
         """Count a step, and take the next remedy if it is time; None to go on as planned.
 
-        Steps whose last plan reached the goal do not count, nor those before a closed road.
+        Steps whose last plan reached the goal do not count, nor those before a closed road. The
+        first remedy takes the whole patience, each later one a third of it.
         """
         mission, start = state.mission, context.start
         watch, goals = mission.watch, mission.goals
@@ -67,8 +55,8 @@ class Escalation:
             watch.reset()
             return None
         else:
-            watch.count(start.pose, self._way_left(start, context.goal))
-        if watch.steps < self._patience:
+            watch.count(start.pose, way_left(self._settings, start, context.goal))
+        if watch.steps < (allowed := -(-self._patience // (_SOONER if watch.remedy else 1))):
             return None
         watch.steps = 0
         while watch.remedy < Remedy.GIVE_UP:
@@ -77,9 +65,10 @@ class Escalation:
             if isinstance(found, Choice):
                 return found
             if found:
-                seconds = self._settings.patience
+                seconds = allowed * self._settings.control_period
                 why = f'There was no progress for {seconds:g} s: {found}'
-                return self._decisions.stop(state, seen.stamp, seen.pose, why, moving=start.moving)
+                stop = self._checks.decisions.stop
+                return stop(state, seen.stamp, seen.pose, why, moving=start.moving)
         return None
 
     def _remedy(self, state: LawState, context: PlanningContext) -> Choice | str:
@@ -106,10 +95,10 @@ class Escalation:
         search = start.world.map_search(self._settings)
         if search is None:
             return ''
-        line = search.line(start.pose[:2], context.goal.position, _SPACING)
+        line = search.line(start.pose[:2], context.goal.position, SPACING)
         if not len(line):
             return ''
-        place, _, name = self._tightest(start, line[: round(_AHEAD / _SPACING)])
+        place, _, name = tightest(self._settings, start, line[: round(_AHEAD / SPACING)])
         known = mission.searched.blocked
         if any(math.dist(place, each) < _SAME for each in known):
             return ''
@@ -131,64 +120,27 @@ class Escalation:
             is_over = abs(start.pose[2] - begun[2]) >= math.pi
             plan = turn_round(settings, start, context.horizon, context.delay)
             reason = 'The robot turns on the spot to look for another way.'
-        verdict = self._validator.check(
-            start, plan.controls, context.horizon.durations, context.pending
-        )
+        durations = context.horizon.durations
+        verdict = self._checks.validator.check(start, plan.controls, durations, context.pending)
         watch.steps += 1
         if is_over or not verdict.passed or watch.steps > 2 * self._patience:
             watch.begun_at, watch.steps = None, 0
             self._drop_plan(state)
             return None
-        ahead = self._approach.contact(plan, start, verdict.worst_margin)
+        ahead = self._checks.approach.contact(plan, start, verdict.worst_margin)
         return Choice(FallbackLevel.ELASTIC, reason, plan, verdict, ahead, plan)
-
-    def _way_left(self, start: PlanStart, goal: Target) -> float:
-        """Length of the way to the goal; infinite where none is known [m]."""
-        if (search := start.world.map_search(self._settings)) is not None:
-            return float(search.lengths(start.pose[None, :2], goal.position)[0])
-        along = remaining_arc_length(
-            start.world.road, start.pose[None], goal.position, goal.heading, start.progress
-        )
-        return abs(float(along[0]))
-
-    def _tightest(self, start: PlanStart, line: Array) -> tuple[tuple[float, float], float, str]:
-        """Place of least clearance on a line (x, y) [m], that clearance [m], and beside what."""
-        space, poses = start.world.free_space(self._settings), np.zeros((len(line), 3))
-        poses[:, :2] = line
-        away = space.at(poses)
-        k, j = np.unravel_index(int(away.argmin()), away.shape)
-        return (float(line[k, 0]), float(line[k, 1])), float(away[k, j]), start.world.names[j]
 
     def explain_miss(self, state: LawState, start: PlanStart) -> None:
         """Say why the goal was missed, where the robot was stuck or no way leads there."""
         mission = state.mission
         if mission.goals.goal is None or mission.unreachable:
             return
-        if mission.watch.remedy or math.isinf(self._way_left(start, mission.goals.target)):
+        left = way_left(self._settings, start, mission.goals.target)
+        if mission.watch.remedy or math.isinf(left):
             self._explain(state, start)
 
     def _explain(self, state: LawState, start: PlanStart) -> None:
-        """Remember a sentence that names what closes which way."""
-        goal = state.mission.goals.target.position
-        search, places = start.world.map_search(self._settings), [start.pose[None, :2]]
-        if search is not None:
-            line = search.line(start.pose[:2], goal, _SPACING)
-            places = [np.array([each]) for each in state.mission.searched.blocked] or [line]
-            if not len(line):
-                # The way of a point shows what is too narrow for the body.
-                point = replace(search, wanted=0.0, margin=0.0, body=0.0)
-                line = point.line(start.pose[:2], goal, _SPACING)
-                places = [line if len(line) else np.array([goal])]
-        body, parts, fits = self._settings.robot_radius, [], True
-        for each in places:
-            (x, y), clear, name = self._tightest(start, each)
-            beside, fits = max(clear + body, 0.0), fits and clear >= 0.0
-            parts.append(f'past {name} at ({x:.2f}, {y:.2f}), which leaves {beside:.3f} m')
-        margin = self._settings.safety.margin
-        state.mission.unreachable = (
-            f'The goal is unreachable: no plan gets {", nor ".join(parts)} beside the path; the'
-            f' robot needs {body:.3f} m, and {margin:.3f} m of margin.'
-        )
-        if fits and state.last is not None:
-            # The width is not the cause: the last step says what is.
-            state.mission.unreachable += f' {state.last[1].reason}'
+        """Remember why the goal is unreachable; the last step says it where the width is enough."""
+        mission, last = state.mission, '' if state.last is None else state.last[1].reason
+        goal, blocked = mission.goals.target.position, mission.searched.blocked
+        mission.unreachable = why_unreachable(self._settings, start, goal, blocked, last)

@@ -36,19 +36,27 @@ class Choice(NamedTuple):
     standby: Plan | None = None
 
 
+class Checks(NamedTuple):
+    """Parts that every choice of a plan needs.
+
+    Attributes:
+        validator: Checks plans.
+        approach: Slows plans down before obstacles.
+        decisions: Builds decisions.
+    """
+
+    validator: Validator
+    approach: Approach
+    decisions: DecisionBuilder
+
+
 class MakingWay:
     """Chooses a retreat where the plan to the goal, and standing, would both end in contact."""
 
-    def __init__(
-        self,
-        settings: LawSettings,
-        validator: Validator,
-        approach: Approach,
-        decisions: DecisionBuilder,
-    ) -> None:
+    def __init__(self, settings: LawSettings, checks: Checks) -> None:
         """Take what checks plans, and what decides on them."""
         self._retreats = RetreatPlanner(settings)
-        self._validator, self._approach, self._decisions = validator, approach, decisions
+        self._validator, self._approach, self._decisions = checks
 
     def choose(
         self, state: LawState, seen: Observation, context: PlanningContext, selected: Candidate

@@ -7,7 +7,7 @@ import math
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.commands.decision_builder import DecisionBuilder
 from cmpsp_ros.guidance.commands.escalation import Escalation
-from cmpsp_ros.guidance.commands.making_way import Choice, MakingWay
+from cmpsp_ros.guidance.commands.making_way import Checks, Choice, MakingWay
 from cmpsp_ros.guidance.commands.waiting import PATIENCE, meets_soon, reason_to_wait, turns
 from cmpsp_ros.guidance.decision import Decision, FallbackLevel, Plan
 from cmpsp_ros.guidance.planning.candidate import Candidate
@@ -33,10 +33,9 @@ class Supervisor:
         self._fallback = Fallback(settings, validator)
         self._approach = Approach(settings, validator)
         self.decisions = DecisionBuilder(settings, validator)
-        self._making_way = MakingWay(settings, validator, self._approach, self.decisions)
-        self._escalation = Escalation(
-            settings, validator, self._approach, self.decisions, self.drop_plan
-        )
+        checks = Checks(validator, self._approach, self.decisions)
+        self._making_way = MakingWay(settings, checks)
+        self._escalation = Escalation(settings, checks, self.drop_plan)
 
     def reason_not_to_begin(self, state: LawState, estimate: Estimate) -> str:
         """Why no plan begins where the robot is, in a sentence; empty for no reason."""
@@ -101,7 +100,8 @@ class Supervisor:
         if plan is not selected.plan:
             errors = context.goal.errors(plan.poses[-1])
         error = errors[0] if slower is plan else context.goal.errors(slower.poses[-1])[0]
-        mission.reaches_goal = error <= self._settings.goal_tolerance
+        is_clear = verdict.worst_margin >= -TOUCHING
+        mission.reaches_goal = is_clear and error <= self._settings.goal_tolerance
         reason, phases = reason + remark, self._selector.phases
         return self.decisions.follow(
             state, seen.stamp, level, reason, slower, verdict, errors, result, phases

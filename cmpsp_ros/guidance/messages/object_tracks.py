@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Hashable, Sequence
 from dataclasses import replace
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 
@@ -13,13 +14,13 @@ from cmpsp_ros.guidance.messages.objects import TrackedObject, objects_of
 from cmpsp_ros.guidance.messages.tracks import MAX_TRACKS, TrackError, problem_of
 from cmpsp_ros.guidance.messages.transforms import compose
 from cmpsp_ros.guidance.times import NANOSECONDS
-from cmpsp_ros.sensing import Track, TrackSource, stamp_of
+from cmpsp_ros.sensing import MotionFilter, Track, TrackSource, stamp_of
 
 _GATE: Final = 9.21
 """Squared Mahalanobis distance that 99 % of true pairs in a plane have at most."""
 
-_ACCELERATION: Final = 1.0
-"""Standard deviation of the acceleration of an object that is detected [m/s^2]."""
+_AGILITY: Final = 0.1
+"""Power spectral density of the accelerations of an object that is detected [m^2/s^3]."""
 _SPEED: Final = 1.0
 """Standard deviation of its velocity when it is detected first, along each axis [m/s]."""
 _EXACT: Final = 0.01
@@ -37,7 +38,7 @@ class ObjectTracks:
         """Start with nothing seen; the number of the source is at least 1."""
         self._source, self._next = source, number * Track.SEEN
         self._named: dict[Hashable, int] = {}
-        self._motions: dict[int, _Motion] = {}
+        self._motions: dict[int, MotionFilter] = {}
 
     def tracks_of(self, message: Any, there: Array, motion: Array, timeout: float) -> list[Track]:
         """Tracks in a message, in the frame of the course.
@@ -58,15 +59,17 @@ class ObjectTracks:
         seen = [self._placed(each, stamp, there, motion) for each in objects]
         self._forget(stamp - round(timeout * NANOSECONDS))
         found = []
-        for number, each, track in zip(self._numbers(objects, seen), objects, seen, strict=True):
+        numbers = self._numbers(objects, seen, stamp)
+        for number, each, track in zip(numbers, objects, seen, strict=True):
             before = self._motions.get(number)
             if before is not None and before.stamp >= stamp:
                 continue
             if before is None or each.velocity is not None:
-                self._motions[number], shown = _Motion.of(track), track
+                self._motions[number], shown = _filter_of(track), track
             else:
-                self._motions[number] = now = before.corrected(track)
-                shown = now.of_track(track)
+                before.predict(stamp)
+                before.correct(track.x, track.y, _variance(track))
+                shown = _with_state(track, before)
             found.append(replace(shown, id=number))
         return found
 
@@ -92,13 +95,20 @@ class ObjectTracks:
         self._motions = {k: each for k, each in self._motions.items() if each.stamp >= oldest}
         self._named = {k: number for k, number in self._named.items() if number in self._motions}
 
-    def _numbers(self, objects: Sequence[TrackedObject], seen: Sequence[Track]) -> list[int]:
-        """Number of each object: by its name, or by its place."""
+    def _numbers(
+        self, objects: Sequence[TrackedObject], seen: Sequence[Track], stamp: int
+    ) -> list[int]:
+        """Number of each object at a time [ns]: by its name, or by its place."""
         numbers = [self._named.get(each.name, 0) for each in objects]
         free = sorted(self._motions.keys() - self._named.values())
         nameless = [k for k, each in enumerate(objects) if each.name is None]
-        known = [self._motions[each] for each in free]
-        distances = [[each.distance(seen[k]) for each in known] for k in nameless]
+        known = [copy.copy(self._motions[each]) for each in free]
+        for estimate in known:
+            estimate.predict(stamp)
+        distances = [
+            [at.surprise(seen[k].x, seen[k].y, _variance(seen[k])) for at in known]
+            for k in nameless
+        ]
         for row, column in pairs(np.array(distances).reshape(len(nameless), len(known)), _GATE):
             numbers[nameless[row]] = free[column]
         for k, each in enumerate(objects):
@@ -123,49 +133,21 @@ def pairs(distances: Array, gate: float) -> list[tuple[int, int]]:
     return sorted(found.items())
 
 
-class _Motion(NamedTuple):
-    """Estimate of an object: place and velocity, shape ``(2, 2)``, and their covariance.
+def _filter_of(track: Track) -> MotionFilter:
+    variances = track.position_stddev**2, track.velocity_stddev**2
+    state = track.stamp, track.x, track.y, variances[0], track.vx, track.vy
+    return MotionFilter(*state, velocity_variance=variances[1], agility=_AGILITY)
 
-    The covariance, shape ``(2, 2)``, is that of either axis.
-    """
 
-    stamp: int
-    state: Array
-    covariance: Array
+def _variance(track: Track) -> float:
+    """Variance of the place of a track [m^2]."""
+    return max(track.position_stddev, _EXACT) ** 2
 
-    @classmethod
-    def of(cls, track: Track) -> _Motion:
-        """The estimate in a track."""
-        state = np.array([[track.x, track.y], [track.vx, track.vy]])
-        stddevs = np.array([track.position_stddev, track.velocity_stddev])
-        return cls(track.stamp, state, np.diag(stddevs**2))
 
-    def at(self, stamp: int) -> _Motion:
-        """The estimate at a later time [ns]."""
-        time = max(stamp - self.stamp, 0) / NANOSECONDS
-        step, pushed = np.array([[1.0, time], [0.0, 1.0]]), np.array([time * time / 2.0, time])
-        noise = _ACCELERATION**2 * np.outer(pushed, pushed)
-        return _Motion(stamp, step @ self.state, step @ self.covariance @ step.T + noise)
-
-    def distance(self, track: Track) -> float:
-        """Squared Mahalanobis distance of a place."""
-        there = self.at(track.stamp)
-        variance = there.covariance[0, 0] + max(track.position_stddev, _EXACT) ** 2
-        (x, y), _ = there.state.tolist()
-        return float(((track.x - x) ** 2 + (track.y - y) ** 2) / variance)
-
-    def corrected(self, track: Track) -> _Motion:
-        """The estimate at the time of a track, corrected by its place."""
-        there = self.at(track.stamp)
-        variance = there.covariance[0, 0] + max(track.position_stddev, _EXACT) ** 2
-        gain = there.covariance[:, 0] / variance
-        error = np.array([track.x, track.y]) - there.state[0]
-        covariance = there.covariance - np.outer(gain, there.covariance[0])
-        return _Motion(track.stamp, there.state + np.outer(gain, error), covariance)
-
-    def of_track(self, track: Track) -> Track:
-        """A track with the estimated state."""
-        (x, y), (vx, vy) = self.state.tolist()
-        stddevs = np.sqrt(np.diag(self.covariance)).tolist()
-        names = Track.DOUBTS
-        return replace(track, x=x, y=y, vx=vx, vy=vy, **dict(zip(names, stddevs, strict=True)))
+def _with_state(track: Track, estimate: MotionFilter) -> Track:
+    """A track with an estimated state."""
+    x, y, vx, vy = estimate.x, estimate.y, estimate.vx, estimate.vy
+    position, velocity = estimate.stddevs
+    return replace(
+        track, x=x, y=y, vx=vx, vy=vy, position_stddev=position, velocity_stddev=velocity
+    )

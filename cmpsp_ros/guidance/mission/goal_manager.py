@@ -150,7 +150,8 @@ class GoalManager:
     def reach_at(self, final: int) -> None:
         """Pass the present goal at another time, and all after it as much later or earlier [ns]."""
         assert self.goal is not None  # noqa: S101 (only a road has none)
-        by = final - self.final
+        if (by := final - self.final) == 0:
+            return
         self._late, self.final, self.end = self._late + by, final, self.end + by
         self.goal = replace(self.goal, time=final / NANOSECONDS)
 

@@ -66,9 +66,11 @@ class ProgressWatch:
         is_new = place not in self.visited and math.isfinite(left)
         self.visited.add(place)
         self.steps += 1
-        if is_new or left < self.nearest - _NEARER:
-            self.nearest = min(self.nearest, left)
+        is_nearer = left < self.nearest - _NEARER
+        # The first length of another way is no progress on it.
+        if is_new or (is_nearer and math.isfinite(self.nearest)):
             self.reset()
+        self.nearest = min(self.nearest, left) if is_new or is_nearer else self.nearest
 
     def reset(self) -> None:
         """Begin again: there is progress."""

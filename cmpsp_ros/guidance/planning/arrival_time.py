@@ -15,6 +15,7 @@ from cmpsp_ros.guidance.horizon import remaining
 from cmpsp_ros.guidance.planning.candidate import Candidate
 from cmpsp_ros.guidance.planning.plan_selector import PlanSelector
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
+from cmpsp_ros.guidance.safety.unseen import drives_blind
 from cmpsp_ros.guidance.safety.validation import TOUCHING
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.times import NANOSECONDS, to_nanoseconds
@@ -76,12 +77,17 @@ class ArrivalTime:
         self, selector: PlanSelector, context: PlanningContext, selected: Candidate, trials: int
     ) -> tuple[PlanningContext, Candidate]:
         period = to_nanoseconds(self.settings.control_period)
+
+        def accepts(found: Candidate) -> bool:
+            is_blind = drives_blind(self.settings, found.plan, context.start)
+            return self._is_accurate(found) and not is_blind
+
         for _ in range(trials):
             trial = self._shifted(context, -self.stride)
             if trial.horizon.edges[-1] < trial.horizon.edges[0] + _FEWEST * period:
                 break
-            found = selector.try_at_another_time(selected.plan, trial, self._is_accurate)
-            if self._is_accurate(found):
+            found = selector.try_at_another_time(selected.plan, trial, accepts)
+            if accepts(found):
                 context, selected, self.stride = trial, found, min(_GROWTH * self.stride, _LONGEST)
             elif self.stride * context.horizon.durations.sum() * NANOSECONDS < self._grid(context):
                 break

@@ -13,6 +13,7 @@ from cmpsp_ros.guidance.formulation.ocp_formulation import BY_PRIORITY
 from cmpsp_ros.guidance.goals import Target
 from cmpsp_ros.guidance.planning.homotopy.road_frame import wrapped
 from cmpsp_ros.guidance.prediction.estimator import PlanStart
+from cmpsp_ros.guidance.safety.unseen import drives_blind
 from cmpsp_ros.guidance.safety.validation import TOUCHING, Validation, Validator
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.times import NANOSECONDS
@@ -136,6 +137,7 @@ class Score(NamedTuple):
         elastic: Whether its last iteration needed slack.
         slack: Amount of slack, where nothing else is measured [m]; otherwise 0.
         turns: Number of times it winds around itself.
+        blind: Whether it drives backward to where nothing has been seen.
         reserve: Fraction of the time left that it could do without, were its wheels always at
             their limit; at most `_ENOUGH`.
         cost: Cost (95) of its path and its controls, without the proximal term.
@@ -148,6 +150,7 @@ class Score(NamedTuple):
     elastic: bool = False
     slack: float = 0.0
     turns: int = 0
+    blind: bool = False
     reserve: float = 0.0
     cost: float = 0.0
 
@@ -155,7 +158,7 @@ class Score(NamedTuple):
     def flawed(self) -> bool:
         """True if another plan should be looked for."""
         misses = self.obstacle > 0.0 or self.edge > 0.0 or self.terminal_error > 0.0
-        return not self.admissible or self.elastic or misses or self.turns > 0
+        return not self.admissible or self.elastic or misses or self.turns > 0 or self.blind
 
     def beats(self, other: Score) -> bool:
         """True if it is clearly better than another plan, and should replace it."""
@@ -173,6 +176,8 @@ class Score(NamedTuple):
             return self.slack < _CLEARLY_LESS * other.slack
         if self.turns != other.turns:
             return self.turns < other.turns
+        if self.blind != other.blind:
+            return other.blind
         if abs(self.reserve - other.reserve) > (_MORE if self.reserve > other.reserve else _LESS):
             return self.reserve > other.reserve
         return self.cost < _CLEARLY_CHEAPER * other.cost
@@ -209,6 +214,7 @@ class Ranking:
             terminal_error=0.0 if error <= self._goal_tolerance else error,
             elastic=result.elastic,
             turns=_turns(winding),
+            blind=drives_blind(self._settings, candidate.plan, start),
             reserve=min(self._reserve(candidate.plan), _ENOUGH),
             cost=self._cost(candidate.plan, start.previous_control, off_center),
         )
@@ -223,6 +229,7 @@ class Ranking:
             or candidate.terminal_error > self._goal_tolerance
             or _turns(_along(plan.poses, start.world.road_space)[0]) > 0
             or self._reserve(plan) < _SCARCE
+            or (start.world.seen is not None and drives_blind(self._settings, plan, start))
         )
 
     def _reserve(self, plan: Plan) -> float:

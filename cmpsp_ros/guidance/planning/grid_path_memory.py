@@ -12,7 +12,7 @@ from cmpsp_ros.arrays import Array, BoolArray
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.world import Searched, World
 from cmpsp_ros.world import FreeSpace, KeptLine, is_beside
-from cmpsp_ros.world.grids import Cell, GridObstacle
+from cmpsp_ros.world.grids import GridObstacle, is_free
 from cmpsp_ros.world.roads import OpenFloor
 
 Point = tuple[float, float]
@@ -87,8 +87,8 @@ def _with_a_map(
         return before
     blocked = other[_is_blocked(before.seen, other, body)]
     is_shorter = 0 < len(other) * (1.0 + before.hysteresis) < len(line)
-    is_free = is_shorter and (seen.grid.at(blocked) == Cell.FREE).all()
-    return _with_more_hysteresis(alone) if is_free else before
+    is_open = is_shorter and is_free(seen.grid.at(blocked)).all()
+    return _with_more_hysteresis(alone) if is_open else before
 
 
 def _with_more_hysteresis(searched: Searched) -> Searched:

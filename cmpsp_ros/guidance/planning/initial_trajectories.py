@@ -30,7 +30,9 @@ _ROAD_LOOKAHEAD: Final = 1.0
 _PATH_LOOKAHEAD: Final = 0.35
 """Distance of the point that is pursued, as the time to get there [s]."""
 _SPOT: Final = 0.5
-"""Angle up to which a robot at rest turns on the spot [rad]."""
+"""Angle from which on a robot at rest turns on the spot [rad]."""
+_BACKWARD: Final = 0.5
+"""Largest speed backward, relative to the robot's."""
 
 
 class Pursuit(NamedTuple):
@@ -81,12 +83,14 @@ def follow_profile(
     frame: RoadFrame,
     profile: Array,
     free_turn_rate: float = 0.0,
+    backward: float | None = None,
 ) -> Array:
     """Pursuit of a point ahead on a path, paced to be at its end in time.
 
     Where the change of two wheels is limited none changes faster, and a robot at rest turns on the
-    spot first: while it sets out it cannot turn. The profile has the lateral positions of the path
-    at the stations of the frame, shape ``(K,)`` [m]; the result has shape ``(N + 1, r)``.
+    spot first: while it sets out it cannot turn. So does one that has driven `backward` [m] along
+    the path, at any speed. The profile has the lateral positions of the path at the stations of the
+    frame, shape ``(K,)`` [m]; the result has shape ``(N + 1, r)``.
     """
     left = np.zeros(len(profile))
     left[:-1] = np.cumsum(lengths(frame, profile)[::-1])[::-1]
@@ -94,7 +98,7 @@ def follow_profile(
     if isinstance(start.robot, DifferentialDrive):
         change = settings.max_wheel_change
         turn_change = change * start.robot.wheel_radius / start.robot.half_track
-    turns_first = change < math.inf and not start.previous_control.any()
+    turns_first = backward is not None or (change < math.inf and not start.previous_control.any())
     controls, poses = _empty(start, durations)
     _follow(
         controls,
@@ -107,6 +111,7 @@ def follow_profile(
         np.ascontiguousarray(start.previous_control, dtype=np.float64),
         (float(change), float(turn_change)),
         _SPOT if turns_first else math.inf,
+        backward or 0.0,
     )
     return controls
 
@@ -198,6 +203,7 @@ def _follow(
     previous: Array,
     max_changes: tuple[float, float],
     spot: float,
+    backward: float,
 ) -> None:
     """Fill the controls, step by step; the largest changes are of wheel speed and turn rate."""
     steps, end, robot = durations.shape[0], frame.step * (profile.shape[0] - 1), pursuit.robot
@@ -215,7 +221,14 @@ def _follow(
         x, y = point_at(frame, min(there, end), lateral)
         x, y = x - poses[k, 0], y - poses[k, 1]
         angle = wrapped(math.atan2(y, x) - poses[k, 2])
-        if abs(angle) <= spot:
+        if at < backward and abs(angle) > math.pi / 2.0:
+            # A circle through the point, backward.
+            speed = -min(speed, _BACKWARD * robot.max_speed)
+            turn = 2.0 * speed * math.sin(angle) * durations[k] / max(math.hypot(x, y), 1e-9)
+            turn = min(max(turn, -pursuit.max_turn), pursuit.max_turn)
+            steer_by(controls, k, speed, 0.0, turn / durations[k], 0.0, robot)
+            within_limits(controls, k, robot)
+        elif abs(angle) <= spot:
             spot = math.inf
             steer(controls, poses, k, durations[k], x, y, speed, pursuit)
         else:
@@ -228,7 +241,7 @@ def _follow(
                 before = previous[side] if k == 0 else controls[k - 1, side]
                 within = max(controls[k, side], before - max_change)
                 controls[k, side] = min(within, before + max_change)
-            drive(poses, controls, k, durations[k], robot)
+        drive(poses, controls, k, durations[k], robot)
         at, _, bearing = locate(frame, poses[k + 1, 0], poses[k + 1, 1], at, bearing)
         left = max(left - durations[k], 1e-9)
     for a in range(controls.shape[1]):

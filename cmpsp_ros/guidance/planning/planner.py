@@ -205,7 +205,7 @@ class Planner:
         return _summary(other, _Counters.of(other), context.horizon)
 
     def _data(self, context: PlanningContext, guess: Array) -> GuidanceData | ControlRateData:
-        pose, robot, world, moving, progress, previous, _ = context.start
+        pose, robot, world, moving, progress, previous, *_ = context.start
         formulation, target = self._formulation, self._target
         durations = context.horizon.durations
         pose = np.ascontiguousarray(pose, dtype=np.float64)

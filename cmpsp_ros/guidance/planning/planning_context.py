@@ -200,8 +200,14 @@ class Guesses:
     def fresh(
         self, context: PlanningContext, limit: int, without: Collection[HomotopyClass] = ()
     ) -> list[Array]:
-        """Guesses of the most promising other homotopy classes; else along the centre line."""
+        """Guesses of the most promising other homotopy classes; else along the centre line.
+
+        The path through what is seen comes first, where it leads back.
+        """
         paths = self._paths(context, guide_paths, limit, without)
+        if context.start.world.seen is not None:
+            searched = self._paths(context, searched_paths)
+            paths = [each for each in searched if each.backward is not None] + paths
         return [path.guess for path in paths] or [context.center_line_guess]
 
     def turning(self, context: PlanningContext) -> list[Array]:

@@ -16,6 +16,7 @@ import numpy as np
 from cmpsp_ros.arrays import Array, BoolArray, IntArray
 from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.prediction.estimator import PlanStart
+from cmpsp_ros.guidance.safety.unseen import looks_ahead
 from cmpsp_ros.guidance.safety.validation import TOUCHING
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.times import Horizon
@@ -200,6 +201,7 @@ class RetreatPlanner:
         robot, settings = start.robot, self._settings
         controls = np.zeros((len(durations) + 1, robot.n_controls))
         pose, reached = start.pose, 0
+        looks_back = looks_ahead(settings, start, pose[None], np.array([-1.0, 0.0]))
         for k, duration in enumerate(durations.tolist()):
             while reached < len(path) - 1 and math.dist(pose[:2], path[reached]) < 2 * self._cell:
                 reached += 1
@@ -207,18 +209,19 @@ class RetreatPlanner:
             if distance < 0.5 * self._cell:
                 break
             bearing = math.atan2(path[reached, 1] - pose[1], path[reached, 0] - pose[0])
-            twist = self._twist(math.remainder(bearing - pose[2], math.tau), distance, duration)
+            angle = math.remainder(bearing - pose[2], math.tau)
+            twist = self._twist(angle, distance, duration, looks_back=looks_back)
             controls[k] = robot.limited(robot.controls(twist))
             pose = robot.roll_out(pose, controls[k : k + 1], durations[k : k + 1])[-1]
         limits = start.previous_control, settings.max_wheel_change, robot.time_scaling
         return within_ramp(controls, durations, *limits)
 
-    def _twist(self, angle: float, distance: float, duration: float) -> Array:
-        """Twist towards a point at an angle ahead or behind."""
+    def _twist(self, angle: float, distance: float, duration: float, *, looks_back: bool) -> Array:
+        """Twist towards a point at an angle ahead or behind; it turns to look before it drives."""
         robot, speed = self._settings.robot, min(self._top, distance / duration)
         if robot.drives_sideways:
             return np.array([speed * math.cos(angle), speed * math.sin(angle), 0.0])
-        if abs(angle) > math.pi / 2.0:
+        if abs(angle) > math.pi / 2.0 and (looks_back or not robot.turns_on_the_spot):
             angle, speed = math.remainder(angle - math.pi, math.tau), -speed
         if robot.turns_on_the_spot and abs(angle) > _ALIGNED:
             return np.array([0.0, math.copysign(min(abs(angle) / duration, _TURN_RATE), angle)])

@@ -79,6 +79,7 @@ class PlanStart(NamedTuple):
         previous_control: Control commanded until then, shape ``(r,)``.
         reachable: All places that the same obstacles may reach, and then those of people who have
             stopped.
+        among_people: Whether anything that moves was seen in this run.
     """
 
     pose: Array
@@ -88,6 +89,7 @@ class PlanStart(NamedTuple):
     progress: float = math.nan
     previous_control: Array = AT_REST
     reachable: MovingDiscs = NOTHING_MOVES
+    among_people: bool = False
 
 
 class Estimate(NamedTuple):
@@ -118,6 +120,7 @@ class Estimator:
         response: Estimate of how the robot responds to commands.
         tracker: Slots of moving obstacles.
         people: Seen people who have stopped.
+        among_people: Whether anything that moves was seen.
         progress: Arc length of the robot along the road, NaN if not needed [m].
         delay: From a command to its effect, with the lag that is estimated [ns].
     """
@@ -128,7 +131,7 @@ class Estimator:
         self._use(settings)
         self.commands = PendingCommands(self.robot.n_controls)
         self.response, self.tracker = ResponseEstimate(settings), ObstacleTracker()
-        self.people = StandingPeople()
+        self.people, self.among_people = StandingPeople(), False
         self.progress, self.delay = math.nan, 0
 
     def _use(self, settings: LawSettings) -> None:
@@ -164,6 +167,7 @@ class Estimator:
             expected = as_expected(tracks, self._settings.control_period)
             moving = self.tracker.update(stamp, pose, expected, known)
             reachable = reachable_sets(stamp, tracks, moving, known)
+        self.among_people |= any(isinstance(each, Track) for each in seen.tracks)
         if seen.sighting is not None:
             self.people.update(stamp, seen.tracks, seen.sighting)
         if standing := self.people.standing:
@@ -173,7 +177,14 @@ class Estimator:
         changed = self._end_period(stamp, pose)
         self.progress = project_on_path(road, pose, self.progress)
         here = PlanStart(
-            pose, self.robot, world, moving, self.progress, previous_control, reachable
+            pose,
+            self.robot,
+            world,
+            moving,
+            self.progress,
+            previous_control,
+            reachable,
+            self.among_people,
         )
         if not (self.response.delay or self.response.lag):
             self.delay = 0

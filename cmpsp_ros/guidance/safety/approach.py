@@ -19,13 +19,13 @@ from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.prediction.response import Risk
 from cmpsp_ros.guidance.safety.reach_check import CREEP
 from cmpsp_ros.guidance.safety.road_braking import brakings_on_road
-from cmpsp_ros.guidance.safety.unseen import PEEP, is_clear_of_unseen
+from cmpsp_ros.guidance.safety.unseen import PEEP, is_clear_of_unseen, watches_unseen
 from cmpsp_ros.guidance.safety.validation import TOUCHING, Validation, Validator
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.world import World
 from cmpsp_ros.robots import braking, least_scale, speeds_and_turns
 from cmpsp_ros.world import FreeSpace
-from cmpsp_ros.world.grids import Cell, GridObstacle, OccupancyGrid
+from cmpsp_ros.world.grids import Cell, GridObstacle, OccupancyGrid, is_free
 from cmpsp_ros.world.roads import OpenFloor
 
 _SPEEDS: Final = (1.0, 0.75, 0.5, 0.25, 0.0)
@@ -74,6 +74,8 @@ class Approach:
         part = replace(settings.safety, margin=_OF_MARGIN * settings.safety.margin)
         self._lag_validator = Validator(replace(settings, safety=part), with_margin=True)
         self._settings, self._max_change = settings, settings.max_wheel_change
+        # The last answer: a step asks twice about the same plan.
+        self._calmed: tuple[Plan, Validation, tuple[Plan, Validation] | None] | None = None
 
     def contact(
         self, plan: Plan, start: PlanStart, worst_margin: float = -math.inf
@@ -186,10 +188,9 @@ class Approach:
         return (*calm, remark)
 
     def _why_slow(self, plan: Plan, verdict: Validation, start: PlanStart) -> str:
-        watches = self._settings.safety.stop_within_sight == 'moving'
-        if not watches or self._sees_enough(plan, verdict.ramp, start):
+        if self._sees_enough(plan, verdict.ramp, start):
             return ''
-        return 'something could come from where no sensor has seen.'
+        return 'something could come from where no sensor looks.'
 
     def _speed_of(self, plan: Plan) -> float:
         return _speed(self._settings.robot.twist(plan.controls[0]))
@@ -222,20 +223,36 @@ class Approach:
         Returns:
             It and its verdict, at the largest speed tried that is clear; None where none is.
         """
-        watches = self._settings.safety.stop_within_sight == 'moving'
+        if self._calmed is not None and self._calmed[0] is plan and self._calmed[1] is verdict:
+            return self._calmed[2]
+        calm = self._calm(plan, verdict, start, pending, here, risk)
+        self._calmed = plan, verdict, calm
+        return calm
+
+    def _calm(
+        self,
+        plan: Plan,
+        verdict: Validation,
+        start: PlanStart,
+        pending: Validation | None,
+        here: PlanStart,
+        risk: Risk,
+    ) -> tuple[Plan, Validation] | None:
+        """As `calmed`."""
+        watches = watches_unseen(self._settings, start)
         if verdict.passed and not risk.responses and not watches:
             return plan, verdict
         # The margin is there for errors: plans keep it, and nothing asks for more.
         error = min(risk.error, (1.0 - _OF_MARGIN) * self._settings.safety.margin)
-        for fraction in self._fractions(plan, passed=verdict.passed):
+        for fraction in self._fractions(plan, creeps=watches or not verdict.passed):
             slower, checked = plan, verdict
             if fraction < 1.0:
                 slower = self.scaled(plan, start, fraction)
                 durations = plan.horizon.durations
                 checked = self._validator.check(start, slower.controls, durations, pending)
-            if watches and not self._sees_enough(slower, checked.ramp, start):
+            if not checked.passed or not self._sees_enough(slower, checked.ramp, start):
                 continue
-            if checked.passed and all(
+            if all(
                 self._lag_validator.is_clear_with(
                     each, here, slower, checked.ramp, fraction * error
                 )
@@ -244,18 +261,20 @@ class Approach:
                 return slower, checked
         return None
 
-    def _fractions(self, plan: Plan, *, passed: bool) -> Iterator[float]:
-        """Fractions of a plan's speed that are tried, with those of creeping where that may do."""
+    def _fractions(self, plan: Plan, *, creeps: bool) -> Iterator[float]:
+        """Fractions of a plan's speed that are tried, with that of creeping where it may do."""
         yield from _SPEEDS[:-1]
         speed, slowest = self._speed_of(plan), _SPEEDS[-2]
         if self._settings.safety.stop_within_sight == 'moving' and speed > 0.0:
             yield min(PEEP / speed, slowest)
-        if not passed and speed > 0.0:
+        if creeps and speed > 0.0:
             yield min(_NEARLY * CREEP / speed, slowest)
         yield _SPEEDS[-1]
 
     def _sees_enough(self, plan: Plan, ramp: Array, start: PlanStart) -> bool:
-        """True if nothing out of sight can reach the robot before it is at rest."""
+        """True if nothing out of sight matters, or can reach the robot before it is at rest."""
+        if not watches_unseen(self._settings, start):
+            return True
         path = np.vstack([plan.controls[:1], ramp.reshape(-1, plan.controls.shape[1])])
         held = [self._settings.control_period] * (len(path) - 1)
         durations = np.append(plan.horizon.durations[:1], held)
@@ -272,7 +291,7 @@ class Approach:
         known = grid.at(points)
         if world.map is not None:
             known = np.where(known == Cell.UNKNOWN, world.map.grid.at(points), known)
-        beyond = np.append(known != Cell.FREE, True).argmax() + 1
+        beyond = np.append(~is_free(known), True).argmax() + 1
         longest = float(np.hypot(*np.diff(points[:beyond], axis=0).T).max(initial=0.0))
         reach = radius + footprint.reach + longest + _SOME_CELLS * grid.resolution
         near = grid.around(points[:beyond], reach)

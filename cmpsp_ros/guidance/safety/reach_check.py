@@ -8,11 +8,11 @@ induction nothing touches the robot while it moves.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
-from cmpsp_ros.arrays import Array, IntArray
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.robots import placed, speeds_and_turns
@@ -25,6 +25,26 @@ CREEP: Final = 0.05
 contact would be one of a robot that moves."""
 
 
+class _Sets(NamedTuple):
+    """Obstacles about a start, grown by the robot.
+
+    Attributes:
+        pose: Pose at the start.
+        moving: What may be reached from there.
+        discs: The same, grown.
+        begins: Its clearance at the start [m].
+        seen: The same obstacles as large as they were seen, with that velocity.
+        there: Their clearance at the start [m].
+    """
+
+    pose: Array
+    moving: MovingDiscs
+    discs: MovingDiscs
+    begins: Array
+    seen: MovingDiscs
+    there: Array
+
+
 class ReachCheck:
     """Checks paths to rest against the reachable sets of moving obstacles."""
 
@@ -33,6 +53,7 @@ class ReachCheck:
         self._footprint, self._radius = settings.footprint, radius
         self._discs = settings.footprint.discs
         self._extent = settings.footprint.reach + radius
+        self._known: _Sets | None = None
 
     def reason(self, start: PlanStart, controls: Array, durations: Array) -> str:
         """Reason why a path to rest is not clear, in a sentence; '' if it is.
@@ -57,18 +78,19 @@ class ReachCheck:
         near = moving.within(start.pose, driven + self._extent, seconds)
         if not len(near):
             return ''
-        discs = moving.chosen(near).grown(self._radius)
+        sets = self._sets(start)
+        discs, begins, there = sets.discs.chosen(near), sets.begins[near], sets.there[near]
         poses = start.robot.roll_out(start.pose, controls[:count], durations)[:-1]
         times = np.cumsum(durations) - durations
         arcs = poses, twists, durations, times, self._discs
-        least, begins = discs.along(*arcs).min(axis=0), self._clearance(start, discs)
-        seen = self._seen(start, near)
-        there = self._clearance(start, seen)
-        touched = there < 0.0
+        least, touched = discs.along(*arcs).min(axis=0), there < 0.0
         allowed = np.where(begins < 0.0, begins - ROUGHNESS, 0.0)
         short = np.where(touched, np.inf, allowed - least)
+        if short.max() <= _ROUNDING:
+            return ''
         fastest = np.abs(self._footprint.speeds_and_turns(twists)[:, 0]).max()
-        if fastest <= CREEP and short.max() > _ROUNDING:
+        if fastest <= CREEP:
+            seen = sets.seen.chosen(near)
             deeper = seen.along(*arcs).min(axis=0) < np.minimum(there, 0.0) - ROUGHNESS
             short[(np.hypot(*seen.states[:, 2:4].T) <= CREEP) & ~deeper] = 0.0
         worst = int(short.argmax())
@@ -79,12 +101,20 @@ class ReachCheck:
             return f'{name} touches the robot, which stands until it has gone.'
         return f'{name} could be {-float(least[worst]):.3g} m into the robot before it is at rest.'
 
-    def _seen(self, start: PlanStart, near: IntArray) -> MovingDiscs:
-        """Some of what may be reached, as large as it was seen, with that velocity."""
-        states = start.reachable.states.copy()
-        states[: len(start.moving)] = start.moving.states
-        states[:, 5:] = 0.0
-        return replace(start.reachable, states=states).chosen(near).grown(self._radius)
+    def _sets(self, start: PlanStart) -> _Sets:
+        """Sets that may be reached from a start; a step asks for many paths from the same one."""
+        known = self._known
+        if known is None or known.pose is not start.pose or known.moving is not start.reachable:
+            states = start.reachable.states.copy()
+            states[: len(start.moving)] = start.moving.states
+            states[:, 5:] = 0.0
+            seen = replace(start.reachable, states=states).grown(self._radius)
+            discs = start.reachable.grown(self._radius)
+            clear = self._clearance(start, discs), self._clearance(start, seen)
+            self._known = known = _Sets(
+                start.pose, start.reachable, discs, clear[0], seen, clear[1]
+            )
+        return known
 
     def _clearance(self, start: PlanStart, discs: MovingDiscs) -> Array:
         places = placed(self._discs, start.pose)

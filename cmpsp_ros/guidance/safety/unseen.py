@@ -1,17 +1,21 @@
-"""Somebody may step out of what no sensor has seen: the robot is at rest before they are there.
+"""Somebody may be where no sensor looks: the robot is at rest before they could be in its way.
 
-The edge of what is seen is where free space ends in cells that are unknown. From each place on it,
-ahead of the robot, something may come at `safety.max_obstacle_speed` from now on.
+Where something moves, what was free when it was last in sight may have been entered since. The edge
+of what is in sight is where free space ends in cells that are unknown or remembered. From each
+place on it, ahead of the robot, something may come at `safety.max_obstacle_speed` from now on.
 """
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 import numpy as np
 
 from cmpsp_ros.arrays import Array
+from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.prediction.estimator import PlanStart
+from cmpsp_ros.guidance.safety.reach_check import CREEP
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.robots import placed, speeds_and_turns
 from cmpsp_ros.world.grids import Cell
@@ -20,16 +24,39 @@ PEEP: Final = 0.1
 """Speed at which the robot looks behind corners, however near they are [m/s]."""
 
 
+_BESIDE: Final = 0.25
+"""Distance beyond the robot at which it looks where it drives [m]: beside it, cells are free."""
+
+_ROUNDING: Final = 1e-9
+
+
+def watches_unseen(settings: LawSettings, start: PlanStart) -> bool:
+    """True if it matters who may be out of sight: always, or where anybody has been seen to move.
+
+    Without sensors nothing is in sight.
+    """
+    wanted = settings.safety.stop_within_sight
+    return start.world.seen is not None and (
+        wanted == 'moving' or (wanted == 'stationary' and start.among_people)
+    )
+
+
 def is_clear_of_unseen(
     settings: LawSettings, start: PlanStart, controls: Array, durations: Array
 ) -> bool:
-    """True if nothing out of sight can reach the robot on a path to rest.
+    """True if the robot looks where it drives, and nothing out of sight can reach it in time.
 
-    `controls` ``(K, r)``, `durations` ``(K,)`` [s].
+    In time is before it is at rest; with `stationary` the second is not asked. `controls` is a path
+    to rest ``(K, r)``, `durations` ``(K,)`` [s].
     """
     twists = start.robot.twist(controls)
     speeds = np.abs(speeds_and_turns(twists)[:, 0])
-    if speeds[0] <= PEEP + 1e-9:
+    if speeds[0] <= CREEP + _ROUNDING:
+        return True
+    poses = start.robot.roll_out(start.pose, controls, durations)
+    if not looks_ahead(settings, start, poses, twists[0]):
+        return False
+    if settings.safety.stop_within_sight != 'moving' or speeds[0] <= PEEP + _ROUNDING:
         return True
     speed, seconds = settings.moving_obstacles.max_speed, float(durations.sum())
     reach = float(speeds @ durations) + settings.circumscribed_radius + speed * seconds
@@ -39,16 +66,42 @@ def is_clear_of_unseen(
     ahead = (edge - [x, y]) @ [np.cos(heading), np.sin(heading)] * sense > 0.0
     if not ahead.any():
         return True
-    poses = start.robot.roll_out(start.pose, controls, durations)[1:]
-    for pose, time in zip(poses, np.cumsum(durations).tolist(), strict=True):
+    for pose, time in zip(poses[1:], np.cumsum(durations).tolist(), strict=True):
         away = edge[ahead][:, None] - placed(settings.footprint.discs, pose)
         if np.linalg.norm(away, axis=-1).min() < settings.robot_radius + speed * time:
             return False
     return True
 
 
+def drives_blind(settings: LawSettings, plan: Plan, start: PlanStart) -> bool:
+    """True if a plan drives backward to where nothing has been seen: sensors look ahead."""
+    world, is_back = start.world, start.robot.twist(plan.controls[:-1])[:, 0] < -PEEP
+    if world.seen is None or not is_back.any():
+        return False
+    x, y, heading = plan.poses[1:][is_back].T
+    # As much farther as it needs to turn round.
+    beyond = 2.0 * settings.circumscribed_radius
+    behind = np.column_stack([x - beyond * np.cos(heading), y - beyond * np.sin(heading)])
+    cells = world.seen.grid.at(behind)
+    if world.map is not None:
+        cells = np.where(cells == Cell.UNKNOWN, world.map.grid.at(behind), cells)
+    return bool((cells == Cell.UNKNOWN).any())
+
+
+def looks_ahead(settings: LawSettings, start: PlanStart, poses: Array, twist: Array) -> bool:
+    """True if what is right ahead of a robot that drives as in a twist is in sight at poses."""
+    seen = start.world.seen
+    if seen is None:
+        return True
+    u, v = (*twist[:2].tolist(),) if len(twist) > 2 else (float(twist[0]), 0.0)
+    away = settings.circumscribed_radius + _BESIDE
+    courses = poses[:, 2] + math.atan2(v, u)
+    ahead = poses[:, :2] + away * np.column_stack([np.cos(courses), np.sin(courses)])
+    return not (seen.grid.at(ahead) == Cell.REMEMBERED).any()
+
+
 def _edge(start: PlanStart, reach: float) -> Array:
-    """Centres of unknown cells beside free ones, as near as `reach` [m], shape ``(K, 2)`` [m]."""
+    """Centres of cells out of sight beside free ones, up to `reach` [m] away, ``(K, 2)`` [m]."""
     world = start.world
     if world.seen is None:
         return np.empty((0, 2))
@@ -58,4 +111,5 @@ def _edge(start: PlanStart, reach: float) -> Array:
     cells = np.pad(near.cells, 1, constant_values=Cell.OCCUPIED)
     free = cells == Cell.FREE
     beside = free[:-2, 1:-1] | free[2:, 1:-1] | free[1:-1, :-2] | free[1:-1, 2:]
-    return near.centers(*np.nonzero((near.cells == Cell.UNKNOWN) & beside))
+    hidden = (near.cells == Cell.UNKNOWN) | (near.cells == Cell.REMEMBERED)
+    return near.centers(*np.nonzero(hidden & beside))

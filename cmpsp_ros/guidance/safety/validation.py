@@ -121,9 +121,9 @@ class Validator:
     ) -> Validation:
         """Roll out a plan and check whether its first command may be sent.
 
-        A robot already outside the road, or inside an obstacle, may not get deeper. What moves
-        must not be able to reach it before it is at rest. `controls` ``(N + 1, r)``, `durations`
-        ``(N,)`` [s].
+        A robot already outside the road, or inside an obstacle, may not get deeper. No moving
+        obstacle may be able to reach it before it is at rest. `controls` ``(N + 1, r)``,
+        `durations` ``(N,)`` [s].
         """
         verdict = self._check(start, controls, durations)
         return verdict if pending is None else pending.followed_by(verdict)

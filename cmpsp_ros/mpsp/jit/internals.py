@@ -1,6 +1,6 @@
 """Everything that is used of numba beyond its documented interface.
 
-Works with numba 0.59 to 0.68; `test_numba_versions.py` tests both ends.
+Works with numba 0.62 to 0.68; `test_numba_versions.py` tests both ends.
 """
 
 from __future__ import annotations

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ctypes
 import struct
+from collections.abc import Sequence
 from functools import cache
 from itertools import pairwise
 from typing import Any, Final
@@ -20,7 +21,6 @@ from cmpsp_ros.arrays import Array
 _LANES: Final = 4
 # Beyond this compiling takes longer than it saves.
 _LONGEST: Final = 20_000
-_POINTER: Final = 'ptr' if llvm.llvm_version_info[0] >= 15 else 'double*'
 _ARITHMETIC: Final = {'ADD': 'fadd', 'SUB': 'fsub', 'MUL': 'fmul', 'DIV': 'fdiv'}
 _COMPARISONS: Final = {'LT': 'olt', 'LE': 'ole', 'EQ': 'oeq', 'NE': 'une'}
 _LIBRARY: Final = {
@@ -33,26 +33,34 @@ _LIBRARY: Final = {
 class StageCode:
     """A compiled function of one stage."""
 
-    def __init__(self, function: Any, lanes: int = _LANES) -> None:
+    def __init__(
+        self, function: Any, lanes: int = _LANES, shapes: Sequence[tuple[int, ...]] = ()
+    ) -> None:
         """Compile a CasADi function of SX with dense outputs, for at least `lanes` stages.
+
+        Outputs are vectors unless `shapes` are given, in which rows come first.
 
         Raises:
             NotImplementedError: It has an operation without machine code here, or too many.
         """
         sizes = [function.numel_out(i) for i in range(function.n_out())]
         self._ends = np.cumsum([0, *sizes]).tolist()
+        self._shapes = shapes or [(size,) for size in sizes]
         arrays = function.n_in() + function.n_out()
         self._engine, self._call = _compiled(_Text(function, lanes).text, arrays)
 
     def __call__(self, *inputs: Array) -> list[Array]:
-        """Outputs at all stages, ``(stages, numbers)`` each, for inputs of this form."""
+        """Outputs at all stages, which are their first axis, for inputs ``(stages, numbers)``."""
         stages, ends = len(inputs[0]), self._ends
         whole = np.empty(stages * ends[-1])
         held = [np.ascontiguousarray(each, float) for each in inputs]
         first = whole.ctypes.data
         places = [first + 8 * stages * end for end in ends[:-1]]
         self._call(*(each.ctypes.data for each in held), *places, stages)
-        return [whole[stages * a : stages * b].reshape(stages, b - a) for a, b in pairwise(ends)]
+        return [
+            whole[stages * a : stages * b].reshape(stages, *shape)
+            for (a, b), shape in zip(pairwise(ends), self._shapes, strict=True)
+        ]
 
     def roll_out(self, start: Array, *inputs: Array) -> Array:
         """States ``(stages + 1, n)``, each the only output for the last one; of a single lane."""
@@ -163,14 +171,14 @@ class _Text:
 
     def _place(self, array: str, size: int, index: int, lane: int) -> str:
         offset = lane * size + index
-        return self._line(f'getelementptr double, {_POINTER} {array}, i64 {offset}')
+        return self._line(f'getelementptr double, ptr {array}, i64 {offset}')
 
     def _load(self, array: int, index: int) -> str:
         size = self._function.numel_in(array)
         if (array, index) not in self._loaded:
             places = [self._place(f'%x{array}', size, index, i) for i in range(self._lanes)]
             self._loaded[array, index] = self._joined(
-                self._line(f'load double, {_POINTER} {place}') for place in places
+                self._line(f'load double, ptr {place}') for place in places
             )
         return self._loaded[array, index]
 
@@ -178,7 +186,7 @@ class _Text:
         size, first = self._function.numel_out(array), self._function.n_in()
         for lane, number in enumerate(self._split(value)):
             place = self._place(f'%x{first + array}', size, index, lane)
-            self._lines.append(f'store double {number}, {_POINTER} {place}')
+            self._lines.append(f'store double {number}, ptr {place}')
 
     def _constant(self, value: float) -> str:
         bits = f'0x{struct.unpack("<Q", struct.pack("<d", value))[0]:016X}'
@@ -189,7 +197,7 @@ class _Text:
         f, lanes = self._function, self._lanes
         sizes = [f.numel_in(i) for i in range(f.n_in())]
         sizes += [f.numel_out(i) for i in range(f.n_out())]
-        arguments = ', '.join(f'{_POINTER} %a{i}' for i in range(len(sizes)))
+        arguments = ', '.join(f'ptr %a{i}' for i in range(len(sizes)))
         declared = [
             f'declare double @{name}({", ".join(["double"] * count)}) nounwind readnone'
             for count, names in _LIBRARY.items()
@@ -200,7 +208,7 @@ class _Text:
             for i, size in enumerate(sizes)
             for line in (
                 f'%o{i} = mul i64 %k, {size}',
-                f'%x{i} = getelementptr double, {_POINTER} %a{i}, i64 %o{i}',
+                f'%x{i} = getelementptr double, ptr %a{i}, i64 %o{i}',
             )
         ]
         return '\n'.join([

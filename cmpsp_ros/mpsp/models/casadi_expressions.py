@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from types import ModuleType
 
 _FEW = 4
+_ROUNDING = 1e-14
 
 
 class Expressions:
@@ -79,8 +80,9 @@ class Expressions:
         - ``value``: cost, ``h``, ``g`` and ``F``.
         - ``exact``: ``h`` and ``g``; then, by ``x`` and by ``u``, the cost, ``F``, ``h`` and ``g``;
           then the cost's second derivatives.
-        - ``gauss_newton``: likewise, but those of ``L`` and, of Gauss and Newton, the residuals'.
-        - ``curvature``: the Hessian of ``F``, ``h`` and ``g``, weighted with ``w``, times ``v``.
+        - ``gauss_newton``: likewise, with those of Gauss and Newton for the residuals; those of
+          ``L`` and of the residuals by themselves unless the former are known to be convex.
+        - ``curvature``: the Hessian of ``F``, ``h`` and ``g``, weighted with ``w``.
         """
         casadi, n, z = self._casadi, self.sizes[0], self._z
         F, L, R, h, g = self._stage
@@ -89,10 +91,9 @@ class Expressions:
         if name == 'value':
             vectors = [cost, h, g, F]
         elif name == 'curvature':
-            column = casadi.vertcat(F, h, g)
-            more = [type(z).sym('w', column.shape[0]), type(z).sym('v', z.shape[0])]
-            gradient = casadi.gradient(casadi.dot(more[0], column), z)
-            vectors = [casadi.jtimes(gradient, z, more[1])]
+            column, vectors = casadi.vertcat(F, h, g), []
+            more = [type(z).sym('w', column.shape[0])]
+            matrices = [casadi.hessian(casadi.dot(*more, column), z)[0]]
         else:
             gradient = casadi.gradient(cost, z)
             vectors = [h, g, gradient[:n], gradient[n:]]
@@ -103,26 +104,37 @@ class Expressions:
                 matrices += [second[:n, :n], second[n:, :n], second[n:, n:]]
             else:
                 R_Z = casadi.jacobian(R, z)
-                of_L = casadi.jacobian(casadi.gradient(L, z), z)
-                matrices += [of_L, R_Z.T @ R_Z]
+                of_L, of_R = casadi.jacobian(casadi.gradient(L, z), z), R_Z.T @ R_Z
+                if self._is_convex(of_L):
+                    second = of_L + of_R
+                    matrices += [second[:n, :n], second[n:, :n], second[n:, n:]]
+                else:
+                    matrices += [of_L, of_R]
         outputs = [self._dense(each) for each in (*vectors, *(matrix.T for matrix in matrices))]
-        function = casadi.Function(name, [z, self._data, *more], outputs)
+        whole = casadi.Function(name, [z, self._data, *more], outputs)
+        inputs = [*self._xu, self._data, *more]
+        function = casadi.Function(
+            name, inputs, whole.call([casadi.vertcat(*self._xu), *inputs[2:]])
+        )
         shapes = [each.shape[:1] for each in vectors] + [each.shape for each in matrices]
-        run = self._compiled(function, stages)
-        return lambda *inputs: [
-            found.reshape(len(inputs[0]), *shape)
-            for found, shape in zip(run(*inputs), shapes, strict=True)
-        ]
-
-    def _compiled(self, function: Any, stages: int) -> Callable[..., list[Array]]:
-        """A function of all stages, by CasADi itself where there is no machine code."""
         try:
-            return StageCode(function, 1 if stages < _FEW else _FEW)
+            return StageCode(function, 1 if stages < _FEW else _FEW, shapes)
         except NotImplementedError:
             mapped = function.map(stages)
-        return lambda *inputs: [
-            np.ascontiguousarray(each.full().T) for each in mapped.call([x.T for x in inputs])
+        return lambda *arrays: [
+            np.ascontiguousarray(found.full().T).reshape(stages, *shape)
+            for found, shape in zip(mapped.call([each.T for each in arrays]), shapes, strict=True)
         ]
+
+    def _is_convex(self, second: Any) -> bool:
+        """True for a constant that is positive semi-definite in one choice of units: in all."""
+        found = self._casadi.Function('second', [self._z, self._data], [second])
+        data = found.jac_sparsity(0, 1).get_triplet()[1]
+        first_unit = self._data.shape[0] - sum(self.sizes)
+        if found.jac_sparsity(0, 0).nnz() or min(data, default=first_unit) < first_unit:
+            return False
+        values = np.linalg.eigvalsh(found(0.0, 1.0).full())
+        return bool(values[0] >= -_ROUNDING * values[-1])
 
     def _dense(self, expression: Any) -> Any:
         return self._casadi.densify(expression)

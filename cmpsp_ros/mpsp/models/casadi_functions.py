@@ -12,6 +12,7 @@ from cmpsp_ros.arrays import Array, BoolArray
 from cmpsp_ros.mpsp.arguments import (
     ProblemError,
     control_bounds,
+    free_final_time,
     numbers,
     terminal_target,
     vector,
@@ -86,12 +87,8 @@ def from_casadi(
     """
     casadi = _casadi()
     if T is not None:
-        if final_time is None or not 0.0 < final_time[0] <= final_time[1] <= final_time[2]:
-            order = '0 < least <= guess <= largest'
-            raise ProblemError(f'final_time: found {final_time}, wanted {order}')
-        bounds = control_bounds(lower, upper, (whole_number('horizon', horizon) + 1, u.shape[0]))
-        lower, upper = _with_time_bounds(*bounds, final_time)
-        x0 = np.append(vector('x0', x0), final_time[1])
+        shape = whole_number('horizon', horizon) + 1, u.shape[0]
+        x0, lower, upper = free_final_time(final_time, x0, *control_bounds(lower, upper, shape))
         old = [x, u, T]
         x, u = (type(each).sym(name, each.shape[0] + 1) for name, each in {'x': x, 'u': u}.items())
         ahead = x[-1] + u[-1]
@@ -158,16 +155,6 @@ def _casadi() -> ModuleType:
         ) from error
     module: ModuleType = casadi
     return module
-
-
-def _with_time_bounds(
-    lower: Array, upper: Array, final_time: tuple[float, float, float]
-) -> tuple[Array, Array]:
-    """Bounds with those of the change of the final time, which happens at stage 0."""
-    least, guess, largest = final_time
-    change = np.zeros((2, len(lower), 1))
-    change[:, 0, 0] = least - guess, largest - guess
-    return np.hstack([lower, change[0]]), np.hstack([upper, change[1]])
 
 
 def _column(casadi: ModuleType, name: str, value: Any, kind: type) -> Any:
@@ -255,16 +242,16 @@ class CasadiProblem(StageProblem):
 
     def next_states(self, X: Array, U: Array) -> Array:
         """Dynamics of each stage."""
-        ahead: Array = self._evaluated('value', np.hstack([X, U]))[3][:-1]
+        ahead: Array = self._evaluated('value', X, U)[3][:-1]
         return ahead
 
     def evaluate(self, X: Array, U: Array) -> Evaluation:
         """Cost, terminal error and path constraints."""
-        return self._evaluation(*self._evaluated('value', np.hstack([X, U]))[:3])
+        return self._evaluation(*self._evaluated('value', X, U)[:3])
 
     def evaluate_with_next(self, X: Array, U: Array) -> tuple[Evaluation, Array]:
         """Both at once."""
-        *value, ahead = self._evaluated('value', np.hstack([X, U]))
+        *value, ahead = self._evaluated('value', X, U)
         return self._evaluation(*value), ahead[:-1]
 
     def _evaluation(self, cost: Array, h: Array, g: Array) -> Evaluation:
@@ -273,11 +260,10 @@ class CasadiProblem(StageProblem):
 
     def _linearised(self, X: Array, U: Array, hessian: Hessian) -> Linearisation:
         name = 'gauss_newton' if hessian == 'gauss_newton' else 'exact'
-        h, g, L_X, L_U, A, B, h_X, h_U, g_X, g_U, *second = self._evaluated(name, np.hstack([X, U]))
-        if hessian == 'gauss_newton':
-            blocks = self._blocks(nearest_positive_semidefinite(second[0]) + second[1])
-        else:
-            blocks = second[0], second[1], second[2]
+        h, g, L_X, L_U, A, B, h_X, h_U, g_X, g_U, *second = self._evaluated(name, X, U)
+        blocks, (of_L, *others) = tuple(second), second
+        if len(others) == 1:
+            blocks = self._blocks(nearest_positive_semidefinite(of_L) + others[0])
         if hessian == 'projected':
             blocks = project_stages(*blocks)
         if not self._applies.all():
@@ -297,17 +283,12 @@ class CasadiProblem(StageProblem):
         weights[:N, :n] = costates
         weights[N, n : n + self.size.output] = terminal
         weights[:, n + self.size.output :] = path
-        d = n + self.size.control
-        of_stages = (
-            np.repeat(each, d, axis=0) for each in (np.hstack([X, U]), self._data, weights)
-        )
-        (columns,) = self._evaluated('curvature', *of_stages, np.tile(np.eye(d), (N + 1, 1)))
-        found: Array = columns.reshape(N + 1, d, d)
-        return found
+        return self._evaluated('curvature', X, U, weights)[0]
 
-    def _evaluated(self, name: str, Z: Array, *more: Array) -> list[Array]:
-        """Outputs of an evaluator, which is made at its first use."""
+    def _evaluated(self, name: str, *inputs: Array) -> list[Array]:
+        """Outputs of an evaluator, which is made at its first use, of ``X``, ``U`` and more."""
         if name not in self._evaluators:
-            self._evaluators[name] = self._expressions.evaluator(name, len(Z))
-        found: list[Array] = self._evaluators[name](Z, *(more or (self._data,)))
+            self._evaluators[name] = self._expressions.evaluator(name, len(inputs[0]))
+        X, U, *more = inputs
+        found: list[Array] = self._evaluators[name](X, U, self._data, *more)
         return found

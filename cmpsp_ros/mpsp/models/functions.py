@@ -14,6 +14,7 @@ from cmpsp_ros.arrays import Array, BoolArray
 from cmpsp_ros.mpsp.arguments import (
     ProblemError,
     control_bounds,
+    free_final_time,
     terminal_target,
     vector,
     whole_number,
@@ -112,6 +113,7 @@ def from_functions(
     lower: ArrayLike | None = None,
     upper: ArrayLike | None = None,
     derivatives: Derivatives = 'auto',
+    final_time: tuple[float, float, float] | None = None,
 ) -> StageProblem:
     """Set up a problem (1)-(6) from functions of one stage, for trying things out.
 
@@ -142,6 +144,10 @@ def from_functions(
             and take complex arrays: no ``abs``, ``norm``, ``arctan2``, no transpose-conjugate.
             ``central`` differences take any. ``auto`` decides for each function apart: the
             complex step where it agrees with differences at a few points about ``x0``.
+        final_time: Least, guessed and largest final time where it is free. All functions then take
+            the final time ``T`` after ``u``, as for a step of ``T / N``. It becomes the last state,
+            and its change from the guess the last control, which is free at stage 0 and 0 later:
+            controls ``(N + 1, r + 1)``.
 
     Returns:
         The problem. Its first linearisation raises `ProblemError` where a derivative is not finite.
@@ -152,6 +158,17 @@ def from_functions(
     N, r = whole_number('horizon', horizon), whole_number('controls', controls)
     start = vector('x0', x0)
     bounds = control_bounds(lower, upper, (N + 1, r))
+    output: Callable[..., Any] | None = h and (lambda _, *of: h(*of))
+    if final_time is not None:
+        start, least, largest = free_final_time(final_time, start, *bounds)
+        r, bounds = r + 1, (least, largest)
+        step = _with_time(F)
+        L, residuals, g = (each and _with_time(each) for each in (L, residuals, g))
+        output = output and _with_time(output)
+
+        def F(k: int, z: Any, v: Any) -> Any:
+            return np.append(step(k, z, v), z[-1] + v[-1])
+
     if derivatives not in get_args(Scheme) and derivatives != 'auto':
         wanted = ', '.join(('auto', *get_args(Scheme)))
         raise ProblemError(f'derivatives: found {derivatives!r}, wanted one of {wanted}')
@@ -181,12 +198,17 @@ def from_functions(
         stage('F', F, (n,)),
         None if L is None else stage('L', L, ()),
         None if residuals is None else stage('residuals', residuals, None),
-        None if h is None else stage('h', lambda _, x, u: h(x, u), None),
+        None if output is None else stage('h', output, None),
         None if g is None else stage('g', g, None),
     )
     reach = terminal_target(target, None if functions.h is None else functions.h.shape[0])
     size = Dimensions(N, n, r, len(reach), 0 if functions.g is None else functions.g.shape[0])
     return _FunctionsProblem(size, start, functions, reach, bounds)
+
+
+def _with_time(function: Callable[..., Any]) -> Callable[[int, Any, Any], Any]:
+    """A function of stage, state, control and final time, as one of those with the time in them."""
+    return lambda k, z, v: function(k, z[:-1], v[:-1], z[-1] + v[-1])
 
 
 def _probes(start: Array, lower: Array, upper: Array) -> list[Array]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache, partial
 from importlib.util import find_spec
@@ -13,6 +13,7 @@ import numpy as np
 from cmpsp_ros.mpsp.arguments import ProblemError
 from cmpsp_ros.mpsp.problem import Dimensions
 from cmpsp_ros.mpsp.qp.active_set.records import (
+    Space,
     borrowed_space,
     compiled_size,
     conflict_in,
@@ -53,20 +54,30 @@ def solve_from(subproblem: Subproblem, penalties: Penalties | None, warm: WarmSt
     `warm` is left with the rows of this solution, and empty where Clarabel found it: there are too
     many of them, or the active-set method cannot use them.
     """
-    size = subproblem.size
-    otherwise = QPSolution.unsolved(size, QPStatus.FAILED)
-    with borrowed_space(size) as space:
+    with borrowed_space(subproblem.size) as space:
         fill(space, subproblem, penalties)
         outcome = solve_program(space.program, space.active, warm)
-        if outcome == Outcome.SOLVED:
-            return solution_in(space)
-        if outcome == Outcome.NO_CURVATURE:
+        return answer_in(space, outcome, warm, lambda: (subproblem, penalties))
+
+
+def answer_in(
+    space: Space,
+    outcome: int,
+    warm: WarmStart,
+    program: Callable[[], tuple[Subproblem, Penalties | None]],
+) -> QPSolution:
+    """Answer of the active-set method in records, else that of Clarabel to the same `program`."""
+    if outcome == Outcome.SOLVED:
+        return solution_in(space)
+    otherwise = QPSolution.unsolved(space.size, QPStatus.FAILED)
+    if outcome == Outcome.NO_CURVATURE:
+        return otherwise
+    subproblem, penalties = program()
+    if outcome == Outcome.INFEASIBLE:
+        conflict = conflict_in(space)
+        otherwise = QPSolution.unsolved(space.size, QPStatus.INFEASIBLE, conflict)
+        if space.program.head['is_proved'][0] or _contradict(subproblem, conflict):
             return otherwise
-        if outcome == Outcome.INFEASIBLE:
-            conflict = conflict_in(space)
-            otherwise = QPSolution.unsolved(size, QPStatus.INFEASIBLE, conflict)
-            if space.program.head['is_proved'][0] or _contradict(subproblem, conflict):
-                return otherwise
     warm.clear()
     answer = _checked(subproblem, penalties, clarabel_backend.solve(subproblem, penalties))
     return otherwise if answer.status is QPStatus.FAILED else answer

@@ -2,19 +2,30 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
+from weakref import finalize
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.options import Options
-from cmpsp_ros.mpsp.problem import Evaluation, Linearisation, OptimalControlProblem
+from cmpsp_ros.mpsp.problem import (
+    Dimensions,
+    Evaluation,
+    Hessian,
+    Linearisation,
+    OptimalControlProblem,
+)
 from cmpsp_ros.mpsp.qp import QPStatus
 from cmpsp_ros.mpsp.qp.active_set.records import put_derivatives
 from cmpsp_ros.mpsp.qp.riccati.program import Records
 from cmpsp_ros.mpsp.qp.subproblem import Subproblem
-from cmpsp_ros.mpsp.results import SLACK_TOLERANCE, Iterate, Size, Status, Step
+from cmpsp_ros.mpsp.results import SLACK_TOLERANCE, Iterate, Size, Status, Step, residual_at
 from cmpsp_ros.mpsp.sqp.driver import Driver, Functions
-from cmpsp_ros.mpsp.sqp.workspace import Phase
+from cmpsp_ros.mpsp.sqp.workspace import Phase, set_weights
+
+_idle: defaultdict[tuple[Dimensions, str, Hessian], list[Driver]] = defaultdict(list)
 
 
 class CMPSP:
@@ -31,8 +42,15 @@ class CMPSP:
         self._problem = problem
         self._options = options
         self._trust_radius = fitted[-1]
-        self._driver = Driver(size, *fitted, (options.qp, options.hessian))
+        idle = _idle[size, options.qp, options.hessian]
+        self._driver = idle.pop() if idle else Driver(size, *fitted, (options.qp, options.hessian))
+        # To make memory takes longer than a few iterations.
+        finalize(self, idle.append, self._driver)
+        self._functions = self._functions_of(problem)
+        self._loaded: Linearisation | None = None
+        self._last: Iterate | None = None
         ws = self._driver.ws
+        set_weights(ws.program, *fitted)
         ws.run['line_search'], ws.run['elastic'] = options.line_search, options.elastic
         # `full_change` is measured where there is a tolerance.
         ws.run['control_tolerance'], ws.run['slack_tolerance'] = np.inf, SLACK_TOLERANCE
@@ -61,6 +79,11 @@ class CMPSP:
         lower, upper = problem.control_lower - at.U, problem.control_upper - at.U
         return Subproblem(linearisation, lower, upper, self._trust_radius)
 
+    def residual(self, at: Iterate, subproblem: Subproblem | None) -> float:
+        """KKT residual of an iterate with its latest multipliers; NaN without its subproblem."""
+        self._loaded = None if subproblem is None else subproblem.linearisation
+        return residual_at(at, subproblem, self._driver.space)
+
     def step(self, at: Iterate, subproblem: Subproblem | None = None) -> Iterate:
         """One iteration; an iterate that cannot be improved keeps its controls.
 
@@ -69,7 +92,11 @@ class CMPSP:
         if subproblem is None:
             subproblem = self.subproblem(at)
         self._load(at)
-        self._driver.go_on(_functions(self._problem), subproblem.linearisation)
+        # A step depends on its iterate, and on the rows that were active in the step to it.
+        if at is not self._last:
+            self._driver.forget()
+        self._driver.go_on(self._functions, subproblem.linearisation)
+        self._loaded = None
         size, ws = self._problem.size, self._driver.ws
         U, X, evaluation = at.U, at.X, at.evaluation
         if ws.run['length'][0] > 0.0:
@@ -77,7 +104,8 @@ class CMPSP:
             cost = float(ws.run['cost'][0])
             evaluation = Evaluation(cost, ws.now.output_error.copy(), ws.now.g.copy())
         step = _summary(self._driver, subproblem)
-        return Iterate(at.index + 1, U, X, evaluation, at.guess_size, at.U, step)
+        self._last = Iterate(at.index + 1, U, X, evaluation, at.guess_size, at.U, step)
+        return self._last
 
     def _load(self, at: Iterate) -> None:
         """Put an iterate where the iteration expects one that it has evaluated."""
@@ -123,6 +151,34 @@ class CMPSP:
             return Status.INFEASIBLE if at_bottom else Status.STALLED
         return None
 
+    def _functions_of(self, problem: OptimalControlProblem) -> Functions:
+        """A problem in Python as functions that fill records, which may have more room.
+
+        Their data are its derivatives at the iterate.
+        """
+        n, r = problem.size.state, problem.size.control
+
+        def predict(_: Linearisation, U: Array, X: Array) -> None:
+            X[:, :n] = problem.predict(U[:, :r])
+
+        def evaluate(_: Linearisation, X: Array, U: Array, output_error: Array, g: Array) -> float:
+            found = problem.evaluate(X[:, :n], U[:, :r])
+            output_error[:], g[:] = found.output_error, found.g
+            return found.cost
+
+        def linearise(
+            data: Linearisation,
+            _X: Array,
+            _U: Array,
+            stages: Records,
+            path: Records,
+            terminal: Records,
+        ) -> None:
+            if data is not self._loaded:
+                put_derivatives(stages, path, terminal, data)
+
+        return Functions(predict, evaluate, linearise)
+
     @property
     def _target_size(self) -> float:
         return float(np.linalg.norm(self._problem.target)) or 1.0
@@ -138,29 +194,6 @@ class CMPSP:
 
 def _size(U: Array, evaluation: Evaluation) -> Size:
     return Size(1.0 + abs(evaluation.cost), 1.0 + float(np.abs(U).max()))
-
-
-def _functions(problem: OptimalControlProblem) -> Functions:
-    """A problem in Python as functions that fill records, which may have more room.
-
-    Their data are its derivatives at the iterate.
-    """
-    n, r = problem.size.state, problem.size.control
-
-    def predict(_: Linearisation, U: Array, X: Array) -> None:
-        X[:, :n] = problem.predict(U[:, :r].copy())
-
-    def evaluate(_: Linearisation, X: Array, U: Array, output_error: Array, g: Array) -> float:
-        found = problem.evaluate(X[:, :n].copy(), U[:, :r].copy())
-        output_error[:], g[:] = found.output_error, found.g
-        return found.cost
-
-    def linearise(
-        data: Linearisation, _X: Array, _U: Array, stages: Records, path: Records, terminal: Records
-    ) -> None:
-        put_derivatives(stages, path, terminal, data)
-
-    return Functions(predict, evaluate, linearise)
 
 
 def _summary(driver: Driver, subproblem: Subproblem) -> Step:

@@ -19,7 +19,7 @@ from cmpsp_ros.mpsp.jit.compiled import (
     entry_for,
 )
 from cmpsp_ros.mpsp.problem import Dimensions, Hessian
-from cmpsp_ros.mpsp.qp import Penalties, QPSolution, QPStatus, solve_qp
+from cmpsp_ros.mpsp.qp import RICCATI_ACTIVE_SET, Penalties, QPSolution, QPStatus, solve_qp
 from cmpsp_ros.mpsp.qp.active_set.records import Space, compiled_size, put_solution, subproblem_in
 from cmpsp_ros.mpsp.qp.active_set.solver import activate, correct, solve
 from cmpsp_ros.mpsp.qp.active_set.state import (
@@ -29,6 +29,7 @@ from cmpsp_ros.mpsp.qp.active_set.state import (
     empty_active_set,
     empty_warm_start,
 )
+from cmpsp_ros.mpsp.qp.back_ends import answer_in
 from cmpsp_ros.mpsp.qp.curvature import convexify
 from cmpsp_ros.mpsp.qp.dense.clarabel_backend import load_proof
 from cmpsp_ros.mpsp.qp.dense.closed_form import has_closed_form, solve_closed_form
@@ -39,49 +40,63 @@ from cmpsp_ros.mpsp.sqp.workspace import Phase, Request, Workspace, workspace
 
 
 class BackEnd:
-    """A QP back end, with the program it was asked last, its answer, and the Hessian's shift."""
+    """A QP back end, with its last answer and the Hessian's shift."""
 
-    subproblem: Subproblem
     solution: QPSolution
     shift: float
 
-    def __init__(self, name: str, hessian: Hessian, space: Space) -> None:
-        """Take the back end's name, the kind of Hessian, and the records that hold the program."""
-        self._name = name
+    def __init__(
+        self, name: str, hessian: Hessian, space: Space, warm: tuple[WarmStart, ...] = ()
+    ) -> None:
+        """Take its name, the kind of Hessian, the records, and warm starts without and with slack.
+
+        With warm starts the default back end works in the records themselves.
+        """
+        self._name, self._space = name, space
         self._is_exact = hessian == 'exact'
-        self._space = space
-        # Seldom needed, and never to be waited for.
-        load_proof(space)
-        self._activate = entry_for(activate, space.program, space.active)
+        self._warm = warm if name == RICCATI_ACTIVE_SET else ()
+        if not warm:
+            # Seldom needed, and never to be waited for.
+            load_proof(space)
+            entry_for(activate, space.program, space.active)
         self.begin()
 
     def begin(self) -> None:
         """Expect another program in the records."""
         self.shift = 0.0
-        self._is_new, self._is_convex = True, False
+        self._is_new, self._is_convex, self._has_basis = True, False, False
 
     def solve(self, level: int) -> int:
         """Solve the program at a relaxation level, into the records; returns the outcome.
 
-        Where there is no solution, curvature is asked for, once. Looking for it beforehand would
-        cost a factorisation in every iteration, and Hessians that are not exact seldom lack it:
-        they are positive semi-definite by construction.
+        Where there is no solution, curvature is asked for, once; to look for it beforehand would
+        cost a factorisation, and Hessians that are not exact seldom lack it.
         """
         if self._is_new and self._is_exact:
             self.add_curvature()
-        if self._is_new:
-            self.subproblem = subproblem_in(self._space)
         # Asked again although no curvature was lacking.
-        elif level == 0 and not self.shift:
+        elif not self._is_new and level == 0 and not self.shift:
             return Outcome.INFEASIBLE
-        self._is_new = False
-        self.solution = self._solve_hard() if level == 0 else self._solve_relaxed()
-        if self.solution.status is not QPStatus.SOLVED:
-            unknown = self.solution.status is QPStatus.FAILED and not self._is_convex
-            return Outcome.NO_CURVATURE if unknown else Outcome.INFEASIBLE
+        self._is_new, is_relaxed, outcome = False, bool(level > 0), None
+        if self._warm:
+            space, warm = self._space, self._warm[is_relaxed]
+            outcome = Outcome(solve(space.program, space.active, warm))
+            self.solution = answer_in(space, outcome, warm, lambda: self._program(is_relaxed))
+            if outcome is Outcome.SOLVED:
+                self._has_basis = True
+                return outcome
+        subproblem, penalties = self._program(is_relaxed)
+        if outcome in {None, Outcome.NO_CURVATURE}:
+            if not is_relaxed and has_closed_form(subproblem):
+                self.solution = solve_closed_form(subproblem)
+            elif outcome is None:
+                self.solution = solve_qp(subproblem, self._name, penalties)
         found = self.solution
-        put_solution(self._space, found, self.subproblem.propagate(found.dU))
-        return Outcome.SOLVED
+        if found.status is QPStatus.SOLVED:
+            put_solution(self._space, found, subproblem.propagate(found.dU))
+            return Outcome.SOLVED
+        unknown = found.status is QPStatus.FAILED and not self._is_convex
+        return Outcome.NO_CURVATURE if unknown else Outcome.INFEASIBLE
 
     def add_curvature(self) -> None:
         """Convexify the Hessian in the records."""
@@ -95,22 +110,17 @@ class BackEnd:
     def correct(self, output_error: Array, g: Array) -> None:
         """Second-order correction, into the records, as `solver.correct`; 0 where there is none."""
         program, active = self._space.program, self._space.active
-        if self._activate(program, active):
+        if self._has_basis or activate(program, active):
             correct(program, active, output_error, g)
         else:
             program.stages['correction_U'] = 0.0
 
-    def _solve_hard(self) -> QPSolution:
-        if has_closed_form(self.subproblem):
-            return solve_closed_form(self.subproblem)
-        return solve_qp(self.subproblem, self._name)
-
-    def _solve_relaxed(self) -> QPSolution:
-        program = self._space.program
-        terminal, path = program.terminal['penalty'], program.path['penalty']
-        stages = self.subproblem.size.horizon + 1
-        penalties = Penalties(terminal.copy(), path[:stages].copy())
-        return solve_qp(self.subproblem, self._name, penalties)
+    def _program(self, is_relaxed: bool) -> tuple[Subproblem, Penalties | None]:
+        """The program in the records, with its penalties where it is relaxed."""
+        subproblem, program = subproblem_in(self._space), self._space.program
+        path = program.path['penalty'][: subproblem.size.horizon + 1].copy()
+        weights = Penalties(program.terminal['penalty'].copy(), path)
+        return subproblem, weights if is_relaxed else None
 
 
 @allocation_free
@@ -243,6 +253,7 @@ class Driver:
     """
 
     ws: Workspace
+    space: Space
     back_end: BackEnd | None
 
     def __init__(
@@ -283,8 +294,9 @@ class Driver:
         if back_end is None:
             self._addresses = np.array(_solver_addresses(n, r))
         else:
-            space = Space(size, ws.program, self._active, self._warm_hard)
-            self.back_end = BackEnd(*back_end, space)
+            self.space = Space(size, ws.program, self._active, self._warm_hard)
+            warm = () if exact else (self._warm_hard, self._warm_relaxed)
+            self.back_end = BackEnd(*back_end, self.space, warm)
         self._phase, self._level = ws.run['phase'], ws.run['level']
         self._outcome, self._cost = ws.run['outcome'], ws.run['trial_cost']
         self._horizon, self._begun = ws.program.head['horizon'], ws.program.head['begun']

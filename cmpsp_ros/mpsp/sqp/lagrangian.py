@@ -91,11 +91,9 @@ def lagrangian_curvature(
 
 
 def multipliers(at: Iterate, lin: Linearisation) -> tuple[Array, Array, Array]:
-    """``lambda``, ``rho`` and ``beta`` of an iterate, 0 at the guess."""
-    if at.step is None:
-        return np.zeros_like(lin.output_error), np.zeros_like(lin.g), np.zeros_like(at.U)
-    path = np.where(lin.g == -np.inf, 0.0, at.step.path_multipliers)
-    return at.step.terminal_multipliers, path, at.step.bound_multipliers
+    """`Iterate.multipliers`, 0 for path constraints that do not apply."""
+    terminal, path, bounds = at.multipliers
+    return terminal, np.where(lin.g == -np.inf, 0.0, path), bounds
 
 
 def stage_blocks(XX: Array, UX: Array, UU: Array) -> Array:

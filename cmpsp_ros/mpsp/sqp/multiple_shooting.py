@@ -31,7 +31,7 @@ from cmpsp_ros.mpsp.qp import (
 )
 from cmpsp_ros.mpsp.qp.active_set.records import is_positive_definite
 from cmpsp_ros.mpsp.qp.subproblem import Subproblem
-from cmpsp_ros.mpsp.results import Iterate
+from cmpsp_ros.mpsp.results import Iterate, residual_at
 from cmpsp_ros.mpsp.sqp.lagrangian import (
     Curvature,
     hold_rows,
@@ -96,6 +96,8 @@ class MultipleShooting:
         """Derivatives at an iterate with the exact Hessian of the cost; gaps are not in it."""
         lin = self._problem.linearise(at.X, at.U, 'exact')
         return self._with_bounds(lin, at.U)
+
+    residual = staticmethod(residual_at)
 
     def step(self, at: Iterate, subproblem: Subproblem) -> Iterate:
         """One iteration; an iterate that cannot be improved keeps its controls."""

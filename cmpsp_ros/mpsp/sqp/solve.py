@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -16,16 +17,7 @@ from cmpsp_ros.mpsp.jit.watch import progress as compiling
 from cmpsp_ros.mpsp.options import Options
 from cmpsp_ros.mpsp.problem import OptimalControlProblem
 from cmpsp_ros.mpsp.qp import QPStatus
-from cmpsp_ros.mpsp.results import (
-    Iterate,
-    Record,
-    Solution,
-    Status,
-    Step,
-    record,
-    residual_at,
-    violations,
-)
+from cmpsp_ros.mpsp.results import Iterate, Record, Solution, Status, Step, violations
 from cmpsp_ros.mpsp.scaling import Scaling
 from cmpsp_ros.mpsp.sqp.cmpsp import CMPSP
 from cmpsp_ros.mpsp.sqp.lagrangian import descent_curvature
@@ -139,9 +131,8 @@ class _Run:
             at = self.at
             # The subproblem at the new iterate gives its KKT residual, and the next step needs it.
             subproblem = None if at.not_finite else self._method.subproblem(at)
-            residual = residual_at(at, subproblem)
-            shown = self._shown()
-            history.append(record(shown, residual))
+            residual = self._method.residual(at, subproblem)
+            history.append(self._record(residual))
             progress(history[-1])
             status, is_minimum, goes_on = self._status(residual), None, False
             is_last = at.index >= max_iterations
@@ -162,7 +153,7 @@ class _Run:
                 if status is not None:
                     if self._resume(status, is_last):
                         continue
-                    return self._conclude(shown, status, history, is_minimum)
+                    return self._conclude(status, history, is_minimum)
             if goes_on or subproblem is None:
                 subproblem = self._method.subproblem(self.at)
             self.at = self._method.step(self.at, subproblem)
@@ -171,10 +162,22 @@ class _Run:
     def _method(self) -> CMPSP | MultipleShooting:
         return self.shooting if self.shooting is not None and self.is_shooting else self.papers
 
-    def _shown(self) -> Iterate:
-        """The iterate in the user's units, in which bounds hold to the last bit."""
-        at = self.scaling.unscaled(self.at)
-        return replace(at, U=np.clip(at.U, self.given.control_lower, self.given.control_upper))
+    def _record(self, residual: float) -> Record:
+        """Measurements of the iterate in the user's units, in which bounds hold to the last bit."""
+        at, unit, step, value = self.at, self.scaling, self.at.step, self.at.evaluation
+        lower, upper = self.given.control_lower, self.given.control_upper
+        U = np.minimum(np.maximum(at.U * unit.control, lower), upper)
+        terminal, path, bounds = at.multipliers
+        before = at.U if at.previous_U is None else at.previous_U
+        return Record(
+            at.index, U, value.cost * unit.cost,
+            _length((at.U - before) * unit.control),
+            0.0 if step is None else step.length,
+            _length(value.output_error * unit.output),
+            float((value.g * unit.path).max(initial=0.0)), at.gap, residual,
+            terminal * unit.cost / unit.output, path * unit.cost / unit.path,
+            bounds * unit.cost / unit.control, 0.0 if step is None else step.shift,
+        )  # fmt: skip
 
     def _status(self, residual: float) -> Status | None:
         """Status as of `CMPSP.terminate`; converged only where the KKT conditions hold."""
@@ -227,11 +230,10 @@ class _Run:
             return False
         return self._shoot(replace(at, index=self.at.index, guess_size=self.at.guess_size))
 
-    def _conclude(
-        self, at: Iterate, status: Status, history: list[Record], is_minimum: bool | None
-    ) -> Solution:
+    def _conclude(self, status: Status, history: list[Record], is_minimum: bool | None) -> Solution:
         """The solution, with the last iterate in the user's units."""
         last, options = history[-1], self.options
+        at = replace(self.scaling.unscaled(self.at), U=last.U)
         length = float(np.linalg.norm(self.problem.target)) or 1.0
         scaled = violations(
             self.at.evaluation, options.output_tolerance * length, options.violation_tolerance
@@ -267,6 +269,11 @@ def _warm(problem: OptimalControlProblem, warm: Solution, units: Scaling) -> Ste
         warm.terminal_multipliers * units.output / units.cost, rows * units.path / units.cost,
         warm.bound_multipliers * units.control / units.cost, 0, 0, full_change=np.inf,
     )  # fmt: skip
+
+
+def _length(of: Array) -> float:
+    """Euclidean norm; numpy's takes several times as long."""
+    return math.sqrt(np.vdot(of, of))
 
 
 def _violation(at: Iterate) -> float:

@@ -108,9 +108,7 @@ def workspace(
     """
     sizes = size.horizon, size.state, size.control, size.output, size.path
     program = empty_program(*sizes)
-    program.terminal['weight'] = penalty_terminal
-    program.path['weight'] = penalty_path
-    program.head['trust_radius'] = trust_radius
+    set_weights(program, penalty_terminal, penalty_path, trust_radius)
     run: NDArray[Any] = np.zeros(1, RUN)
     run['line_search'] = run['elastic'] = 1
     controls = (size.horizon + 1, size.control)
@@ -123,6 +121,15 @@ def workspace(
         upper=np.full(controls, np.inf),
         slack=np.zeros(size.path + size.output),
     )
+
+
+def set_weights(
+    program: Program, penalty_terminal: Array, penalty_path: Array, trust_radius: Array
+) -> None:
+    """Set weights and trust region as of `workspace`."""
+    program.terminal['weight'] = penalty_terminal
+    program.path['weight'] = penalty_path
+    program.head['trust_radius'][0, : len(trust_radius)] = trust_radius
 
 
 def _trajectory(size: Dimensions) -> Trajectory:

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
 
 from cmpsp_ros.guidance import exact_repr
+from cmpsp_ros.nodes.common.topic import steady_timer
 from cmpsp_ros.nodes.common.topics import HEALTH
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-
-    from rclpy.node import Node
 
 _PERIOD = 1.0
 _CHANGE_PERIOD = 0.1
@@ -22,13 +18,9 @@ _CHANGE_PERIOD = 0.1
 
 @dataclass(frozen=True)
 class Report:
-    """State of a node.
+    """State of a node: level of `diagnostic_msgs/DiagnosticStatus`, and a sentence.
 
-    Attributes:
-        level: Level of `diagnostic_msgs/DiagnosticStatus`.
-        message: The state in a sentence.
-        marks: Values whose change is published at once.
-        values: Figures, computed only when they are published; floats read back exactly.
+    A change of `marks` is published at once; `values` are computed only when they are published.
     """
 
     level: bytes
@@ -46,9 +38,8 @@ class Health:
         self._look = look
         self._shown: tuple[object, ...] | None = None
         self._publisher = HEALTH.publish_on(node)
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        node.create_timer(_PERIOD, self.publish, clock=steady)
-        node.create_timer(_CHANGE_PERIOD, self._publish_change, clock=steady)
+        steady_timer(node, _PERIOD, self.publish)
+        steady_timer(node, _CHANGE_PERIOD, self._publish_change)
 
     def publish(self) -> None:
         """Publish the state now."""

@@ -4,23 +4,17 @@ from __future__ import annotations
 
 import math
 import struct
-from typing import TYPE_CHECKING, Any, Final
+from collections.abc import Iterable, Sequence
+from typing import Any, Final
 
-from geometry_msgs.msg import PoseStamped, Quaternion
+from geometry_msgs.msg import Pose, PoseStamped, Quaternion
 from nav_msgs.msg import Path
 from sensor_msgs.msg import PointCloud2, PointField
+from std_msgs.msg import Header
 
 from cmpsp_ros.guidance import NANOSECONDS
 from cmpsp_ros.guidance.messages import Track
-from cmpsp_ros.parameters import ParameterError, Problem, describe
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
-    from geometry_msgs.msg import Pose
-    from std_msgs.msg import Header
-
-    from cmpsp_ros.parameters import Values
+from cmpsp_ros.parameters import ParameterError, Problem, Values, describe
 
 BASE: Final = 'base_link'
 """Frame of a robot whose odometry does not name it."""
@@ -85,21 +79,14 @@ def path_of(values: Values) -> Path:
 
 
 def road_in(message: Any, frame_id: str) -> dict[str, Any]:
-    """The parameters of a road in a `nav_msgs/Path`.
+    """The parameters of a road in a `nav_msgs/Path`, by key; the road itself is not checked.
 
     The guidance node takes them as a live change, so a bag contains the road itself. A line that
     ends where it begins is a closed road. Heights and orientations are ignored.
 
-    Args:
-        message: The Path.
-        frame_id: Frame of the road. A pose may leave its own empty.
-
-    Returns:
-        Values by key; the road itself is not checked.
-
     Raises:
-        ParameterError: It is in another frame, has no points or too many, or one is not finite;
-            names the point.
+        ParameterError: It is in another frame (a pose may leave its own empty), has no points or
+            too many, or one is not finite; names the point.
     """
     _check_frame(ROAD, message.header.frame_id, frame_id)
     if not 0 < len(message.poses) <= _MAX_POINTS:

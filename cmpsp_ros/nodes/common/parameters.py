@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, cast
+from collections.abc import Iterable
+from typing import Any, cast
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, ParameterEvent
+from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from cmpsp_ros.nodes.common.runtime import overrides
-from cmpsp_ros.parameters import TABLE, config_directory
+from cmpsp_ros.parameters import TABLE, Values, config_directory
+from cmpsp_ros.parameters import Parameter as Row
 from cmpsp_ros.parameters.files import with_files
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-    from rclpy.node import Node
-
-    from cmpsp_ros.parameters import Parameter as Row
-    from cmpsp_ros.parameters import Values
 
 _UNBOUNDED = 1e9
 """Beyond what any parameter may hold."""
@@ -31,11 +26,10 @@ def declare(node: Node, which: str) -> Values:
     one with it that is given an empty list.
 
     Returns:
-        The complete set of both nodes, as plain Python of the table's types.
+        The complete set of both nodes.
 
     Raises:
-        ParameterError: If any key is unknown, or any value missing or invalid; with all problems of
-            the set, and before anything is declared.
+        ParameterError: With all unknown keys and invalid values, before anything is declared.
     """
     # ROS does not say which file a parameter is from: relative paths are those of our presets.
     values = TABLE.resolve(with_files(overrides(node), config_directory()))

@@ -2,22 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterable
 
+from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rosbags.interfaces import (
-    Qos,
-    QosDurability,
-    QosHistory,
-    QosLiveliness,
-    QosReliability,
-    QosTime,
-)
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-    from rclpy.duration import Duration
+from rosbags import interfaces as bag
 
 _DEPTH, _MAX_DEPTH = 10, 10_000
 
@@ -37,30 +26,30 @@ def hearing_all(offered: Iterable[QoSProfile], *, depth: int) -> QoSProfile:
     )
 
 
-def for_bag(profile: QoSProfile) -> Qos:
+def for_bag(profile: QoSProfile) -> bag.Qos:
     """Convert a profile to the bag's form; both number the policies as the middleware does."""
-    return Qos(
-        QosHistory(int(profile.history)),
+    return bag.Qos(
+        bag.QosHistory(int(profile.history)),
         profile.depth,
-        QosReliability(int(profile.reliability)),
-        QosDurability(int(profile.durability)),
+        bag.QosReliability(int(profile.reliability)),
+        bag.QosDurability(int(profile.durability)),
         _time(profile.deadline),
         _time(profile.lifespan),
-        QosLiveliness(int(profile.liveliness)),
+        bag.QosLiveliness(int(profile.liveliness)),
         _time(profile.liveliness_lease_duration),
         profile.avoid_ros_namespace_conventions,
     )
 
 
-def offering(recorded: Iterable[Qos]) -> QoSProfile:
+def offering(recorded: Iterable[bag.Qos]) -> QoSProfile:
     """Offer that reaches all subscribers that recorded publishers reached.
 
     It is reliable if any was, or none is known, and transient local if any was. Deadlines and
     lifespans are left out: a paused playback could not keep them.
     """
     profiles = list(recorded)
-    reliable = any(each.reliability == QosReliability.RELIABLE for each in profiles)
-    latched = any(each.durability == QosDurability.TRANSIENT_LOCAL for each in profiles)
+    reliable = any(each.reliability == bag.QosReliability.RELIABLE for each in profiles)
+    latched = any(each.durability == bag.QosDurability.TRANSIENT_LOCAL for each in profiles)
     depth = max((each.depth for each in profiles), default=_DEPTH)
     return QoSProfile(
         depth=min(max(depth, 1), _MAX_DEPTH),
@@ -71,5 +60,5 @@ def offering(recorded: Iterable[Qos]) -> QoSProfile:
     )
 
 
-def _time(duration: Duration) -> QosTime:
-    return QosTime(*divmod(duration.nanoseconds, 10**9))
+def _time(duration: Duration) -> bag.QosTime:
+    return bag.QosTime(*divmod(duration.nanoseconds, 10**9))

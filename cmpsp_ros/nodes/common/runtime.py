@@ -13,21 +13,18 @@ import signal
 import threading
 import time
 import traceback
+from collections.abc import Callable, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import rclpy
 from rclpy.duration import Duration
 from rclpy.executors import ExternalShutdownException
 from rclpy.experimental import EventsExecutor
+from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.logging import get_logger
+from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from rclpy.impl.rcutils_logger import RcutilsLogger
-    from rclpy.node import Node
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
@@ -55,17 +52,16 @@ def run(
     when it returns, so that a second one cannot cut the exit short.
 
     Args:
-        make_node: The node's class, or any callable that returns a node. Its `stop` method, if it
-            has one, is called once before it is destroyed. An exception in its attribute `failure`
-            ends it as if it had been raised.
+        make_node: Returns a node. Its `stop` method, if it has one, is called once before it is
+            destroyed. An exception in its attribute `failure` ends it as if it had been raised.
         name: Name of the logger for as long as there is no node.
         args: Command line; `sys.argv` when absent.
         outlasts: Time for which the node goes on after the process that it is to stop with [s]: the
             last command is still to be driven, shown and recorded.
 
     Returns:
-        Exit code of the process: 0 after a signal, 1 after an exception. A `ValueError` of
-        `make_node` is logged by its message alone.
+        Exit code: 0 after a signal, 1 after an exception. A `ValueError` of `make_node` is logged
+        by its message alone.
     """
     stopping = _stop_on_signal()
     logger = get_logger(name)

@@ -1,18 +1,25 @@
-"""A topic or service of a node, and subscriptions that can be read before their turn."""
+"""A topic of a node, subscriptions that are read before their turn, and message classes."""
 
 from __future__ import annotations
 
+import re
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, Literal
 
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.subscription import Subscription
+from rclpy.timer import Timer
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+from cmpsp_ros.bags import UnknownTypeError
 
-    from rclpy.node import Node
-    from rclpy.publisher import Publisher
-    from rclpy.subscription import Subscription
+_NAME = re.compile(r'([a-z][a-z0-9_]*)/msg/([A-Z][A-Za-z0-9]*)')
 
 
 @dataclass(frozen=True)
@@ -20,7 +27,6 @@ class Topic:
     """One topic or service of a node.
 
     Attributes:
-        node: Name of the node.
         direction: Seen from the node.
         name: As the node uses it, before namespaces and remapping.
         type: Message or service class.
@@ -63,14 +69,21 @@ class Topic:
 
 
 class Listener:
-    """Subscriptions of one input, closed together."""
+    """Subscriptions and publishers of one input, closed together."""
 
     def __init__(self, node: Node) -> None:
         self._node = node
         self._subscriptions: list[Subscription] = []
+        self._publishers: list[Publisher] = []
+
+    def _publish_on(self, topic: Topic) -> Publisher:
+        self._publishers.append(topic.publish_on(self._node))
+        return self._publishers[-1]
 
     def close(self) -> None:
         """Close the topics."""
+        for publisher in self._publishers:
+            self._node.destroy_publisher(publisher)
         for each in self._subscriptions:
             self._node.destroy_subscription(each)
 
@@ -79,6 +92,11 @@ class Listener:
         for each in self._subscriptions:
             for message in waiting(each):
                 each.callback(message)
+
+
+def steady_timer(node: Node, period: float, callback: Callable[[], None]) -> Timer:
+    """Timer with a period [s] of a clock that never jumps: simulated time may stand still."""
+    return node.create_timer(period, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
 
 def waiting(subscription: Subscription) -> Iterator[Any]:
@@ -93,3 +111,20 @@ def publisher_names(node: Node, topic: str) -> list[str]:
     """Full names of the nodes that publish on a topic, once for each publisher, in order."""
     found = node.get_publishers_info_by_topic(topic)
     return sorted(f'{each.node_namespace.rstrip("/")}/{each.node_name}' for each in found)
+
+
+def message_class(name: str) -> Any:
+    """Class of a type, such as `nav_msgs/msg/Odometry`; raises UnknownTypeError without it."""
+    match = _NAME.fullmatch(name)
+    # A bag may name any package; only one of messages is imported.
+    if match and _has_messages(match[1]):
+        found = getattr(import_module(f'{match[1]}.msg'), match[2], None)
+        if found is not None:
+            return found
+    raise UnknownTypeError(f'found type {name!r}, wanted one that is installed here')
+
+
+def _has_messages(package: str) -> bool:
+    spec = find_spec(package)
+    folders = (spec and spec.submodule_search_locations) or ()
+    return any((Path(folder) / 'msg' / '__init__.py').is_file() for folder in folders)

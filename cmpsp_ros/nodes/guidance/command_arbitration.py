@@ -10,18 +10,13 @@ from __future__ import annotations
 import os
 import socket
 import time
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
 from diagnostic_msgs.msg import KeyValue
-from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
 
-from cmpsp_ros.nodes.common.topic import publisher_names
+from cmpsp_ros.nodes.common.topic import publisher_names, steady_timer
 from cmpsp_ros.nodes.common.topics import COMMAND, GUIDED_BY
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from rclpy.node import Node
 
 PERIOD = 0.5
 """Time between two claims [s]."""
@@ -44,8 +39,7 @@ class CommandArbiter:
         self._subscription = node.create_subscription(
             GUIDED_BY.type, topic, self._on_claim, GUIDED_BY.qos
         )
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._timer = node.create_timer(PERIOD, self._look, clock=steady)
+        self._timer = steady_timer(node, PERIOD, self._look)
         self._name = f'{node.get_fully_qualified_name()} ({socket.gethostname()}:{os.getpid()})'
         self._since: int | None = None
         self._heard: dict[str, float] = {}

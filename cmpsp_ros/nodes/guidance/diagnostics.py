@@ -34,14 +34,10 @@ def report_on(
     warnings: Sequence[str] = (),
     errors: Sequence[str] = (),
 ) -> Report:
-    """Report on the guidance node.
+    """Report on the guidance node in a state of its lifecycle.
 
-    Args:
-        state: State of its lifecycle.
-        refusal: Reason not to go on to another state; empty for none.
-        loop: The loop, while it is configured.
-        warnings: Warnings of others, in sentences.
-        errors: Errors of others, in sentences.
+    `refusal` is a reason not to go on to another state; `warnings` and `errors` are sentences of
+    others.
     """
     decision = None if loop is None else loop.decision
     connections = {} if loop is None else loop.connections

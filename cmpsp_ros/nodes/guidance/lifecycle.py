@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
 from uuid import uuid4
 
 from lifecycle_msgs.srv import ChangeState
-from rclpy.clock import Clock, ClockType
 from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.lifecycle import LifecycleNode
+from rclpy.node import Node
+from rclpy.timer import Timer
+
+from cmpsp_ros.nodes.common.topic import steady_timer
 
 try:
     from bond.msg import Status
 except ImportError:  # bond is not among the wheels
     Status = None
-
-if TYPE_CHECKING:
-    from rclpy.lifecycle import LifecycleNode
-    from rclpy.node import Node
-    from rclpy.timer import Timer
 
 UNCONFIGURED, INACTIVE, ACTIVE, FINALIZED = 'unconfigured', 'inactive', 'active', 'finalized'
 """States of a lifecycle node."""
@@ -69,8 +67,7 @@ class LifecycleBond:
             return
         # One that ends is over for good: each needs another name.
         self._message.instance_id, self._message.active = str(uuid4()), True
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._timer = self._node.create_timer(_PERIOD, self._beat, clock=steady)
+        self._timer = steady_timer(self._node, _PERIOD, self._beat)
         self._beat()
 
     def end(self) -> None:

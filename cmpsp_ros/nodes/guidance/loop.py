@@ -4,26 +4,29 @@ from __future__ import annotations
 
 import math
 import time
-from typing import TYPE_CHECKING
 
-from cmpsp_ros.guidance import NANOSECONDS, NEVER, FallbackLevel, GuidanceLaw, Observation
+from rclpy.lifecycle import LifecycleNode
+
+from cmpsp_ros.guidance import (
+    NANOSECONDS,
+    NEVER,
+    Decision,
+    FallbackLevel,
+    GuidanceLaw,
+    GuidanceSettings,
+    Observation,
+)
 from cmpsp_ros.guidance.messages import Arrival, OdometryError, OdometryGate
 from cmpsp_ros.guidance.mission import reason_not_to_begin
 from cmpsp_ros.nodes.guidance.diagnostics import StepTimes
 from cmpsp_ros.nodes.guidance.inputs.course import MapInput, RoadInput
 from cmpsp_ros.nodes.guidance.inputs.goals import GoalInput
 from cmpsp_ros.nodes.guidance.inputs.odometry import ClockWatch, OdometryInput, OdometryWatchdog
-from cmpsp_ros.nodes.guidance.inputs.surroundings import SensorInput
-from cmpsp_ros.nodes.guidance.inputs.trackers import TrackInput
+from cmpsp_ros.nodes.guidance.inputs.surroundings import SensorInput, TrackInput
 from cmpsp_ros.nodes.guidance.inputs.transforms import TransformInput
 from cmpsp_ros.nodes.guidance.outputs.publishers import GuidanceOutputs
-
-if TYPE_CHECKING:
-    from rclpy.lifecycle import LifecycleNode
-
-    from cmpsp_ros.guidance import Decision, GuidanceSettings
-    from cmpsp_ros.nodes.guidance.timing import GarbageCollection
-    from cmpsp_ros.parameters import Values
+from cmpsp_ros.nodes.guidance.timing import GarbageCollection
+from cmpsp_ros.parameters import Values
 
 _WATCH_PERIOD = 0.025
 
@@ -38,15 +41,6 @@ class GuidanceLoop:
     """Feeds odometry to the guidance law and publishes its decisions, while active.
 
     Lost or unusable odometry, and any exception, leads to a stop.
-
-    Attributes:
-        active: True while odometry is decided on.
-        decision: The latest decision; None before the first.
-        gate: Judges odometry.
-        road: Source of the road.
-        map: Source of the map.
-        watchdog: Age of odometry.
-        times: Computing times of control steps.
     """
 
     def __init__(
@@ -56,14 +50,7 @@ class GuidanceLoop:
         settings: GuidanceSettings,
         garbage: GarbageCollection,
     ) -> None:
-        """Open the topics, and wait to be active.
-
-        Args:
-            node: The node.
-            values: Parameters of the node.
-            settings: Settings made from them.
-            garbage: Garbage collector, run in idle time.
-        """
+        """Open the topics, and wait to be active; garbage is collected in idle time."""
         self._node, self._settings, self._garbage = node, settings, garbage
         self.active, self._in_lockstep = False, values['lockstep']
         self._law = GuidanceLaw(settings, settings.world, time.perf_counter_ns)
@@ -84,16 +71,11 @@ class GuidanceLoop:
 
     def close(self) -> None:
         """Close the topics."""
-        self._odometry.close()
-        self._goals.close()
-        self._node.destroy_timer(self._timer)
-        self._node.destroy_timer(self._end_timer)
-        self._tracks.close()
-        self._sensors.close()
-        self._transforms.close()
-        self.road.close()
-        self.map.close()
-        self._outputs.close()
+        for timer in (self._timer, self._end_timer):
+            self._node.destroy_timer(timer)
+        inputs = self._odometry, self._goals, self._tracks, self._sensors, self._transforms
+        for each in (*inputs, self.road, self.map, self._outputs):
+            each.close()
 
     def reset(self) -> None:
         """Begin again: the next odometry is time 0."""
@@ -118,7 +100,7 @@ class GuidanceLoop:
         self._settings = settings
         self._law.reconfigure(settings, settings.world)
         self._transforms.settings = settings
-        self._tracks.take(settings)
+        self._tracks.settings = settings
         self._scenery_changed = True
         if not self.active:
             self.show()

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from rcl_interfaces.msg import SetParametersResult
-from rclpy.clock import Clock, ClockType
-from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.parameter import Parameter
+from std_srvs.srv import Trigger
 
+from cmpsp_ros.guidance import GuidanceSettings
 from cmpsp_ros.guidance.mission import infeasibility_warnings
 from cmpsp_ros.nodes.common.health import Health, Report
 from cmpsp_ros.nodes.common.parameters import declare, event_of
 from cmpsp_ros.nodes.common.runtime import overrides, run
+from cmpsp_ros.nodes.common.topic import steady_timer
 from cmpsp_ros.nodes.common.topics import PARAMETERS, RESET
 from cmpsp_ros.nodes.guidance.command_arbitration import TRUST, CommandArbiter
 from cmpsp_ros.nodes.guidance.diagnostics import report_on
@@ -35,20 +36,13 @@ from cmpsp_ros.parameters import (
     TABLE,
     ParameterError,
     Problem,
+    Values,
     course_problems,
     guidance_settings,
     lacks_road,
     plausibility_warnings,
 )
 from cmpsp_ros.quick_exit import quick_exit
-
-if TYPE_CHECKING:
-    from rclpy.lifecycle import LifecycleState
-    from rclpy.parameter import Parameter
-    from std_srvs.srv import Trigger
-
-    from cmpsp_ros.guidance import GuidanceSettings
-    from cmpsp_ros.parameters import Values
 
 _GUIDED = 'Another node guides this robot: {}.'
 
@@ -101,8 +95,7 @@ class GuidanceNode(LifecycleNode):
             if self._state == INACTIVE:
                 self.trigger_activate()
 
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        timer = self.create_timer(TRUST, try_once, clock=steady)
+        timer = steady_timer(self, TRUST, try_once)
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Validate the whole set of parameters, load compiled code, open the topics."""

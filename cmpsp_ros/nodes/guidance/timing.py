@@ -8,17 +8,12 @@ import os
 import resource
 import time
 from contextlib import ExitStack
-from typing import TYPE_CHECKING
 
-from cmpsp_ros.guidance import prepare
+from rclpy.impl.rcutils_logger import RcutilsLogger
+
+from cmpsp_ros.guidance import GuidanceSettings, prepare
 from cmpsp_ros.mpsp.jit import compilations, progress
-from cmpsp_ros.parameters import ParameterError, Problem
-
-if TYPE_CHECKING:
-    from rclpy.impl.rcutils_logger import RcutilsLogger
-
-    from cmpsp_ros.guidance import GuidanceSettings
-    from cmpsp_ros.parameters import Values
+from cmpsp_ros.parameters import ParameterError, Problem, Values
 
 _ANY_CPU = -1
 _YOUNG, _FULL = 1, 2
@@ -91,10 +86,10 @@ class GarbageCollection:
         """Disable automatic collection."""
         self._took = {_YOUNG: 0.0, _FULL: 0.0}
         self._since_full = 0
-        self._latest = time.monotonic()
-        self._on = True
         self.settle()
         gc.disable()
+        self._latest = time.monotonic()
+        self._on = True
 
     def end(self) -> None:
         """Enable automatic collection again."""
@@ -117,9 +112,10 @@ class GarbageCollection:
             self._since_full += 1
 
     def _collect(self, generation: int) -> None:
-        self._latest = time.monotonic()
+        begun = time.monotonic()
         gc.collect(generation)
-        self._took[generation] = time.monotonic() - self._latest
+        self._latest = time.monotonic()
+        self._took[generation] = self._latest - begun
 
 
 def check_cpu(values: Values) -> None:

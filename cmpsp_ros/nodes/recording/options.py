@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Container
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
+from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from cmpsp_ros.bags import Form
 from cmpsp_ros.guidance.messages import PeerTrajectory
 from cmpsp_ros.nodes.common.runtime import StartupError
 from cmpsp_ros.nodes.common.topics import TOPICS
-
-if TYPE_CHECKING:
-    from collections.abc import Container
-
-    from rclpy.node import Node
 
 ALWAYS: Final = ('/clock', '/parameter_events')
 """Recorded with any choice of topics: without them a run cannot be replayed."""
@@ -27,27 +24,22 @@ _PARAMETER_EVENT: Final = 'rcl_interfaces/msg/ParameterEvent'
 
 _NAMES: Final = Parameter.Type.STRING_ARRAY
 
+# fmt: off
 _PARAMETERS: Final[tuple[tuple[str, Any, str, tuple[float, float] | None], ...]] = (
     ('output', '', 'Folder of the new bag; must not exist. Required.', None),
     ('discovery_period', 0.1, 'Time between two checks of the graph [s].', (0.01, 10.0)),
     ('topics', _NAMES, 'Topics to record.', None),
-    (
-        'own_topics',
-        False,
-        'Record those of guidance and sim in the namespace of this node, and plans of all robots.',
-        None,
-    ),
+    ('own_topics', False,
+     'Record those of guidance and sim in the namespace of this node, and plans of all robots.',
+     None),
     ('exclude_topics', _NAMES, 'Topics not to record; all others are, if none is chosen.', None),
     ('storage', 'mcap', 'Format of the files: mcap or sqlite3.', None),
     ('compression', 'zstd', 'Compression of the chunks of mcap: none or zstd.', None),
     ('split_size', 0.0, 'Size at which a new file is begun [MB]; 0: a single file.', (0.0, 1e6)),
-    (
-        'split_duration',
-        0.0,
-        'Duration after which a new file is begun [s]; 0: a single file.',
-        (0.0, 1e9),
-    ),
+    ('split_duration', 0.0, 'Duration after which a new file is begun [s]; 0: a single file.',
+     (0.0, 1e9)),
 )
+# fmt: on
 _CHOICES: Final = {'storage': ('mcap', 'sqlite3'), 'compression': ('none', 'zstd')}
 
 
@@ -81,11 +73,7 @@ class Options:
 
 
 def read_options(node: Node) -> Options:
-    """Declare the recorder's parameters and read them.
-
-    Raises:
-        StartupError: One is missing or invalid.
-    """
+    """Declare the recorder's parameters and read them; raises StartupError."""
     found: dict[str, Any] = {}
     for name, default, text, bounds in _PARAMETERS:
         descriptor = ParameterDescriptor(description=text, read_only=True)

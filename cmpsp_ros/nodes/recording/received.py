@@ -5,21 +5,18 @@ from __future__ import annotations
 import time
 from bisect import bisect_right, insort
 from collections import defaultdict
+from collections.abc import Container, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from operator import itemgetter
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 from rclpy.time import Time
 from rclpy.type_support import check_is_valid_msg_type
 from rosgraph_msgs.msg import Clock
-
-if TYPE_CHECKING:
-    from collections.abc import Container, Iterable, Iterator, Mapping
-
-    from rclpy.node import Node
-    from rclpy.qos import QoSProfile
 
 CLOCK: Final = '/clock'
 
@@ -37,14 +34,12 @@ _COUNT, _NEWEST = ' messages', ' newest'
 
 
 class Received(NamedTuple):
-    """A received message.
+    """A received message, serialised.
 
     Attributes:
         received: Time of reception by the middleware, by the system clock [ns].
         published: Time of publication, by the clock of the publisher's system [ns]; the time of
             reception if the middleware does not know it.
-        topic: Name of its topic.
-        raw: The message, serialised.
     """
 
     received: int
@@ -105,9 +100,7 @@ class RawSubscriptions:
     def take(self, only: Container[str] | None = None, *, all_: bool = False) -> list[Received]:
         """Messages received since the last round, in the order of their arrival.
 
-        Args:
-            only: Names of topics; None for all.
-            all_: There is no next round.
+        On `only` some topics, or all. `all_` if there is no next round.
         """
         begun = time.time_ns()
         found = self._kept
@@ -151,11 +144,8 @@ class SimulatedTime:
     ) -> list[tuple[int, Received]]:
         """Messages whose time is known by now, each with it [ns], in the order of publication.
 
-        Args:
-            came: Messages since the last call, including those of `/clock`.
-            now: Time of the system [ns]. A message received long before does not wait any more:
-                simulated time is paused.
-            all_: Nothing waits; messages before the first `/clock` are dated 0.
+        A message received long before the time `now` [ns] does not wait any more: simulated time is
+        paused. With `all_` nothing waits; messages before the first `/clock` are dated 0.
         """
         for each in came:
             self._waiting.append(each)

@@ -4,22 +4,23 @@ from __future__ import annotations
 
 import time
 from collections import defaultdict
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any, Final, cast
+from typing import Any, Final, cast
 
 from diagnostic_msgs.msg import DiagnosticStatus
-from rclpy.clock import Clock as RclpyClock
-from rclpy.clock import ClockType
+from rclpy.clock import ROSClock
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSCompatibility, QoSProfile, qos_check_compatible
+from std_srvs.srv import Trigger
 
 from cmpsp_ros.bags import BagError, BagWriter, UnknownTypeError
 from cmpsp_ros.nodes.common.health import Health, Report
-from cmpsp_ros.nodes.common.message_types import message_class
 from cmpsp_ros.nodes.common.qos import for_bag, hearing_all
 from cmpsp_ros.nodes.common.runtime import StartupError, run
+from cmpsp_ros.nodes.common.topic import message_class, steady_timer
 from cmpsp_ros.nodes.common.topics import RECORDER_FLUSH
 from cmpsp_ros.nodes.recording.options import read_options, topics_of_nodes
 from cmpsp_ros.nodes.recording.received import (
@@ -31,12 +32,6 @@ from cmpsp_ros.nodes.recording.received import (
     to_values,
 )
 from cmpsp_ros.quick_exit import quick_exit
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-
-    from rclpy.clock import ROSClock
-    from std_srvs.srv import Trigger
 
 TAKE_PERIOD: Final = 0.05
 """Time between two rounds through the queues [s]."""
@@ -76,14 +71,8 @@ class Recorder(Node):
 
     Serialised messages are copied from the middleware's queues to the bag. A message's time is that
     of its reception; in simulated time that of its publication. A later publisher whose quality of
-    service does not fit the existing subscription is not recorded: a warning says so.
-
-    Args:
-        namespace: Namespace; that of the command line when absent.
-        parameters: Parameters, which those of the command line override.
-
-    Raises:
-        StartupError: A parameter is wrong, or `output` exists or cannot be created.
+    service does not fit the existing subscription is not recorded: a warning says so. Namespace and
+    parameters of the command line override those given; StartupError where one is wrong.
     """
 
     def __init__(
@@ -106,24 +95,19 @@ class Recorder(Node):
         self.failure: BagError | None = None
         self._simulated = SimulatedTime()
         # Simulated time may stand still; looking and taking must go on.
-        steady = RclpyClock(clock_type=ClockType.STEADY_TIME)
         for period, act in (
             (TAKE_PERIOD, self._take),
             (self._options.discovery_period, self._discover),
             (FLUSH_PERIOD, self._flush),
         ):
-            self.create_timer(period, partial(self._try, act), clock=steady)
+            steady_timer(self, period, partial(self._try, act))
         self.get_logger().info(f'recording to {self._bag.path}')
         self._try(self._discover)
         self.create_service(RECORDER_FLUSH.type, RECORDER_FLUSH.name, self._on_flush)
         self._health = Health(self, self._look)
 
     def stop(self) -> None:
-        """Record messages still in transit, then close the bag.
-
-        Raises:
-            BagError: The bag could not be closed, or not with all messages.
-        """
+        """Record messages still in transit, then close the bag; raises BagError."""
         try:
             if self.failure is None:
                 self._drain()
@@ -224,8 +208,7 @@ class Recorder(Node):
     def _take(self, *, ending: bool = False) -> int | None:
         """Write all messages received; at the end also those before simulated time began.
 
-        Returns:
-            Earliest time of publication among the messages [ns], None when there are none.
+        Returns the earliest time of publication among them [ns], None when there are none.
         """
         simulated = cast('ROSClock', self.get_clock()).ros_time_is_active
         # All else is kept, up to its depth, by the middleware.
@@ -270,11 +253,7 @@ def _class_of(topic: str, types: list[str]) -> Any:
 
 
 def record(parameters: Mapping[str, Any], namespace: str | None = None) -> int:
-    """Record until SIGINT or SIGTERM, as the last thing a process does.
-
-    Returns:
-        Exit code: 0 after a signal, 1 when recording ended by itself.
-    """
+    """Record until SIGINT or SIGTERM, as the last thing a process does; returns exit code."""
     return run(partial(Recorder, namespace, parameters), name='recorder', args=[], outlasts=2.0)
 
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING
 
 from geometry_msgs.msg import TransformStamped, Twist, TwistStamped
 from nav_msgs.msg import Odometry
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.time import Time
 from rosgraph_msgs.msg import Clock as ClockMessage
 from sensor_msgs.msg import JointState
@@ -16,39 +16,22 @@ from std_srvs.srv import Trigger
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance import NANOSECONDS
+from cmpsp_ros.nodes.common import topics
 from cmpsp_ros.nodes.common.messages import BASE, cloud_of, path_of, set_pose, set_stamp
 from cmpsp_ros.nodes.common.parameters import declare, event_of
 from cmpsp_ros.nodes.common.runtime import run
 from cmpsp_ros.nodes.common.topic import Topic
-from cmpsp_ros.nodes.common.topics import (
-    CLOCK,
-    SIM_COMMAND,
-    SIM_MOVING,
-    SIM_ODOM,
-    SIM_PARAMETERS,
-    SIM_RESET,
-    SIM_ROAD,
-    SIM_STAMPED_COMMAND,
-    SIM_WHEELS,
-    TRUTH,
-)
 from cmpsp_ros.nodes.sim.pace import Lockstep, RealTime
 from cmpsp_ros.nodes.sim.surroundings import Pedestrians, Scanner, Traffic
-from cmpsp_ros.parameters import TABLE, ParameterError, check_simulation, plant_settings
+from cmpsp_ros.parameters import TABLE, ParameterError, Values, check_simulation, plant_settings
 from cmpsp_ros.quick_exit import quick_exit
 from cmpsp_ros.robots import with_side
-from cmpsp_ros.simulator import OdometrySchedule, Plant, TwistError
+from cmpsp_ros.simulator import Motion, OdometrySchedule, Plant, TwistError
 
 try:
     from tf2_msgs.msg import TFMessage
 except ImportError:  # tf2 is not among the wheels
     TFMessage = None
-
-if TYPE_CHECKING:
-    from rclpy.parameter import Parameter
-
-    from cmpsp_ros.parameters import Values
-    from cmpsp_ros.simulator import Motion
 
 
 class SimNode(Node):
@@ -60,15 +43,15 @@ class SimNode(Node):
         settings = plant_settings(self.values)
         check_simulation(self.values)
         has_clock = self.values['publish_clock']
-        self.odometry = SIM_ODOM.publish_on(self)
+        self.odometry = topics.SIM_ODOM.publish_on(self)
         self._traffic = Traffic(self.values)
-        self._moving = SIM_MOVING.publish_on(self) if len(self._traffic) else None
+        self._moving = topics.SIM_MOVING.publish_on(self) if len(self._traffic) else None
         tells = self.values['road.source'] == 'topic'
-        self._road = SIM_ROAD.publish_on(self) if tells else None
+        self._road = topics.SIM_ROAD.publish_on(self) if tells else None
         self._tell_road()
-        self._truth = TRUTH.publish_on(self)
-        self._wheels = SIM_WHEELS.publish_on(self)
-        self._clock_out = CLOCK.publish_on(self) if has_clock else None
+        self._truth = topics.TRUTH.publish_on(self)
+        self._wheels = topics.SIM_WHEELS.publish_on(self)
+        self._clock_out = topics.CLOCK.publish_on(self) if has_clock else None
         # As a broadcaster of tf2_ros; without the message RViz shows the course alone.
         self._transforms = (
             None if TFMessage is None else self.create_publisher(TFMessage, '/tf', 100)
@@ -92,12 +75,12 @@ class SimNode(Node):
         self._tell_scanner()
         self._pace = Lockstep(self) if self.values['lockstep'] else RealTime(self)
         if self.values['enable_stamped_cmd_vel']:
-            SIM_STAMPED_COMMAND.listen_on(self, self._on_stamped)
+            topics.SIM_STAMPED_COMMAND.listen_on(self, self._on_stamped)
         else:
-            SIM_COMMAND.listen_on(self, self._pace.hear)
-        self.create_service(SIM_RESET.type, SIM_RESET.name, self._on_reset)
+            topics.SIM_COMMAND.listen_on(self, self._pace.hear)
+        self.create_service(topics.SIM_RESET.type, topics.SIM_RESET.name, self._on_reset)
         self.add_on_set_parameters_callback(self._on_parameters)
-        parameters = SIM_PARAMETERS.publish_on(self)
+        parameters = topics.SIM_PARAMETERS.publish_on(self)
         parameters.publish(event_of(self))
         self.add_post_set_parameters_callback(
             lambda changed: parameters.publish(event_of(self, changed))

@@ -6,7 +6,7 @@ import math
 import time
 from typing import TYPE_CHECKING
 
-from rclpy.clock import Clock, ClockType
+from cmpsp_ros.nodes.common.topic import steady_timer
 
 if TYPE_CHECKING:
     from geometry_msgs.msg import Twist
@@ -33,9 +33,7 @@ class RealTime:
         self._sim = sim
         self._factor = sim.values['real_time_factor']
         self._start_ns, self._begun_ns = sim.plant.stamp_ns, time.monotonic_ns()
-        self._timer = sim.create_timer(
-            0.0, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME)
-        )
+        self._timer = steady_timer(sim, 0.0, self._on_timer)
 
     def hear(self, twist: Twist, _stamp_ns: int | None = None) -> None:
         """Obey a command at the present simulated time, after all odometry due before it."""
@@ -86,9 +84,7 @@ class Lockstep:
         self._begun_ns = sim.plant.stamp_ns
         self._asked_at = 0.0
         self._is_heard = self._is_overdue = False
-        self._timer = sim.create_timer(
-            REPEAT_PERIOD, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME)
-        )
+        self._timer = steady_timer(sim, REPEAT_PERIOD, self._on_timer)
 
     def hear(self, twist: Twist, stamp_ns: int | None = None) -> None:
         """Take the answer to the odometry awaited, and drive to the next control instant.

@@ -25,8 +25,7 @@ _ALSO_OF_ROBOT: Final = ('command_delay', 'max_wheel_lag', 'enable_stamped_cmd_v
 def config_directory() -> Path:
     """The folder of the presets, in a source tree or where pip or colcon put it.
 
-    Raises:
-        ParameterError: If the package was installed without them.
+    Raises ParameterError if the package was installed without them.
     """
     here = Path(__file__)
     # The second path matters in a workspace of symbolic links, the first where only they lead on.
@@ -65,15 +64,13 @@ def load_parameter_file(
 ) -> dict[str, Any]:
     """The values of a parameter file, flat, before keys and values are checked.
 
+    If several sections set a key, the later one counts. Road and map of files are read, too.
+
     Args:
         path_or_preset_name: A file; or, as text without folder and suffix, a preset.
         node: Full name of a node, such as ``/r1/guidance``: the values that ROS passes to it.
         namespace: Namespace of a robot, such as ``/r1``, whose guidance and simulator are meant.
             Without either, the values for guidance and simulator in any namespace.
-
-    Returns:
-        Values by key, with the road of a `road.file` and the map of a `map.file`. If several
-        sections set a key, the later one counts.
 
     Raises:
         ParameterError: If there is no such file or preset, the file is not YAML of ROS parameters,
@@ -96,9 +93,7 @@ def load_parameter_file(
 def load_robot(path_or_name: str) -> dict[str, Any]:
     """The values of a robot's file, or of one of `robot_names`, before they are checked.
 
-    Raises:
-        ParameterError: If there is no such robot or file, it is not YAML of ROS parameters, or has
-            parameters of a course.
+    Raises ParameterError if there is none, or it has parameters of a course.
     """
     path = _file_of(path_or_name, 'robot', config_directory() / 'robots')
     given = load_parameter_file(path)
@@ -118,11 +113,7 @@ def with_files(values: Mapping[str, Any], folder: Path | None = None) -> dict[st
 
 
 def parse_assignment(text: str) -> tuple[str, Any]:
-    """Key and value of ``weights.road_center=30``, the value in YAML.
-
-    Raises:
-        ParameterError: If it is not of that form.
-    """
+    """Key and value of ``weights.road_center=30``, the value in YAML, or ParameterError."""
     key, equals, value = text.partition('=')
     key = key.strip()
     if not equals or not key:
@@ -136,11 +127,7 @@ def write_parameter_file(path: str | os.PathLike[str], values: Mapping[str, Any]
 
 
 def write_fleet_file(path: str | os.PathLike[str], robots: Mapping[str, Mapping[str, Any]]) -> None:
-    """Write plain values by key with a section for each namespace; ROS reads them bit for bit.
-
-    Raises:
-        ParameterError: If the file cannot be written.
-    """
+    """Write plain values by key with a section for each namespace; ROS reads them bit for bit."""
     text = '\n'.join(ros_yaml.dump(values, name) for name, values in robots.items())
     try:
         Path(path).write_text(text, encoding='utf-8')

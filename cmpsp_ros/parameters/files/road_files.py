@@ -27,8 +27,7 @@ _GEOJSON: Final = 'one LineString of [x, y] in metres'
 def with_road_file(values: Mapping[str, Any]) -> dict[str, Any]:
     """Replace the name of a road file, if given, by its road; closed if it ends where it begins.
 
-    Raises:
-        ParameterError: The file cannot be read, or does not match its suffix; names the line.
+    Raises ParameterError, which names the line, for a file that is none.
     """
     if KEY not in values:
         return dict(values)

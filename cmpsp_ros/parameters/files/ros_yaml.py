@@ -31,13 +31,9 @@ _FLOAT: Final = re.compile(
 
 
 def read_sections(text: str, source: str) -> Sections:
-    """The parameters in the text of a parameter file.
+    """Flat parameters of each node that a file names; ``/ns/guidance`` may be nested as well.
 
-    Returns:
-        Flat parameters of each node named; ``/ns/guidance`` may be written nested as well.
-
-    Raises:
-        ParameterError: If this is not YAML, or not a file of ROS parameters.
+    Raises ParameterError if this is not YAML, or not a file of ROS parameters.
     """
     root = _compose(text, source)
     sections: Sections = {}
@@ -50,11 +46,7 @@ def read_sections(text: str, source: str) -> Sections:
 
 
 def read_value(text: str, source: str) -> Any:
-    """One value in YAML: a scalar or a list of scalars.
-
-    Raises:
-        ParameterError: If it is anything else.
-    """
+    """One value in YAML, a scalar or a list of scalars, or ParameterError."""
     node = _compose(text, source)
     if node is None or isinstance(node, yaml.MappingNode):
         found = 'nothing' if node is None else f'the mapping {describe(text)}'

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
@@ -100,26 +100,21 @@ class CrowdOutcome:
 
 def clearance(driven: DrivenRun) -> Array:
     """Clearance of each arc of the robot from each person, shape ``(K, P)`` [m]."""
-    stamps = np.array([each.stamp_ns for each in driven.motions])
-    poses = np.array([each.pose for each in driven.motions])
-    twists = np.array([each.twist for each in driven.motions])[:-1]
-    durations = np.diff(stamps) / NANOSECONDS
-    began = np.array([stamp for stamp, _ in driven.people])
-    states = np.array([each for _, each in driven.people])
-    steps = np.maximum(np.searchsorted(began, stamps[:-1], side='right') - 1, 0)
-    found = np.full((len(durations), states.shape[1]), -math.inf)
-    for k, step in enumerate(steps.tolist()):
-        discs = _discs(states[step]).after((stamps[k] - began[step]) / NANOSECONDS)
-        arc = poses[k : k + 1], twists[k : k + 1], durations[k : k + 1], np.zeros(1)
+    arcs = driven.arcs
+    found = np.full((len(arcs[0]), len(driven.people[0][1])), -math.inf)
+    for k, states in enumerate(_states(driven)):
+        pose, twist, duration = (each[k : k + 1] for each in arcs)
         for points, radius in driven.task.settings.bodies:
-            found[k] = np.maximum(found[k], discs.along(*arc, points)[0] - radius)
+            found[k] = np.maximum(
+                found[k], states.along(pose, twist, duration, np.zeros(1), points)[0] - radius
+            )
     return found
 
 
 def contacts(driven: DrivenRun, names: Sequence[str]) -> tuple[Contact, ...]:
     """Contacts of a run with people, by time."""
     near = clearance(driven)
-    stamps = np.array([each.stamp_ns for each in driven.motions]) / NANOSECONDS
+    stamps = driven.stamps / NANOSECONDS
     speeds = np.array([math.hypot(*_velocity(each.twist)) for each in driven.motions[:-1]])
     found = []
     for person, name in enumerate(names):
@@ -142,13 +137,9 @@ def contacts(driven: DrivenRun, names: Sequence[str]) -> tuple[Contact, ...]:
 
 def _approach(driven: DrivenRun, person: int) -> Array:
     """Speed at which each arc leads towards where a person is at its beginning, ``(K,)`` [m/s]."""
-    stamps = np.array([each.stamp_ns for each in driven.motions])
-    began = np.array([stamp for stamp, _ in driven.people])
-    steps = np.maximum(np.searchsorted(began, stamps[:-1], side='right') - 1, 0)
-    found = np.zeros(len(steps))
-    for k, step in enumerate(steps.tolist()):
-        discs = _discs(driven.people[step][1][person : person + 1])
-        discs = discs.after((stamps[k] - began[step]) / NANOSECONDS)
+    durations = driven.arcs[-1]
+    found = np.zeros(len(durations))
+    for k, discs in enumerate(_states(driven, slice(person, person + 1))):
         before, after = (
             max(
                 float(min(discs.clearance(point)[0] for point in placed(points, each.pose)))
@@ -157,7 +148,7 @@ def _approach(driven: DrivenRun, person: int) -> Array:
             )
             for each in driven.motions[k : k + 2]
         )
-        found[k] = (before - after) / max((stamps[k + 1] - stamps[k]) / NANOSECONDS, 1e-9)
+        found[k] = (before - after) / max(float(durations[k]), 1e-9)
     return found
 
 
@@ -239,7 +230,13 @@ def _velocity(twist: Array) -> tuple[float, float]:
     return parts[0], parts[1] if len(parts) > 2 else 0.0
 
 
-def _discs(states: Array) -> MovingDiscs:
-    names = tuple(str(index) for index in range(len(states)))
-    rows = np.hstack([states, np.zeros((len(states), 2))])
-    return MovingDiscs(names, rows, np.full(len(states), -1))
+def _states(driven: DrivenRun, chosen: slice = slice(None)) -> Iterator[MovingDiscs]:
+    """Some people, all by default, where they are at the beginning of each arc."""
+    began, stamps = np.array([stamp for stamp, _ in driven.people]), driven.stamps[:-1]
+    steps = np.maximum(np.searchsorted(began, stamps, side='right') - 1, 0)
+    for stamp, step in zip(stamps, steps.tolist(), strict=True):
+        states = driven.people[step][1][chosen]
+        names = tuple(str(index) for index in range(len(states)))
+        rows = np.hstack([states, np.zeros((len(states), 2))])
+        discs = MovingDiscs(names, rows, np.full(len(states), -1))
+        yield discs.after((stamp - began[step]) / NANOSECONDS)

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, field
 
 import numpy as np
 
-from cmpsp_ros.arrays import Array
+from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.guidance import (
     NANOSECONDS,
     Decision,
@@ -20,7 +20,7 @@ from cmpsp_ros.guidance import (
 from cmpsp_ros.guidance.safety import CHANGE_ROUNDING
 from cmpsp_ros.robots import placed
 from cmpsp_ros.sensing import Track
-from cmpsp_ros.simulator import Motion, OdometrySchedule, People, Plant, PlantSettings
+from cmpsp_ros.simulator import Motion, OdometrySchedule, People, Plant
 from cmpsp_ros.studies.monte_carlo.contacts import CrowdOutcome, contacts
 from cmpsp_ros.studies.monte_carlo.foreign_robot import ForeignDrive, ForeignRobot
 from cmpsp_ros.studies.monte_carlo.guesses import shortest_length
@@ -34,14 +34,10 @@ _EDGES = 2
 
 @dataclass
 class DrivenRun:
-    """A completed run.
+    """A completed run: motions, the last at rest, and decisions up to the final time [ns].
 
     Attributes:
-        task: Settings and scenario.
-        motions: Changes of the motion and odometry instants, the last at rest.
-        decisions: Decisions of the law, up to the final time.
         exception: Type and text of an exception of the law; empty if there was none.
-        end: The final time, possibly postponed by the law [ns].
         walking: Those who walk about, if any.
         people: Instants [ns], and the states of all people from then on, as of `People.at`.
     """
@@ -53,6 +49,22 @@ class DrivenRun:
     end: int = 0
     walking: People | None = None
     people: list[tuple[int, Array]] = field(default_factory=list)
+
+    @property
+    def stamps(self) -> IntArray:
+        """Instants of all motions, ``(K + 1,)`` [ns]."""
+        return np.array([each.stamp_ns for each in self.motions], dtype=np.int64)
+
+    @property
+    def poses(self) -> Array:
+        """Poses then, ``(K + 1, 3)`` [m, m, rad]."""
+        return np.array([each.pose for each in self.motions])
+
+    @property
+    def arcs(self) -> tuple[Array, Array, Array]:
+        """Initial poses ``(K, 3)``, twists and durations ``(K,)`` [s] of the arcs between them."""
+        twists = np.array([each.twist for each in self.motions[:-1]])
+        return self.poses[:-1], twists, np.diff(self.stamps) / NANOSECONDS
 
     @property
     def controls(self) -> Array:
@@ -72,19 +84,13 @@ class DrivenRun:
 
     def clearance(self) -> Array:
         """Clearance of arcs from outer edge, inner edge, obstacles, shape ``(K, 2 + M)`` [m]."""
-        settings = self.task.truth
-        poses = np.array([each.pose for each in self.motions])
-        twists = np.array([each.twist for each in self.motions])
-        durations = np.diff([each.stamp_ns for each in self.motions]) / NANOSECONDS
-        return settings.world.clearance(settings, poses[:-1], twists[:-1], durations)
+        return self.task.truth.world.clearance(self.task.truth, *self.arcs)
 
 
 class Computer:
     """A computer that needs time for each step: uniformly distributed, up to the longest.
 
-    Attributes:
-        busy_until: End of its current step [ns].
-        decision: Result of that step, until the robot receives it.
+    It is busy until the end of a step [ns], and keeps the decision until the robot receives it.
     """
 
     def __init__(self, task: RunTask) -> None:
@@ -120,11 +126,8 @@ def drive(task: RunTask) -> DrivenRun:
     driven.end = to_nanoseconds(task.settings.final_time)
     instants, noted = OdometrySchedule(task.plant, 0), 0
     try:
-        law, computer, eyes = (
-            GuidanceLaw(task.settings, task.settings.world),
-            Computer(task),
-            task.eyes(driven.walking),
-        )
+        law = GuidanceLaw(task.settings, task.settings.world)
+        computer, eyes = Computer(task), task.eyes(driven.walking)
         # At the very end the law may still put it off.
         while (stamp := instants.next_ns) < driven.end + int(task.settings.moves_final_time):
             _hand_over(plant, driven, computer, stamp)
@@ -150,12 +153,15 @@ def drive(task: RunTask) -> DrivenRun:
             _brake(plant, driven, law, instants.period_ns)
     except Exception as error:
         # The study goes on and reports it.
-        driven.exception = _in_words(error)
+        driven.exception = f'{type(error).__name__}: {" ".join(str(error).split())}'
         plant.command(plant.stamp_ns, 0.0, 0.0)
     end = max(driven.end, plant.stamp_ns)
     _advance(plant, driven, end)
     plant.command(end, 0.0, 0.0)
-    _advance(plant, driven, end + to_nanoseconds(_to_rest(task.plant)))
+    # The wheels' lag never quite ends.
+    lag = _LAGS_TO_REST * task.plant.wheel_lag
+    delay = task.plant.actuation_delay + task.plant.actuation_jitter + task.plant.actuation_period
+    _advance(plant, driven, end + to_nanoseconds(delay + lag + 1.0 / task.plant.odom_rate))
     return driven
 
 
@@ -165,13 +171,9 @@ def _drive_foreign(task: RunTask, foreign: ForeignRobot) -> DrivenRun:
     try:
         drive.run(GuidanceLaw(task.settings, task.settings.world), task.settings.control_period)
     except Exception as error:
-        driven.exception = _in_words(error)
+        driven.exception = f'{type(error).__name__}: {" ".join(str(error).split())}'
     driven.end = min(drive.end, drive.motions[-1].stamp_ns)
     return driven
-
-
-def _in_words(error: Exception) -> str:
-    return f'{type(error).__name__}: {" ".join(str(error).split())}'
 
 
 def _brake(plant: Plant, driven: DrivenRun, law: GuidanceLaw, period: int) -> None:
@@ -226,7 +228,7 @@ def outcome(driven: DrivenRun) -> StudyOutcome:
         y=y,
         time=task.settings.final_time if task.foreign else driven.end / NANOSECONDS,
         told_error=None if task.foreign is None else task.foreign.told_error,
-        pace=_pace(driven) if task.has_map else None,
+        pace=_shortest(task) / (final / NANOSECONDS) / settings.pace if task.has_map else None,
         slowness=None if task.scored is None else _slowness(driven, *task.scored),
         crowd=_crowd(driven),
     )
@@ -252,18 +254,16 @@ def _over_limit(driven: DrivenRun) -> int:
     return int(sum(sudden | [bool(robot.over_limit(each[None])) for each in controls]))
 
 
-def _pace(driven: DrivenRun) -> float:
-    task = driven.task
-    length = shortest_length(task.truth, np.array(task.scenario.pose))
-    return length / (driven.end / NANOSECONDS) / task.settings.pace
-
-
 def _slowness(driven: DrivenRun, speed: float, tolerance: float) -> float:
     """Time until the robot is within a tolerance [m], by that of the shortest path at a speed."""
-    goal, start = driven.task.settings.goal, np.array(driven.task.scenario.pose)
+    goal = driven.task.settings.goal
     near = (each for each in driven.motions if math.dist(each.pose[:2], goal) <= tolerance)
     arrived = next(near, driven.motions[-1]).stamp_ns / NANOSECONDS
-    return arrived * speed / shortest_length(driven.task.truth, start)
+    return arrived * speed / _shortest(driven.task)
+
+
+def _shortest(task: RunTask) -> float:
+    return shortest_length(task.truth, np.array(task.scenario.pose))
 
 
 def farthest(task: RunTask) -> float:
@@ -328,13 +328,6 @@ def _hand_over(plant: Plant, driven: DrivenRun, computer: Computer, stamp: int) 
     driven.decisions.append(decision)
     if not decision.late and np.isfinite([*decision.twist, *decision.wheel_speeds]).all():
         plant.command(plant.stamp_ns, *decision.twist.tolist())
-
-
-def _to_rest(plant: PlantSettings) -> float:
-    """Time after which a stop has taken effect [s]; the wheels' lag never quite ends."""
-    lag = _LAGS_TO_REST * plant.wheel_lag
-    delay = plant.actuation_delay + plant.actuation_jitter + plant.actuation_period
-    return delay + lag + 1.0 / plant.odom_rate
 
 
 def _instants(driven: DrivenRun, final: int) -> tuple[tuple[float, ...], tuple[float, ...]]:

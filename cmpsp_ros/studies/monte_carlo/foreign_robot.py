@@ -116,13 +116,7 @@ class ForeignDrive:
     def __init__(
         self, foreign: ForeignRobot, model: Robot, pose: tuple[float, float, float]
     ) -> None:
-        """Put the robot at the start, at rest.
-
-        Args:
-            foreign: Properties of the robot.
-            model: For the wheel speeds of its twists.
-            pose: Initial pose [m, m, rad].
-        """
+        """Put the robot at a pose [m, m, rad], at rest; the model has wheel speeds of twists."""
         self._foreign, self._model = foreign, model
         self._tick = 1.0 / foreign.rate
         self._random = np.random.default_rng(foreign.seed)
@@ -136,12 +130,7 @@ class ForeignDrive:
         self.end = 0
 
     def run(self, law: GuidanceLaw, period: float) -> None:
-        """Drive until the robot is at rest after the final time.
-
-        Args:
-            law: The guidance law.
-            period: Control period [s].
-        """
+        """Drive, with a control period [s], until the robot is at rest after the final time."""
         self._note()
         while not self.end or self._stamp < self.end + round(_TO_REST * NANOSECONDS):
             body, duration = self._body, self._tick

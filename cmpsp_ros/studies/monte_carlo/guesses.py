@@ -20,12 +20,9 @@ _NEIGHBOURS = ((1, 0), (0, 1), (1, 1), (1, -1))
 
 
 def grid_path(settings: GuidanceSettings, pose: Array, spare: float) -> Array:
-    """Points from a pose to the goal, shape ``(K, 2)`` [m]; none where no path is clear.
+    """Points ``(K, 2)`` [m] from a pose ``(3,)`` to the goal; none where no path is clear.
 
-    Args:
-        settings: Road, obstacles, goal and margin.
-        pose: Initial pose, shape ``(3,)`` [m, m, rad].
-        spare: Additional clearance of the path [m].
+    The path keeps `spare` beside the margin [m].
     """
     ends = np.array([pose[:2], settings.goal])
     low, high = ends.min(axis=0) - _AROUND, ends.max(axis=0) + _AROUND
@@ -83,15 +80,9 @@ _FINE = 2000
 
 
 def slalom(settings: GuidanceSettings, pose: Array) -> Path:
-    """The line, from a pose to the goal at a constant speed.
+    """The line from a pose ``(3,)`` to the goal through the widest gaps, at a constant speed.
 
-    Args:
-        settings: Road, obstacles, goal and time.
-        pose: Shape ``(3,)`` [m, m, rad].
-
-    Returns:
-        Poses along it and controls that nearly lead from one to the next; no robot could follow
-        its corners.
+    Its controls nearly lead from one pose to the next; no robot could follow its corners.
     """
     road = settings.world.annulus
     start = (float(pose[0]), float(pose[1]))
@@ -112,13 +103,7 @@ def slalom(settings: GuidanceSettings, pose: Array) -> Path:
 
 
 def at_constant_speed(settings: GuidanceSettings, pose: Array, fine: Array) -> Path:
-    """A line as a path from a pose, at a constant speed.
-
-    Args:
-        settings: Robot and time.
-        pose: Shape ``(3,)`` [m, m, rad].
-        fine: Points of the line, shape ``(K, 2)`` [m].
-    """
+    """A line of points ``(K, 2)`` [m] as a path from a pose ``(3,)``, at a constant speed."""
     robot = settings.robot
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(fine, axis=0), axis=1))])
     steps = round(settings.final_time / settings.control_period)

@@ -22,7 +22,7 @@ from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings, Safety
 from cmpsp_ros.guidance.planning import along_road, manoeuvres
 from cmpsp_ros.guidance.prediction import PlanStart
 from cmpsp_ros.robots import Robot
-from cmpsp_ros.studies.common import StudyError
+from cmpsp_ros.studies.common import StudyError, disk_errors
 from cmpsp_ros.studies.monte_carlo.driving import drive, farthest
 from cmpsp_ros.studies.monte_carlo.guesses import at_constant_speed, grid_path, slalom
 from cmpsp_ros.studies.monte_carlo.study import RunTask
@@ -118,11 +118,9 @@ def read_answers(path: FilePath) -> dict[int, dict[str, Any]]:
 def write_answers(path: FilePath, found: Mapping[int, Mapping[str, Any]]) -> None:
     """Write answers atomically."""
     beside = path.with_name(f'{path.name}.new')
-    try:
+    with disk_errors(beside):
         beside.write_text(json.dumps(dict(sorted(found.items())), indent=1), encoding='utf-8')
         beside.replace(path)
-    except OSError as error:
-        raise StudyError(f'{beside}: {error.strerror or error}') from error
 
 
 def _swept_angle(path: Array, center: Array) -> float:

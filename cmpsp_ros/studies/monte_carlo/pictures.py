@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
-from cmpsp_ros.guidance import NANOSECONDS, Decision, GuidanceSettings
+from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings
 from cmpsp_ros.studies.common import WIDTH, plot_style
 from cmpsp_ros.studies.monte_carlo.contacts import contacts
 from cmpsp_ros.studies.monte_carlo.driving import DrivenRun
@@ -120,12 +120,11 @@ def _draw_way(axes: Axes, driven: DrivenRun) -> None:
     """The exact arcs, each in the colour of the latest fallback level."""
     settings = driven.task.truth
     _draw_place(axes, settings)
-    begins = np.array([each.stamp_ns for each in driven.motions])
-    poses = np.array([each.pose for each in driven.motions])
-    twists = np.array([each.twist for each in driven.motions])[:-1]
-    points = along(poses, twists, np.diff(begins) / NANOSECONDS)
+    begins, poses = driven.stamps, driven.poses
+    points = along(poses, *driven.arcs[1:])
     stamps = np.append(np.repeat(begins[:-1], PER_ARC), begins[-1])
-    for decision, end in _spans(driven.decisions):
+    ends = [*(each.stamp for each in driven.decisions[1:]), np.inf]
+    for decision, end in zip(driven.decisions, ends, strict=False):
         # One point more, so that the next piece begins where this one ends.
         chosen = (stamps >= decision.stamp) & (stamps <= end)
         axes.plot(*points[chosen].T, color=LEVEL_COLORS[decision.level.name.lower()], lw=1.2)
@@ -144,8 +143,7 @@ def _draw_people(axes: Axes, driven: DrivenRun) -> None:
     seconds = np.array([stamp for stamp, _ in driven.people]) / NANOSECONDS
     states = np.array([each for _, each in driven.people])
     marked = np.searchsorted(seconds, np.arange(0.0, seconds[-1], _EVERY))
-    stamps = np.array([each.stamp_ns for each in driven.motions]) / NANOSECONDS
-    places = np.array([each.pose[:2] for each in driven.motions])
+    stamps, places = driven.stamps / NANOSECONDS, driven.poses[:, :2]
     here = places[np.searchsorted(stamps, seconds[marked])]
     for time, place in zip(seconds[marked], here, strict=True):
         axes.annotate(f'{time:.0f}', place, fontsize=4.0, weight='bold')
@@ -161,14 +159,9 @@ def _draw_people(axes: Axes, driven: DrivenRun) -> None:
         axes.plot(*places[k], 'x', color='tab:red' if met.is_active else _EDGE, ms=7, zorder=7)
 
 
-def _spans(decisions: Sequence[Decision]) -> list[tuple[Decision, float]]:
-    ends = [*(each.stamp for each in decisions[1:]), np.inf]
-    return list(zip(decisions, ends, strict=True))
-
-
 def _draw_clearance(axes: Axes, driven: DrivenRun) -> None:
     clearance = driven.clearance()
-    times = np.array([each.stamp_ns for each in driven.motions[:-1]]) / NANOSECONDS
+    times = driven.stamps[:-1] / NANOSECONDS
     settings = driven.task.truth
     names = (*settings.road.edge_names, *(each.name for each in settings.obstacles))
     if driven.task.scanner is not None:

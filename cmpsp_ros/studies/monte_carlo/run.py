@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import as_completed
@@ -14,8 +15,8 @@ from types import ModuleType
 from typing import Any, Final
 
 from cmpsp_ros.guidance import NANOSECONDS
-from cmpsp_ros.studies.common import StudyError
-from cmpsp_ros.studies.monte_carlo import pictures, results_log
+from cmpsp_ros.studies.common import StudyError, disk_errors
+from cmpsp_ros.studies.monte_carlo import pictures
 from cmpsp_ros.studies.monte_carlo.driving import DrivenRun, drive, outcome
 from cmpsp_ros.studies.monte_carlo.judging import (
     COSTS,
@@ -25,9 +26,15 @@ from cmpsp_ros.studies.monte_carlo.judging import (
     read_answers,
     write_answers,
 )
-from cmpsp_ros.studies.monte_carlo.outcome import RunVerdict, StudyOutcome
+from cmpsp_ros.studies.monte_carlo.outcome import (
+    RunVerdict,
+    StudyOutcome,
+    append,
+    digest,
+    open_results_log,
+)
 from cmpsp_ros.studies.monte_carlo.study import RunTask, Study
-from cmpsp_ros.studies.monte_carlo.summary import figures, to_json, write_parquet
+from cmpsp_ros.studies.monte_carlo.summary import figures, write_parquet
 from cmpsp_ros.warmup import new_pool
 
 PICTURES: Final = 12
@@ -48,12 +55,9 @@ Progress = Callable[[str, int], Callable[[int], None]]
 
 @dataclass(frozen=True)
 class Order:
-    """A request for a study.
+    """A request for a study of so many runs, with all results in a folder.
 
     Attributes:
-        study: Definition of the runs.
-        runs: Number of runs, numbered from 0 on.
-        folder: Folder of all results.
         workers: Processes that share the runs; 1 is this one.
         scheduler: Address of a Dask scheduler whose workers share them instead, if any, as in
             ``tcp://10.0.0.1:8786``; they need this package.
@@ -83,7 +87,7 @@ def run_study(order: Order, progress: Progress) -> dict[str, Any]:
         ParameterError: A parameter is wrong.
     """
     study, folder = order.study, order.folder
-    there = results_log.open_results_log(folder, study)
+    there = open_results_log(folder, study)
     missing = [number for number in range(order.runs) if number not in there]
     advance = progress('runs', order.runs)
     advance(order.runs - len(missing))
@@ -96,8 +100,8 @@ def run_study(order: Order, progress: Progress) -> dict[str, Any]:
     judged = solved('judge', failed if order.judge else [], JUDGED, judge_failure)
     compared = solved('costs', arrived[: order.costs], COSTS, compare_cost)
     values = figures(study, outcomes, judged, compared)
-    with _disk_errors(folder):
-        (folder / 'summary.json').write_text(to_json(values), encoding='utf-8')
+    with disk_errors(folder):
+        (folder / 'summary.json').write_text(json.dumps(values, indent=2) + '\n', encoding='utf-8')
         write_parquet(folder / 'runs.parquet', outcomes, study.tolerance, judged)
         _draw(order, outcomes, failed[:PICTURES], progress)
     return values
@@ -109,14 +113,10 @@ def run_one(study: Study, number: int, folder: Path) -> tuple[StudyOutcome, list
     Returns:
         Its outcome, the decision at each change of fallback level and all contacts with people, and
         the picture.
-
-    Raises:
-        StudyError: The picture cannot be written.
-        ParameterError: A parameter is wrong.
     """
     study.values()
     driven = drive(study.run(number))
-    with _disk_errors(folder):
+    with disk_errors(folder):
         folder.mkdir(parents=True, exist_ok=True)
         picture = _draw_one(folder, study, driven)
     made = outcome(driven)
@@ -127,13 +127,9 @@ def run_one(study: Study, number: int, folder: Path) -> tuple[StudyOutcome, list
 def make_runs(
     order: Order, numbers: Sequence[int], advance: Callable[[int], None]
 ) -> Iterator[StudyOutcome]:
-    """Make runs here, each of which is in the folder's results log before it is yielded.
-
-    Raises:
-        StudyError: A process has died, or the disk refuses.
-    """
+    """Make runs here, each of which is in the folder's results log before it is yielded."""
     make = partial(_make_and_log, order.study, order.folder)
-    with _disk_errors(order.folder):
+    with disk_errors(order.folder):
         if order.workers == 1:
             for number in numbers:
                 yield from make([number])
@@ -163,7 +159,7 @@ def _make_on_cluster(
         raise StudyError(text) from error
     client = _connected(distributed, order.scheduler)
     gone = (distributed.client.FutureCancelledError, distributed.KilledWorker, OSError)
-    code, futures = results_log.digest(), []
+    code, futures = digest(), []
     try:
         futures = [
             client.submit(_make_remotely, order.study, list(each), code, pure=False)
@@ -179,8 +175,8 @@ def _make_on_cluster(
                 text = f'a worker lacks something: {error}'
                 raise StudyError(f'{order.scheduler}: {text}') from error
             for each in outcomes:
-                with _disk_errors(order.folder):
-                    results_log.append(order.folder, each)
+                with disk_errors(order.folder):
+                    append(order.folder, each)
                 yield each
             advance(len(outcomes))
     finally:
@@ -211,7 +207,7 @@ def _make_and_log(study: Study, folder: Path, numbers: Sequence[int]) -> list[St
     outcomes = []
     for number in numbers:
         outcomes.append(_made(study, number))
-        results_log.append(folder, outcomes[-1])
+        append(folder, outcomes[-1])
     return outcomes
 
 
@@ -232,7 +228,7 @@ def _made(study: Study, number: int) -> StudyOutcome:
 
 def _make_remotely(study: Study, numbers: Sequence[int], code: str) -> list[StudyOutcome]:
     """Runs made by a worker that has the code of this digest."""
-    found = results_log.digest()
+    found = digest()
     if found != code:
         raise StudyError(f'a worker has other code: found {found}, wanted {code}')
     with _ONE_AT_A_TIME:
@@ -299,11 +295,3 @@ def _changes(driven: DrivenRun) -> list[str]:
             texts.append(f'{time:6.2f} s  {each.level.name.lower():8} {each.reason}')
         before = each.level
     return [*texts, driven.exception] if driven.exception else texts
-
-
-@contextlib.contextmanager
-def _disk_errors(folder: Path) -> Iterator[None]:
-    try:
-        yield
-    except OSError as error:
-        raise StudyError(f'{folder}: {error.strerror or error}') from error

@@ -213,13 +213,9 @@ class Study:
 
 @dataclass(frozen=True)
 class Crowd:
-    """Circumstances of a run among people.
+    """Circumstances of a run among people, who are known exactly if `told`, or else seen.
 
-    Attributes:
-        scene: Name of the scene.
-        robot: Name of the robot.
-        is_noisy: True with missed returns and noise of odometry.
-        told: True if people are known exactly instead of seen.
+    A noisy run has missed returns, and noise of odometry.
     """
 
     scene: str

@@ -14,7 +14,7 @@ from rich.markup import escape
 from rich.table import Table
 from scipy.stats import binomtest
 
-from cmpsp_ros.studies.monte_carlo.crowd_summary import crowd_figures, crowd_tables
+from cmpsp_ros.studies.monte_carlo.contacts import ALL_HELD, CrowdOutcome
 from cmpsp_ros.studies.monte_carlo.outcome import RunVerdict, StudyOutcome
 from cmpsp_ros.studies.monte_carlo.study import Study
 
@@ -116,7 +116,7 @@ def figures(
         **({'pace': _quantiles(paces), 'mean_pace': float(np.mean(paces))} if paces else {}),
         **({'mean_score': float(np.mean(scores))} if scores else {}),
         **({'costs': _costs(compared)} if compared else {}),
-        **({'people': crowd_figures(outcomes, tolerance)} if study.kind.has_people else {}),
+        **({'people': _crowd_figures(outcomes, tolerance)} if study.kind.has_people else {}),
         'max_wheel_speed_rad_s': max(each.max_wheel_speed for each in outcomes),
         'failures': [
             {
@@ -134,11 +134,6 @@ def figures(
             if each.failed(study.tolerance)
         ],
     }
-
-
-def to_json(values: Mapping[str, Any]) -> str:
-    """The figures as text; floats read back bit for bit."""
-    return json.dumps(values, indent=2) + '\n'
 
 
 def tables(values: Mapping[str, Any]) -> list[Table]:
@@ -168,7 +163,7 @@ def tables(values: Mapping[str, Any]) -> list[Table]:
         if key not in values:
             continue
         spreads.add_row(escape(name), *(f'{values[key][each]:.4g}' for each in _QUANTILES))
-    found = [counts, spreads, *(crowd_tables(values['people']) if 'people' in values else [])]
+    found = [counts, spreads, *(_crowd_tables(values['people']) if 'people' in values else [])]
     if not values['failures']:
         return found
     titles = ('run', 'verdict', 'miss [m]', 'clearance [m]', 'judge', 'first at the worst level')
@@ -189,23 +184,16 @@ def write_parquet(
     outcomes: Sequence[StudyOutcome],
     tolerance: float,
     judged: Mapping[int, Mapping[str, Any]],
-) -> bool:
+) -> None:
     """Write a row for each run, lengths in [m], times in [s], wheel speeds in [rad/s].
 
-    Args:
-        path: The file; replaced if it exists.
-        outcomes: Outcomes by number.
-        tolerance: Maximum terminal error of a run that arrived [m].
-        judged: Results of the reference solver, by number.
-
-    Returns:
-        False without pyarrow, with nothing written.
+    Without pyarrow nothing is written. A run has arrived within `tolerance` [m].
     """
     try:
         import pyarrow as pa  # type: ignore[import-untyped]  # noqa: PLC0415 (optional)
         from pyarrow import parquet  # noqa: PLC0415
     except ImportError:
-        return False
+        return
     rows = [
         {
             **asdict(each),
@@ -225,7 +213,6 @@ def write_parquet(
         place = table.column_names.index(name)
         table = table.set_column(place, name, table.column(name).cast(kind))
     parquet.write_table(table, path)
-    return True
 
 
 def _costs(compared: Mapping[int, Mapping[str, Any]]) -> dict[str, Any]:
@@ -247,3 +234,57 @@ def _costs(compared: Mapping[int, Mapping[str, Any]]) -> dict[str, Any]:
 def _quantiles(numbers: Sequence[float]) -> dict[str, float]:
     at = np.quantile(numbers, list(_QUANTILES.values()))
     return dict(zip(_QUANTILES, at.tolist(), strict=True))
+
+
+def _crowd_figures(outcomes: Sequence[StudyOutcome], tolerance: float) -> dict[str, Any]:
+    """Figures of all runs, and of each scene and robot; arrival is within `tolerance` [m]."""
+    runs = [(each, each.crowd) for each in outcomes if each.crowd is not None]
+    groups: dict[str, list[tuple[StudyOutcome, CrowdOutcome]]] = {}
+    for run in runs:
+        _, crowd = run
+        noise = ', noise' if crowd.is_noisy else ''
+        for name in ('all', crowd.scene, f'{crowd.robot}{noise}'):
+            groups.setdefault(name, []).append(run)
+    reasons = Counter(met.reason for _, crowd in runs for met in crowd.active)
+    return {
+        'groups': {name: _group(group, tolerance) for name, group in groups.items()},
+        'reasons': dict(reasons.most_common()),
+    }
+
+
+def _crowd_tables(values: Mapping[str, Any]) -> list[Table]:
+    """The figures to look at."""
+    table = Table(
+        'runs', 'number', 'active contact', 'all held', 'other contact', 'arrived',
+        'arrived told', 'both', 'time by told', 'time by empty', title='among people',
+        title_justify='left',
+    )  # fmt: skip
+    for name, group in values['groups'].items():
+        table.add_row(name, *('' if each is None else f'{each:.4g}' for each in group.values()))
+    reasons = Table('reason of active contacts', 'contacts')
+    for reason, count in values['reasons'].items():
+        reasons.add_row(reason, str(count))
+    return [table, reasons] if values['reasons'] else [table]
+
+
+def _group(
+    runs: Sequence[tuple[StudyOutcome, CrowdOutcome]], tolerance: float
+) -> dict[str, float | None]:
+    """Counts of runs, and medians of their times by those of others."""
+    arrived = [each.verdict(tolerance) is RunVerdict.ARRIVED for each, _ in runs]
+    told = [crowd.told_time is not None for _, crowd in runs]
+    both = [(each, crowd) for (each, crowd), *good in zip(runs, arrived, told, strict=True)
+            if all(good)]  # fmt: skip
+    by_told = [each.time / crowd.told_time for each, crowd in both if crowd.told_time]
+    by_empty = [each.time / crowd.empty_time for each, crowd in both if crowd.empty_time]
+    return {
+        'runs': len(runs),
+        'active_contact': sum(bool(crowd.active) for _, crowd in runs),
+        'all_held': sum(any(met.reason == ALL_HELD for met in crowd.active) for _, crowd in runs),
+        'other_contact': sum(len(crowd.contacts) > len(crowd.active) for _, crowd in runs),
+        'arrived': sum(arrived),
+        'arrived_told': sum(told),
+        'arrived_both': len(both),
+        'time_by_told': float(np.median(by_told)) if by_told else None,
+        'time_by_empty': float(np.median(by_empty)) if by_empty else None,
+    }

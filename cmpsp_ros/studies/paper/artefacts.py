@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 
 from matplotlib.figure import Figure
 
-from cmpsp_ros.studies.common import StudyError, plot_style
+from cmpsp_ros.studies.common import StudyError, disk_errors, plot_style
 from cmpsp_ros.studies.paper import convergence, figures
 from cmpsp_ros.studies.paper.drives import Laboratory, Panels, guessed_path
 from cmpsp_ros.studies.paper.experiments import (
@@ -29,15 +29,10 @@ _PATHS = ('x_m', 'y_m')
 
 
 class Artefact(NamedTuple):
-    """A figure or table of the paper.
+    """A figure or table of the paper, its runs, and what is drawn of them.
 
-    Attributes:
-        title: Description in a sentence.
-        check: Adds claims, further numbers and tables to its sheet.
-        runs: The runs that it shows.
-        series: Their time series that go into `results.json`.
-        table: Heading of a table of the runs; empty for none.
-        draw: Draws the runs.
+    The check adds claims, further numbers and tables to its sheet; `series` of the runs go into
+    `results.json`; `table` is the heading of a table of the runs, empty for none.
     """
 
     title: str
@@ -136,9 +131,6 @@ def run(
 
     Returns:
         The report, `results.md`. Beside it are `results.json` and a PNG and an SVG of each figure.
-
-    Raises:
-        StudyError: A name is not known, or the folder cannot be used.
     """
     if unknown := [name for name in only if name not in _ARTEFACTS]:
         raise StudyError(f'only: found {", ".join(unknown)}, wanted some of {", ".join(ARTEFACTS)}')
@@ -175,9 +167,7 @@ def _fill(artefact: Artefact, lab: Laboratory) -> Sheet:
 
 
 def _make_folder(output: Path) -> None:
-    try:
+    with disk_errors(output):
         if output.exists() and (not output.is_dir() or any(output.iterdir())):
             raise StudyError(f'{output}: found something there, wanted a new or empty folder')
         output.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise StudyError(f'{output}: {error.strerror or error}') from error

@@ -117,14 +117,9 @@ class Path:
 
 @dataclass(frozen=True)
 class Drive:
-    """A run of the guidance law.
+    """A run of the guidance law, with fallback level and computing time [ms] of each control step.
 
-    Attributes:
-        experiment: Run of the paper.
-        between_samples: True if the path between samples was constrained, too.
-        path: The driven path.
-        levels: Fallback level of each control step.
-        step_times: Computing time of each control step [ms].
+    With `between_samples` the path between samples was constrained, too.
     """
 
     experiment: Experiment

@@ -40,14 +40,9 @@ _MANY: Final = (('three', 'blue'), ('four', 'magenta'), ('five', 'cyan'))
 
 @dataclass(frozen=True)
 class Experiment:
-    """One run of the paper, with constraints at samples only or on the whole path.
+    """One run of the paper from a pose [m, m, rad], in its colour if the paper names one.
 
-    Attributes:
-        key: Short name, unique among all runs.
-        label: Name in legends and tables.
-        color: Colour in pictures; the paper's if it names one.
-        settings: Settings of the guidance law.
-        pose: Initial pose (x, y, heading) [m, m, rad].
+    The key is unique among all runs, the label for legends and tables.
     """
 
     key: str

@@ -54,12 +54,9 @@ class ReferenceSolution:
 
 
 class Limits(NamedTuple):
-    """Limits of a robot's controls.
+    """Limits of quantities that are linear functions of the control, by `rows` ``(q, r)``.
 
-    Attributes:
-        rows: Limited quantities as linear functions of the control, shape ``(q, r)``.
-        largest: Maximum magnitude of each, shape ``(q,)``; infinite for none.
-        change: Maximum change of each in a second, shape ``(q,)``; infinite for none.
+    Their largest magnitude and change in a second, both ``(q,)``, are infinite for none.
     """
 
     rows: Array
@@ -153,11 +150,7 @@ def reference_solution(settings: GuidanceSettings, pose: Array, start: Path) -> 
 
 
 def motion(casadi: Any, robot: Robot, heading: Any, control: Any, duration: Any) -> Any:
-    """Change of the pose under a constant control, as an expression ``(3,)``.
-
-    Raises:
-        StudyError: The robot is of a model that is not known here.
-    """
+    """Change of the pose under a constant control, as an expression ``(3,)``."""
     aside: Any = 0.0
     if isinstance(robot, DifferentialDrive):
         ahead = (control[0] + control[1]) * robot.wheel_radius / 2.0

@@ -86,13 +86,7 @@ def draw_poses(panels: Panels) -> Figure:
 def draw_wheel_speeds(
     panels: Panels, guesses: Sequence[tuple[float, float]] = (), *, coincide: bool = False
 ) -> Figure:
-    """Wheel speeds in time, right above left, with the limit of every run that has one.
-
-    Args:
-        panels: Runs of each panel, the same experiments in all of them.
-        guesses: First guesses to show, dotted [rad/s].
-        coincide: True if several runs are the same.
-    """
+    """Wheel speeds in time, right above left, with limits and, dotted, first guesses [rad/s]."""
 
     def draw(axes: Axes, row: int, drive: Drive, look: Look) -> None:
         look = {**look, 'lw': 0.7 * look['lw']}

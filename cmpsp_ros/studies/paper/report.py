@@ -82,16 +82,9 @@ class Table(NamedTuple):
 
 @dataclass
 class Sheet:
-    """A figure or table of the paper while its check fills it in.
+    """A figure or table of the paper, with the runs that it shows, while its check fills it in.
 
-    Attributes:
-        title: Description in a sentence.
-        lab: Source of all runs.
-        panels: The runs that it shows; empty if it shows none.
-        numbers: Content for `results.json`.
-        claims: The paper's claims about it.
-        tables: Tables for the report.
-        figure: The picture; None for a table.
+    Its numbers are for `results.json`, its tables and the paper's claims for the report.
     """
 
     title: str

@@ -92,7 +92,10 @@ function show() {
   say('namespace', latest.namespace === '/' ? '' : String(latest.namespace || ''));
   say('reason', (level === 'arrived' && arrival) || decision.reason || '');
   say('goal', goalOf(decision));
-  say('time_left', fixed(decision.time_left, 1, 's'));
+  const {final_time: whole} = latest.robot || {};
+  const left = decision.time_left;
+  say('time', fixed(isNumber(whole) && isNumber(left) && whole - left, 1, 's'));
+  say('time_left', fixed(left, 1, 's'));
   say('clearance_now', signed(decision.clearance));
   say('worst_clearance', signed(decision.worst_clearance));
   const error = decision.terminal_error;
@@ -146,7 +149,10 @@ function include(x, y, around) {
 }
 
 function look() {
-  for (const each of course) if (each.kind === 'disc') include(...each.at, 1.5 + each.size / 2);
+  for (const each of course) {
+    if (each.kind === 'disc') include(...each.at, 1.5 + each.size / 2);
+    if (each.of === 'obstacles') for (const point of each.points) include(...point, 0.5);
+  }
   for (const each of [...known.series.path, ...(latest.plan || [])]) include(...each, 1);
   if (latest.place) include(latest.place[0], latest.place[1], 1);
 }
@@ -174,19 +180,38 @@ function drawCourse() {
   stroke(pen, known.series.path, to, '#0072b2', 3, []);
   if (!hasArrived()) stroke(pen, latest.plan || [], to, level, 2.5, [7, 5]);
   if (latest.place && latest.place.every(isNumber)) drawRobot(pen, latest.place, to, scale);
+  drawScale(pen, scale);
 }
 
+// A bar of a round length, a fifth of the picture long at most, and the directions of the axes.
+function drawScale(pen, scale) {
+  const most = pen.canvas.clientWidth / 5 / scale;
+  const power = 10 ** Math.floor(Math.log10(most));
+  const length = power * [5, 2, 1].find((each) => each * power <= most);
+  const end = 16 + length * scale;
+  stroke(pen, [[16, 22], [16, 28], [end, 28], [end, 22]], (point) => point, '#1b1f27', 1.5, []);
+  pen.fillStyle = '#1b1f27';
+  pen.font = '12px system-ui, sans-serif';
+  pen.textAlign = 'left';
+  pen.textBaseline = 'bottom';
+  pen.fillText(`${length} m, x to the right, y up`, 16, 20);
+}
+
+// One edge there, the other one back: so a road is filled where it crosses itself, too. Edges of a
+// ring are lines of their own.
 function drawRoad(pen, to) {
   pen.beginPath();
-  for (const each of course.filter((marker) => marker.of === 'road')) {
-    each.points.filter((point) => point.every(isNumber)).forEach((point, index) => {
-      if (index) pen.lineTo(...to(point));
-      else pen.moveTo(...to(point));
-    });
-    pen.closePath();
-  }
+  course.filter((marker) => marker.of === 'road').forEach((each, edge) => {
+    const points = each.points.filter((point) => point.every(isNumber)).map(to);
+    const [first, last] = [points[0], points.at(-1)];
+    const ring = first && Math.hypot(first[0] - last[0], first[1] - last[1]) < 1;
+    if (edge % 2) points.reverse();
+    if (ring) pen.moveTo(...points[0]);
+    for (const point of points) pen.lineTo(...point);
+    if (ring) pen.closePath();
+  });
   pen.fillStyle = '#eef0f3';
-  pen.fill('evenodd');
+  pen.fill();
 }
 
 // What sensors have shown: a picture is drawn once it has been read, with its own place.
@@ -222,13 +247,15 @@ function drawMarker(pen, marker, to, scale) {
     const [x, y] = to(marker.at);
     pen.fillStyle = beside ? '#1b1f27' : '#fff';
     pen.font = '600 14px system-ui, sans-serif';
+    const wide = pen.measureText(marker.text).width;
     pen.textAlign = beside ? 'left' : 'center';
     pen.textBaseline = 'middle';
-    pen.fillText(marker.text, beside ? x + 12 : x, beside ? y - 14 : y);
+    const end = pen.canvas.clientWidth - wide - 4;
+    pen.fillText(marker.text, beside ? Math.min(x + 12, end) : x, beside ? y - 14 : y);
   }
 }
 
-// What moves, as the last plan knew it, where it may be, and where it will be a second later.
+// A moving obstacle as the last plan knew it, where it may be, and where it will be a second later.
 function drawMoving(pen, {at, size, doubt, to: there}, to, scale) {
   if (!at.every(isNumber) || !isNumber(size)) return;
   for (const [across, color] of [[doubt, `${MOVING}40`], [size, MOVING]]) {
@@ -327,7 +354,7 @@ function drawStrip(id, lines, marks) {
   const high = Math.max(...values);
   const whole = Math.max((latest.robot || {}).final_time || 0, ...rows.map((row) => row[0])) || 1;
   const to = ([left, value]) => [
-    40 + (width - 48) * (1 - left / whole), 8 + (height - 16) * (high - value) / (high - low || 1)];
+    40 + (width - 48) * (1 - left / whole), 8 + (height - 30) * (high - value) / (high - low || 1)];
   for (const mark of marks) stroke(pen, [[whole, mark], [0, mark]], to, '#a63d40', 1, [4, 4]);
   for (const [row, color] of lines) stroke(pen, row, to, color, 1.5, []);
   pen.fillStyle = '#5a6372';
@@ -336,6 +363,8 @@ function drawStrip(id, lines, marks) {
   pen.textBaseline = 'middle';
   const digits = high - low < 10 ? 2 : 0;
   for (const value of new Set([low, high])) pen.fillText(value.toFixed(digits), 36, to([0, value])[1]);
+  // Time runs to the right.
+  for (const left of [whole, 0]) pen.fillText(`${(whole - left).toFixed(0)} s`, Math.max(to([left, 0])[0], 56), height - 6);
 }
 
 ask();

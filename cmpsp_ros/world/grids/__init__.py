@@ -10,4 +10,11 @@ from cmpsp_ros.world.grids.grid_search import (
     evenly_spaced,
     lengths_to,
 )
-from cmpsp_ros.world.grids.occupancy_grid import Cell, Cells, GridError, OccupancyGrid, check_size
+from cmpsp_ros.world.grids.occupancy_grid import (
+    Cell,
+    Cells,
+    GridError,
+    OccupancyGrid,
+    check_size,
+    is_free,
+)

@@ -10,7 +10,7 @@ import numpy as np
 from cmpsp_ros.arrays import Array, BoolArray, IntArray
 from cmpsp_ros.mpsp.jit import allocation_free
 from cmpsp_ros.world.grids.field_functions import FRAME, DistanceField
-from cmpsp_ros.world.grids.occupancy_grid import Cell, OccupancyGrid
+from cmpsp_ros.world.grids.occupancy_grid import Cell, OccupancyGrid, is_free
 
 AROUND: Final = 2
 """Cells that a field has around its grid."""
@@ -22,12 +22,9 @@ _FAR: Final = 1e4
 def distance_field(grid: OccupancyGrid, *, unknown_is_free: bool = False) -> DistanceField:
     """Signed distance from the occupied cells, which are closed squares.
 
-    Args:
-        grid: The grid.
-        unknown_is_free: Whether cells that are unknown, and all beyond the grid, are free; else
-            they are occupied.
+    Unknown cells, and all beyond the grid, are occupied unless `unknown_is_free`.
     """
-    inner = grid.cells == Cell.OCCUPIED if unknown_is_free else grid.cells != Cell.FREE
+    inner = grid.cells == Cell.OCCUPIED if unknown_is_free else ~is_free(grid.cells)
     rows, columns = inner.shape
     occupied = np.full((rows + 2 * AROUND, columns + 2 * AROUND), not unknown_is_free)
     occupied[AROUND:-AROUND, AROUND:-AROUND] = inner

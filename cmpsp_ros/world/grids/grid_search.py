@@ -39,11 +39,8 @@ def lengths_to(costs: Array, goal: Indices) -> Array:
     """Path lengths from all cells to one, weighted by cost, infinite where there is none [cells].
 
     It is Dijkstra's algorithm with buckets (Dial, Comm. ACM 12, 1969): no step costs less than the
-    width of a bucket, 1, so that the order of the cells in one does not matter.
-
-    Args:
-        costs: Of the cells, 1 at least, shape ``(rows, columns)``.
-        goal: Row and column of that cell.
+    width of a bucket, 1, so that the order of the cells in one does not matter. Costs ``(rows,
+    columns)`` are 1 at least.
     """
     lengths = np.full((costs.shape[0] + 2, costs.shape[1] + 2), math.inf)
     walled = np.pad(costs, 1, constant_values=math.inf)

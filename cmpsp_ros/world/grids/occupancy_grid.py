@@ -25,16 +25,12 @@ class Cell(IntEnum):
     FREE = 0
     OCCUPIED = 1
     UNKNOWN = 2
+    REMEMBERED = 3
+    """Free when last seen, and out of sight now."""
 
 
 class GridError(ValueError):
-    """A grid or a map file that cannot be used.
-
-    Attributes:
-        where: The attribute of the grid, or the file and its key.
-        found: The value found.
-        wanted: The value wanted.
-    """
+    """A grid, or a file of one, that cannot be used: where (attribute or key), found and wanted."""
 
     def __init__(self, where: str, found: str, wanted: str) -> None:
         """Build the message from place, value found and value wanted."""
@@ -68,7 +64,7 @@ class OccupancyGrid:
         shape = self.cells.shape
         check_size(shape)
         if self.cells.dtype != np.uint8 or self.cells.max() > max(Cell):
-            raise GridError('cells', f'{self.cells.dtype}, up to {self.cells.max()}', 'uint8, 0-2')
+            raise GridError('cells', f'{self.cells.dtype}, up to {self.cells.max()}', 'uint8, 0-3')
 
     @property
     def size(self) -> tuple[float, float]:
@@ -99,11 +95,7 @@ class OccupancyGrid:
         )
 
     def indices(self, points: Array) -> tuple[Indices, Indices]:
-        """Row and column of the cells that points are in; outside the grid they go on counting.
-
-        Args:
-            points: Shape ``(..., 2)`` [m].
-        """
+        """Row and column of the cells of points ``(..., 2)`` [m], beyond the grid too."""
         cosine, sine = math.cos(self.origin[2]), math.sin(self.origin[2])
         dx, dy = points[..., 0] - self.origin[0], points[..., 1] - self.origin[1]
         columns = np.floor((cosine * dx + sine * dy) / self.resolution).astype(np.int64)
@@ -117,11 +109,7 @@ class OccupancyGrid:
         return inside
 
     def at(self, points: Array) -> Cells:
-        """State of the cells that points are in, unknown outside the grid.
-
-        Args:
-            points: Shape ``(..., 2)`` [m].
-        """
+        """State of the cells that points ``(..., 2)`` [m] are in, unknown outside the grid."""
         rows, columns = self.indices(points)
         inside = self.contains(rows, columns)
         found = np.full(inside.shape, Cell.UNKNOWN, np.uint8)
@@ -129,12 +117,7 @@ class OccupancyGrid:
         return found
 
     def around(self, points: Array, reach: float) -> OccupancyGrid:
-        """The part of the grid that is near points along its axes, of one cell at least.
-
-        Args:
-            points: Shape ``(K, 2)`` [m].
-            reach: How near [m].
-        """
+        """The part of the grid near points ``(K, 2)`` along its axes [m], one cell at least."""
         found, cells = np.array(self.indices(points)), math.ceil(reach / self.resolution)
         last = np.array(self.cells.shape)
         (row, column) = low = np.clip(found.min(axis=1) - cells, 0, last - 1)
@@ -149,6 +132,11 @@ class OccupancyGrid:
         cells = self.cells.copy()
         cells[rows, columns] = other.at(self.centers(rows, columns))
         return OccupancyGrid(self.origin, self.resolution, cells)
+
+
+def is_free(cells: Cells) -> BoolArray:
+    """True for cells that are free, in sight or not."""
+    return np.asarray((cells == Cell.FREE) | (cells == Cell.REMEMBERED))
 
 
 def check_size(shape: tuple[int, ...]) -> None:

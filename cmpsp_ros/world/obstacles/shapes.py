@@ -42,10 +42,6 @@ class Shape(ABC):
         def radius(self) -> float:
             """Distance from the hull up to which it reaches [m]."""
 
-        @property
-        def center(self) -> Point:
-            """The middle between its sides (x, y) [m]."""
-
     @classmethod
     def of(cls, name: str, **values: Any) -> Self:
         """Make one of its settings; raises a `ShapeError` where they make none."""
@@ -55,6 +51,12 @@ class Shape(ABC):
     @abstractmethod
     def corners(self) -> tuple[Point, ...]:
         """Corners of the hull, anticlockwise: one, two, or a convex polygon; none for cells [m]."""
+
+    @property
+    def center(self) -> Point:
+        """The middle between its sides (x, y) [m]."""
+        x, y = zip(*self.corners, strict=True)
+        return (min(x) + max(x)) / 2.0, (min(y) + max(y)) / 2.0
 
     @property
     def is_disc(self) -> bool:
@@ -99,11 +101,6 @@ class Capsule(Shape):
         """Both ends."""
         return (self.start, self.end)
 
-    @property
-    def center(self) -> Point:
-        """The middle (x, y) [m]."""
-        return _middle(self.corners)
-
 
 @dataclass(frozen=True)
 class Polygon(Shape):
@@ -126,24 +123,13 @@ class Polygon(Shape):
         """The vertices."""
         return self.vertices
 
-    @property
-    def center(self) -> Point:
-        """The middle between its sides (x, y) [m]."""
-        return _middle(self.vertices)
-
 
 SHAPES: Final[tuple[type[Shape], ...]] = (Obstacle, Capsule, Polygon)
 """Types of obstacles that are parameters, the default first."""
 
 
 class ShapeError(ValueError):
-    """Vertices that make no convex polygon.
-
-    Attributes:
-        vertex: Number of the one at fault, from 0.
-        found: The fault found.
-        wanted: The value wanted.
-    """
+    """Vertices that make no convex polygon: number of that at fault, from 0, found and wanted."""
 
     def __init__(self, vertex: int, found: str, wanted: str) -> None:
         super().__init__(f'vertex {vertex}: found {found}, wanted {wanted}')
@@ -197,11 +183,6 @@ def outline_of(corners: Sequence[Point], distance: float) -> Array:
         parts.append(_arc(corner, distance, begin, turn))
     line = np.vstack(parts)
     return np.vstack([line, line[:1]])
-
-
-def _middle(corners: Sequence[Point]) -> Point:
-    x, y = zip(*corners, strict=True)
-    return (min(x) + max(x)) / 2.0, (min(y) + max(y)) / 2.0
 
 
 def _arc(center: Point, radius: float, begin: float, turn: float) -> Array:

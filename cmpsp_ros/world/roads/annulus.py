@@ -89,13 +89,7 @@ def _point_ahead(road: RoadSpace, x: float, y: float, _at: float, way: float, _t
 
 @dataclass(frozen=True)
 class Annulus(Road):
-    """The curved road (92), between two concentric circles.
-
-    Attributes:
-        center: Centre of both circles (x, y) [m].
-        inner_radius: ``r_i`` [m].
-        outer_radius: ``r_o`` [m].
-    """
+    """The curved road (92), between two circles of radii ``r_i`` and ``r_o`` about a centre [m]."""
 
     edge_names: ClassVar[tuple[str, str]] = ('the outer road edge', 'the inner road edge')
     functions: ClassVar = (

@@ -24,13 +24,7 @@ _BEYOND = 10.0
 
 
 class CenterLine(NamedTuple):
-    """Cubic pieces; see `corridor_functions`.
-
-    Attributes:
-        knots: Shape ``(S + 1,)`` [m].
-        pieces: Shape ``(S, 16)`` [m].
-        length: From the first point to the last, or around [m].
-    """
+    """Knots ``(S + 1,)`` and cubic pieces ``(S, 16)``, and the length of the road [m]."""
 
     knots: Array
     pieces: Array
@@ -65,13 +59,9 @@ class Samples(NamedTuple):
 
 
 def fit(points: Array, left: Array, right: Array, *, closed: bool) -> CenterLine:
-    """The smooth line through points.
+    """The smooth line through points ``(P, 2)`` with widths ``(P,)`` to the left and right [m].
 
-    Args:
-        points: Different from their neighbours, shape ``(P, 2)`` [m].
-        left: Width at each to the left, shape ``(P,)`` [m].
-        right: Width at each to the right, shape ``(P,)`` [m].
-        closed: Whether the line goes on from the last point to the first.
+    Neighbours among the points differ.
     """
     from scipy.interpolate import CubicSpline  # noqa: PLC0415 (half a second for roads of this kind)
 

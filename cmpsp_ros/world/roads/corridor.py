@@ -31,13 +31,7 @@ _BETWEEN_SAMPLES = 1.05
 
 
 class RoadError(ValueError):
-    """A centre line that is none.
-
-    Attributes:
-        point: Number of the point, from 0.
-        found: The value found.
-        wanted: The value wanted.
-    """
+    """A centre line that is none: number of the point, from 0, found and wanted."""
 
     def __init__(self, point: int, found: str, wanted: str) -> None:
         super().__init__(f'point {point}: found {found}, wanted {wanted}')
@@ -46,15 +40,9 @@ class RoadError(ValueError):
 
 @dataclass(frozen=True)
 class Corridor(Road):
-    """A smooth line through points, with a width to either side at each of them.
+    """A smooth line through points (x, y), with a width to either side at each of them [m].
 
-    An open road goes on straight beyond its ends.
-
-    Attributes:
-        points: Of the centre line, in their order (x, y) [m].
-        left: Width to the left of each [m].
-        right: Width to the right of each [m].
-        closed: Whether the road goes on from the last point to the first.
+    An open road goes on straight beyond its ends; a closed one from the last point to the first.
     """
 
     edge_names: ClassVar[tuple[str, str]] = ('the left road edge', 'the right road edge')
@@ -67,12 +55,7 @@ class Corridor(Road):
     closed: bool = False
 
     def __post_init__(self) -> None:
-        """Check the points.
-
-        Raises:
-            RoadError: Two neighbours are one point, a point is out of order, a width is not
-                positive, or a curve is too tight for the width; says which point.
-        """
+        """Check the points; raises RoadError, which says which point."""
         self._check_points()
         for widths in (self.left, self.right):
             for point, width in enumerate(widths):
@@ -121,11 +104,6 @@ class Corridor(Road):
     def center_line(self) -> Array:
         """The centre line, shape ``(K, 2)`` [m]."""
         return np.column_stack([self._drawn.x, self._drawn.y])
-
-    def area(self) -> Array:
-        """The road as one polygon, which winds round twice where it crosses itself, ``(K, 2)``."""
-        left, right = self.edges()
-        return np.vstack([left, right[::-1]])
 
     def middle(self) -> Array:
         """A pose in the middle of the road, along it, shape ``(3,)`` [m, m, rad]."""

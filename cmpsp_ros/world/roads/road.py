@@ -93,25 +93,26 @@ class Road(ABC):
         """Without addresses, which another process does not have."""
         return {key: value for key, value in self.__dict__.items() if key != '_space'}
 
-    @abstractmethod
     def edges(self) -> list[Array]:
         """Both edges, if there are any, in any order, each of shape ``(K, 2)`` [m]."""
+        return []
 
-    @abstractmethod
     def center_line(self) -> Array:
-        """The centre line, shape ``(K, 2)`` [m]."""
+        """The centre line, if there is one, shape ``(K, 2)`` [m]."""
+        return np.empty((0, 2))
 
-    @abstractmethod
     def area(self) -> Array:
-        """The road as one polygon, shape ``(K, 2)`` [m]."""
+        """The road as one polygon, which winds round twice where it crosses itself, ``(K, 2)``."""
+        first, second = self.edges() or [np.empty((0, 2))] * 2
+        return np.vstack([first, second[::-1]])
 
-    @abstractmethod
     def middle(self) -> Array:
         """A pose in the middle of the road, along it, shape ``(3,)`` [m, m, rad]."""
+        return np.zeros(3)
 
-    @abstractmethod
     def beside(self) -> Array:
         """A pose that is not on this part of the road, shape ``(3,)`` [m, m, rad]."""
+        return np.array([1.0, 0.0, 0.0])
 
     def beyond(self, point: Point) -> float:  # noqa: ARG002
         """Distance of a point beyond an end of the road, 0 where it is not [m]."""
@@ -180,23 +181,3 @@ class OpenFloor(Road):
     def kept(self, distance: float) -> Array:  # noqa: ARG002
         """Nothing."""
         return np.zeros((1, 2))
-
-    def edges(self) -> list[Array]:
-        """None."""
-        return []
-
-    def center_line(self) -> Array:
-        """None, shape ``(0, 2)``."""
-        return np.empty((0, 2))
-
-    def area(self) -> Array:
-        """None, shape ``(0, 2)``."""
-        return np.empty((0, 2))
-
-    def middle(self) -> Array:
-        """Any pose, shape ``(3,)`` [m, m, rad]."""
-        return np.zeros(3)
-
-    def beside(self) -> Array:
-        """Any other pose, shape ``(3,)`` [m, m, rad]."""
-        return np.array([1.0, 0.0, 0.0])

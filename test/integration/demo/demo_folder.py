@@ -8,7 +8,6 @@ import struct
 from cmpsp_ros.bags import Bag
 from cmpsp_ros.bags.runs import read_run
 
-LIMIT = 60.0
 KEYS = [
     'preset',
     'reached',

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 
 import pytest
-from demo_folder import LIMIT, TOPICS, check_bag, check_folder, commands
+from demo_folder import TOPICS, check_bag, check_folder, commands
 
 from cmpsp_ros.bags import Bag
 from cmpsp_ros.bags.runs import read_run
@@ -19,7 +19,7 @@ pytestmark = pytest.mark.integration
 def test_preset_in_lockstep(start_demo, judge, tmp_path, preset):
     folder = tmp_path / 'run'
     running = start_demo(preset, '--lockstep', '--output', folder)
-    code = running.wait(LIMIT)
+    code = running.wait()
     summary = check_folder(folder, preset)
     assert check_bag(folder) >= TOPICS
     assert 'Traceback' not in running.stderr
@@ -38,7 +38,7 @@ def test_preset_in_lockstep(start_demo, judge, tmp_path, preset):
 def test_a_robot_that_people_own_in_lockstep(start_demo, tmp_path):
     folder = tmp_path / 'run'
     running = start_demo('case3_wide', '--robot', 'jackal', '--lockstep', '--output', folder)
-    assert running.wait(LIMIT) == 0, running.stderr
+    assert running.wait() == 0, running.stderr
     summary = json.loads((folder / 'summary.json').read_text())
     assert summary['preset'] == 'case3_wide with jackal'
     assert summary['max_wheel_speed_rad_s'] <= 20.408
@@ -60,13 +60,13 @@ def test_two_runs_in_lockstep_command_the_same_and_force_replaces_a_run(start_de
     folder, runs = tmp_path / 'deep' / 'run', []
     for flags in ([], ['--force']):
         running = start_demo('case3', '--lockstep', '--output', folder, *flags)
-        assert running.wait(LIMIT) == 0, running.stderr
+        assert running.wait() == 0, running.stderr
         runs.append((commands(folder)[0], read_run(folder / 'bag')))
         if not flags:
             inode = (folder / 'bag').stat().st_ino, (folder / 'summary.json').stat().st_mtime_ns
             (folder / 'notes.txt').write_text('mine')
             refused = start_demo('case3', '--lockstep', '--output', folder)
-            assert refused.wait(LIMIT) == 2
+            assert refused.wait() == 2
             assert f'{folder}: found an existing folder' in ' '.join(refused.stderr.split())
             assert '--force' in refused.stderr
             unchanged = (folder / 'bag').stat().st_ino, (folder / 'summary.json').stat().st_mtime_ns
@@ -82,7 +82,7 @@ def test_two_runs_in_lockstep_command_the_same_and_force_replaces_a_run(start_de
 def test_case_3_in_real_time(start_demo, tmp_path):
     folder = tmp_path / 'run'
     running = start_demo('case3', '--output', folder)
-    assert running.wait(LIMIT) == 0, running.stderr
+    assert running.wait() == 0, running.stderr
     summary = check_folder(folder, 'case3')
     assert check_bag(folder) >= TOPICS - {'/clock'}
     assert summary['reached']
@@ -105,7 +105,7 @@ def test_case_3_in_real_time(start_demo, tmp_path):
 def test_what_cannot_be_run_is_said_before_anything_starts(start_demo, tmp_path, arguments, said):
     folder = tmp_path / 'run'
     running = start_demo(*arguments, '--lockstep', '--output', folder)
-    assert running.wait(LIMIT) == 2
+    assert running.wait() == 2
     text = ' '.join(running.stderr.split())
     for words in ['found', 'wanted', *said]:
         assert words in text

@@ -10,7 +10,6 @@ import re
 from pathlib import Path
 
 import pytest
-from demo_folder import LIMIT
 
 from cmpsp_ros.bags import Bag
 from cmpsp_ros.bags.runs import encounters, read_run
@@ -27,7 +26,7 @@ def drive(start_demo, tmp_path):
     def drive(preset, steps, name='run'):
         folder = tmp_path / name
         running = start_demo(preset, '--lockstep', '--output', folder)
-        assert running.wait(LIMIT) == 0, running.stderr
+        assert running.wait() == 0, running.stderr
         summary = json.loads((folder / 'summary.json').read_text())
         assert summary['levels'] == {'nominal': steps, 'elastic': 0, 'previous_plan': 0, 'stop': 0}
         assert summary['clearance_m'] >= 0.0
@@ -113,7 +112,7 @@ def test_a_course_past_what_moves_in_lockstep(drive, start_demo, start_cmpsp, ju
         'course', '--lockstep', '--output', tmp_path / 'alone',
         '--set', 'moving_obstacles.capacity=0',
     )  # fmt: skip
-    assert alone.wait(LIMIT) == 1
+    assert alone.wait() == 1
     blind = read_run(tmp_path / 'alone' / 'bag').driven.between(begin, end)
     nearest = distances(blind, run.tracks)
     assert len(nearest) == 3
@@ -125,7 +124,7 @@ def check_views(start_cmpsp, folder):
     for command, name in (('report', 'report.html'), ('export', 'tables')):
         arguments = [command, folder / 'bag', '--output', folder / name]
         shown = start_cmpsp(*arguments)
-        assert shown.wait(LIMIT) == 0, shown.stderr
+        assert shown.wait() == 0, shown.stderr
     page = (folder / 'report.html').read_text(encoding='utf-8')
     (told,) = re.findall(r'(?s)<script[^>]* id="data">(.*?)</script>', page)
     (bag,) = json.loads(told)['bags']
@@ -158,7 +157,7 @@ def distances(driven, tracks):
 def test_obstacles_that_only_a_scanner_sees_in_lockstep(start_demo, judge, tmp_path, preset):
     folder = tmp_path / 'run'
     running = start_demo(preset, '--lockstep', '--output', folder)
-    assert running.wait(LIMIT) == 0, running.stdout + running.stderr
+    assert running.wait() == 0, running.stdout + running.stderr
     summary = json.loads((folder / 'summary.json').read_text())
     # By all that stands there.
     assert 0.0 < summary['clearance_m'] < 0.3
@@ -180,7 +179,7 @@ def test_the_fork_lift_of_the_page_in_lockstep(start_demo, judge, tmp_path, monk
     monkeypatch.setenv('PYTHONPATH', f'{tmp_path}{os.pathsep}{os.environ.get("PYTHONPATH", "")}')
     folder = tmp_path / 'run'
     running = start_demo(*given.replace('\\', '').split(), '--output', folder)
-    assert running.wait(LIMIT) == 0, running.stdout + running.stderr
+    assert running.wait() == 0, running.stdout + running.stderr
     summary = json.loads((folder / 'summary.json').read_text())
     assert summary['miss_m'] < 1e-3
     assert summary['clearance_m'] > 0.0

@@ -10,7 +10,7 @@ import time
 from pathlib import Path
 
 import pytest
-from demo_folder import LIMIT, commands
+from demo_folder import commands
 
 from cmpsp_ros.bags import Bag
 from cmpsp_ros.bags.runs import read_run
@@ -59,11 +59,11 @@ def test_an_interrupted_run_leaves_a_readable_bag_and_a_robot_that_stands(
 ):
     folder = tmp_path / 'run'
     running = start_demo('case3', '--output', folder)
-    wait_until(lambda: decided(folder), LIMIT)
+    wait_until(lambda: decided(folder))
     nodes = children(running.pid)
     assert set(nodes) == {'recorder', 'sim_node', 'guidance_node'}
     running.signal(number)
-    assert running.wait(LIMIT) == 130
+    assert running.wait() == 130
     assert are_gone(nodes.values())
     assert 'Traceback' not in running.stderr
     assert 'interrupted' in running.stderr
@@ -79,25 +79,25 @@ def test_an_interrupted_run_leaves_a_readable_bag_and_a_robot_that_stands(
 def test_an_interruption_while_nodes_start_leaves_none_running(start_demo, tmp_path, wait_until):
     folder = tmp_path / 'run'
     running = start_demo('case3', '--output', folder)
-    nodes = wait_until(lambda: children(running.pid), LIMIT)
+    nodes = wait_until(lambda: children(running.pid))
     running.signal(signal.SIGINT)
     nodes.update(children(running.pid))
-    assert running.wait(LIMIT) == 130
+    assert running.wait() == 130
     assert 'Traceback' not in running.stderr
     # One that was not yet known to the demo goes when it sees that the demo has gone.
-    wait_until(lambda: are_gone(nodes.values()), LIMIT)
+    wait_until(lambda: are_gone(nodes.values()))
 
 
 def test_a_second_interruption_does_not_leave_a_node_behind(start_demo, tmp_path, wait_until):
     folder = tmp_path / 'run'
     running = start_demo('case3', '--output', folder)
-    wait_until(lambda: decided(folder), LIMIT)
+    wait_until(lambda: decided(folder))
     nodes = children(running.pid)
     running.signal(signal.SIGINT)
-    wait_until(lambda: status(nodes['guidance_node'])[0] in 'XZ', LIMIT)
+    wait_until(lambda: status(nodes['guidance_node'])[0] in 'XZ')
     running.signal(signal.SIGINT)
-    assert running.wait(LIMIT) == 130
-    wait_until(lambda: are_gone(nodes.values()), LIMIT)
+    assert running.wait() == 130
+    wait_until(lambda: are_gone(nodes.values()))
     _, twists = commands(folder)
     assert twists[-1] == (0.0, 0.0)
     assert 'Traceback' not in running.stderr
@@ -106,12 +106,12 @@ def test_a_second_interruption_does_not_leave_a_node_behind(start_demo, tmp_path
 def test_a_killed_demo_leaves_no_node_running(start_demo, tmp_path, wait_until):
     folder = tmp_path / 'run'
     running = start_demo('case3', '--output', folder)
-    wait_until(lambda: decided(folder), LIMIT)
+    wait_until(lambda: decided(folder))
     nodes = children(running.pid)
     assert len(nodes) == 3
     running.signal(signal.SIGKILL)
     assert running.wait() == -signal.SIGKILL
-    wait_until(lambda: are_gone(nodes.values()), LIMIT)
+    wait_until(lambda: are_gone(nodes.values()))
     _, twists = commands(folder)
     assert twists[-1] == (0.0, 0.0)
 
@@ -120,10 +120,10 @@ def test_a_killed_demo_leaves_no_node_running(start_demo, tmp_path, wait_until):
 def test_a_node_that_dies_ends_the_run_and_is_named(start_demo, tmp_path, wait_until, name):
     folder = tmp_path / 'run'
     running = start_demo('case3', '--output', folder)
-    wait_until(lambda: decided(folder), LIMIT)
+    wait_until(lambda: decided(folder))
     nodes = children(running.pid)
     os.kill(nodes[name], signal.SIGKILL)
-    assert running.wait(LIMIT) == 1
+    assert running.wait() == 1
     assert f'{name} ended with exit code -9' in running.stderr
     assert 'Traceback' not in running.stderr
     assert are_gone(nodes.values())
@@ -133,7 +133,7 @@ def test_a_full_disk_ends_the_run_and_is_named(start_demo, tmp_path):
     folder = tmp_path / 'run'
     running = start_demo('case3', '--lockstep', '--output', folder)
     resource.prlimit(running.pid, resource.RLIMIT_FSIZE, (50_000, 50_000))
-    assert running.wait(LIMIT) == 1
+    assert running.wait() == 1
     said = ' '.join(running.stderr.split())
     assert 'recorder ended with exit code 1' in said
     assert f'{folder}/bag: cannot write to the bag: [Errno 27] File too large' in said
@@ -143,14 +143,14 @@ def test_a_full_disk_ends_the_run_and_is_named(start_demo, tmp_path):
 def test_what_the_recorder_loses_is_said_and_the_run_is_judged(start_demo, tmp_path, wait_until):
     folder = tmp_path / 'run'
     running = start_demo('case3', '--output', folder)
-    wait_until(lambda: decided(folder), LIMIT)
+    wait_until(lambda: decided(folder))
     recorder = children(running.pid)['recorder']
     os.kill(recorder, signal.SIGSTOP)
     # Of commands only the newest is kept for who is not there.
     resumed = time.monotonic() + 3.0
     wait_until(lambda: time.monotonic() > resumed)
     os.kill(recorder, signal.SIGCONT)
-    assert running.wait(LIMIT) == 0, running.stderr
+    assert running.wait() == 0, running.stderr
     lost = r'recorder: (\S+): (\d+) messages, between [\d.]+ and [\d.]+ s of the recording'
     found = dict(re.findall(lost, ' '.join(running.stderr.split())))
     assert int(found['/cmd_vel']) > 0
@@ -175,7 +175,7 @@ def test_a_sensor_that_says_nothing_ends_the_run_and_is_named(
     start_demo, tmp_path, assignment, why
 ):
     running = start_demo('unknown', '--set', assignment, '--output', tmp_path / 'run')
-    assert running.wait(LIMIT) == 1
+    assert running.wait() == 1
     sentence = 'Waiting for the first usable message of sensor front.'
     said = ' '.join(running.stderr.split())
     for words in ('the run has not begun yet', 'the run did not begin within 15 s'):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 
 import pytest
-from demo_folder import LIMIT, TOPICS
+from demo_folder import TOPICS
 
 from cmpsp_ros.bags import Bag
 from cmpsp_ros.bags.runs import read_run
@@ -20,7 +20,7 @@ SLOW += ('solver.iterations_per_step=100', 'odom_rate=100.0')
 def test_late_steps_are_counted_and_the_run_is_judged(start_demo, start_cmpsp, tmp_path):
     folder = tmp_path / 'run'
     running = start_demo('case3', '--output', folder, *(f'--set={each}' for each in SLOW))
-    assert running.wait(2 * LIMIT) in {0, 1}, running.stderr
+    assert running.wait() in {0, 1}, running.stderr
     summary = json.loads((folder / 'summary.json').read_text())
     run = read_run(folder / 'bag')
     withdrawn = [each for each in run.decisions if each.late]
@@ -43,4 +43,4 @@ def test_late_steps_are_counted_and_the_run_is_judged(start_demo, start_cmpsp, t
     assert 0 < counts['/cmd_vel'] <= len(run.decisions) - len(withdrawn)
     assert int(health['deadline_misses']) >= summary['deadline_misses']
     replayed = start_cmpsp('replay', folder / 'bag')
-    assert replayed.wait(LIMIT) == 0, replayed.stdout
+    assert replayed.wait() == 0, replayed.stdout

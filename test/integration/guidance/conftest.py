@@ -26,7 +26,6 @@ from cmpsp_ros.bags.replay.replay import replay
 from cmpsp_ros.nodes import MODULES
 from cmpsp_ros.robots import arc_ends
 
-LIMIT = 30.0
 START = (0.0, -9.25, 0.0)
 
 
@@ -58,7 +57,7 @@ class Client:
         listen(PathMessage, f'{self.base}/predicted_path', self.paths.append, 100)
         listen(DiagnosticArray, '/diagnostics', self.on_diagnostics, 100)
         self.odometry = self.node.create_publisher(Odometry, f'{prefix}/odom', 50)
-        self.sent, self.clients = [], {}
+        self.sent = []
         self.timer = None
 
     def on_command(self, message):
@@ -80,8 +79,8 @@ class Client:
             elif status.name == '/recorder: recorder':
                 self.recorded = {each.key: each.value for each in status.values}
 
-    def until(self, condition, timeout=LIMIT):
-        return self.ros.spin_until(condition, timeout)
+    def until(self, condition, *bound):
+        return self.ros.spin_until(condition, *bound)
 
     def connect(self):
         """Wait until nothing of an active node can be missed, in either direction."""
@@ -97,7 +96,7 @@ class Client:
     def latest(self, key, default=''):
         return self.health[-1].get(key, default) if self.health else default
 
-    def until_health(self, timeout=LIMIT, **wanted):
+    def until_health(self, *bound, **wanted):
         """Wait for diagnostics that hold all of these values, or words of the sentence."""
 
         def said():
@@ -106,7 +105,7 @@ class Client:
             fits = all(health.get(key) == value for key, value in rest.items())
             return health if fits and words in health.get('said', '') else None
 
-        return self.until(said, timeout)
+        return self.until(said, *bound)
 
     def send(self, stamp, pose=START, frame_id='odom'):
         message = odometry(stamp, pose, frame_id)
@@ -153,13 +152,7 @@ class Client:
         self.until(lambda: any(speed > 0.5 for speed, _ in self.commands[count:]))
 
     def call(self, kind, name, request):
-        if name not in self.clients:
-            self.clients[name] = self.node.create_client(kind, f'{self.base}/{name}')
-        client = self.clients[name]
-        self.until(client.service_is_ready)
-        answer = client.call_async(request)
-        self.until(answer.done)
-        return answer.result()
+        return self.ros.call(kind, f'{self.base}/{name}', request)
 
     def change_state(self, name_or_id):
         number = name_or_id
@@ -256,6 +249,20 @@ def start_active(start_node, client):
     return start
 
 
+@pytest.fixture
+def start_driving(start_node, client):
+    """Start a guidance node and drive until it is on its way: `start_driving(parameters)`."""
+
+    def start(parameters=None):
+        running = start_node('guidance_node', parameters)
+        client.connect()
+        client.drive()
+        client.until_driving()
+        return running
+
+    return start
+
+
 class Recording:
     """A recorder at work, and the bag that it writes."""
 
@@ -275,7 +282,7 @@ class Recording:
     def replayed(self):
         """End the recorder, and replay its bag without a difference."""
         self.process.signal(signal.SIGINT)
-        assert self.process.wait(100.0) == 0, self.process.stderr
+        assert self.process.wait() == 0, self.process.stderr
         outcome = replay(self.bag, Names.under(''))
         assert outcome.first is None, outcome.first
         return outcome

@@ -17,9 +17,6 @@ from cmpsp_ros.nodes.common.messages import path_of
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(300)]
 
-# The first start may compile.
-LIMIT = 120.0
-
 
 class Goal:
     """A goal that is sent, and what comes of it."""
@@ -31,8 +28,8 @@ class Goal:
         self.handle = sent.result()
         self.ended = self.handle.get_result_async() if self.handle.accepted else None
 
-    def result(self, timeout=60.0):
-        self.client.until(self.ended.done, timeout)
+    def result(self):
+        self.client.until(self.ended.done)
         answer = self.ended.result()
         return answer.status, answer.result.error_code, answer.result.error_msg
 
@@ -72,7 +69,7 @@ def drive(spawn, client):
         spawn([sys.executable, '-m', MODULES['sim_node'], '--ros-args', *flags, *given])
         command = [sys.executable, '-m', MODULES['guidance_node'], '--ros-args', *flags, *given]
         guidance = spawn([*command, '-p', 'autostart:=true'])
-        client.until_health(LIMIT, state='active')
+        client.until_health(state='active')
         client.poses = []
         client.node.create_subscription(Odometry, '/odom', client.poses.append, 100)
         client.until(lambda: client.poses)

@@ -25,17 +25,13 @@ def tick(start_node, client, request):
     return lambda stamp: clock.publish(Clock(clock=Time(nanoseconds=stamp).to_msg()))
 
 
-def assert_is(fault, decision):
-    fault.assert_said(decision['fallback_level'], decision['level'][0], decision['reason'])
-
-
 def test_a_clock_that_jumps_forward_takes_the_time_away(fault, tick, client, make_odometry):
     for stamp, time_left in ((8 * SECOND, 10.0), (8 * SECOND + PERIOD, 9.8), (13 * SECOND, 5.0)):
         tick(stamp)
         decision, command = client.decide(make_odometry(stamp, POSE))
         assert float(decision['time_left']) == time_left
         assert command[0] > 0.5
-    assert_is(fault, decision)
+    fault.assert_decided(decision)
 
 
 def test_a_clock_that_stops_alone_stops_the_robot(fault, tick, client, make_odometry):
@@ -46,7 +42,7 @@ def test_a_clock_that_stops_alone_stops_the_robot(fault, tick, client, make_odom
         assert command[0] > 0.5
     decision, command = client.decide(make_odometry(begin + 3 * PERIOD, POSE))
     assert command == ZERO
-    assert_is(fault, decision)
+    fault.assert_decided(decision)
     # The clock is back.
     tick(begin + 4 * PERIOD)
     client.recover(begin + 4 * PERIOD)
@@ -62,7 +58,7 @@ def test_a_clock_that_stands_still_is_told(fault, tick, client, make_odometry):
     client.decide(make_odometry(8 * SECOND, POSE))
     count = len(client.commands)
     health = client.until_health(said='stands still at 8.000 s')
-    fault.assert_said('—', health['level'][0], health['said'])
+    fault.assert_told(health)
     assert len(client.commands) == count
     # Time goes on, and so does the run.
     tick(8 * SECOND + PERIOD)
@@ -91,7 +87,7 @@ def test_a_computer_that_is_too_slow_is_told(fault, start_active, client, make_o
     decision, _ = client.decide(make_odometry(client.now(), POSE))
     assert decision['fallback_level'] in {'nominal', 'elastic'}
     health = client.until_health(said='took')
-    fault.assert_said('—', health['level'][0], health['said'])
+    fault.assert_told(health)
     assert int(health['deadline_misses']) > 0
 
 
@@ -105,7 +101,7 @@ def test_a_plan_that_takes_longer_than_odometry_lives_is_followed(fault, start_a
         after = client.decisions[late.index(True) + 1 :] if any(late) else []
         return next((each for each in after if each['fallback_level'] == 'previous_plan'), None)
 
-    assert_is(fault, client.until(goes_on))
+    fault.assert_decided(client.until(goes_on))
     client.park()
     # Odometry that grew old while the law was busy is no reason to stop.
     assert not any('s old' in each['reason'] for each in client.decisions)

@@ -25,19 +25,14 @@ def as_second(make_client):
     return make_client(prefix='/spare')
 
 
-def assert_is(fault, decision):
-    fault.assert_said(decision['fallback_level'], decision['level'][0], decision['reason'])
-
-
-def test_a_second_guidance_node_stays_inactive(fault, start_node, client, make_client):
-    start_node('guidance_node', FAR)
-    client.connect()
-    client.drive()
-    client.until_driving()
+def test_a_second_guidance_node_stays_inactive(
+    fault, start_node, start_driving, client, make_client
+):
+    start_driving(FAR)
     second = as_second(make_client)
     start_node('guidance_node', {}, *SECOND)
     health = second.until_health(said='Another node guides this robot: /guidance (')
-    fault.assert_said('—', health['level'][0], health['said'])
+    fault.assert_told(health)
     # On a very slow machine it was active for as long as it had not heard of the first.
     second.until_health(state='inactive')
     count = len(second.decisions)
@@ -49,18 +44,15 @@ def test_a_second_guidance_node_stays_inactive(fault, start_node, client, make_c
     # Once the first has been deactivated, the second may take over: when it is told to.
     assert client.change_state('deactivate')
     client.until(lambda: client.decisions[-1]['reason'].endswith('was deactivated.'))
-    assert_is(fault, client.decisions[-1])
+    fault.assert_decided(client.decisions[-1])
     client.until(lambda: second.change_state('activate'))
     second.until_health(state='active', fallback_level='nominal')
     assert second.decisions[count]['step'] == '0'
 
 
-def test_of_two_that_began_together_the_later_gives_way(fault, start_node, client):
+def test_of_two_that_began_together_the_later_gives_way(fault, start_driving, client):
     """Both are active before either has heard the other; then each hears when the other began."""
-    start_node()
-    client.connect()
-    client.drive()
-    client.until_driving()
+    start_driving()
     rival = GUIDED_BY.publish_on(client.node)
     client.until(rival.get_subscription_count)
     later = str(time.time_ns() + 10**18)
@@ -71,15 +63,12 @@ def test_of_two_that_began_together_the_later_gives_way(fault, start_node, clien
     client.until_health(state='inactive', said='robot: /rival (elsewhere:1).')
     client.until(lambda: client.commands[-1] == ZERO)
     client.until(lambda: client.decisions[-1]['fallback_level'] == 'stop')
-    assert_is(fault, client.decisions[-1])
+    fault.assert_decided(client.decisions[-1])
 
 
-def test_a_node_that_was_killed_has_a_successor(fault, start_node, client):
+def test_a_node_that_was_killed_has_a_successor(fault, start_node, start_driving, client):
     """A dead process that the graph still shows does not keep the next one from guiding."""
-    first = start_node()
-    client.connect()
-    client.drive()
-    client.until_driving()
+    first = start_driving()
     first.signal(signal.SIGKILL)
     assert first.wait() == -signal.SIGKILL
     # A robot stops by itself when commands stay out.
@@ -94,18 +83,15 @@ def test_a_node_that_was_killed_has_a_successor(fault, start_node, client):
     assert client.decisions[count]['step'] == '0'
     client.until_driving()
     client.until(lambda: client.decisions[-1]['reason'] == 'The plan meets every constraint.')
-    assert_is(fault, client.decisions[-1])
+    fault.assert_decided(client.decisions[-1])
 
 
-def test_another_source_of_commands_is_told(fault, start_node, client):
-    start_node()
-    client.connect()
-    client.drive()
-    client.until_driving()
+def test_another_source_of_commands_is_told(fault, start_driving, client):
+    start_driving()
     client.until_health(level=DiagnosticStatus.OK, fallback_level='nominal')
     joystick = client.node.create_publisher(Twist, '/cmd_vel', 1)
     health = client.until_health(said='Others publish on /cmd_vel, too: /tester.')
-    fault.assert_said('—', health['level'][0], health['said'])
+    fault.assert_told(health)
     assert health['fallback_level'] == 'nominal'
     client.node.destroy_publisher(joystick)
     client.until_health(level=DiagnosticStatus.OK, fallback_level='nominal')

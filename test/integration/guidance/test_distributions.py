@@ -17,16 +17,16 @@ PROGRAM = """
 from geometry_msgs.msg import PoseStamped
 from nav2_msgs.action import FollowPath, NavigateToPose
 from rclpy.serialization import serialize_message
-from cmpsp_ros.nodes.guidance.inputs import nav2
+from cmpsp_ros.nodes.guidance.inputs import goals
 pose = PoseStamped()
 pose.pose.position.x = 3.0
-feedback = nav2.follow_path_feedback(FollowPath, pose, 1.5, 0.25)
+feedback = goals.path_feedback(pose, 1.5, 0.25)
 values = getattr(feedback, 'tracking_feedback', feedback)
 found = [values.distance_to_goal, values.speed]
 if values is not feedback:
     found += [values.robot_pose.pose.position.x, values.remaining_path_length]
 for kind in (FollowPath, NavigateToPose):
-    result = nav2.result(kind, 103, 'why')
+    result = goals.result(kind, 103, 'why')
     found += [result.error_code, result.error_msg]
     serialize_message(result)
 serialize_message(feedback)

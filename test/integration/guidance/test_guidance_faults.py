@@ -48,11 +48,6 @@ FAULTS = [
 ]
 
 
-def assert_is(fault, decision):
-    """A decision is as its row of doc/reference/faults.md says."""
-    fault.assert_said(decision['fallback_level'], decision['level'][0], decision['reason'])
-
-
 @pytest.mark.smoke
 def test_odometry_that_cannot_be_used_stops_the_robot_until_the_next_that_can(
     fault, start_active, client, make_odometry
@@ -66,7 +61,7 @@ def test_odometry_that_cannot_be_used_stops_the_robot_until_the_next_that_can(
         decision, command = client.decide(bad)
         assert command == ZERO
         assert reason in decision['reason']
-        assert_is(fault, decision)
+        fault.assert_decided(decision)
         assert float(decision['wheel_speed_right']) == float(decision['wheel_speed_left']) == 0.0
         client.until_health(level=DiagnosticStatus.ERROR, said=reason, fallback_level='stop')
         # Even between two control instants.
@@ -90,7 +85,7 @@ def test_bytes_that_are_no_odometry_stop_the_robot_until_odometry_comes(
     reason = 'Odometry cannot be read: found 60 bytes that are no nav_msgs/Odometry in CDR.'
     client.until(lambda: client.decisions[-1]['reason'] == reason)
     assert client.commands[-1] == ZERO
-    assert_is(fault, client.decisions[-1])
+    fault.assert_decided(client.decisions[-1])
     client.recover(stamp + PERIOD_NS, pose)
     assert 'Traceback' not in running.stderr
 
@@ -110,18 +105,15 @@ def test_bad_odometry_that_goes_on_is_answered_once_a_control_period(
     assert (len(client.commands) - 2) * PERIOD_NS <= took
 
 
-def test_odometry_that_stops_stops_the_robot_until_it_comes_back(fault, start_node, client):
-    running = start_node()
-    client.connect()
-    client.drive()
-    client.until_driving()
+def test_odometry_that_stops_stops_the_robot_until_it_comes_back(fault, start_driving, client):
+    running = start_driving()
     client.until_health(level=DiagnosticStatus.OK)
     client.park()
     client.until(lambda: client.commands[-1] == ZERO)
     reason = 'No usable odometry for more than 0.5 s (odom_timeout).'
     client.until(lambda: client.decisions[-1]['reason'] == reason)
     client.until_health(level=DiagnosticStatus.ERROR, said=reason)
-    assert_is(fault, client.decisions[-1])
+    fault.assert_decided(client.decisions[-1])
     count = len(client.commands)
     client.until(lambda: len(client.commands) > count + 2)
     assert set(client.commands[count:]) == {ZERO}
@@ -140,7 +132,7 @@ def test_one_stamp_from_the_far_future_does_not_end_the_run(
     decision, command = client.decide(make_odometry(stamp + 1_000_000 * PERIOD_NS, pose))
     assert command == ZERO
     assert decision['finished'] == 'false'
-    assert_is(fault, decision)
+    fault.assert_decided(decision)
     client.recover(stamp + PERIOD_NS, pose)
 
 
@@ -169,7 +161,7 @@ def test_simulated_time_that_begins_again_is_noticed(fault, start_active, client
     client.node.destroy_timer(timer)
     client.until(lambda: len(client.decisions) > count)
     assert client.decisions[count]['step'] == '0'
-    assert_is(fault, client.decisions[count])
+    fault.assert_decided(client.decisions[count])
 
 
 @pytest.mark.parametrize(
@@ -181,11 +173,8 @@ def test_simulated_time_that_begins_again_is_noticed(fault, start_active, client
         (signal.SIGTERM, 2),
     ],
 )
-def test_a_signal_while_it_drives_leaves_a_robot_that_stands(start_node, client, number, times):
-    running = start_node()
-    client.connect()
-    client.drive()
-    client.until_driving()
+def test_a_signal_while_it_drives_leaves_a_robot_that_stands(start_driving, client, number, times):
+    running = start_driving()
     for _ in range(times):
         running.signal(number)
     client.until(lambda: running.process.poll() is not None)

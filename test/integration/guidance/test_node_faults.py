@@ -39,16 +39,15 @@ def test_an_exception_in_the_law_stops_the_robot(
     def decide(stamp):
         count = len(client.decisions)
         client.odometry.publish(make_odometry(stamp, (0.0, -9.25, 0.0)))
-        wait_until(lambda: len(client.decisions) > count, 30.0, both)
-        wait_until(lambda: len(client.commands) > count, 30.0, both)
+        wait_until(lambda: len(client.decisions) > count, step=both)
+        wait_until(lambda: len(client.commands) > count, step=both)
         return client.decisions[-1], client.commands[-1]
 
     wait_until(
         lambda: client.odometry.get_subscription_count() and client.latest('state') == 'active',
-        30.0,
-        both,
+        step=both,
     )
-    wait_until(lambda: int(client.latest('command_subscribers')) > 0, 30.0, both)
+    wait_until(lambda: int(client.latest('command_subscribers')) > 0, step=both)
     begin = client.now()
     _, command = decide(begin)
     assert command[0] > 0.5
@@ -56,7 +55,7 @@ def test_an_exception_in_the_law_stops_the_robot(
         patch.setattr(Planner, 'improve', lambda *_, **__: 1 / 0)
         decision, command = decide(begin + 200_000_000)
     assert command == (0.0, 0.0)
-    fault.assert_said(decision['fallback_level'], decision['level'][0], decision['reason'])
+    fault.assert_decided(decision)
     assert decision['reason'] == 'The guidance law failed: ZeroDivisionError: division by zero'
     decision, command = decide(begin + 400_000_000)
     assert decision['fallback_level'] == 'nominal'
@@ -64,7 +63,7 @@ def test_an_exception_in_the_law_stops_the_robot(
     with monkeypatch.context() as patch:
         patch.setattr(GuidanceLaw, '_search', lambda *_: 1 / 0)
         decide(begin + 600_000_000)
-        wait_until(lambda: client.decisions[-1]['fallback_level'] == 'stop', 30.0, both)
+        wait_until(lambda: client.decisions[-1]['fallback_level'] == 'stop', step=both)
     wanted = 'The search of the grid failed: ZeroDivisionError: division by zero'
     assert client.decisions[-1]['reason'] == wanted
-    wait_until(lambda: client.commands[-1] == (0.0, 0.0), 30.0, both)
+    wait_until(lambda: client.commands[-1] == (0.0, 0.0), step=both)

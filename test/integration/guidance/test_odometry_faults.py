@@ -98,7 +98,7 @@ def test_a_ghost_of_the_robot_stops_it_until_the_ghost_is_gone(
     client.until_health(said=named, level=DiagnosticStatus.ERROR, odometry_publishers='2')
     jump = next(each for each in client.decisions[count:] if 'jumps by' in each['reason'])
     assert jump['reason'].endswith(named)
-    fault.assert_said(jump['fallback_level'], jump['level'][0], jump['reason'])
+    fault.assert_decided(jump)
     commands = len(client.commands)
     pause(client, 2.0)
     assert set(client.commands[commands:]) == {ZERO}
@@ -144,16 +144,13 @@ def test_good_and_bad_odometry_in_turn_is_one_stop_within_the_limit(
     braked = [each for each in client.decisions[decided:] if each.get('braking') == 'true']
     assert float(braked[0]['wheel_speed_right']) > 0.0
     said = next(each for each in braked if 'Recovering: ' in each['reason'])
-    fault.assert_said(said['fallback_level'], said['level'][0], said['reason'])
+    fault.assert_decided(said)
     assert_wheels_can_follow(client.decisions)
     end()
 
 
-def test_old_odometry_between_new_is_ignored(fault, start_node, repeat, client):
-    start_node()
-    client.connect()
-    client.drive()
-    client.until_driving()
+def test_old_odometry_between_new_is_ignored(fault, start_driving, repeat, client):
+    start_driving()
     count = len(client.decisions)
     for age in (30 * MS, 100_000 * MS):
         repeat(0.01, lambda age=age: client.send(client.now() - age, client.pose + 5.0))
@@ -172,7 +169,7 @@ def test_a_robot_that_is_located_anew_stops_and_goes_on_from_there(fault, drivin
     reason = 'Odometry jumps by 0.3'
     client.until(lambda: any(reason in each['reason'] for each in client.decisions[count:]))
     halted = next(each for each in client.decisions[count:] if reason in each['reason'])
-    fault.assert_said(halted['fallback_level'], halted['level'][0], halted['reason'])
+    fault.assert_decided(halted)
     client.until_driving()
     client.until(lambda: client.decisions[-1]['halted'] == 'false')
     stamps = [

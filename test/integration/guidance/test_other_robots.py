@@ -66,7 +66,7 @@ def test_what_cannot_be_used_changes_nothing_and_is_said(
         tell(bad)
         health = client.until_health(level=DiagnosticStatus.WARN, said=reason)
         assert 'The plan of /r2' in health['said']
-        fault.assert_said('—', health['level'][0], health['said'])
+        fault.assert_told(health)
         stamp += PERIOD_NS
         decision, command = client.decide(make_odometry(stamp, POSE))
         assert decision['moving_obstacles'] == f'/r2@{begun}'
@@ -83,7 +83,7 @@ def test_plans_that_come_no_more_are_told(fault, start_active, client, make_odom
     assert not any('no plan comes' in each['said'] for each in client.health)
     tell(plan(client.now(), AWAY))
     health = client.until_health(level=DiagnosticStatus.WARN, said='no plan comes: /r2')
-    fault.assert_said('—', health['level'][0], health['said'])
+    fault.assert_told(health)
     # What it says last is that it stands, and that is so until it says otherwise.
     begun = client.now()
     tell(plan(begun, AWAY[:1]))

@@ -13,7 +13,6 @@ from cmpsp_ros.bags import Bag, DecisionRecord, Names
 
 pytestmark = pytest.mark.integration
 
-LIMIT = 100.0
 NAMES = Names.under('')
 
 
@@ -80,7 +79,7 @@ def test_a_run_with_faults_is_identical_and_audited_as_it_was(
     assert outcome.stops > 4
     assert outcome.plans > 6
     audit = spawn([*COMMAND, 'audit', recording.bag, '--junit', tmp_path / 'audit.xml'])
-    assert audit.wait(LIMIT) == 1, audit.stdout + audit.stderr
+    assert audit.wait() == 1, audit.stdout + audit.stderr
     said = verdicts(tmp_path / 'audit.xml')
     # The obstacle was put where the robot was, and the run was not driven to its end.
     assert (said['obstacles'], said['goal']) == ('failure', 'error')
@@ -91,7 +90,7 @@ def test_a_run_with_faults_is_identical_and_audited_as_it_was(
 def test_a_live_node_decides_the_same_on_played_odometry(start_node, client, spawn, tmp_path):
     bag = tmp_path / 'run' / 'bag'
     demo = spawn([*COMMAND, 'demo', 'case3', '--lockstep', '--output', bag.parent])
-    assert demo.wait(LIMIT) == 0, demo.stderr
+    assert demo.wait() == 0, demo.stderr
     before = [decision_to_key_values(each.entries) for each in recorded(bag) if not each.halted]
     # A slow machine must not make odometry late, in the time of the recording.
     start_node('guidance_node', {'autostart': False, 'use_sim_time': True, 'odom_timeout': 100.0})
@@ -103,22 +102,14 @@ def test_a_live_node_decides_the_same_on_played_odometry(start_node, client, spa
     assert client.change_state('configure')
     assert client.change_state('activate')
     for name in ('pause', 'resume'):
-        call(client, name)
+        client.ros.call(Trigger, f'/player/{name}')
     # The node's subscription is best effort: it is told the next odometry when it has decided, so
     # that it hears all however slow it is.
     while len(client.decisions) < len(before):
-        client.until(lambda: played, LIMIT)
+        client.until(lambda: played)
         message, count = played.pop(0), len(client.decisions)
         client.odometry.publish(message)
         if Time.from_msg(message.header.stamp).nanoseconds == int(before[count]['stamp']):
-            client.until(lambda count=count: len(client.decisions) > count, LIMIT)
-    player.wait(LIMIT)
+            client.until(lambda count=count: len(client.decisions) > count)
+    player.wait()
     assert [decision_to_key_values(each) for each in client.decisions] == before
-
-
-def call(client, name):
-    """Have the player do something, and wait until it has."""
-    service = client.node.create_client(Trigger, f'/player/{name}')
-    client.until(service.service_is_ready)
-    answer = service.call_async(Trigger.Request())
-    client.until(answer.done)

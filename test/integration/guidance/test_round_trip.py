@@ -14,7 +14,6 @@ from cmpsp_ros.bags.definitions import jazzy
 
 pytestmark = pytest.mark.integration
 
-LIMIT = 100.0
 NAMES = Names.under('')
 COMMAND = [sys.executable, '-m', 'cmpsp_ros.cli']
 CHARTS = {'path', 'levels', 'controls', 'clearance', 'position', 'steps', 'histogram'}
@@ -27,7 +26,7 @@ def cmpsp(spawn):
 
     def run(*arguments):
         process = spawn([*COMMAND, *arguments])
-        return process, process.wait(LIMIT)
+        return process, process.wait()
 
     return run
 

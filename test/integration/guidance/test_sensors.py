@@ -58,9 +58,7 @@ def test_scans_that_come_are_used_and_those_that_do_not_stop_the_robot(
                 show(stamp)
             decision, command = client.decide(make_odometry(stamp, POSE))
             if reason in decision['reason']:
-                fault.assert_said(
-                    decision['fallback_level'], decision['level'][0], decision['reason']
-                )
+                fault.assert_decided(decision)
                 return decision, command
         raise AssertionError(decision['reason'])
 
@@ -81,7 +79,7 @@ def test_scans_that_come_are_used_and_those_that_do_not_stop_the_robot(
         show(stamp, **changes)
         client.decide(make_odometry(stamp := stamp + PERIOD_NS, POSE))
         health = client.until_health(level=DiagnosticStatus.WARN, said=reason)
-        fault.assert_said('—', health['level'][0], health['said'])
+        fault.assert_told(health)
         show(stamp := stamp + PERIOD_NS)
     assert 'Traceback' not in running.stderr
 

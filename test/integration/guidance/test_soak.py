@@ -1,4 +1,4 @@
-"""A few of the runs that the soak makes by the hundred."""
+"""A few of the runs that soak and crowd make by the hundred."""
 
 from __future__ import annotations
 
@@ -22,3 +22,19 @@ def test_memory_and_descriptors_stay_as_they_are_from_run_to_run():
     assert said.returncode == 0, said.stdout + said.stderr
     last = json.loads(said.stdout.splitlines()[-1])
     assert (last['runs'], last['grown'], last['codes']) == (9, [], [0, 0])
+
+
+CROWD = Path(__file__).with_name('crowd.py')
+
+
+@pytest.mark.slow
+@pytest.mark.integration
+@pytest.mark.timeout(300)
+@pytest.mark.usefixtures('ros_domain')
+def test_on_a_busy_computer_no_moving_disc_is_touched():
+    """More of the same: `python test/integration/guidance/crowd.py --runs 50`."""
+    command = [sys.executable, CROWD, '--runs', '3']
+    said = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert said.returncode == 0, said.stdout + said.stderr
+    last = json.loads(said.stdout.splitlines()[-1])
+    assert (last['runs'], last['clear']) == (3, 3)

@@ -19,9 +19,8 @@ def heard(publisher):
 
 def flushing(ros):
     """Flush, and return the number of messages in the bag by topic."""
-    client, said = ros.node.create_client(Trigger, '/recorder/flush'), []
+    said = []
     ros.node.create_subscription(HEALTH.type, HEALTH.name, said.append, HEALTH.qos)
-    ros.spin_until(client.service_is_ready)
     ros.spin_until(lambda: ros.node.count_publishers(HEALTH.name))
 
     def counted():
@@ -30,9 +29,7 @@ def flushing(ros):
 
     def counts():
         said.clear()
-        future = client.call_async(Trigger.Request())
-        ros.spin_until(future.done)
-        assert future.result().success
+        assert ros.call(Trigger, '/recorder/flush').success
         (*_, status) = ros.spin_until(counted)
         values = {each.key: each.value for each in status.values}
         counted_topics = {topic: each.count for topic, each in from_values(values).items()}

@@ -28,7 +28,7 @@ def publish_and_stop(recorder_pid):
     markers = node.create_publisher(MarkerArray, '/markers', LATCHED)
     # Latched before anybody listens.
     markers.publish(MarkerArray(markers=[Marker(id=7)]))
-    end = time.monotonic() + 20.0
+    end = time.monotonic() + 60.0
     while not all(each.get_subscription_count() for each in (commands, odometry, markers)):
         assert time.monotonic() < end, 'nobody listens'
         rclpy.spin_once(node, timeout_sec=0.02)
@@ -45,7 +45,7 @@ def publish_and_stop(recorder_pid):
         time.sleep(max(0.0, begun + (k + 1) * 1e-3 - time.monotonic()))
     os.kill(recorder_pid, signal.SIGTERM)
     # What a vanished publisher had not handed over would not be the recorder's loss.
-    commands.wait_for_all_acked(Duration(seconds=5.0))
+    commands.wait_for_all_acked(Duration(seconds=60.0))
     rclpy.shutdown()
 
 

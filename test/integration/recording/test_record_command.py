@@ -34,7 +34,7 @@ def heard(publisher):
 def test_killed_recorder_loses_at_most_a_second(spawn, ros, tmp_path, options):
     said = ros.node.create_publisher(String, '/said', QoSProfile(depth=COUNT))
     recorder = spawn([*COMMAND, 'record', '--output', 'bag', '--topic', '/said', *options])
-    ros.spin_until(heard(said), timeout=30.0)
+    ros.spin_until(heard(said))
     sent = []
 
     def say():
@@ -42,16 +42,16 @@ def test_killed_recorder_loses_at_most_a_second(spawn, ros, tmp_path, options):
         said.publish(String(data=str(len(sent))))
 
     ros.node.create_timer(0.01, say)
-    ros.spin_until(lambda: len(sent) > 250, timeout=60.0)
+    ros.spin_until(lambda: len(sent) > 250)
     recorder.signal(signal.SIGKILL)
     killed_at = time.time_ns()
     assert recorder.wait() == -signal.SIGKILL
 
     read = spawn([*COMMAND, 'export', 'bag', '--output', 'tables'])
-    assert read.wait(30.0) == 2
+    assert read.wait() == 2
     assert 'the recording was cut off' in read.stderr
     recovery = spawn([*COMMAND, 'recover', 'bag'])
-    assert recovery.wait(30.0) == 0, recovery.stderr
+    assert recovery.wait() == 0, recovery.stderr
     with Bag(tmp_path / 'bag_recovered') as recovered:
         said_again = [int(each.data) for _, each in recovered.messages('/said')]
         assert recovered.topics['/said'].qos_profiles[0].reliability == QosReliability.RELIABLE
@@ -69,11 +69,11 @@ def test_command_records_our_topics_of_a_namespace(spawn, ros, tmp_path):
     clock = ros.node.create_publisher(Clock, '/clock', 1)
     recorder = spawn([*COMMAND, 'record', '--output', 'bag', '--namespace', '/r1'])
     recorded = (ours, decisions, clock)
-    ros.spin_until(lambda: all(heard(each)() for each in recorded), timeout=30.0)
+    ros.spin_until(lambda: all(heard(each)() for each in recorded))
     assert not any(heard(each)() for each in others)
     for publisher, message in zip(recorded, (Odometry(), DiagnosticArray(), Clock()), strict=True):
         publisher.publish(message)
-        publisher.wait_for_all_acked(Duration(seconds=5.0))
+        publisher.wait_for_all_acked(Duration(seconds=60.0))
     recorder.signal(signal.SIGTERM)
     assert recorder.wait() == 0
     assert 'was to be recorded' not in recorder.stderr
@@ -93,10 +93,10 @@ def test_command_records_everything_in_pieces(spawn, ros, tmp_path):
             *('--split-duration', '0.2', '--split-size', '1'),
         ]
     )
-    ros.spin_until(heard(said), timeout=30.0)
+    ros.spin_until(heard(said))
     begun = time.monotonic()
     ros.spin_until(lambda: said.publish(String(data='x')) or time.monotonic() - begun > 1.0)
-    said.wait_for_all_acked(Duration(seconds=5.0))
+    said.wait_for_all_acked(Duration(seconds=60.0))
     recorder.signal(signal.SIGINT)
     assert recorder.wait() == 0, recorder.stderr
     files = list((tmp_path / 'bag').glob('*.mcap'))
@@ -117,10 +117,10 @@ def test_full_disk_ends_the_command(spawn, ros, tmp_path):
     recorder = spawn(
         [*COMMAND, 'record', '--output', 'bag', '--topic', '/said', '--compression', 'none']
     )
-    ros.spin_until(heard(said), timeout=30.0)
+    ros.spin_until(heard(said))
     resource.prlimit(recorder.pid, resource.RLIMIT_FSIZE, (300_000, 300_000))
     text = String(data='x' * 1000)
-    ros.spin_until(lambda: said.publish(text) or recorder.process.poll() is not None, timeout=30.0)
+    ros.spin_until(lambda: said.publish(text) or recorder.process.poll() is not None)
     assert recorder.wait() == 2
     assert 'cannot write to the bag' in recorder.stderr
     assert 'Traceback' not in recorder.stderr

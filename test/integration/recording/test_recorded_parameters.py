@@ -30,13 +30,9 @@ def change(ros):
     """Change the parameter of the simulator."""
 
     def change(value):
-        client = ros.node.create_client(SetParameters, '/sim/set_parameters')
-        ros.spin_until(client.service_is_ready)
         wanted = [Parameter(KEY, value=value).to_parameter_msg()]
-        answer = client.call_async(SetParameters.Request(parameters=wanted))
-        ros.spin_until(answer.done)
-        assert answer.result().results[0].successful
-        ros.node.destroy_client(client)
+        request = SetParameters.Request(parameters=wanted)
+        assert ros.call(SetParameters, '/sim/set_parameters', request).results[0].successful
 
     return change
 

@@ -36,7 +36,7 @@ TALKER = Path(__file__).parent / 'talker.py'
 def test_nothing_is_lost(record, spawn, bag):
     recorder = record()
     publisher = spawn([sys.executable, TALKER, str(recorder.pid)])
-    assert publisher.wait(40.0) == 0, publisher.stderr
+    assert publisher.wait() == 0, publisher.stderr
     assert recorder.wait() == 0
     assert 'Traceback' not in recorder.stderr
     information = YAML(typ='safe').load((bag / 'metadata.yaml').read_text())
@@ -73,7 +73,7 @@ def test_messages_that_came_too_fast_are_counted(record, ros, bag, wait_until):
     for _ in range(said):
         publisher.publish(String(data=1000 * '.'))
     recorder.signal(signal.SIGCONT)
-    publisher.wait_for_all_acked(Duration(seconds=10.0))
+    publisher.wait_for_all_acked(Duration(seconds=60.0))
     wait_until(lambda: 'messages of /said come too fast' in recorder.stderr)
     recorder.signal(signal.SIGINT)
     assert recorder.wait() == 0
@@ -109,7 +109,7 @@ def test_choice_of_topics(record, ros, bag, parameters):
     recorder = record(*parameters)
     ros.spin_until(heard(wanted))
     wanted.publish(Twist())
-    wanted.wait_for_all_acked(Duration(seconds=5.0))
+    wanted.wait_for_all_acked(Duration(seconds=60.0))
     recorder.signal(signal.SIGINT)
     assert recorder.wait() == 0
     assert ('/never was to be recorded' in recorder.stderr) == ('never' in parameters[0])
@@ -137,9 +137,9 @@ def test_simulated_time(record, ros, bag):
     tick = Clock()
     tick.clock.sec = 5
     clock.publish(tick)
-    clock.wait_for_all_acked(Duration(seconds=5.0))
+    clock.wait_for_all_acked(Duration(seconds=60.0))
     said.publish(String(data='after'))
-    said.wait_for_all_acked(Duration(seconds=5.0))
+    said.wait_for_all_acked(Duration(seconds=60.0))
     recorder.signal(signal.SIGINT)
     assert recorder.wait() == 0
     with Bag(bag) as recorded:
@@ -155,7 +155,7 @@ def test_simulated_time_that_stands_still(record, ros, now):
     tick = Clock()
     tick.clock.sec = now
     clock.publish(tick)
-    clock.wait_for_all_acked(Duration(seconds=5.0))
+    clock.wait_for_all_acked(Duration(seconds=60.0))
     said.publish(String(data='after'))
     counts = flushing(ros)
     # It is not kept for ever until time goes on: a recorder that is killed has it.

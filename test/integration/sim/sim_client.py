@@ -47,7 +47,7 @@ class Client:
         subscribe(JointState, f'{prefix}/sim/wheel_speeds', self.wheels.append, 1000)
         subscribe(Clock, '/clock', self.on_clock, BEST_EFFORT)
         self.commands = self.node.create_publisher(kind, f'{prefix}/cmd_vel', 1)
-        self.resetter = self.node.create_client(Trigger, f'{prefix}/sim/reset')
+        self.prefix = prefix
 
     def on_clock(self, message):
         self.clocks.append(Time.from_msg(message.clock).nanoseconds)
@@ -66,23 +66,18 @@ class Client:
             message.header.stamp = at
         self.commands.publish(message)
 
-    def until(self, condition, timeout=20.0):
-        return self.ros.spin_until(condition, timeout)
+    def until(self, condition):
+        return self.ros.spin_until(condition)
 
     def connect(self):
         """Wait until both directions are joined."""
         self.until(lambda: self.commands.get_subscription_count() and self.odometry)
         # Publishers see a subscription before that subscription sees them.
-        self.until(lambda: self.truth or self.resetter.service_is_ready())
+        resetter = self.ros.client(Trigger, f'{self.prefix}/sim/reset')
+        self.until(lambda: self.truth or resetter.service_is_ready())
 
-    def call(self, client, request):
-        self.until(client.service_is_ready)
-        answer = client.call_async(request)
-        self.until(answer.done)
-        return answer.result()
-
-    def parameter_client(self, kind, name):
-        return self.node.create_client(kind, f'/sim/{name}')
+    def reset(self):
+        return self.ros.call(Trigger, f'{self.prefix}/sim/reset').success
 
     def command_until(self, message, condition):
         """Repeat a command, as a controller does, until the robot shows the effect."""

@@ -9,7 +9,6 @@ import pytest
 from geometry_msgs.msg import Twist, TwistStamped
 from rclpy.time import Time
 from sim_client import CONTROL_NS, MS, PERIOD_NS, Client, place, stamp, twist
-from std_srvs.srv import Trigger
 
 from cmpsp_ros.robots import DifferentialDrive
 
@@ -144,7 +143,7 @@ def test_a_reset_in_lockstep_asks_again_from_the_initial_pose(simulate, ros):
     client.connect()
     client.send(twist(0.5))
     client.until(lambda: stamp(client.odometry[-1]) == CONTROL_NS)
-    assert client.call(client.resetter, Trigger.Request()).success
+    assert client.reset()
     client.until(lambda: place(client.odometry[-1])[0] == 0.0)
     assert stamp(client.odometry[-1]) == CONTROL_NS
     client.send(twist(0.5))

@@ -12,7 +12,6 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rosbags.interfaces import QosDurability
 from sensor_msgs.msg import LaserScan, PointCloud2
 from sim_client import BEST_EFFORT, Client, stamp, twist
-from std_srvs.srv import Trigger
 
 from cmpsp_ros.bags import Bag
 from cmpsp_ros.guidance.messages import tracks_of
@@ -76,7 +75,7 @@ def test_in_lockstep_none_is_missing_and_a_reset_begins_the_same_again(simulate,
     expected = set(range(0, 2_000_000_001, 100_000_000))
     client.until(lambda: {stamp(each) for each in client.scans} == expected)
     first = next(each.ranges for each in client.scans if stamp(each) == 0)
-    assert client.call(client.resetter, Trigger.Request()).success
+    assert client.reset()
     client.until(lambda: np.array_equal(client.scans[-1].ranges, first, equal_nan=True))
     assert stamp(client.scans[-1]) == 2_000_000_000
 
@@ -131,11 +130,11 @@ def test_where_the_scanner_is_is_published_once_for_all_who_come_later(
     flags = [flag for each in given for flag in ('-p', each)]
     recorder = spawn([sys.executable, '-m', command, '--ros-args', *flags])
     hears = client.node.get_subscriptions_info_by_topic
-    client.until(lambda: 'recorder' in {each.node_name for each in hears('/tf_static')}, 30.0)
+    client.until(lambda: 'recorder' in {each.node_name for each in hears('/tf_static')})
     count = len(moving)
     client.until(lambda: len(moving) > count + 20)
     recorder.signal(signal.SIGINT)
-    assert recorder.wait(60.0) == 0
+    assert recorder.wait() == 0
     with Bag(bag) as recorded:
         topic = recorded.topics['/tf_static']
         ((_, message),) = recorded.messages('/tf_static')

@@ -14,8 +14,7 @@ from cmpsp_ros.bags import Bag, Names
 from cmpsp_ros.bags.audit import CheckOutcome, audit
 from cmpsp_ros.bags.decision_record import read_decisions
 from cmpsp_ros.bags.export import export
-from cmpsp_ros.bags.replay.follower import Follower
-from cmpsp_ros.bags.replay.inputs import Inputs, OdometryMissing
+from cmpsp_ros.bags.replay.inputs import Follower, Inputs, OdometryMissing
 from cmpsp_ros.bags.replay.replay import Comparison
 from cmpsp_ros.bags.report import write_report
 from cmpsp_ros.bags.runs import read_run

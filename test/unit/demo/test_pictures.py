@@ -88,7 +88,7 @@ def test_the_legend_is_below_the_axis_and_names_what_is_there(driven, tmp_path, 
 def test_people_are_drawn_where_they_were_nearest_and_their_clearance_counts(driven, tmp_path):
     scenario, run = driven('clutter', people=True)
     figure = draw_trajectory(run, scenario.settings, tmp_path / 'path.png')
-    assert {'person where nearest', 'track of what moves'} <= set(labels(figure.axes[0]))
+    assert {'person where nearest', 'track of a moving obstacle'} <= set(labels(figure.axes[0]))
     (disc,) = (each for each in figure.axes[0].patches if isinstance(each, Circle))
     assert disc.center == pytest.approx((1.0, 0.0), abs=0.05)
     assert run.told == ()

@@ -1,12 +1,11 @@
 """The README's table and the JSON schema say what the catalogue says."""
 
 import re
-import sys
 
 import pytest
 
-from cmpsp_ros.parameters import TABLE, config_directory, documentation, load_parameter_file
-from cmpsp_ros.parameters.documentation import defaults_file, json_schema, markdown_table
+from cmpsp_ros.parameters import TABLE, config_directory, load_parameter_file
+from cmpsp_ros.parameters.documentation import defaults_file, json_schema, main, markdown_table
 from cmpsp_ros.parameters.files import preset_names
 
 README = '# T\n<!-- parameters:begin -->\nold\n<!-- parameters:end -->\nrest\n'
@@ -90,35 +89,30 @@ def test_table_has_one_row_for_each_parameter():
     assert {row.count('|') for row in rows} == {8}
 
 
-def run(monkeypatch, *arguments):
-    monkeypatch.setattr(sys, 'argv', ['documentation', *arguments])
-    return documentation.main()
-
-
-def test_table_is_written_into_a_page(monkeypatch, tmp_path):
+def test_table_is_written_into_a_page(tmp_path):
     page = tmp_path / 'page.md'
     page.write_text(README)
     for _ in range(2):
-        assert run(monkeypatch, '--write', str(page)) == 0
+        assert main(['--write', str(page)]) == 0
         begin, end = '# T\n<!-- parameters:begin -->\n\n', '\n<!-- parameters:end -->\nrest\n'
         assert page.read_text() == f'{begin}{markdown_table()}{end}'
 
 
-def test_a_page_without_a_place_for_the_table_is_refused(monkeypatch, tmp_path, capsys):
+def test_a_page_without_a_place_for_the_table_is_refused(tmp_path, capsys):
     page = tmp_path / 'page.md'
     page.write_text('nothing')
-    assert run(monkeypatch, '--write', str(page)) == 1
+    assert main(['--write', str(page)]) == 1
     assert 'found no place for the table' in capsys.readouterr().err
-    assert run(monkeypatch, '--write', str(tmp_path / 'none.md')) == 1
+    assert main(['--write', str(tmp_path / 'none.md')]) == 1
 
 
-def test_printing(monkeypatch, capsys):
+def test_printing(capsys):
     for arguments, expected in (
         ([], 'frame_id'),
         (['--schema'], '2020-12'),
         (['--defaults'], '/**:'),
     ):
-        assert run(monkeypatch, *arguments) == 0
+        assert main(arguments) == 0
         assert expected in capsys.readouterr().out
 
 

@@ -21,7 +21,7 @@ from cmpsp_ros.parameters.files.map_files import read_map
 from cmpsp_ros.parameters.obstacles import map_of
 from cmpsp_ros.world.grids import Cell, OccupancyGrid
 
-FREE, OCCUPIED, UNKNOWN = map(int, Cell)
+FREE, OCCUPIED, UNKNOWN = map(int, (Cell.FREE, Cell.OCCUPIED, Cell.UNKNOWN))
 SHADES = np.array([[0, 254, 205, 100], [254, 254, 60, 80]], np.uint8)
 YAML = 'image: map.pgm\nresolution: 0.1\norigin: [1.0, 2.0, 0.5]\n'
 
@@ -153,7 +153,7 @@ WALL = text_of(np.array([[FREE, OCCUPIED]], np.uint8))
         ({'map.cells': WALL.replace('1 x 2', '99999 x 99999')}, 'map.cells'),
         ({'map.cells': f'{WALL[:-8]}AAAA'}, 'map.cells'),
         ({'map.cells': '1 x 2 AAAA'}, 'map.cells'),
-        ({'map.cells': text_of(np.full((2, 2), 3, np.uint8))}, 'map.cells'),
+        ({'map.cells': text_of(np.full((2, 2), len(Cell), np.uint8))}, 'map.cells'),
         ({'map.cells': text_of(np.full((2, 2), OCCUPIED, np.uint8))}, 'map.cells'),
         ({'map.cells': text_of(np.full((2, 2), UNKNOWN, np.uint8))}, 'map.cells'),
         (

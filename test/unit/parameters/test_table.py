@@ -6,6 +6,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from cmpsp_ros.parameters import TABLE, ParameterError
+from cmpsp_ros.parameters.parameter import REQUIRED
 
 OBSTACLE = {'obstacles.a.center': [8.0, -6.0], 'obstacles.a.radius': 0.7}
 
@@ -14,6 +15,14 @@ def refusal(values):
     with pytest.raises(ParameterError) as caught:
         TABLE.resolve(values)
     return str(caught.value).splitlines()
+
+
+@pytest.mark.parametrize('row', list(TABLE), ids=lambda row: row.name)
+def test_each_row_is_whole(row):
+    assert row.nodes <= {'guidance', 'sim'}
+    assert row.nodes
+    assert row.description.endswith('.')
+    assert row.default is REQUIRED or row.read('key', row.default) == row.default
 
 
 def test_defaults_fill_an_empty_set_in_the_order_of_the_table():

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cmpsp_ros.sensing import grid_of, updated
+from cmpsp_ros.sensing import REMEMBERED, grid_of, updated
 from cmpsp_ros.world.grids import Cell, GridError
 
 FREE, OCCUPIED, UNKNOWN = Cell.FREE, Cell.OCCUPIED, Cell.UNKNOWN
@@ -48,6 +48,11 @@ def test_what_is_lethal_can_be_said():
         [FREE, OCCUPIED, UNKNOWN],
         [FREE, FREE, FREE],
     ]
+
+
+def test_free_cells_out_of_sight_come_back_as_such():
+    found = grid_of(grid((0, REMEMBERED, 2, -1, 100, 0)), 'map')
+    assert found.cells.tolist() == [[FREE, Cell.REMEMBERED, FREE], [UNKNOWN, OCCUPIED, FREE]]
 
 
 def test_a_change_of_a_part():

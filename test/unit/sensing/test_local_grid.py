@@ -37,6 +37,14 @@ def test_a_beam_frees_what_it_passes_and_marks_its_end():
     assert known(local, [(0.95, 0.05), (1.05, 0.05), (1.15, 0.05)]) == [FREE, FREE, UNKNOWN]
 
 
+def test_what_was_free_when_it_was_seen_last_is_remembered():
+    local = grid()
+    local.see(beams([(1.05, 0.02)]))
+    local.see(beams([(0.02, 1.05)], stamp=9))
+    seen = local.at(10, in_sight=5).at(np.array([(0.55, 0.05), (1.05, 0.05), (0.05, 0.55)]))
+    assert seen.tolist() == [Cell.REMEMBERED, OCCUPIED, FREE]
+
+
 @pytest.mark.parametrize('seed', range(20))
 def test_exactly_the_cells_that_a_beam_passes_are_freed(seed):
     random = np.random.default_rng(seed)

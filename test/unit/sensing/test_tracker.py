@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scanned_rooms import DOOR, ROOM, Faults, ScannedRoom, Score, straight
 
+from cmpsp_ros.sensing.segments import segments_of
 from cmpsp_ros.world.grids import Cell
 
 ACROSS, SLOW = straight(5.0, 1.0, 0.0, 0.8), straight(5.0, 1.0, 0.0, 0.3)
@@ -116,3 +117,16 @@ def test_tracks_are_predicted_for_the_time_of_odometry_and_forgotten_with_it():
     assert room.known.at(0, np.zeros(3)) is sighting
     room.known.forget()
     assert room.known.at(0, np.zeros(3)) is None
+
+
+@pytest.mark.parametrize(('apart', 'count'), [(0.5, 1), (2.0, 2)])
+def test_edges_on_both_sides_of_the_sensor_are_no_legs_of_one(apart, count):
+    """Two ends of walls nearer to it than a stride, `apart` seen from it [rad]."""
+    middles = np.array([-apart, apart])[:, None] / 2.0
+    angles = (middles + np.linspace(-0.1, 0.1, 23)).ravel()
+    points = 0.3 * np.column_stack([np.cos(angles), np.sin(angles)])
+    labels, nobody = np.full(len(points), 2), np.empty((0, 3))
+    view = 0.2 / 22, -2.0, 2.0
+    found = segments_of(np.zeros(2), points, labels, nobody, view)
+    assert len(found) == count
+    assert max(each.radius for each in found) < 0.6

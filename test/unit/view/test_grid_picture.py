@@ -23,7 +23,7 @@ def rgb(color):
 
 def test_a_pixel_for_each_cell_with_the_first_row_below():
     cells = np.full((3, 4), Cell.FREE, np.uint8)
-    cells[0, 1], cells[2, 3] = Cell.OCCUPIED, Cell.UNKNOWN
+    cells[0, 1], cells[2, 3], cells[1, 2] = Cell.OCCUPIED, Cell.UNKNOWN, Cell.REMEMBERED
 
     picture = grid_picture(OccupancyGrid((-1.0, 2.0, 0.0), 0.5, cells))
     image = pixels(picture)
@@ -32,7 +32,7 @@ def test_a_pixel_for_each_cell_with_the_first_row_below():
     assert image.size == (4, 3)
     assert image.getpixel((1, 2)) == (*rgb(SEEN), 255)
     assert image.getpixel((3, 0)) == (*rgb(UNSEEN), 255)
-    assert image.getpixel((0, 0))[3] == 0
+    assert image.getpixel((0, 0))[3] == image.getpixel((2, 1))[3] == 0
 
 
 @pytest.mark.parametrize('shape', [(1000, 300), (257, 257), (1, 2000)])

@@ -218,6 +218,8 @@ async function begin() {
   const options = {
     responsive: true,
     displaylogo: false,
+    // On a phone the buttons would lie over legends; two fingers zoom there.
+    displayModeBar: window.innerWidth > 600,
     modeBarButtonsToRemove: ['lasso2d', 'select2d'],
   };
   await Promise.all(

@@ -76,6 +76,7 @@ class GuidePath(NamedTuple):
         profile: Lateral positions at their stations, shape ``(K,)`` [m].
         cost: Squared distance to the centre line along it, and a penalty on the length by which it
             is too long even as the shortest path [m^3].
+        backward: Length of its beginning to drive backward [m]; None if it leads ahead.
     """
 
     homotopy_class: HomotopyClass
@@ -83,6 +84,7 @@ class GuidePath(NamedTuple):
     frame: RoadFrame
     profile: Array
     cost: float
+    backward: float | None = None
 
 
 def guide_paths(
@@ -169,10 +171,25 @@ def searched_paths(
         return []
     poses = np.column_stack([points, np.zeros(len(points))])
     homotopy_class = class_of(frame, frame.coordinates(space.landmarks), poses)
-    guess = follow_profile(
-        settings, start, durations, line, profile, free_turn_rate(start, target, durations)
-    )
-    return [GuidePath(homotopy_class, guess, line, profile, line.length)]
+    turn_rate, back = free_turn_rate(start, target, durations), _backward(settings, start, points)
+    guess = follow_profile(settings, start, durations, line, profile, turn_rate, back)
+    return [GuidePath(homotopy_class, guess, line, profile, line.length, back)]
+
+
+def _backward(settings: LawSettings, start: PlanStart, points: Array) -> float | None:
+    """Length of a line ``(K, 2)`` behind the robot that is too narrow to turn round on [m].
+
+    None if it leads ahead, or the robot does not turn on the spot.
+    """
+    robot, (x, y, heading), world = start.robot, start.pose.tolist(), start.world
+    ahead = points[min(round(SHORTEST_LOOKAHEAD / SPACING), len(points) - 1)]
+    angle = wrapped(math.atan2(ahead[1] - y, ahead[0] - x) - heading)
+    if abs(angle) < math.pi / 2.0 or robot.drives_sideways or not robot.turns_on_the_spot:
+        return None
+    turning = settings.circumscribed_radius + settings.safety.margin
+    space = FreeSpace.of(world.road, world.shapes, turning)
+    is_wide = space.at(np.column_stack([points, np.zeros(len(points))])).min(axis=1) >= 0.0
+    return SPACING * float(is_wide.argmax())
 
 
 def searched_line(space: FreeSpace, start: Array, goal: Array) -> Array:
@@ -230,7 +247,7 @@ def turning_first(
     `GuidePath.guess` turns while it drives, and needs space for that.
     """
     robot, frame, pose = start.robot, path.frame, start.pose
-    if settings.max_wheel_change < math.inf:
+    if settings.max_wheel_change < math.inf or path.backward:
         return path.guess
     stretch = stretch_at(frame, 0.0, float(path.profile[0]))
     there = SHORTEST_LOOKAHEAD / max(stretch, SHORTEST_LOOKAHEAD)

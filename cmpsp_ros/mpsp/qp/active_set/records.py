@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import fields, replace
 from typing import Final, NamedTuple
 
@@ -47,7 +47,8 @@ class Space(NamedTuple):
 def compiled_size(n: int, r: int) -> tuple[int, int]:
     """The least size that code is compiled for and that a program fits in."""
     for states, controls in SIZES:
-        if n <= states and r <= controls and (states > 5 or (n, r) == (states, controls)):
+        # The first is for robots alone: most problems fit in the second.
+        if n <= states and r <= controls and (states > 3 or (n, r) == (states, controls)):
             return states, controls
     return n, r
 
@@ -178,10 +179,17 @@ def _row(of: Space, number: int) -> Row:
 
 
 def kkt_residual(
-    qp: Subproblem, solution: QPSolution, penalties: Penalties | None, dX: Array | None = None
+    qp: Subproblem,
+    solution: QPSolution,
+    penalties: Penalties | None,
+    dX: Array | None = None,
+    room: Space | None = None,
 ) -> float:
-    """Largest violation of the optimality conditions, as `kkt.kkt_residual`; of any solution."""
-    with borrowed_space(qp.size) as mine:
+    """Largest violation of the optimality conditions, as `kkt.kkt_residual`; of any solution.
+
+    Where there is `room`, the program and its solution are left in it.
+    """
+    with borrowed_space(qp.size) if room is None else nullcontext(room) as mine:
         fill(mine, qp, penalties)
         put_solution(mine, solution, qp.propagate(solution.dU) if dX is None else dX)
         return float(kkt.kkt_residual(mine.program))

@@ -6,10 +6,12 @@ So it is checked with the whole set, takes effect between two control steps and 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from nav_msgs.msg import OccupancyGrid as GridMessage
+from nav_msgs.msg import Path
+from rclpy.lifecycle import LifecycleNode
 from rclpy.qos import QoSProfile
 
 from cmpsp_ros.guidance import NANOSECONDS
@@ -17,29 +19,21 @@ from cmpsp_ros.guidance.messages import TransformError, compose
 from cmpsp_ros.nodes.common.parameters import change_parameters
 from cmpsp_ros.nodes.common.topic import Listener
 from cmpsp_ros.nodes.common.topics import GUIDANCE_MAP, GUIDANCE_ROAD
-from cmpsp_ros.parameters import text_of
+from cmpsp_ros.nodes.guidance.inputs.transforms import TransformInput
+from cmpsp_ros.parameters import Values, text_of
 from cmpsp_ros.sensing import grid_of, stamp_of, updated
+from cmpsp_ros.world.grids import OccupancyGrid
 
 try:
     from map_msgs.msg import OccupancyGridUpdate
 except ImportError:
     OccupancyGridUpdate = None
 
-if TYPE_CHECKING:
-    from nav_msgs.msg import Path
-    from rclpy.lifecycle import LifecycleNode
-
-    from cmpsp_ros.nodes.guidance.inputs.transforms import TransformInput
-    from cmpsp_ros.parameters import Values
-    from cmpsp_ros.world.grids import OccupancyGrid
-
 
 class CourseInput(Listener):
     """Receives a part of the course.
 
-    Attributes:
-        waits: True if the first one is still to come.
-        refusal: Reason why the last one was refused; empty if it was not.
+    It `waits` for the first one; `refusal` is why the last one was refused, empty if it was not.
     """
 
     def __init__(self, node: LifecycleNode, transforms: TransformInput) -> None:
@@ -68,11 +62,7 @@ class RoadInput(CourseInput):
             node.get_logger().info('waiting for a road on the topic road')
 
     def drive_along(self, path: Path) -> tuple[float, float]:
-        """Take the path of an action for the road, and return its end, the goal.
-
-        Raises:
-            ValueError: It cannot be that; nothing changes.
-        """
+        """Take the path of an action for the road; its end is the goal. ValueError if refused."""
         if not self._subscriptions:
             raise ValueError('A path needs road.type corridor and road.source topic')
         changes = self._transforms.road_in(path)
@@ -114,7 +104,7 @@ class MapInput(CourseInput):
         self._subscriptions.append(topic.listen_on(node, self._hear))
         if OccupancyGridUpdate is not None:
             name, qos = f'{self._topic}_updates', QoSProfile(depth=10)
-            listen = node.create_subscription(OccupancyGridUpdate, name, self._hear_update, qos)
+            listen = node.create_subscription(OccupancyGridUpdate, name, self._hear, qos)
             self._subscriptions.append(listen)
         node.get_logger().info(self.waiting)
 
@@ -135,25 +125,19 @@ class MapInput(CourseInput):
             return f'The map is {age:.3f} s old (map.timeout).'
         return self.refusal
 
-    def _hear(self, message: GridMessage) -> None:
+    def _hear(self, message: GridMessage | OccupancyGridUpdate) -> None:
         frame = message.header.frame_id
         try:
-            self._grid = grid_of(message, frame, self._lethal)
+            if isinstance(message, GridMessage):
+                self._grid = grid_of(message, frame, self._lethal)
+            elif self._grid is not None and frame == self._frame:
+                self._grid = updated(self._grid, message, self._lethal)
+            else:
+                return
         except ValueError as error:
             self._refuse('map', error)
             return
         self._frame, self._stamp = frame, stamp_of(message)
-        self._take()
-
-    def _hear_update(self, message: OccupancyGridUpdate) -> None:
-        if self._grid is None or message.header.frame_id != self._frame:
-            return
-        try:
-            self._grid = updated(self._grid, message, self._lethal)
-        except ValueError as error:
-            self._refuse('map', error)
-            return
-        self._stamp = stamp_of(message)
         self._take()
 
     def _take(self) -> None:

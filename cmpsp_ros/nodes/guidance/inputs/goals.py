@@ -2,37 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from builtin_interfaces.msg import Duration
 from geometry_msgs.msg import PoseStamped
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.action.server import ServerGoalHandle
+from rclpy.lifecycle import LifecycleNode
 from rclpy.task import Future
 
-from cmpsp_ros.guidance import NANOSECONDS, Goal, GoalError
+from cmpsp_ros.guidance import NANOSECONDS, Decision, Goal, GoalError, GuidanceLaw
 from cmpsp_ros.guidance.messages import TransformError
 from cmpsp_ros.nodes.common.messages import set_pose
 from cmpsp_ros.nodes.common.topic import Listener
 from cmpsp_ros.nodes.common.topics import GOAL_POSE
-from cmpsp_ros.nodes.guidance.inputs import nav2
+from cmpsp_ros.nodes.guidance.inputs.course import RoadInput
+from cmpsp_ros.nodes.guidance.inputs.transforms import TransformInput
 from cmpsp_ros.robots import speeds_and_turns
 
 try:
     from nav2_msgs.action import FollowPath, NavigateToPose
 except ImportError:  # Nav2 is not among the wheels
     FollowPath = NavigateToPose = None
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
-
-    from rclpy.action.server import ServerGoalHandle
-    from rclpy.lifecycle import LifecycleNode
-
-    from cmpsp_ros.guidance import Decision, GuidanceLaw
-    from cmpsp_ros.nodes.guidance.inputs.course import RoadInput
-    from cmpsp_ros.nodes.guidance.inputs.transforms import TransformInput
 
 NAVIGATE, FOLLOW = 'navigate_to_pose', 'follow_path'
 
@@ -43,11 +37,22 @@ _CODES = {'': 0, 'unknown': 100, 'transform': 102, 'refused': 103, 'missed': 105
 FAILED_TO_MAKE_PROGRESS. NavigateToPose has none of its own there: Nav2 hands on those of a path."""
 
 
-class GoalInput(Listener):
-    """Gives received goals to the law.
+class _Running(NamedTuple):
+    """A goal that is driven to."""
 
-    Attributes:
-        cancelled: Reason to stand until the next goal; empty where there is none.
+    name: str
+    handle: ServerGoalHandle
+    goal: Goal
+    begun: int
+    ended: Future
+
+
+class GoalInput(Listener):
+    """Gives received goals to the law; `cancelled` is a reason to stand until the next one.
+
+    Of the goals of both actions one is driven to at a time, and the newest counts. One is rejected
+    where none is accepted; one that is accepted and cannot be driven to is aborted, with the
+    reason.
     """
 
     def __init__(
@@ -68,24 +73,50 @@ class GoalInput(Listener):
         self._law, self._transforms, self._road = law, transforms, road
         self._is_active, self._at_first = is_active, _NONE_YET if waits else ''
         self.cancelled = self._at_first
+        self._running: _Running | None = None
         self._subscriptions.append(GOAL_POSE.listen_on(node, self._on_message))
-        drives = {NAVIGATE: self._navigate, FOLLOW: self._follow}
-        frame = transforms.settings.frame_id
-        self._actions = GoalActions(node, frame, drives, self._rejection_reason, self._cancel)
+        kinds = (NAVIGATE, NavigateToPose, self._navigate), (FOLLOW, FollowPath, self._follow)
+        self._servers = [
+            ActionServer(
+                node,
+                kind,
+                name,
+                partial(self._execute, name, kind, drive),
+                goal_callback=partial(self._on_request, name),
+                cancel_callback=self._on_cancel,
+            )
+            for name, kind, drive in kinds
+            if kind is not None
+        ]
 
     def close(self) -> None:
         """Close topic and actions."""
         super().close()
-        self._actions.close()
+        for each in self._servers:
+            each.destroy()
 
     def end(self, reason: str) -> None:
         """End the run for a reason in a sentence."""
         self.cancelled = self._at_first
-        self._actions.abort(reason)
+        self._abort(reason)
 
     def note(self, decision: Decision, pose: Sequence[float]) -> None:
-        """Report a decision, at a pose [m, m, rad], to the client of an action."""
-        self._actions.note(decision, pose, self._law.distance_to)
+        """Report a decision at a pose [m, m, rad] to the client; end its goal if that is due."""
+        running = self._running
+        if running is None:
+            return
+        if running.handle.is_cancel_requested:
+            if decision.cancelled and not np.any(decision.twist):
+                self._finish(running.handle.canceled, '', decision.reason)
+            return
+        ours = decision.goal is not None and decision.goal.position == running.goal.position
+        if ours and decision.finished and not decision.halted:
+            if decision.missed:
+                self._finish(running.handle.abort, 'missed', decision.reason)
+            else:
+                self._finish(running.handle.succeed, '', '')
+        elif ours and len(pose):
+            running.handle.publish_feedback(self._feedback(running, decision, pose))
 
     def _on_message(self, message: PoseStamped) -> None:
         if why := self._rejection_reason(NAVIGATE):
@@ -96,7 +127,7 @@ class GoalInput(Listener):
         except GoalError as error:
             self._node.get_logger().warning(f'goal_pose is refused: {error}')
         else:
-            self._actions.abort('Another goal came on goal_pose.')
+            self._abort('Another goal came on goal_pose.')
 
     def _set_goal(self, message: PoseStamped) -> Goal:
         stamp, goal = self._transforms.goal_of(message)
@@ -119,105 +150,10 @@ class GoalInput(Listener):
         end.pose.position.x, end.pose.position.y, end.pose.orientation.w = x, y, 0.0
         return self._set_goal(end)
 
-    def _cancel(self) -> None:
-        self.cancelled = _CANCELLED
-
     def _rejection_reason(self, name: str) -> str:
         if not self._is_active():
             return 'the node is inactive'
         return 'the node is waiting for a road' if self._road.waits and name != FOLLOW else ''
-
-
-class _Running(NamedTuple):
-    """A goal that is driven to."""
-
-    name: str
-    handle: ServerGoalHandle
-    goal: Goal
-    begun: int
-    ended: Future
-
-
-class GoalActions:
-    """Servers of both actions; one goal is driven to at a time, and the newest counts.
-
-    A goal is rejected where no goal is accepted. One that is accepted and cannot be driven to is
-    aborted, with the reason.
-    """
-
-    def __init__(
-        self,
-        node: LifecycleNode,
-        frame_id: str,
-        drives: Mapping[str, Callable[[Any], Goal]],
-        rejection_reason: Callable[[str], str],
-        cancel: Callable[[], None],
-    ) -> None:
-        """Offer the actions, if available.
-
-        Args:
-            node: The node.
-            frame_id: Frame of the course.
-            drives: Takes a request of each action; raises GoalError.
-            rejection_reason: Reason to reject requests of an action now; empty for none.
-            cancel: Stops the robot.
-        """
-        self._node, self._frame_id, self._cancel = node, frame_id, cancel
-        self._rejection_reason = rejection_reason
-        self._running: _Running | None = None
-        kinds = ((NAVIGATE, NavigateToPose), (FOLLOW, FollowPath))
-        self._servers = [
-            ActionServer(
-                node,
-                kind,
-                name,
-                partial(self._execute, name, kind, drives[name]),
-                goal_callback=partial(self._on_request, name),
-                cancel_callback=self._on_cancel,
-            )
-            for name, kind in kinds
-            if kind is not None
-        ]
-
-    def close(self) -> None:
-        """Withdraw the actions."""
-        for each in self._servers:
-            each.destroy()
-
-    def abort(self, reason: str) -> None:
-        """End the goal that is driven to, if there is one, for a reason in a sentence."""
-        if self._running is not None:
-            self._end(self._running.handle.abort, 'unknown', reason)
-
-    def note(
-        self,
-        decision: Decision,
-        pose: Sequence[float],
-        distance: Callable[[Sequence[float], Goal], float],
-    ) -> None:
-        """Report a decision to the client, and end its goal where that is due.
-
-        Args:
-            decision: The decision.
-            pose: Pose of the robot (x, y, heading) [m, m, rad].
-            distance: Distance from a pose to a goal [m].
-        """
-        running = self._running
-        if running is None:
-            return
-        if running.handle.is_cancel_requested:
-            if decision.cancelled and not np.any(decision.twist):
-                self._end(running.handle.canceled, '', decision.reason)
-            return
-        ours = decision.goal is not None and decision.goal.position == running.goal.position
-        if ours and decision.finished and not decision.halted:
-            if decision.missed:
-                self._end(running.handle.abort, 'missed', decision.reason)
-            else:
-                self._end(running.handle.succeed, '', '')
-        elif ours and len(pose):
-            far = distance(pose, running.goal)
-            running.handle.publish_feedback(self._feedback(running, decision, pose, far))
 
     def _on_request(self, name: str, _request: Any) -> GoalResponse:
         if why := self._rejection_reason(name):
@@ -228,7 +164,7 @@ class GoalActions:
     def _on_cancel(self, handle: ServerGoalHandle) -> CancelResponse:
         if self._running is None or self._running.handle.goal_id != handle.goal_id:
             return CancelResponse.REJECT
-        self._cancel()
+        self.cancelled = _CANCELLED
         return CancelResponse.ACCEPT
 
     async def _execute(
@@ -241,28 +177,32 @@ class GoalActions:
             self._node.get_logger().warning(f'{name} is aborted: {error}')
             cause = 'transform' if isinstance(error.__cause__, TransformError) else 'refused'
             handle.abort()
-            return nav2.result(kind, _CODES[cause], str(error))
-        self.abort('Another goal came.')
+            return result(kind, _CODES[cause], str(error))
+        self._abort('Another goal came.')
         begun = self._node.get_clock().now().nanoseconds
         running = self._running = _Running(name, handle, goal, begun, Future())
         end, cause, reason = await running.ended
         end()
-        return nav2.result(kind, _CODES[cause], reason)
+        return result(kind, _CODES[cause], reason)
 
-    def _end(self, end: Callable[[], None], cause: str, reason: str) -> None:
+    def _abort(self, reason: str) -> None:
+        """End the goal that is driven to, if there is one, for a reason in a sentence."""
+        if self._running is not None:
+            self._finish(self._running.handle.abort, 'unknown', reason)
+
+    def _finish(self, end: Callable[[], None], cause: str, reason: str) -> None:
         running, self._running = self._running, None
         if running is not None:
             running.ended.set_result((end, cause, reason))
 
-    def _feedback(
-        self, running: _Running, decision: Decision, pose: Sequence[float], far: float
-    ) -> Any:
+    def _feedback(self, running: _Running, decision: Decision, pose: Sequence[float]) -> Any:
         here, now = PoseStamped(), self._node.get_clock().now()
-        here.header.frame_id, here.header.stamp = self._frame_id, now.to_msg()
+        here.header.frame_id = self._transforms.settings.frame_id
+        here.header.stamp = now.to_msg()
         set_pose(here.pose, pose)
+        far = self._law.distance_to(pose, running.goal)
         if running.name == FOLLOW:
-            speed = float(speeds_and_turns(decision.twist)[0])
-            return nav2.follow_path_feedback(FollowPath, here, far, speed)
+            return path_feedback(here, far, float(speeds_and_turns(decision.twist)[0]))
         return NavigateToPose.Feedback(
             current_pose=here,
             navigation_time=_duration((now.nanoseconds - running.begun) / NANOSECONDS),
@@ -274,3 +214,27 @@ class GoalActions:
 def _duration(seconds: float) -> Duration:
     sec, nanosec = divmod(round(max(0.0, seconds) * NANOSECONDS), NANOSECONDS)
     return Duration(sec=sec, nanosec=nanosec)
+
+
+def path_feedback(pose: PoseStamped, distance: float, speed: float) -> Any:
+    """Feedback of FollowPath: distance [m] to the goal along the path, and speed [m/s].
+
+    From Lyrical on they are fields of a message `nav2_msgs/TrackingFeedback`, beside the pose. Its
+    tracking errors stay 0: the path is a road here, on which the robot may drive anywhere.
+    """
+    feedback = FollowPath.Feedback()
+    values = getattr(feedback, 'tracking_feedback', feedback)
+    values.distance_to_goal, values.speed = distance, speed
+    if values is not feedback:
+        values.header, values.robot_pose = pose.header, pose
+        values.remaining_path_length = distance
+    return feedback
+
+
+def result(kind: Any, code: int, reason: str) -> Any:
+    """Result of an action; Jazzy had no text at first."""
+    found = kind.Result()
+    for field, value in (('error_code', code), ('error_msg', reason)):
+        if hasattr(found, field):
+            setattr(found, field, value)
+    return found

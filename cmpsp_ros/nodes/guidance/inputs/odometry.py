@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import struct
 import time
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+
+from rclpy.lifecycle import LifecycleNode
 
 from cmpsp_ros.guidance import NANOSECONDS
 from cmpsp_ros.guidance.messages import OdometryError, OdometryReading
 from cmpsp_ros.nodes.common.topic import Listener, publisher_names, waiting
 from cmpsp_ros.nodes.common.topics import GUIDANCE_ODOM
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from rclpy.lifecycle import LifecycleNode
 
 _HEADER = 4
 """Bytes of the encapsulation header; alignment counts from its end."""
@@ -30,13 +27,10 @@ _PATIENCE = 1.0
 
 
 def read_odometry(data: bytes) -> OdometryReading:
-    """Read a serialised `nav_msgs/Odometry` without covariance and twist.
+    """Read a serialised `nav_msgs/Odometry` without covariance and twist, or raise OdometryError.
 
     rclpy makes a Python object of each part of a message, which takes as long as deciding on it.
     The bytes are CDR (OMG DDS-RTPS 2.5, section 10, with the alignment of XCDR version 1).
-
-    Raises:
-        OdometryError: It is none.
     """
     try:
         stamp, length, numbers = _LITTLE_ENDIAN if data[1] & 1 else _BIG_ENDIAN
@@ -64,14 +58,8 @@ class OdometryInput(Listener):
     ) -> tuple[OdometryReading, bytes]:
         """Odometry of a message, or of the newest waiting one if it is outdated, with its bytes.
 
-        Args:
-            data: Message received.
-            now: Present time [ns].
-            period: Maximum age [s].
-            is_due: True for a time [ns] of odometry to decide on.
-
-        Raises:
-            OdometryError: It cannot be read.
+        It is outdated where a decision `is_due` and it is older than a `period` [s] at a time `now`
+        [ns]. Raises OdometryError if it cannot be read.
         """
         reading = read_odometry(data)
         if (now - reading.stamp) / NANOSECONDS <= period or not is_due(reading.stamp):

@@ -1,4 +1,4 @@
-"""Moving obstacles, plans of other robots, and sensors, as the guidance node receives them.
+"""Sensors, moving obstacles, other robots and trackers, as the guidance node receives them.
 
 An unusable message changes nothing: a warning is given, and the known state grows old.
 """
@@ -6,38 +6,58 @@ An unusable message changes nothing: a warning is given, and the known state gro
 from __future__ import annotations
 
 from array import array
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from nav_msgs.msg import OccupancyGrid as GridMessage
+from nav_msgs.msg import Path
+from rclpy.lifecycle import LifecycleNode
 from sensor_msgs.msg import LaserScan, PointCloud2
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.guidance import NANOSECONDS
-from cmpsp_ros.guidance.messages import PeerTrajectory, TrackError, Tracks, check_track_age
-from cmpsp_ros.nodes.common.messages import set_stamp
-from cmpsp_ros.nodes.common.topic import Listener
-from cmpsp_ros.nodes.common.topics import GUIDANCE_MOVING, SCAN, SIGHTING, plans_of
-from cmpsp_ros.sensing import ScanError, Sensor, Surroundings, sight_of
+from cmpsp_ros.bags import UnknownTypeError
+from cmpsp_ros.guidance import NANOSECONDS, NEVER, GuidanceSettings
+from cmpsp_ros.guidance.messages import (
+    MovingObject,
+    ObjectTracks,
+    PeerTrajectory,
+    Track,
+    TrackError,
+    TrackFusion,
+    Tracks,
+    check_track_age,
+    is_relative,
+    without_robots,
+)
+from cmpsp_ros.nodes.common import topics
+from cmpsp_ros.nodes.common.messages import cloud_of, set_stamp
+from cmpsp_ros.nodes.common.topic import Listener, Topic, message_class
+from cmpsp_ros.nodes.guidance.inputs.transforms import TransformInput
+from cmpsp_ros.parameters import ParameterError, Problem
+from cmpsp_ros.sensing import (
+    REMEMBERED,
+    ScanError,
+    Sensor,
+    Sighting,
+    Surroundings,
+    TrackSource,
+    sight_of,
+    stamp_of,
+)
 from cmpsp_ros.world.grids import Cell
 
-if TYPE_CHECKING:
-    from nav_msgs.msg import Path
-    from rclpy.lifecycle import LifecycleNode
-
-    from cmpsp_ros.guidance import GuidanceSettings
-    from cmpsp_ros.guidance.messages import MovingObject, Track
-    from cmpsp_ros.nodes.guidance.inputs.transforms import TransformInput
-    from cmpsp_ros.sensing import Sighting
-
 _THROTTLE = 2.0
+_FIRST = 2
+"""Number of the first tracker; the tracks of own sensors have 1."""
+
 _MESSAGES = {'scan': LaserScan, 'cloud': PointCloud2}
 
 # Values of a nav_msgs/OccupancyGrid by `Cell`.
 _VALUES = np.zeros(len(Cell), dtype=np.int8)
-_VALUES[[Cell.OCCUPIED, Cell.UNKNOWN]] = 100, -1
+_VALUES[[Cell.OCCUPIED, Cell.UNKNOWN, Cell.REMEMBERED]] = 100, -1, REMEMBERED
 
 
 class SurroundingsInput(Listener):
@@ -45,93 +65,29 @@ class SurroundingsInput(Listener):
 
     def __init__(self, node: LifecycleNode) -> None:
         super().__init__(node)
-        self._refusals: dict[str, str] = {}
+        self._refusals: dict[int, str] = {}
 
-    def _refuse(self, source: str, reason: str, said: str) -> None:
-        self._refusals[source] = reason
-        self._node.get_logger().warning(said, throttle_duration_sec=_THROTTLE)
+    def _listen(self, topic: Topic, read: Callable[[Any], None], reason: str = '{}') -> None:
+        """Read messages of a topic; `reason` says in diagnostics why one was refused."""
+        hear = partial(self._hear, len(self._subscriptions), topic.name, read, reason)
+        self._subscriptions.append(topic.listen_on(self._node, hear))
+
+    def _hear(
+        self, number: int, topic: str, read: Callable[[Any], None], reason: str, message: Any
+    ) -> None:
+        try:
+            read(message)
+        except (ScanError, TrackError) as error:
+            self._refusals[number] = said = reason.format(error)
+            said = f'{topic} refused: {error}' if reason == '{}' else said
+            self._node.get_logger().warning(said, throttle_duration_sec=_THROTTLE)
+        else:
+            self._refusals[number] = ''
 
     @property
     def refusals(self) -> list[str]:
         """Reasons why last messages were refused."""
         return [each for each in self._refusals.values() if each]
-
-
-class ObstacleInput(SurroundingsInput):
-    """Receives moving obstacles, if plans have capacity for them, and keeps the latest.
-
-    Attributes:
-        settings: All settings of the guidance law, as they are now.
-    """
-
-    def __init__(
-        self, node: LifecycleNode, settings: GuidanceSettings, transforms: TransformInput
-    ) -> None:
-        """Open the topics: of obstacles unless `moving_obstacles.capacity` is 0, and of others."""
-        super().__init__(node)
-        self.settings, self._transforms = settings, transforms
-        self._tracks: Tracks[Track] = Tracks()
-        self._plans: Tracks[PeerTrajectory] = Tracks()
-        # Robots never heard of cannot be missing.
-        self._heard: dict[str, PeerTrajectory] = {}
-        known, own = settings.moving_obstacles, node.get_namespace()
-        if known.capacity:
-            self._subscriptions.append(GUIDANCE_MOVING.listen_on(node, self._hear))
-        self._subscriptions += [
-            plans_of(each).listen_on(node, partial(self._hear_plan, each))
-            for each in known.others
-            if each != own
-        ]
-
-    def at(self, stamp: int) -> tuple[MovingObject, ...]:
-        """Moving objects known at a time [ns]: obstacles by number, then robots by name."""
-        if not self._subscriptions:
-            return ()
-        self.drain()
-        timeout = self.settings.moving_obstacles.timeout
-        return (*self._tracks.at(stamp, timeout), *self._plans.at(stamp, timeout))
-
-    def forget_after(self, stamp: int) -> None:
-        """Time has jumped back to an instant [ns]: later reports are of another run."""
-        self._tracks.forget_after(stamp)
-        self._plans.forget_after(stamp)
-        self._heard = {}
-
-    def warnings(self, now: int) -> list[str]:
-        """Refusals of the last messages, and robots silent at a time [ns]."""
-        oldest = now - round(self.settings.moving_obstacles.timeout * NANOSECONDS)
-        silent = [name for name, each in self._heard.items() if each.is_older(oldest)]
-        lost = [f'Not kept clear of, for no plan comes: {", ".join(silent)}.'] if silent else []
-        return [*self.refusals, *lost]
-
-    def _hear(self, message: PointCloud2) -> None:
-        try:
-            tracks = self._transforms.tracks_of(message)
-            self._check_age(message, 'Obstacles are')
-        except TrackError as error:
-            self._refuse_topic(GUIDANCE_MOVING.name, error)
-        else:
-            self._refusals[GUIDANCE_MOVING.name] = ''
-            self._tracks.add(tracks)
-
-    def _hear_plan(self, namespace: str, message: Path) -> None:
-        topic = plans_of(namespace).name
-        try:
-            plan = PeerTrajectory.of(message, namespace, self.settings.frame_id)
-            self._check_age(message, f'The plan of {namespace} is')
-        except TrackError as error:
-            self._refuse_topic(topic, error)
-        else:
-            self._refusals[topic] = ''
-            self._plans.add([plan])
-            self._heard[namespace] = plan
-
-    def _check_age(self, message: PointCloud2 | Path, what: str) -> None:
-        now = self._node.get_clock().now().nanoseconds
-        check_track_age(message, now, self.settings.moving_obstacles.timeout, what)
-
-    def _refuse_topic(self, topic: str, error: TrackError) -> None:
-        self._refuse(topic, str(error), f'{topic} refused: {error}')
 
 
 class SensorInput(SurroundingsInput):
@@ -144,9 +100,10 @@ class SensorInput(SurroundingsInput):
         self._surroundings = Surroundings(settings.sight, *footprint)
         self._sensors = settings.sight.sensors
         for each in self._sensors:
-            topic = replace(SCAN, name=each.topic, type=_MESSAGES[each.type])
-            self._subscriptions.append(topic.listen_on(node, partial(self._hear, each)))
-        self._publisher = SIGHTING.publish_on(node) if self._sensors else None
+            topic = replace(topics.SCAN, name=each.topic, type=_MESSAGES[each.type])
+            reason = 'A message of a sensor is refused: {}.'
+            self._listen(topic, partial(self._read, each), reason)
+        self._publisher = self._publish_on(topics.SIGHTING) if self._sensors else None
 
     def note(self, stamp: int, pose: Array) -> str:
         """Note a pose ``(3,)`` [m, m, rad] of odometry; reason to stop if a sensor is blind."""
@@ -172,21 +129,8 @@ class SensorInput(SurroundingsInput):
         """Refusals of last messages."""
         return self.refusals
 
-    def close(self) -> None:
-        """Close the topics."""
-        super().close()
-        if self._publisher is not None:
-            self._node.destroy_publisher(self._publisher)
-
-    def _hear(self, sensor: Sensor, message: Any) -> None:
-        try:
-            sight = sight_of(message, sensor)
-        except ScanError as error:
-            said = f'A message of a sensor is refused: {error}.'
-            self._refuse(sensor.name, said, said)
-        else:
-            self._refusals[sensor.name] = ''
-            self._surroundings.add(sight)
+    def _read(self, sensor: Sensor, message: Any) -> None:
+        self._surroundings.add(sight_of(message, sensor))
 
     def _message(self, sighting: Sighting) -> GridMessage:
         grid, message = sighting.grid, GridMessage()
@@ -199,3 +143,116 @@ class SensorInput(SurroundingsInput):
         message.info.origin.orientation.w = 1.0
         message.data = array('b', _VALUES[grid.cells].tobytes())
         return message
+
+
+class TrackInput(SurroundingsInput):
+    """Receives tracks of all sources, fuses them, and publishes those that a decision uses.
+
+    Tracks that `moving_obstacles` brings are in the bag already.
+
+    Attributes:
+        settings: All settings of the guidance law, as they are now.
+    """
+
+    def __init__(
+        self, node: LifecycleNode, settings: GuidanceSettings, transforms: TransformInput
+    ) -> None:
+        """Open the topics; raises ParameterError for types whose package is not installed."""
+        super().__init__(node)
+        self.settings, self._transforms = settings, transforms
+        known, own = settings.moving_obstacles, node.get_namespace()
+        self._trackers = [
+            (each, replace(topics.TRACKER, name=each.topic, type=_class_of(each)))
+            for each in known.trackers
+        ]
+        self._obstacles, self._plans = Tracks[Track](), Tracks[PeerTrajectory]()
+        self.forget_after(NEVER)
+        if known.capacity:
+            self._listen(topics.GUIDANCE_MOVING, self._read_obstacles)
+        for each in known.others:
+            if each != own:
+                self._listen(topics.plans_of(each), partial(self._read_plan, each))
+        for number, (source, topic) in enumerate(self._trackers):
+            reason = f'A message of tracker {source.name} is refused: {{}}'
+            self._listen(topic, partial(self._read_objects, number), reason)
+        has_more = settings.sight.sensors or known.trackers
+        self._publisher = self._publish_on(topics.OWN_TRACKS) if has_more else None
+
+    def at(self, stamp: int, sighting: Sighting | None) -> tuple[MovingObject, ...]:
+        """Everything known to move at a time [ns]: each object once, then robots by name."""
+        self.drain()
+        known = self.settings.moving_obstacles
+        told = self._obstacles.at(stamp, known.timeout)
+        robots = self._plans.at(stamp, known.timeout)
+        if self._publisher is None:
+            return (*told, *robots)
+        seen = () if sighting is None else sighting.tracks
+        others = [
+            without_robots(each, robots, known.others_radius, stamp)
+            for each in (seen, *(each.at(stamp, known.timeout) for each in self._tracks))
+        ]
+        fused = self._fusion.update(stamp, (told, *others))
+        self._publish([each for each in fused if each not in told])
+        return (*fused, *robots)
+
+    def warnings(self, now: int) -> list[str]:
+        """Refusals of the last messages, and robots silent at a time [ns]."""
+        oldest = now - round(self.settings.moving_obstacles.timeout * NANOSECONDS)
+        silent = [name for name, each in self._heard.items() if each.is_older(oldest)]
+        lost = [f'Not kept clear of, for no plan comes: {", ".join(silent)}.'] if silent else []
+        return [*self.refusals, *lost]
+
+    def forget_after(self, stamp: int) -> None:
+        """Time has jumped back to an instant [ns]: later reports are of another run."""
+        self._obstacles.forget_after(stamp)
+        self._plans.forget_after(stamp)
+        # Robots never heard of cannot be missing.
+        self._heard: dict[str, PeerTrajectory] = {}
+        self._objects = [ObjectTracks(e, n) for n, (e, _) in enumerate(self._trackers, _FIRST)]
+        self._tracks: list[Tracks[Track]] = [Tracks() for _ in self._trackers]
+        self._fusion, self._published = TrackFusion(), dict[int, int]()
+
+    def _read_obstacles(self, message: PointCloud2) -> None:
+        tracks = self._transforms.tracks_of(message)
+        self._check_age(message, 'Obstacles are')
+        self._obstacles.add(tracks)
+
+    def _read_plan(self, namespace: str, message: Path) -> None:
+        plan = PeerTrajectory.of(message, namespace, self.settings.frame_id)
+        self._check_age(message, f'The plan of {namespace} is')
+        self._plans.add([plan])
+        self._heard[namespace] = plan
+
+    def _read_objects(self, number: int, message: Any) -> None:
+        self._check_age(message, 'Objects are')
+        is_moving = is_relative(self._trackers[number][0].type)
+        frame, stamp = message.header.frame_id, stamp_of(message)
+        there, motion = self._transforms.frame_at(frame, stamp, with_motion=is_moving)
+        timeout = self.settings.moving_obstacles.timeout
+        tracks = self._objects[number].tracks_of(message, there, motion, timeout)
+        self._tracks[number].add(tracks)
+
+    def _check_age(self, message: Any, subject: str) -> None:
+        now = self._node.get_clock().now().nanoseconds
+        check_track_age(message, now, self.settings.moving_obstacles.timeout, subject)
+
+    def _publish(self, tracks: Sequence[Track]) -> None:
+        """Publish tracks that were not published before; those of one time in one message."""
+        assert self._publisher is not None  # noqa: S101 (tracks have come)
+        new = sorted(each for each in tracks if self._published.get(each.id) != each.stamp)
+        self._published = {each.id: each.stamp for each in tracks}
+        for stamp in sorted({each.stamp for each in new}):
+            some = [each for each in new if each.stamp == stamp]
+            self._publisher.publish(cloud_of(some, stamp, self.settings.frame_id))
+
+
+def _class_of(source: TrackSource) -> Any:
+    """Message class of a source; raises ParameterError."""
+    try:
+        return message_class(source.type)
+    except UnknownTypeError:
+        package = source.type.partition('/')[0]
+        key, found = f'trackers.{source.name}.type', f'{source.type!r}'
+        name = f'ros-$ROS_DISTRO-{package.replace("_", "-")}'
+        wanted = f'the package {package} to be installed, as by apt install {name}'
+        raise ParameterError(Problem(key, found, wanted)) from None

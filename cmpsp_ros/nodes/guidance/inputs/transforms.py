@@ -5,20 +5,23 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import PoseStamped
-from nav_msgs.msg import Odometry
+from nav_msgs.msg import Odometry, Path
+from rclpy.lifecycle import LifecycleNode
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.guidance import NANOSECONDS, GoalError
+from cmpsp_ros.guidance import NANOSECONDS, Goal, GoalError, GuidanceSettings
 from cmpsp_ros.guidance.messages import (
     OdometryError,
     OdometryReading,
+    Track,
     TrackError,
     TransformError,
     Transforms,
@@ -36,15 +39,6 @@ try:
     from tf2_msgs.msg import TFMessage
 except ImportError:  # tf2 is not among the wheels
     TFMessage = None
-
-if TYPE_CHECKING:
-    from nav_msgs.msg import Path
-    from rclpy.lifecycle import LifecycleNode
-    from sensor_msgs.msg import PointCloud2
-
-    from cmpsp_ros.guidance import Goal, GuidanceSettings
-    from cmpsp_ros.guidance.messages import Track
-
 
 _DEPTH = 500
 
@@ -68,9 +62,9 @@ class TransformInput(Listener):
         self.settings, self._robot_frame = settings, robot_frame
         self._transforms = Transforms()
         self._unread: deque[bytes] = deque(maxlen=_DEPTH)
-        self._odometry = OWN_ODOM.publish_on(node)
-        self._goals = OWN_GOAL_POSE.publish_on(node)
-        self._moving = OWN_MOVING.publish_on(node)
+        self._odometry = self._publish_on(OWN_ODOM)
+        self._goals = self._publish_on(OWN_GOAL_POSE)
+        self._moving = self._publish_on(OWN_MOVING)
         topics = (
             ('/tf', DurabilityPolicy.VOLATILE, self._keep),
             ('/tf_static', DurabilityPolicy.TRANSIENT_LOCAL, self._hear_static),
@@ -80,12 +74,6 @@ class TransformInput(Listener):
             listen = node.create_subscription(TFMessage, topic, hear, qos, raw=True)
             self._subscriptions.append(listen)
 
-    def close(self) -> None:
-        """Close the topics."""
-        super().close()
-        for publisher in (self._odometry, self._goals, self._moving):
-            self._node.destroy_publisher(publisher)
-
     def robot_frame(self, child_frame: str) -> str:
         """Frame of the robot's centre, where odometry is of a child frame."""
         return self._robot_frame or child_frame
@@ -93,12 +81,7 @@ class TransformInput(Listener):
     def pose_of(self, reading: OdometryReading, data: bytes) -> tuple[Array, bool]:
         """Pose of the robot's centre by odometry, and True if it took a transform.
 
-        Args:
-            reading: The odometry.
-            data: Serialised message.
-
-        Raises:
-            OdometryError: It cannot be used, or there is no transform.
+        Raises OdometryError if it cannot be used, or there is no transform.
         """
         stamp, frame, child = reading[:3]
         center = self.robot_frame(child)
@@ -116,11 +99,7 @@ class TransformInput(Listener):
         return pose, True
 
     def goal_of(self, message: PoseStamped) -> tuple[int, Goal]:
-        """Time stamp [ns] and goal of a message, published in the frame of the course.
-
-        Raises:
-            GoalError: It cannot be used, or there is no transform.
-        """
+        """Stamp [ns] and goal of a message, in the frame of the course, published; GoalError."""
         wanted, frame = self.settings.frame_id, message.header.frame_id
         if frame != wanted:
             stamp, goal = goal_of(message, frame)
@@ -134,11 +113,7 @@ class TransformInput(Listener):
         return received
 
     def tracks_of(self, message: PointCloud2) -> list[Track]:
-        """Moving obstacles in a message; their velocities are over ground, along its axes.
-
-        Raises:
-            TrackError: They cannot be used, or there is no transform.
-        """
+        """Moving obstacles in a message; velocities are over ground, along its axes; TrackError."""
         wanted, frame = self.settings.frame_id, message.header.frame_id
         tracks, stamp = tracks_of(message, frame), stamp_of(message)
         if frame == wanted:
@@ -161,11 +136,7 @@ class TransformInput(Listener):
         return there, change / (_MOTION / NANOSECONDS)
 
     def road_in(self, message: Path) -> dict[str, Any]:
-        """Parameters of a road, placed by the latest transform.
-
-        Raises:
-            ParameterError: It cannot be used, or there is no transform.
-        """
+        """Parameters of a road, placed by the latest transform, or ParameterError."""
         wanted, frame = self.settings.frame_id, message.header.frame_id
         changes = road_in(message, frame)
         if frame == wanted:

@@ -7,13 +7,11 @@ the time of its task runs; a recorder that comes late has a bag that cannot be r
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING
+
+from rclpy.lifecycle import LifecycleNode
+from rclpy.publisher import Publisher
 
 from cmpsp_ros.nodes.common.topics import GUIDANCE_ODOM
-
-if TYPE_CHECKING:
-    from rclpy.lifecycle import LifecycleNode
-    from rclpy.publisher import Publisher
 
 RECORDERS = frozenset({'recorder', 'rosbag2_recorder'})
 """Names of nodes that record: ours, and that of `ros2 bag`."""

@@ -3,27 +3,21 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Final
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Final
 
+from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point
 from rclpy.duration import Duration
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
-from cmpsp_ros.guidance import NANOSECONDS
-from cmpsp_ros.guidance.messages import PeerTrajectory
+from cmpsp_ros.guidance import NANOSECONDS, Decision, Goal, GuidanceSettings, LawSettings, World
+from cmpsp_ros.guidance.messages import PeerTrajectory, Track
 from cmpsp_ros.guidance.safety import plan_clearance
 from cmpsp_ros.nodes.common.messages import set_stamp
 from cmpsp_ros.view import LEVEL_COLORS, MOVING, SIGMAS, course, kept_clear
 from cmpsp_ros.world.obstacles import outline_of
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
-
-    from builtin_interfaces.msg import Time
-
-    from cmpsp_ros.guidance import Decision, Goal, GuidanceSettings, LawSettings, World
-    from cmpsp_ros.guidance.messages import Track
 
 _HEIGHT = 0.2
 
@@ -61,13 +55,7 @@ def marker_array(
     """Markers of everything static, replacing all earlier ones.
 
     Obstacles have a ring around them at the distance that the robot's centre keeps at samples.
-
-    Args:
-        settings: With the goals.
-        world: Road and static obstacles.
-        stamp: Stamp of all of them.
-        ahead: The goal that is driven to; those that come before it are paler, and their headings
-            are not shown.
+    Goals before the one that is driven to, `ahead`, are paler, and their headings are not shown.
     """
     clear = Marker(action=Marker.DELETEALL)
     clear.header.frame_id = settings.frame_id

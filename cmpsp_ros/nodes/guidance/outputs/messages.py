@@ -8,7 +8,7 @@ with the alignment of XCDR version 1).
 from __future__ import annotations
 
 import struct
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import Point32, PolygonStamped, PoseStamped
@@ -16,14 +16,16 @@ from nav_msgs.msg import Path
 from std_msgs.msg import Header
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.guidance import NANOSECONDS, decision_to_key_values, severity, waypoints
+from cmpsp_ros.guidance import (
+    NANOSECONDS,
+    Decision,
+    Plan,
+    decision_to_key_values,
+    severity,
+    waypoints,
+)
 from cmpsp_ros.nodes.common.messages import set_pose, set_stamp
 from cmpsp_ros.robots import with_side
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from cmpsp_ros.guidance import Decision, Plan
 
 _LITTLE_ENDIAN = b'\x00\x01\x00\x00'
 _TWIST = struct.Struct('<6d')

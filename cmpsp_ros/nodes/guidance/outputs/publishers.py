@@ -2,26 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
+from rclpy.lifecycle import LifecycleNode
 from sensor_msgs.msg import JointState
 
+from cmpsp_ros.guidance import Decision, Goal, GuidanceSettings, LawSettings, World
+from cmpsp_ros.nodes.common import topics
 from cmpsp_ros.nodes.common.health import hardware_id
 from cmpsp_ros.nodes.common.messages import BASE, set_stamp
-from cmpsp_ros.nodes.common.topics import (
-    COMMAND,
-    DECISION,
-    FOOTPRINT,
-    MARKERS,
-    OF_A_RUN,
-    PLAN,
-    PLAN_MARKERS,
-    STAMPED_COMMAND,
-    WHEELS,
-    Topic,
-)
+from cmpsp_ros.nodes.common.topic import Topic
 from cmpsp_ros.nodes.guidance.outputs.listeners import Listeners
 from cmpsp_ros.nodes.guidance.outputs.markers import PlanMarkers, marker_array
 from cmpsp_ros.nodes.guidance.outputs.messages import (
@@ -32,23 +24,13 @@ from cmpsp_ros.nodes.guidance.outputs.messages import (
     stamped_bytes,
     twist_bytes,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from rclpy.lifecycle import LifecycleNode
-
-    from cmpsp_ros.guidance import Decision, Goal, GuidanceSettings, LawSettings, World
-    from cmpsp_ros.parameters import Values
+from cmpsp_ros.parameters import Values
 
 
 class GuidanceOutputs:
-    """Publishers of one configured guidance node.
+    """Publishers of one configured guidance node, and the `listeners` that a run waits for.
 
     The command leaves before anything else is made or sent.
-
-    Attributes:
-        listeners: Subscribers that a run waits for.
     """
 
     def __init__(self, node: LifecycleNode, values: Values, settings: GuidanceSettings) -> None:
@@ -57,17 +39,17 @@ class GuidanceOutputs:
 
         # Where time stands still until it is answered nothing grows stale, and all is recorded.
         def of_a_run(topic: Topic) -> Topic:
-            return replace(topic, depth=OF_A_RUN) if values['lockstep'] else topic
+            return replace(topic, depth=topics.OF_A_RUN) if values['lockstep'] else topic
 
-        self._topic = STAMPED_COMMAND if values['enable_stamped_cmd_vel'] else COMMAND
+        self._topic = topics.STAMPED_COMMAND if values['enable_stamped_cmd_vel'] else topics.COMMAND
         command = of_a_run(self._topic)
         self._command = node.create_lifecycle_publisher(command.type, command.name, command.qos)
-        self._wheels = WHEELS.publish_on(node)
-        self._decisions = of_a_run(DECISION).publish_on(node)
-        self._path = PLAN.publish_on(node)
-        self._plan_markers = PLAN_MARKERS.publish_on(node)
-        self._corners = FOOTPRINT.publish_on(node)
-        self._markers = MARKERS.publish_on(node)
+        self._wheels = topics.WHEELS.publish_on(node)
+        self._decisions = of_a_run(topics.DECISION).publish_on(node)
+        self._path = topics.PLAN.publish_on(node)
+        self._plan_markers = topics.PLAN_MARKERS.publish_on(node)
+        self._corners = topics.FOOTPRINT.publish_on(node)
+        self._markers = topics.MARKERS.publish_on(node)
         self.listeners = Listeners(
             node, self._command, (self._wheels, self._decisions), values['recorder_timeout']
         )
@@ -95,7 +77,7 @@ class GuidanceOutputs:
 
     def command(self, decision: Decision) -> None:
         """Send the command of a decision, stamped as the odometry that it answers."""
-        if self._topic is STAMPED_COMMAND:
+        if self._topic is topics.STAMPED_COMMAND:
             self._command.publish(stamped_bytes(decision, self._robot_frame[1]))
         else:
             self._command.publish(twist_bytes(decision))

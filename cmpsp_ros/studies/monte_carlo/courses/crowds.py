@@ -31,14 +31,9 @@ _ATTEMPTS: Final = 200
 
 @dataclass(frozen=True)
 class _Place:
-    """Walls, start and goal, and the paths of those who walk there.
+    """Walls and furniture, start and goal of the robot [m], and those who walk along drawn paths.
 
-    Attributes:
-        obstacles: Walls and furniture.
-        start: Initial position of the robot [m].
-        goal: Its goal [m].
-        walkers: Those who walk along drawn paths.
-        most: Maximum number of further ones who walk anywhere.
+    `most` is the maximum number of further ones who walk anywhere.
     """
 
     obstacles: tuple[Shape, ...]

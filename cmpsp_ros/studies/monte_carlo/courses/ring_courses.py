@@ -49,15 +49,9 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True)
 class Scenario:
-    """The random part of a run.
+    """The random part of a run: initial pose [m, m, rad], obstacles and people, if any.
 
-    Attributes:
-        number: Number of the run in its study.
-        pose: Initial pose (x, y, heading) [m, m, rad].
-        obstacles: On the road.
-        seed: Seed of all random numbers of the plant.
-        changes: Settings of the guidance law that differ from those of the study.
-        people: Those who walk about, if any.
+    The seed is that of the plant; `changes` are settings of the law that differ from the study's.
     """
 
     number: int
@@ -75,14 +69,9 @@ def scenario(
     most_obstacles: int,
     bearings: tuple[float, float] = (0.0, math.tau),
 ) -> Scenario:
-    """The scenario of a run, which depends on these arguments only.
+    """The scenario of a run of the study with a seed; obstacles of the settings are ignored.
 
-    Args:
-        settings: Road, goal and radius of the robot; their obstacles are ignored.
-        seed: Seed of the study, not negative.
-        number: Number of the run, not negative.
-        most_obstacles: Maximum number on the road.
-        bearings: Range of the start on the ring [rad].
+    The start is within a range of bearings on the ring [rad].
     """
     random = np.random.default_rng(np.random.SeedSequence([seed, number]))
     plant_seed = int(random.integers(2**31))
@@ -91,7 +80,7 @@ def scenario(
     away = settings.robot_radius + scale * FROM_EDGE
     start = _point(random, road, bearings, away)
     ahead = road.angle_between(start, goal)
-    bearing = _bearing(road, start)
+    bearing = math.atan2(start[1] - road.center[1], start[0] - road.center[0])
     along = bearing + math.copysign(math.pi / 2.0, ahead)
     heading = math.remainder(along + random.uniform(-math.pi / 2.0, math.pi / 2.0), math.tau)
     beyond = math.copysign(_BEYOND, ahead)
@@ -100,7 +89,9 @@ def scenario(
     for _ in range(_ATTEMPTS):
         if len(obstacles) == wanted:
             break
-        drawn = _obstacle(random, road, (first, last), f'o{len(obstacles) + 1}', scale)
+        place = _point(random, road, (first, last), 0.0)
+        radius = scale * float(random.uniform(*RADII))
+        drawn = Obstacle(f'o{len(obstacles) + 1}', place, radius)
         clear = all(math.dist(each, drawn.center) >= drawn.radius + away for each in (start, goal))
         width = scale * GAP + 2.0 * settings.robot_radius
         if clear and is_open(road, [*obstacles, drawn], width):
@@ -144,17 +135,6 @@ def _gap(one: Obstacle, other: Obstacle) -> float:
     return math.dist(one.center, other.center) - one.radius - other.radius
 
 
-def _obstacle(
-    random: np.random.Generator,
-    road: Annulus,
-    bearings: tuple[float, float],
-    name: str,
-    scale: float,
-) -> Obstacle:
-    place = _point(random, road, bearings, 0.0)
-    return Obstacle(name, place, scale * float(random.uniform(*RADII)))
-
-
 def _point(
     random: np.random.Generator, road: Annulus, bearings: tuple[float, float], away: float
 ) -> Point:
@@ -164,10 +144,6 @@ def _point(
     distance = math.sqrt(random.uniform(inner**2, outer**2))
     x, y = road.center
     return x + distance * math.cos(bearing), y + distance * math.sin(bearing)
-
-
-def _bearing(road: Annulus, point: Point) -> float:
-    return math.atan2(point[1] - road.center[1], point[0] - road.center[0])
 
 
 _TOP_SPEED, _WHEEL_SPEED, _ROAD_CENTER = 1.785, 51.0, 15.0
@@ -186,14 +162,9 @@ _PACE: Final = (0.5, 0.75)
 
 
 def in_proportion(robot: Robot, given: Mapping[str, Any], radius: float) -> dict[str, Any]:
-    """Changes of the parameters of case 3 that make it a course for a robot.
+    """Changes of the parameters of case 3 that make it a course for a robot of a radius [m].
 
     The weight of the centre line keeps its proportion to that of changes of the controls.
-
-    Args:
-        robot: The robot.
-        given: Parameters of case 3.
-        radius: Radius of its footprint [m].
     """
     scale = max(robot.max_speed / _TOP_SPEED, _RADII_WIDE * radius / WIDTH)
     unit = float(np.abs(robot.controls(np.array([robot.max_speed, 0.0]))).max()) / _WHEEL_SPEED

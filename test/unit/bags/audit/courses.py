@@ -24,7 +24,7 @@ from cmpsp_ros.parameters import (
     plant_settings,
 )
 from cmpsp_ros.robots import arc_ends
-from cmpsp_ros.sensing import Surroundings, sight_of
+from cmpsp_ros.sensing import REMEMBERED, Surroundings, sight_of
 from cmpsp_ros.simulator import Laser, Plant, discs_of, edges_of
 from cmpsp_ros.studies.monte_carlo.courses.ring_courses import scenario
 from cmpsp_ros.world.grids import Cell
@@ -197,8 +197,8 @@ class _Eyes:
         return self.surroundings.at(START + stamp, pose)
 
     def publish(self, sighting, recorder):
-        values = np.zeros(3, np.int8)
-        values[[Cell.OCCUPIED, Cell.UNKNOWN]] = 100, -1
+        values = np.zeros(len(Cell), np.int8)
+        values[[Cell.OCCUPIED, Cell.UNKNOWN, Cell.REMEMBERED]] = 100, -1, REMEMBERED
         known = sighting.grid
         message = grid(sighting.stamp, values[known.cells], known.origin[:2], known.resolution)
         recorder.write(SIGHTING, sighting.stamp - START, 3.0, message)

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from drives import SECOND, START
+from drives import SECOND, START, drive_settings
 
 from cmpsp_ros.bags.audit import CheckOutcome
 from cmpsp_ros.guidance.messages import Track
@@ -42,6 +42,19 @@ def test_what_could_reach_the_robot_before_the_next_command_is_caught(drive, out
 def test_the_limit_of_acceleration_is_that_of_the_parameters(drive, outcomes, limit, outcome):
     drive.parameters['people.max_acceleration'] = limit
     assert outcomes(beside(drive, 4.0, 0.4))['promise'].outcome is outcome
+
+
+@pytest.mark.parametrize(('fraction', 'outcome'), [(1.0, SKIPPED), (0.9, FAILED)])
+def test_a_stop_as_hard_as_the_wheels_can_may_turn_as_promised(drive, outcomes, fraction, outcome):
+    beside(drive, 4.0, 0.4, 1.6)
+    robot, first, change = drive_settings(drive).robot, drive.at(4.0), 4.0
+    drive.parameters['robot.max_wheel_acceleration'] = change / drive.parameters['control_period']
+    fastest = np.abs(robot.wheel_speeds(drive.commands[first - 1].twist)).max()
+    for each in drive.commands[first:]:
+        fastest = max(fastest - fraction * change, 0.0)
+        # The plan that was braked along bends to the other side.
+        each.twist = robot.twist(np.array([0.7, 1.0]) * fastest)
+    assert outcomes(drive)['promise'].outcome is outcome
 
 
 def test_obstacles_that_decisions_used_and_the_bag_lacks_leave_it_open(drive, outcomes):

@@ -15,10 +15,3 @@ def test_it_says_what_it_wrote(drive, tmp_path):
     assert again.exit_code == 2
     assert '--force replaces it' in again.stderr
     assert command('report', bag, '--output', output, '--force').exit_code == 0
-
-
-def test_a_bag_that_cannot_be_used_is_exit_code_2(tmp_path):
-    done = command('report', tmp_path / 'nothing', '--output', tmp_path / 'report.html')
-    assert done.exit_code == 2
-    assert 'no such bag' in done.stderr
-    assert not (tmp_path / 'report.html').exists()

@@ -168,7 +168,7 @@ def test_people_are_shown_as_they_were_and_as_they_were_tracked(seen, tmp_path):
         '/r1/sim/people': lambda t: [(0, 1.0, 1.5 - t, 0.0, -1.0, 0.25)],
         '/r1/guidance/tracks': lambda t: [(Track.SEEN + 3, 1.1, 1.5 - t, 0.0, -1.0, 0.25)],
     })  # fmt: skip
-    (track,) = traces(path([one]), 'track of what moves')
+    (track,) = traces(path([one]), 'track of a moving obstacle')
     assert [track[each] for each in 'xy'] == [
         [1.1] * 6,
         pytest.approx([1.5 - 0.2 * k for k in range(6)]),

@@ -287,6 +287,14 @@ def test_databases(path, script):
         Bag(recovered.path).close()
 
 
+def test_a_value_larger_than_any_is_refused_at_once(path, monkeypatch):
+    make(path, Form('sqlite3'), raw=bytes(20_000))
+    Bag(path).close()
+    monkeypatch.setattr('cmpsp_ros.bags.storage.sqlite.MAX_CHUNK', 15_000)
+    with pytest.raises(BagError, match=r'message of 20000 bytes .* at most 15000 are read'):
+        Bag(path)
+
+
 def test_file_that_fills_the_disk(path, monkeypatch):
     make(path)
     compressed(path, 'FILE')

@@ -1,4 +1,4 @@
-"""The promise: what moves within its limits never touches the robot while that moves itself."""
+"""The promise: moving obstacles within their limits never touch the robot while it moves."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ NEEDED = ['pytest<9.2', 'pytest-timeout', 'hypothesis']
 
 @pytest.mark.slow
 @pytest.mark.timeout(1200)
-@pytest.mark.parametrize('versions', [('numba==0.59.0', 'numpy==1.26.*'), ('numba', 'numpy')])
+@pytest.mark.parametrize('versions', [('numba==0.62.0', 'numpy==1.26.*'), ('numba', 'numpy')])
 def test_a_version_passes_the_tests_of_this_folder(tmp_path, monkeypatch, versions):
     monkeypatch.setenv('PYTHONPATH', str(ROOT))
     monkeypatch.setenv('NUMBA_CACHE_DIR', str(tmp_path / 'cache'))

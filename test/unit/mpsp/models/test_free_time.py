@@ -1,10 +1,10 @@
-"""A final time that is free, against the analytic answer; problems that are updated."""
+"""A final time that is free, inequalities at the end and equalities, against analytic answers."""
 
 import casadi
 import numpy as np
 import pytest
 
-from cmpsp_ros.mpsp import ProblemError, Status, from_casadi, solve
+from cmpsp_ros.mpsp import ProblemError, Status, from_casadi, from_functions, solve
 
 N = 40
 
@@ -21,19 +21,42 @@ def cart(**changes):
     return from_casadi(**{**stated, **changes})
 
 
+def cart_of_functions(**changes):
+    """The same cart from numpy functions."""
+
+    def move(_k, x, u, T):
+        h = T / N
+        return np.array([x[0] + h * x[1] + 0.5 * h**2 * u[0], x[1] + h * u[0]])
+
+    stated = {
+        'horizon': N, 'x0': [0.0, 0.0], 'controls': 1, 'final_time': (0.1, 3.0, 20.0), 'F': move,
+        'L': lambda _k, _x, _u, T: T / (N + 1), 'h': lambda x, _u, _T: x, 'target': [1.0, 0.0],
+        'lower': -1.0, 'upper': 1.0,
+    }  # fmt: skip
+    return from_functions(**{**stated, **changes})
+
+
 @pytest.mark.parametrize('guess', [0.5, 3.0, 9.0])
-def test_least_time_is_that_of_full_thrust_and_full_brake(guess):
-    solution = solve(cart(final_time=(0.1, guess, 20.0)), np.zeros((N + 1, 2)))
+@pytest.mark.parametrize('make', [cart, cart_of_functions])
+def test_least_time_is_that_of_full_thrust_and_full_brake(make, guess):
+    solution = solve(make(final_time=(0.1, guess, 20.0)), np.zeros((N + 1, 2)))
     assert solution.status is Status.CONVERGED
     assert solution.iterate.X[-1, 2] == pytest.approx(2.0, abs=1e-6)
     U = solution.iterate.U[:N, 0]
     np.testing.assert_allclose(U, np.where(np.arange(N) < N // 2, 1.0, -1.0), atol=1e-4)
 
 
-def test_least_time_is_bounded():
-    solution = solve(cart(final_time=(2.5, 3.0, 20.0)), np.zeros((N + 1, 2)))
+@pytest.mark.parametrize('make', [cart, cart_of_functions])
+def test_least_time_is_bounded(make):
+    solution = solve(make(final_time=(2.5, 3.0, 20.0)), np.zeros((N + 1, 2)))
     assert solution.status is Status.CONVERGED
     assert solution.iterate.X[-1, 2] == pytest.approx(2.5, abs=1e-9)
+
+
+@pytest.mark.parametrize('time', [(2.0, 1.0, 3.0), (0.0, 1.0, 2.0)])
+def test_times_that_do_not_fit_are_named_for_functions(time):
+    with pytest.raises(ProblemError, match=r'final_time: found .* 0 < least <= guess'):
+        cart_of_functions(final_time=time)
 
 
 @pytest.mark.parametrize('time', [None, (2.0, 1.0, 3.0), (0.0, 1.0, 2.0)])
@@ -60,3 +83,39 @@ def test_an_updated_problem_is_the_one_built_anew():
     assert cart().predict(U)[0, 0] == 0.0
     with pytest.raises(ProblemError, match='x0: found shape'):
         cart().updated(x0=[1.0])
+
+
+def test_an_inequality_at_the_end_is_a_path_constraint_of_the_last_stage():
+    def solved(**stated):
+        problem = from_functions(
+            horizon=N, x0=[0.0, 0.0], controls=1, L=lambda _k, _x, u: 0.05 * u[0] ** 2,
+            F=lambda _k, x, u: np.array([x[0] + 0.1 * x[1] + 0.005 * u[0], x[1] + 0.1 * u[0]]),
+            **stated,
+        )  # fmt: skip
+        solution = solve(problem, np.zeros((N + 1, 1)))
+        assert solution.status is Status.CONVERGED
+        return solution.iterate
+
+    # The least effort to come a metre further at least, and at rest, is that to come just so far.
+    at_least = solved(
+        h=lambda x, _u: x[1:], target=[0.0],
+        g=lambda k, x, _u: np.array([1.0 - x[0] if k == N else -np.inf]),
+    )  # fmt: skip
+    there = solved(h=lambda x, _u: x, target=[1.0, 0.0])
+    np.testing.assert_allclose(at_least.U, there.U, atol=1e-9)
+
+
+def test_an_equality_along_the_path_is_two_inequalities():
+    wanted = np.sin(0.3 * np.arange(N + 1))
+
+    def both(k, _x, u):
+        off = u[0] + u[1] - wanted[k]
+        return np.array([off, -off])
+
+    problem = from_functions(
+        horizon=N, x0=[0.0], controls=2, F=lambda _k, x, u: x + 0.1 * (u[0] - u[1]),
+        L=lambda _k, _x, u: 0.5 * u[0] ** 2 + u[1] ** 2, g=both,
+    )  # fmt: skip
+    solution = solve(problem, np.zeros((N + 1, 2)))
+    assert solution.status is Status.CONVERGED
+    np.testing.assert_allclose(solution.iterate.U, np.outer(wanted, [2 / 3, 1 / 3]), atol=1e-9)

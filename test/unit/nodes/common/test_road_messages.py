@@ -1,9 +1,10 @@
 """Roads in messages, and settings while one is still to come."""
 
 import math
-from types import SimpleNamespace
 
 import pytest
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Path
 
 from cmpsp_ros.nodes.common.messages import road_in
 from cmpsp_ros.parameters import (
@@ -19,14 +20,14 @@ TOLD = {'road.type': 'corridor', 'road.source': 'topic'}
 
 
 def message(points, frame_id='odom', own=''):
-    def pose(x, y):
-        position = SimpleNamespace(x=x, y=y, z=0.3)
-        return SimpleNamespace(
-            header=SimpleNamespace(frame_id=own), pose=SimpleNamespace(position=position)
-        )
-
-    poses = [pose(*place) for place in points]
-    return SimpleNamespace(header=SimpleNamespace(frame_id=frame_id), poses=poses)
+    path = Path()
+    path.header.frame_id = frame_id
+    for place in points:
+        pose = PoseStamped()
+        pose.header.frame_id = own
+        pose.pose.position.x, pose.pose.position.y = place
+        path.poses.append(pose)
+    return path
 
 
 def test_a_road_is_its_points_and_closed_where_it_ends_as_it_begins():

@@ -13,7 +13,7 @@ from commands import command
 
 from cmpsp_ros.studies.monte_carlo import Order, Study, StudyError, run_study
 from cmpsp_ros.studies.monte_carlo import run as study_runs
-from cmpsp_ros.studies.monte_carlo.results_log import NAME, digest, open_results_log
+from cmpsp_ros.studies.monte_carlo.outcome import NAME, digest, open_results_log
 
 STUDY = Study('nominal', 1)
 RUNS = 48

@@ -19,7 +19,7 @@ from pyarrow import parquet
 import cmpsp_ros
 from cmpsp_ros.studies.monte_carlo import Order, Study, StudyError, judging, run_study
 from cmpsp_ros.studies.monte_carlo.guesses import slalom
-from cmpsp_ros.studies.monte_carlo.results_log import HASHED_PACKAGES, NAME, open_results_log
+from cmpsp_ros.studies.monte_carlo.outcome import HASHED_PACKAGES, NAME, open_results_log
 from cmpsp_ros.studies.monte_carlo.run import make_runs
 from cmpsp_ros.studies.monte_carlo.summary import Share
 

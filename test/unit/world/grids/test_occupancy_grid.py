@@ -51,7 +51,7 @@ def test_outside_the_grid_nothing_is_known() -> None:
         ((0.0, 0.0, 0.0), 0.1, np.zeros((0, 4), np.uint8), 'cells'),
         ((0.0, 0.0, 0.0), 0.1, np.zeros(4, np.uint8), 'cells'),
         ((0.0, 0.0, 0.0), 0.1, np.broadcast_to(np.uint8(0), (40_000, 30_000)), 'cells'),
-        ((0.0, 0.0, 0.0), 0.1, CELLS + np.uint8(3), 'cells'),
+        ((0.0, 0.0, 0.0), 0.1, CELLS + np.uint8(len(Cell)), 'cells'),
         ((0.0, 0.0, 0.0), 0.1, CELLS.astype(float), 'cells'),
     ],
 )

@@ -77,14 +77,14 @@ def test_values_and_limits_are_those_of_the_rows(penalties):
 
 def test_a_program_is_filled_up_to_a_compiled_size():
     assert compiled_size(3, 2) == (3, 2)
-    assert compiled_size(5, 2) == (5, 2)
-    assert compiled_size(1, 1) == compiled_size(4, 2) == compiled_size(8, 4) == (8, 4)
+    assert compiled_size(1, 1) == compiled_size(4, 2) == (5, 2)
+    assert compiled_size(4, 3) == compiled_size(6, 1) == compiled_size(8, 4) == (8, 4)
     assert compiled_size(9, 1) == (16, 8)
     assert compiled_size(65, 1) == (65, 1)
     mine = space(Dimensions(4, 2, 1, 1, 1))
-    assert mine.program.stages['A'].shape == (5, 8, 8)
+    assert mine.program.stages['A'].shape == (5, 5, 5)
     # Nothing moves what fills up, and it costs only itself.
-    np.testing.assert_array_equal(mine.program.stages['L_UU'][:, 1:, 1:], [np.eye(3)] * 5)
+    np.testing.assert_array_equal(mine.program.stages['L_UU'][:, 1:, 1:], [np.eye(1)] * 5)
     assert not mine.program.stages['B'].any()
 
 

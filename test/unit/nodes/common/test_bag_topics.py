@@ -1,11 +1,16 @@
-"""Quality of service: recorded, and offered again."""
+"""Topics as bags have them: message classes by name, and quality of service."""
 
 from __future__ import annotations
 
+import sys
+
 import pytest
+from nav_msgs.msg import Odometry
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
+from cmpsp_ros.bags import UnknownTypeError
 from cmpsp_ros.nodes.common.qos import for_bag, offering
+from cmpsp_ros.nodes.common.topic import message_class
 
 RELIABLE, BEST_EFFORT = ReliabilityPolicy.RELIABLE, ReliabilityPolicy.BEST_EFFORT
 VOLATILE, LATCHED = DurabilityPolicy.VOLATILE, DurabilityPolicy.TRANSIENT_LOCAL
@@ -36,3 +41,33 @@ def test_where_nothing_is_known_it_reaches_everybody():
 def test_no_bag_can_ask_for_all_memory():
     assert offering([for_bag(QoSProfile(depth=2**31 - 1))]).depth == 10_000
     assert offering([for_bag(QoSProfile(depth=7))._replace(depth=0)]).depth == 1
+
+
+def test_a_type_that_is_installed():
+    assert message_class('nav_msgs/msg/Odometry') is Odometry
+
+
+@pytest.mark.parametrize(
+    'name',
+    [
+        '',
+        'Odometry',
+        'a/b/c',
+        'nav_msgs/msg/Nothing',
+        'nav_msgs/msg/__doc__',
+        'nav_msgs/srv/GetMap',
+        'nav_msgs.msg/msg/Odometry',
+        '../nav_msgs/msg/Odometry',
+        'no_msgs/msg/Odometry',
+    ],
+)
+def test_a_type_that_is_not(name):
+    with pytest.raises(UnknownTypeError, match='wanted one that is installed here'):
+        message_class(name)
+
+
+def test_a_package_without_messages_is_not_even_imported():
+    assert 'antigravity' not in sys.modules
+    with pytest.raises(UnknownTypeError):
+        message_class('antigravity/msg/Flight')
+    assert 'antigravity' not in sys.modules

@@ -232,7 +232,8 @@ class GuidanceLaw:
                 self._selector.request_replanning()
             state.following.standby = None
             reason = supervisor.reason_to_stand(state, estimate)
-            reason = reason or state.mission.search_moves(context)
+            if not reason and context.plan is None:
+                reason = state.mission.search_moves(context)
         if reason:
             stamp, pose, moving = observation.stamp, observation.pose, estimate.start.moving
             return supervisor.decisions.stop(state, stamp, pose, reason, moving=moving)

@@ -119,9 +119,9 @@ class Mission:
     manoeuvres: ManoeuvreSearch | None = None
 
     def search_moves(self, context: PlanningContext) -> str:
-        """Why to stand while moves are searched for; if empty, those found are in the context."""
+        """Without a plan, why to stand while moves are searched for; else the context has them."""
         settings, start, target = context.settings, context.start, context.target
-        if context.plan is not None or start.robot.speeds_of(start.previous_control).any():
+        if start.robot.speeds_of(start.previous_control).any():
             return ''
         if self.manoeuvres is None or not self.manoeuvres.is_for(start, target):
             if not needs_manoeuvres(settings, start, target):

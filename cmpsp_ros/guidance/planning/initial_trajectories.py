@@ -221,7 +221,7 @@ def _follow(
         x, y = point_at(frame, min(there, end), lateral)
         x, y = x - poses[k, 0], y - poses[k, 1]
         angle = wrapped(math.atan2(y, x) - poses[k, 2])
-        if at < backward and abs(angle) > math.pi / 2.0:
+        if max(at, 0.0) < backward and abs(angle) > math.pi / 2.0:
             # A circle through the point, backward.
             speed = -min(speed, _BACKWARD * robot.max_speed)
             turn = 2.0 * speed * math.sin(angle) * durations[k] / max(math.hypot(x, y), 1e-9)

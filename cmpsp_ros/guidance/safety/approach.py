@@ -239,7 +239,7 @@ class Approach:
         risk: Risk,
     ) -> tuple[Plan, Validation] | None:
         """As `calmed`."""
-        watches = watches_unseen(self._settings, start)
+        watches = start.world.seen is not None and watches_unseen(self._settings, start)
         if verdict.passed and not risk.responses and not watches:
             return plan, verdict
         # The margin is there for errors: plans keep it, and nothing asks for more.
@@ -273,7 +273,7 @@ class Approach:
 
     def _sees_enough(self, plan: Plan, ramp: Array, start: PlanStart) -> bool:
         """True if nothing out of sight matters, or can reach the robot before it is at rest."""
-        if not watches_unseen(self._settings, start):
+        if start.world.seen is None or not watches_unseen(self._settings, start):
             return True
         path = np.vstack([plan.controls[:1], ramp.reshape(-1, plan.controls.shape[1])])
         held = [self._settings.control_period] * (len(path) - 1)

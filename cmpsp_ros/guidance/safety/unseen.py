@@ -31,14 +31,9 @@ _ROUNDING: Final = 1e-9
 
 
 def watches_unseen(settings: LawSettings, start: PlanStart) -> bool:
-    """True if it matters who may be out of sight: always, or where anybody has been seen to move.
-
-    Without sensors nothing is in sight.
-    """
+    """True if it matters who may be out of sight: always, or where anybody has been seen to move."""
     wanted = settings.safety.stop_within_sight
-    return start.world.seen is not None and (
-        wanted == 'moving' or (wanted == 'stationary' and start.among_people)
-    )
+    return wanted == 'moving' or (wanted == 'stationary' and start.among_people)
 
 
 def is_clear_of_unseen(

@@ -31,7 +31,7 @@ _ROUNDING: Final = 1e-9
 
 
 def watches_unseen(settings: LawSettings, start: PlanStart) -> bool:
-    """True if it matters who may be out of sight: always, or where anybody has been seen to move."""
+    """True if it matters who may be out of sight: always, or once anybody was seen to move."""
     wanted = settings.safety.stop_within_sight
     return wanted == 'moving' or (wanted == 'stationary' and start.among_people)
 

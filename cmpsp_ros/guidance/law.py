@@ -100,11 +100,7 @@ class GuidanceLaw:
         return clock.start is None or stamp - clock.start >= clock.due
 
     def step(self, observation: Observation) -> Decision | None:
-        """Decide, if a control step is due.
-
-        Returns:
-            The decision, or None between two control steps and for odometry older than the last.
-        """
+        """Decide; None between two control steps and for odometry older than the last."""
         if not self.is_due(observation.stamp):
             return None
         state, supervisor = self._state, self._supervisor
@@ -264,9 +260,8 @@ class GuidanceLaw:
             clock.due = last
 
     def _record(self, observation: Observation, decision: Decision) -> Decision:
-        decision = self._state.record(decision, observation.tracks)
-        self._state.last = observation, decision
-        return decision
+        self._state.last = observation, self._state.record(decision, observation.tracks)
+        return self._state.last[1]
 
     def after_step(self, late: float = 0.0) -> Decision:
         """Run the slow tasks of a step, once the command is out.

@@ -10,7 +10,7 @@ import pytest
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[3]
-NEEDED = ['pytest<9.2', 'pytest-timeout', 'hypothesis']
+NEEDED = ['casadi', 'hypothesis', 'pytest<9.2', 'pytest-timeout', 'scipy']
 
 
 @pytest.mark.slow

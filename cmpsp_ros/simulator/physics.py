@@ -116,7 +116,7 @@ class PhysicsBody:
         self._mujoco.mj_forward(self._model, self._data)
         self._from_ns, self._steps = stamp_ns, 0
         self._heading = heading
-        self._reckoned = pose.copy()
+        self._by_encoders = pose.copy()
 
     def reconfigure(self, _stamp_ns: int, robot: Robot, wheel_lag: float) -> None:
         """Go on as another robot, from the same pose at the same speed."""
@@ -142,7 +142,7 @@ class PhysicsBody:
             self._mujoco.mj_step(self._model, self._data)
             self._steps += 1
             self._note_heading()
-            self._reckon(self._angles() - before)
+            self._integrate_encoders(self._angles() - before)
             if self._steps % _EVERY == 0:
                 told.append(self.motion(self._reached_ns))
         return told
@@ -159,7 +159,7 @@ class PhysicsBody:
     def odometry(self, stamp_ns: int) -> Array:
         """Dead reckoning by the encoders, or the true pose."""
         return (
-            self._reckoned.copy()
+            self._by_encoders.copy()
             if self._physics.odometry == 'encoders'
             else self.motion(stamp_ns).pose
         )
@@ -193,6 +193,6 @@ class PhysicsBody:
         heading = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
         self._heading += math.remainder(heading - self._heading, math.tau)
 
-    def _reckon(self, turned: Array) -> None:
+    def _integrate_encoders(self, turned: Array) -> None:
         """Update dead reckoning by the turns of the wheels in one step [rad]."""
-        self._reckoned = self._robot.roll_out(self._reckoned, turned[None], np.ones(1))[1]
+        self._by_encoders = self._robot.roll_out(self._by_encoders, turned[None], np.ones(1))[1]

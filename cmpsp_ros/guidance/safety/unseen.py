@@ -22,8 +22,6 @@ from cmpsp_ros.world.grids import Cell
 
 PEEP: Final = 0.1
 """Speed at which the robot looks behind corners, however near they are [m/s]."""
-
-
 _BESIDE: Final = 0.25
 """Distance beyond the robot at which it looks where it drives [m]: beside it, cells are free."""
 

@@ -17,19 +17,18 @@ from cmpsp_ros.parameters.files import preset_names
 from cmpsp_ros.world.obstacles import Obstacle
 
 
-def assert_alike(compiled, general):
+def assert_alike(compiled, general, spare_rows=0):
     # Wheel speeds are about 50 rad/s.
     np.testing.assert_allclose(compiled.plan.controls, general.plan.controls, rtol=0.0, atol=5e-8)
     np.testing.assert_allclose(compiled.plan.poses, general.plan.poses, rtol=0.0, atol=1e-9)
     for name in ('solved', 'elastic', 'slack_where', 'slack_terminal', 'iterations'):
         assert getattr(compiled, name) == getattr(general, name), name
-    # Among hundreds of rows, one with a multiplier of zero is active to rounding.
-    assert compiled.active_rows == pytest.approx(general.active_rows, rel=0.003)
+    assert abs(compiled.active_rows - general.active_rows) <= spare_rows
     assert compiled.slack == pytest.approx(general.slack, rel=1e-6, abs=1e-9)
     assert compiled.reason == general.reason
 
 
-def side_by_side(given, start, steps=8, late=0):
+def side_by_side(given, start, steps=8, late=0, spare_rows=0):
     """Drive by the compiled plans, and compare each of them with the other kind."""
     compiled = Planner(OcpFormulation(given, given.world))
     period, final = to_nanoseconds(given.control_period), to_nanoseconds(given.final_time)
@@ -39,7 +38,7 @@ def side_by_side(given, start, steps=8, late=0):
     for step in range(steps):
         one = compiled.improve(context_of(given, pose, horizon, held), guess)
         other = improve(given, pose, held, guess, horizon)
-        assert_alike(one, other)
+        assert_alike(one, other, spare_rows)
         seen.append(other)
         now = (step + 1) * period + late * (step % 3)
         driven = np.array([(now - horizon.edges[0]) / 1e9])
@@ -52,7 +51,10 @@ def side_by_side(given, start, steps=8, late=0):
 @pytest.mark.parametrize('preset', preset_names())
 def test_presets(preset):
     values = TABLE.resolve(load_parameter_file(preset))
-    seen = side_by_side(guidance_settings(values), values['initial_pose'])
+    # Of hundreds of rows, one with a multiplier of zero is active to rounding.
+    spare_rows = int(preset == 'parallel_parking')
+    given = guidance_settings(values)
+    seen = side_by_side(given, values['initial_pose'], spare_rows=spare_rows)
     assert all(result.solved for result in seen)
 
 

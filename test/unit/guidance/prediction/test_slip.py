@@ -79,7 +79,7 @@ def test_noise_averages_out():
 
 
 @pytest.mark.parametrize('delay', [0.0, 0.06])
-def test_a_slipping_robot_arrives_if_it_is_reckoned_with(delay):
+def test_a_slipping_robot_arrives_if_it_is_compensated(delay):
     told = replace(CASE_3, command_delay=delay)
     slipping = {'wheel_slip': (0.03, 0.03), 'actuation_delay': delay}
     unaware = Drive(told, **slipping)

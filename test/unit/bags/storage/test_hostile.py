@@ -1,7 +1,5 @@
 """Bags made to crash, hang or exhaust whoever reads them."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

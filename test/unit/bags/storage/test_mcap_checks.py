@@ -1,7 +1,5 @@
 """Messages of mcap files in order of time, in bounded memory."""
 
-from __future__ import annotations
-
 import struct
 from binascii import crc32
 

@@ -80,7 +80,7 @@ class MultipleShooting:
         self._is_cautious, self._violation = False, 0.0
         self._here: Point | None = None
         # The first Hessian that is tried, and the active rows of the last program.
-        self._choice, self._warm = 0, no_warm_start(problem.size)
+        self._delta, self._warm = 0.0, no_warm_start(problem.size)
 
     def start(self, at: Iterate) -> Iterate:
         """Begin at an iterate; its multipliers are forgotten, and estimated anew."""
@@ -88,7 +88,7 @@ class MultipleShooting:
         violation = self._here.violation
         self._funnel, self._begins_near = max(1.0, 1.25 * violation), violation < _FAR
         self._proximal, self._last_length, self._in_vain = 0.0, 0.0, 0
-        self._is_cautious, self._choice = False, 0
+        self._is_cautious, self._delta = False, 0.0
         self._warm.clear()
         return replace(at, step=None)
 
@@ -175,41 +175,30 @@ class MultipleShooting:
 
     def _direction(self, at: Iterate, point: Point, found: Curvature, size: float) -> Direction:
         """Step of the program at a point, relaxed where it has no solution or caution is due."""
-        proximal = self._proximal * np.eye(found.H.shape[1])
-        solution, qp, e = None, None, None
-        weights, shift = self._hard, self._proximal
-        choices = self._convex_choices(at, point, found, size)
-        for choice, H in () if self._is_cautious else enumerate(choices):
-            if choice < self._choice:
-                continue
-            qp, e = self._shifted(found, H + proximal, point)
+        weights, is_relaxed = self._hard, self._is_cautious
+        solution, delta = None, 0.0
+        for delta, convex in self._convex_choices(at, point, found, size):
+            qp, e = self._shifted(convex, convex.H, point)
+            if is_relaxed:
+                if not is_positive_definite(qp):
+                    continue
+                solution, weights = self._relaxed(qp)
+                break
             solution = self._solved(qp)
             if solution is not None:
-                self._choice = min(choice, 1)
+                if solution.status is not QPStatus.SOLVED and self._options.elastic:
+                    solution, weights = self._relaxed(qp)
+                    is_relaxed = True
                 break
-        is_relaxed = solution is None or (
-            solution.status is not QPStatus.SOLVED and self._options.elastic
-        )
-        if qp is None or e is None or solution is None or is_relaxed:
-            values, vectors = np.linalg.eigh(found.H)
-            raised = vectors * np.maximum(values, _FLOOR * size)[:, None, :]
-            raised = raised @ vectors.swapaxes(1, 2)
-            if solution is None:
-                shift += float(np.abs(raised - found.H).max())
-            qp, e = self._shifted(found, raised + proximal, point)
-            is_relaxed = True
-            if solution is None and not self._is_cautious:
-                solution = solve_qp(qp, self._options.qp)
-                is_relaxed = solution.status is not QPStatus.SOLVED and self._options.elastic
-            if solution is None or is_relaxed:
-                solution, weights = self._relaxed(qp)
+        if solution is None:
+            solution = QPSolution.unsolved(qp.size, QPStatus.FAILED)
         lin = qp.linearisation
         dX = response(lin.A, np.einsum('kia,ka->ki', lin.B, solution.dU[:-1]))
         slack, miss = np.zeros_like(lin.g), np.zeros_like(lin.output_error)
         if is_relaxed:
             slack, miss = np.maximum(qp.path(solution.dU, dX), 0.0), qp.terminal(solution.dU, dX)
         H = stage_blocks(lin.L_XX, lin.L_UX, lin.L_UU)
-        return Direction(dX + e, solution.dU, solution, H, shift, is_relaxed, weights, miss, slack)
+        return Direction(dX + e, solution.dU, solution, H, delta, is_relaxed, weights, miss, slack)
 
     def _solved(self, qp: Subproblem) -> QPSolution | None:
         """Solution of a program; None where it is not convex."""
@@ -222,18 +211,21 @@ class MultipleShooting:
 
     def _convex_choices(
         self, at: Iterate, point: Point, found: Curvature, size: float
-    ) -> Iterator[Array]:
-        """Hessians that give the same step near a solution and may be positive definite.
-
-        The Lagrangian's; with terminal rows held, which changes no step that meets them; and near a
-        solution with the active rows held as well.
-        """
+    ) -> Iterator[tuple[float, Curvature]]:
+        """Hessians that give the same step near a solution and may be positive definite."""
+        unit = np.eye(found.H.shape[1])
+        H = found.H + self._proximal * unit
         lin, weight = found.linearisation, _HELD * max(1.0, size)
         _, rho, beta = multipliers(at, lin)
-        yield found.H
-        yield hold_rows(found, np.zeros(rho.shape, bool), np.zeros(beta.shape, bool), weight)
-        if self._last_length == 1.0 and point.violation < _NEAR:
-            yield hold_rows(found, rho > 1e-8, beta != 0.0, weight)
+        yield self._proximal, found._replace(H=H)
+        found = found._replace(H=H)
+        held = hold_rows(found, rho > 1e-8, beta != 0.0, weight)
+        yield self._proximal, held
+        delta = max(1e-4 * size, self._delta / 3.0)
+        while delta < 1e3 * size:
+            self._delta = delta
+            yield delta + self._proximal, held._replace(H=held.H + delta * unit)
+            delta *= 4.0
 
     def _relaxed(self, qp: Subproblem) -> tuple[QPSolution, Penalties]:
         """Solution with the lightest rows relaxed, or more of them; all at once in caution."""
@@ -250,7 +242,8 @@ class MultipleShooting:
         """Step length, 0 if none of at least `shortest` is accepted; where it leads; corrected."""
         lin, length = found.linearisation, 1.0
         falls = -float(np.vdot(lin.L_X, way.dX) + np.vdot(lin.L_U, way.dU))
-        largest = (way.solution.terminal, way.solution.path, found.costates)
+        largest = [way.solution.terminal, way.solution.path, found.costates]
+        largest += [w[np.isfinite(w)] for w in (way.weights.terminal, way.weights.path)]
         above = 1.1 * max(float(np.abs(each).max(initial=0.0)) for each in largest)
         rounding = _ROUNDING * (1.0 + abs(point.evaluation.cost) + above)
         weights = way.merit_weights(above)

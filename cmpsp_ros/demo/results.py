@@ -19,7 +19,7 @@ from cmpsp_ros.bags.runs import DrivenPath, Run, encounters, lifetime, read_run,
 from cmpsp_ros.demo.scenario import Scenario
 from cmpsp_ros.demo.summary import Summary, final_time, summarise, window
 from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings
-from cmpsp_ros.robots import REFERENCE_POINT
+from cmpsp_ros.robots.motion import REFERENCE_POINT
 from cmpsp_ros.sensing import Track
 from cmpsp_ros.view import (
     BAGS,

@@ -24,7 +24,7 @@ from std_srvs.srv import Trigger
 from cmpsp_ros.bags import Names
 from cmpsp_ros.bags.replay.replay import replay
 from cmpsp_ros.nodes import MODULES
-from cmpsp_ros.robots import arc_ends
+from cmpsp_ros.robots.motion import arc_ends
 
 START = (0.0, -9.25, 0.0)
 

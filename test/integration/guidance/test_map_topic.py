@@ -16,7 +16,7 @@ from nav_msgs.msg import OccupancyGrid
 from rclpy.time import Time
 
 from cmpsp_ros.bags.audit import CheckOutcome, audit
-from cmpsp_ros.robots import arc_ends
+from cmpsp_ros.robots.motion import arc_ends
 
 pytestmark = pytest.mark.integration
 

@@ -13,7 +13,7 @@ from nav_msgs.msg import Path as PathMessage
 from cmpsp_ros.bags import Bag
 from cmpsp_ros.bags.audit import CheckOutcome, audit
 from cmpsp_ros.nodes.common.messages import path_of
-from cmpsp_ros.robots import arc_ends
+from cmpsp_ros.robots.motion import arc_ends
 
 pytestmark = pytest.mark.integration
 

@@ -12,7 +12,8 @@ from hypothesis import assume, given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
-from cmpsp_ros.robots import DifferentialDrive, arc_from
+from cmpsp_ros.robots import DifferentialDrive
+from cmpsp_ros.robots.motion import arc_from
 from cmpsp_ros.world import FreeSpace
 from cmpsp_ros.world.obstacles import (
     ROUGHNESS,

@@ -1,7 +1,5 @@
 """Values and messages that tests of live nodes share."""
 
-from __future__ import annotations
-
 import math
 import sys
 from pathlib import Path

@@ -21,7 +21,8 @@ from cmpsp_ros.bags.runs import lifetime
 from cmpsp_ros.bags.runs.odometry import is_within
 from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings
 from cmpsp_ros.guidance.messages import Track
-from cmpsp_ros.robots import arc_ends, placed, with_side
+from cmpsp_ros.robots import placed
+from cmpsp_ros.robots.motion import arc_ends, with_side
 
 _STEP: Final = 0.01
 """Time between two samples of a path [s]."""

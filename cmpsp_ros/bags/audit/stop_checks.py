@@ -26,7 +26,7 @@ from cmpsp_ros.guidance import (
     GuidanceSettings,
     to_nanoseconds,
 )
-from cmpsp_ros.robots import speeds_and_turns
+from cmpsp_ros.robots.motion import speeds_and_turns
 
 _SLACK: Final = 0.15
 """Time that may lie between a node's clock and its timers, and a recorder's [s]."""

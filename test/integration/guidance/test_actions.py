@@ -1,7 +1,5 @@
 """Goals as Nav2's actions: a real client, guidance node and simulator, in real time."""
 
-from __future__ import annotations
-
 import math
 import sys
 

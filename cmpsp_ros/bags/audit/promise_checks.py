@@ -31,7 +31,7 @@ _ASSUMED: Final = {'people.max_acceleration', 'safety.max_obstacle_speed'}
 _AT_REST: Final = 1e-6
 """Fraction of a command that is rounding, and no motion."""
 _CREEP: Final = 0.051
-"""Speed up to which a robot in contact counts as standing [m/s]."""
+"""Speed up to which a robot counts as standing [m/s]."""
 
 
 def _kept_in_words(worst: Sample) -> str:
@@ -147,12 +147,13 @@ def _worst(
 ) -> tuple[float, str]:
     """Least clearance on a path, beyond what is allowed [m], and from what.
 
-    `begin` is the time of its beginning [ns].
+    A robot that creeps counts as standing: it is kept from what goes on as seen, and comes no
+    nearer to what touches it. `begin` is the time of its beginning [ns].
     """
     times, poses = stop
     discs, radius = settings.footprint.discs, settings.robot_radius
     points = np.array([placed(discs, each) for each in poses])
-    moving = settings.moving_obstacles
+    creeps, moving = _largest_speed(times, points) <= _CREEP, settings.moving_obstacles
     worst, name = math.inf, ''
     for each in seen:
         speed = math.hypot(each.vx, each.vy)
@@ -165,15 +166,19 @@ def _worst(
         reach = certain + ball + 0.5 * moving.max_acceleration * since**2
         center = np.array([each.x, each.y]) + since[:, None] * np.array([each.vx, each.vy])
         away = np.linalg.norm(points - center[:, None], axis=-1).min(axis=1) - radius
-        clear = away - reach
+        touched = away[0] < each.radius
+        if creeps and touched:
+            clear = np.linalg.norm(points - center[0], axis=-1).min(axis=1) - radius - each.radius
+        elif creeps:
+            clear = away - each.radius
+        else:
+            clear = away - reach
         # No faster than anything is, it is not out of this disc either.
-        if speed <= moving.max_speed:
+        if speed <= moving.max_speed and not creeps:
             still = np.linalg.norm(points - np.array([each.x, each.y]), axis=-1).min(axis=1)
             clear = np.maximum(clear, still - radius - certain - moving.max_speed * since)
-        if away[0] - each.radius < 0.0 and _largest_speed(times, points) <= _CREEP:
-            continue
-        touched = away[0] - each.radius < 0.0
-        spare = float(clear.min()) - (0.0 if touched else min(float(clear[0]), 0.0))
+        allowed = 0.0 if touched and not creeps else min(float(clear[0]), 0.0)
+        spare = float(clear.min()) - allowed
         if spare < worst:
             worst, name = spare, each.name
     return worst, name

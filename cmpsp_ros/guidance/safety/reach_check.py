@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from cmpsp_ros.arrays import Array
+from cmpsp_ros.arrays import Array, BoolArray
 from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.robots import placed, speeds_and_turns
@@ -32,8 +32,9 @@ class _Sets(NamedTuple):
         moving: What may be reached from there.
         discs: The same, grown.
         begins: Its clearance at the start [m].
-        seen: The same obstacles as large as they were seen; those that touch the robot stand.
+        seen: The same obstacles as they were seen, at rest there.
         there: Their clearance at the start [m].
+        stands: Whether each stood when it was seen.
     """
 
     pose: Array
@@ -42,6 +43,7 @@ class _Sets(NamedTuple):
     begins: Array
     seen: MovingDiscs
     there: Array
+    stands: BoolArray
 
 
 class ReachCheck:
@@ -57,9 +59,9 @@ class ReachCheck:
     def reason(self, start: PlanStart, controls: Array, durations: Array) -> str:
         """Reason why a path to rest is not clear, in a sentence; '' if it is.
 
-        At rest nothing is asked. A robot that creeps comes no nearer to what touches it, and not
-        into what goes on as seen. A faster one touches nothing; one that is within reach already
-        may go where it is no nearer at any time.
+        At rest nothing is asked. A robot that is within reach already may go where it is no nearer
+        at any time. Where something touches it or might, it may creep away from where that is seen,
+        and past what stands.
 
         `controls` ``(K, r)``, `durations` ``(K,)`` [s].
         """
@@ -81,17 +83,17 @@ class ReachCheck:
         begins, there = sets.begins[near], sets.there[near]
         poses = start.robot.roll_out(start.pose, controls[:count], durations)[:-1]
         times = np.cumsum(durations) - durations
-        creeps = np.abs(self._footprint.speeds_and_turns(twists)[:, 0]).max() <= CREEP
-        discs, allowed = (sets.seen, there) if creeps else (sets.discs, begins)
         arcs = poses, twists, durations, times, self._discs
-        least, touched = discs.chosen(near).along(*arcs).min(axis=0), there < 0.0
-        short = np.where(allowed < 0.0, allowed - ROUGHNESS, 0.0) - least
-        if not creeps:
-            short[touched] = np.inf
+        least, touched = sets.discs.chosen(near).along(*arcs).min(axis=0), there < 0.0
+        short = np.where(begins < 0.0, begins - ROUGHNESS, 0.0) - least
+        short[touched] = np.inf
+        if np.abs(self._footprint.speeds_and_turns(twists)[:, 0]).max() <= CREEP:
+            kept = np.where(sets.stands[near], np.minimum(there, 0.0), there) - ROUGHNESS
+            short[sets.seen.chosen(near).along(*arcs).min(axis=0) >= kept] = 0.0
         worst = int(short.argmax())
         if short[worst] <= _ROUNDING:
             return ''
-        name = discs.names[near[worst]]
+        name = moving.names[near[worst]]
         if touched[worst]:
             return f'{name} touches the robot, which creeps at most until it has gone.'
         return f'{name} could be {-float(least[worst]):.3g} m into the robot before it is at rest.'
@@ -102,10 +104,11 @@ class ReachCheck:
         if known is None or known.pose is not start.pose or known.moving is not start.reachable:
             discs = start.reachable.grown(self._radius)
             seen = start.touchable.grown(self._radius)
-            there = self._clearance(start, seen)
-            seen = seen.halted(there < 0.0)
-            begins = self._clearance(start, discs)
-            self._known = known = _Sets(start.pose, start.reachable, discs, begins, seen, there)
+            stands = np.hypot(*seen.states[:, 2:4].T) <= CREEP
+            begins, there = self._clearance(start, discs), self._clearance(start, seen)
+            self._known = known = _Sets(
+                start.pose, start.reachable, discs, begins, seen.at_rest(), there, stands
+            )
         return known
 
     def _clearance(self, start: PlanStart, discs: MovingDiscs) -> Array:

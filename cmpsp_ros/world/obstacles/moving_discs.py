@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from cmpsp_ros.arrays import Array, BoolArray, IntArray
+from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.mpsp.jit import allocation_free
 from cmpsp_ros.robots import REFERENCE_POINT, Arc, TwistLimits, arc_of_point, arc_part, arc_under
 from cmpsp_ros.world.inter_sample_margin import at_ends, outside_moving, outside_moving_known
@@ -67,14 +67,11 @@ class MovingDiscs:
         states[:, _RADIUS] += distance
         return replace(self, states=states)
 
-    def halted(self, which: BoolArray) -> MovingDiscs:
-        """The same, of which some stand, ``(M,)``: what is known of their ways does not count."""
-        if not which.any():
-            return self
+    def at_rest(self) -> MovingDiscs:
+        """The same where they are now, for ever."""
         states = self.states.copy()
-        states[which, _VELOCITY] = 0.0
-        ways = {index: way for index, way in self.ways.items() if not which[index]}
-        return replace(self, states=states, ways=ways)
+        states[:, _VELOCITY], states[:, _GROWTH:] = 0.0, 0.0
+        return replace(self, states=states, ways={})
 
     def within(self, point: Array, reach: float, seconds: float) -> Indices:
         """Indices of those that may come as near to a point (x, y) as `reach` [m] in a time [s]."""

@@ -234,13 +234,13 @@ def test_no_plan_that_passes_comes_closer_than_it_may(obstacles, discs, wheels, 
         there = np.array(at) + times[:, None] * np.array(velocity)
         grown = size + radius + (growth + 0.5 * times) * times
         clear = np.linalg.norm(path - there, axis=1) - grown
+        away = clear.min() if clear[0] >= 0.0 else -math.inf
         if fastest <= 0.05:
-            # What touches a robot that creeps is where it is, else it goes on as seen.
-            goes_on = np.array(at) if clear[0] < 0.0 else there
-            near = np.linalg.norm(path - goes_on, axis=1) - size - radius
-            spare += [near.min() - min(near[0], 0.0)] if any(wheels) else []
-        elif any(wheels):
-            spare.append(-math.inf if clear[0] < 0.0 else clear.min())
+            # It may creep away from where that is, and past what stands.
+            near = np.linalg.norm(path - at, axis=1) - size - radius
+            kept = near[0] if math.hypot(*velocity) > 0.05 else min(near[0], 0.0)
+            away = max(away, near.min() - kept)
+        spare += [away] if any(wheels) else []
         margins.append(clear.min())
     step = 0.2 * 3.6 / PIECES
     if verdict.passed:

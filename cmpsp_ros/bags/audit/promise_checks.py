@@ -19,10 +19,10 @@ from cmpsp_ros.bags.audit.path_checks import effect_delay, measured
 from cmpsp_ros.bags.audit.record import AuditRecord, path_gap
 from cmpsp_ros.bags.runs import lifetime
 from cmpsp_ros.bags.runs.odometry import is_within
-from cmpsp_ros.guidance import NANOSECONDS, SEEN, GuidanceSettings
+from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings
 from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.robots import arc_ends, placed, with_side
-from cmpsp_ros.world.grids import Cell, OccupancyGrid
+from cmpsp_ros.world.grids import Cell, GridObstacle, OccupancyGrid
 
 _STEP: Final = 0.01
 """Time between two samples of a path [s]."""
@@ -119,17 +119,17 @@ def unseen(record: AuditRecord) -> Iterator[Sample]:
         poses = measured(leg, commands.stamps, np.array(delays))
         for k, stamp in enumerate(stamps):
             settings = record.history.at(stamp)
-            seen = [each for each in seeing(settings, stamp).obstacles if each.name == SEEN]
+            obstacles = seeing(settings, stamp).obstacles
+            grids = [each.grid for each in obstacles if isinstance(each, GridObstacle)]
             is_lost = is_within(stamp, leg.by_odometry.holes)
-            if settings.safety.stop_within_sight == 'off' or not seen or is_lost:
+            if settings.safety.stop_within_sight == 'off' or not grids or is_lost:
                 continue
             if stamp < moved or not commands.moving[k]:
                 continue
             speed = float(np.hypot(*with_side(commands.twists[k : k + 1])[0, :2]))
             stops = _stops(settings, poses[k], commands, k, record.plans.get(stamp))
             is_slow = speed <= _CREEP or _brakes(settings, commands, k)
-            grid = seen[0].grid
-            if is_slow or not all(_is_out_of_sight(settings, grid, each) for each in stops):
+            if is_slow or not all(_is_out_of_sight(settings, grids[-1], each) for each in stops):
                 speed = 0.0
             yield Sample(speed, 0.05, stamp, speed - _CREEP, words={'creep': 0.05})
 

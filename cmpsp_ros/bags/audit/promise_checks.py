@@ -99,7 +99,7 @@ def promise(record: AuditRecord) -> Iterator[Sample]:
 
 @check(
     'unseen', 'Commands: slow out of sight', unit='m/s',
-    needs=('control_period', 'safety.stop_within_sight'),
+    needs=('control_period',),
     good='Once anything had moved, no command leads out of sight faster than {creep:.3g} m/s.',
     bad='Something had moved, and a command leads out of sight at {worst:.3g} m/s.',
     nothing='The robot is not commanded to move after anything had.', gaps=(path_gap,),
@@ -108,6 +108,8 @@ def unseen(record: AuditRecord) -> Iterator[Sample]:
     """Speed of commands that lead, with a stop after them, into cells that are remembered only."""
     if not record.settings.sight.sensors:
         raise SkippedError('No sensor sees what moves.')
+    if 'safety.stop_within_sight' not in record.history.given:
+        raise NotJudgedError('The parameters do not say safety.stop_within_sight.')
     decisions = {each.stamp: each for each in record.decisions}
     moved = [
         at for at, each in decisions.items() if any(isinstance(k, int) for k, _ in each.tracks)

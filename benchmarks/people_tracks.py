@@ -21,7 +21,7 @@ from scipy.optimize import linear_sum_assignment
 from benchmarks.common import Table, collector_off
 from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.cli import console
-from cmpsp_ros.robots import arc_ends
+from cmpsp_ros.robots.motion import arc_ends
 from cmpsp_ros.sensing import Sensor, Sight, SightSettings, Surroundings, Track
 from cmpsp_ros.simulator import People, PeopleSettings, Walker, cast, discs_of, edges_of
 from cmpsp_ros.studies.monte_carlo import Study

@@ -13,7 +13,7 @@ from cmpsp_ros.guidance import (
     severity,
     waypoints,
 )
-from cmpsp_ros.robots import with_side
+from cmpsp_ros.robots.motion import with_side
 
 DECISION = 'diagnostic_msgs/msg/DiagnosticArray'
 TWIST = 'geometry_msgs/msg/Twist'

@@ -18,7 +18,8 @@ from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 from cmpsp_ros.guidance.prediction.estimator import Estimator, Observation
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.world import NOT_SEARCHED, Searched, World
-from cmpsp_ros.robots import NO_RAMP, Robot
+from cmpsp_ros.robots import Robot
+from cmpsp_ros.robots.motion import NO_RAMP
 
 # Halvings of the work of a step, at most, and control steps in time after which one is taken back.
 _MOST_HALVINGS: Final = 3

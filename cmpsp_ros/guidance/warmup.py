@@ -29,7 +29,7 @@ from cmpsp_ros.guidance.times import NANOSECONDS, to_nanoseconds
 from cmpsp_ros.guidance.world import MAP, GuidanceSettings, World
 from cmpsp_ros.mpsp import Hessian
 from cmpsp_ros.mpsp.qp import CLARABEL
-from cmpsp_ros.robots import with_lag
+from cmpsp_ros.robots.motion import with_lag
 from cmpsp_ros.sensing import Sight, Surroundings
 from cmpsp_ros.world import FreeSpace
 from cmpsp_ros.world.grids import NO_FIELD, GridObstacle, OccupancyGrid

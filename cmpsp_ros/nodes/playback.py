@@ -26,16 +26,11 @@ from cmpsp_ros.nodes.common.runtime import run
 from cmpsp_ros.nodes.common.topic import message_class, steady_timer
 from cmpsp_ros.nodes.common.topics import CLOCK
 
-_CLOCK_PERIOD = 10_000_000
-"""Maximum time between two messages of the clock [ns]."""
-
-_MIN_WAIT = 100_000
-"""Minimum time between two looks at the bag [ns]."""
+_CLOCK_PERIOD, _PERIOD, _KEY_PERIOD = 0.01, 0.002, 0.05
+"""Time between two messages of the clock, two looks at the bag, and two at the keyboard [s]."""
 
 _BATCH = 1000
 """Messages published before the services are looked after again."""
-
-_KEY_PERIOD = 0.05
 
 _OF_OTHERS = frozenset(('/rosout', '/parameter_events'))
 """Topics about nodes that are not there: played only when asked for by name."""
@@ -54,45 +49,6 @@ class Playback:
     loop: bool = False
     paused: bool = False
     topics: tuple[str, ...] = ()
-
-
-class PlaybackRate:
-    """Bag time [ns] by the time `now` [ns] of a clock that never jumps; paused at first.
-
-    The rate is in seconds of bag time per second.
-    """
-
-    def __init__(self, rate: float) -> None:
-        self._rate, self._stamp = rate, 0
-        self._since: int | None = None
-
-    @property
-    def paused(self) -> bool:
-        """True while bag time is paused."""
-        return self._since is None
-
-    def go_to(self, stamp: int, now: int) -> None:
-        """Jump to a bag time [ns]."""
-        self._stamp = stamp
-        if self._since is not None:
-            self._since = now
-
-    def pause(self, now: int) -> None:
-        """Pause."""
-        self._stamp, self._since = self.stamp(now), None
-
-    def resume(self, now: int) -> None:
-        """Resume."""
-        self._stamp, self._since = self.stamp(now), now
-
-    def stamp(self, now: int) -> int:
-        """Bag time [ns]."""
-        since = now if self._since is None else self._since
-        return self._stamp + int((now - since) * self._rate)
-
-    def until(self, stamp: int, now: int) -> int:
-        """Time to wait for a bag time, if it is not paused [ns]; 0 when it is over."""
-        return max(0, int((stamp - self.stamp(now)) / self._rate))
 
 
 class _Keyboard:
@@ -143,19 +99,19 @@ class Player(Node):
             for name in topics
         }
         self._clock_output = None if CLOCK.name in topics else CLOCK.publish_on(self)
-        self._playback_rate = PlaybackRate(playback.rate)
-        self._keyboard, self._count = _Keyboard(), 0
-        for name, change in (
-            ('pause', self._pause),
-            ('resume', self._resume),
-            ('toggle_paused', self._toggle),
+        self._keyboard, self._count, self._paused = _Keyboard(), 0, playback.paused
+        for name, pauses in (
+            ('pause', lambda: True),
+            ('resume', lambda: False),
+            ('toggle_paused', lambda: not self._paused),
         ):
-            self.create_service(Trigger, f'~/{name}', partial(_answer, change))
-        self._timer = steady_timer(self, _MIN_WAIT / 1e9, self._publish_due)
-        steady_timer(self, _KEY_PERIOD, self._on_keys)
+            self.create_service(Trigger, f'~/{name}', partial(self._on_call, pauses))
         self._rewind()
-        if not playback.paused:
-            self._resume()
+        self._periodic = (
+            steady_timer(self, _PERIOD, self._publish_due),
+            steady_timer(self, _CLOCK_PERIOD, self._publish_time),
+        )
+        steady_timer(self, _KEY_PERIOD, self._on_keys)
 
     def stop(self) -> None:
         """Restore the terminal."""
@@ -168,7 +124,7 @@ class Player(Node):
         self._end = self._bag.end if length is None else begin + round(length * 1e9)
         self._messages = self._between(begin, self._end)
         self._next = next(self._messages, None)
-        self._playback_rate.go_to(begin, time.monotonic_ns())
+        self._stamp, self._since = begin, time.monotonic_ns()
 
     def _between(self, begin: int, end: int) -> Iterator[tuple[str, int, bytes]]:
         for topic, stamp, raw in self._bag.raw_together([*self._outputs]):
@@ -177,35 +133,39 @@ class Player(Node):
             if stamp >= begin:
                 yield topic, stamp, raw
 
+    def _now(self) -> int:
+        """Bag time [ns]."""
+        passed = 0 if self._paused else time.monotonic_ns() - self._since
+        return self._stamp + int(passed * self._playback.rate)
+
+    def _pause(self, paused: bool) -> str:
+        self._stamp, self._since, self._paused = self._now(), time.monotonic_ns(), paused
+        return 'paused' if paused else 'playing'
+
     def _publish_due(self) -> None:
-        """Publish the messages that are due, and schedule the next call."""
-        now = time.monotonic_ns()
-        if self._playback_rate.paused:
-            return
-        reached = self._playback_rate.stamp(now)
-        for _ in range(_BATCH):
-            if self._next is None or self._next[1] > reached:
+        now = self._now()
+        for _ in range(0 if self._paused else _BATCH):
+            if self._next is None or self._next[1] > now:
                 break
             topic, stamp, raw = self._next
             self._publish_clock(stamp)
             self._outputs[topic].publish(raw)
             self._count += 1
             self._next = next(self._messages, None)
-        if self._next is not None or reached < self._end:
-            coming = self._end if self._next is None else self._next[1]
-            self._publish_clock(min(reached, coming))
-            self._schedule(min(self._playback_rate.until(coming, now), _CLOCK_PERIOD))
-        elif self._playback.loop:
+        if self._paused or self._next is not None or now < self._end:
+            return
+        if self._playback.loop:
             self._rewind()
-            self._schedule(0)
-        else:
-            self._timer.cancel()
-            # Shutting down by a signal delivers the last published messages.
-            signal.raise_signal(signal.SIGINT)
+            return
+        for each in self._periodic:
+            each.cancel()
+        # Shutting down by a signal delivers the last published messages.
+        signal.raise_signal(signal.SIGINT)
 
-    def _schedule(self, wait: int) -> None:
-        self._timer.timer_period_ns = max(wait, _MIN_WAIT)
-        self._timer.reset()
+    def _publish_time(self) -> None:
+        if not self._paused:
+            coming = self._end if self._next is None else self._next[1]
+            self._publish_clock(min(self._now(), coming))
 
     def _publish_clock(self, stamp: int) -> None:
         if self._clock_output is not None:
@@ -213,27 +173,13 @@ class Player(Node):
 
     def _on_keys(self) -> None:
         if self._keyboard.pressed().count(' ') % 2:
-            self.get_logger().info(self._toggle())
+            self.get_logger().info(self._pause(not self._paused))
 
-    def _pause(self) -> str:
-        self._playback_rate.pause(time.monotonic_ns())
-        return 'paused'
-
-    def _resume(self) -> str:
-        if self._playback_rate.paused:
-            self._playback_rate.resume(time.monotonic_ns())
-            self._schedule(0)
-        return 'playing'
-
-    def _toggle(self) -> str:
-        return self._resume() if self._playback_rate.paused else self._pause()
-
-
-def _answer(
-    change: Callable[[], str], _request: Trigger.Request, response: Trigger.Response
-) -> Trigger.Response:
-    response.success, response.message = True, change()
-    return response
+    def _on_call(
+        self, pauses: Callable[[], bool], _request: Trigger.Request, response: Trigger.Response
+    ) -> Trigger.Response:
+        response.success, response.message = True, self._pause(pauses())
+        return response
 
 
 def play(path: Path, playback: Playback, remappings: Sequence[str] = ()) -> int:

@@ -140,7 +140,8 @@ def _default(parameter: Parameter) -> str:
     if parameter.default == []:
         return '`[]`'
     written = dump({'': parameter.default}).splitlines()[-1].partition(': ')[2]
-    return f'`{written}`'.replace('"', '')
+    plain = written.replace('"', '') or "''"
+    return f'`{plain}`'
 
 
 def _allowed(parameter: Parameter) -> str:

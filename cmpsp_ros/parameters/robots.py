@@ -79,7 +79,9 @@ def _on_omni_wheels(values: Values) -> robots.Robot:
     if len(rows) < _FEWEST_WHEELS or np.linalg.svd(rows, compute_uv=False)[-1] < _SINGULAR:
         wanted = 'three or more directions, of which three differ'
         raise ParameterError(Problem('robot.wheel_bearings', describe(bearings), wanted))
-    return robots.on_omni_wheels(values['robot.half_track'], bearings, **_wheels(values))
+    return robots.Omnidirectional.on_omni_wheels(
+        values['robot.half_track'], bearings, **_wheels(values)
+    )
 
 
 def _wheels(values: Values) -> dict[str, float]:
@@ -94,7 +96,7 @@ MODELS: Final[dict[str, Callable[[Values], robots.Robot]]] = {
     'differential_drive': lambda values: robots.DifferentialDrive(
         half_track=values['robot.half_track'], **_wheels(values)
     ),
-    'mecanum': lambda values: robots.mecanum(
+    'mecanum': lambda values: robots.Omnidirectional.mecanum(
         values['robot.half_track'], values['robot.half_wheel_base'], **_wheels(values)
     ),
     'omni_wheels': _on_omni_wheels,
@@ -129,7 +131,7 @@ def _covered(text: str, excess: float) -> tuple[robots.Footprint, float]:
         raise ParameterError(Problem('robot.footprint_excess', found, str(error))) from error
 
 
-def _read(text: str) -> list[robots.Point]:
+def _read(text: str) -> list[tuple[float, float]]:
     """Three or more corners, from text as Nav2 writes it."""
     try:
         corners: Any = ast.literal_eval(text)

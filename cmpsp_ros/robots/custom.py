@@ -16,8 +16,8 @@ from typing import Any, ClassVar, Final, Self
 import numpy as np
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.robots.acceleration import TimeScaling
-from cmpsp_ros.robots.arcs import with_side
+from cmpsp_ros.robots.motion.acceleration import TimeScaling
+from cmpsp_ros.robots.motion.arcs import with_side
 from cmpsp_ros.robots.robot import DerivedRobot, Signal, TwistLimits
 
 _SAMPLES: Final = 21

@@ -8,7 +8,7 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.mpsp.jit import inner
-from cmpsp_ros.robots.kinematics import addresses
+from cmpsp_ros.robots.motion.kinematics import addresses
 from cmpsp_ros.robots.robot import Robot, TwistLimits
 
 

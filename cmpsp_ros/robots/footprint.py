@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from cmpsp_ros.arrays import Array, BoolArray
-from cmpsp_ros.robots.arcs import speeds_and_turns, with_side
+from cmpsp_ros.robots.motion.arcs import speeds_and_turns, with_side
 from cmpsp_ros.robots.robot import Robot, TwistLimits
 
 Point = tuple[float, float]
@@ -106,10 +106,6 @@ class Footprint:
         ahead, aside = self.discs.T
         speeds = np.hypot(forward - turning * aside, left + turning * ahead)
         return np.column_stack([speeds.max(axis=1), turning])
-
-
-DISC: Final = Footprint()
-"""The footprint of a robot without corners."""
 
 
 def contains(corners: Array, points: Array) -> BoolArray:

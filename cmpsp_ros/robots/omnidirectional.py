@@ -7,12 +7,12 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations, product
-from typing import Any, ClassVar, Final
+from typing import Any, ClassVar, Final, Self
 
 import numpy as np
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.robots.arcs import with_side
+from cmpsp_ros.robots.motion.arcs import with_side
 from cmpsp_ros.robots.robot import DerivedRobot, TwistLimits
 
 Rim = tuple[float, float, float]
@@ -39,6 +39,27 @@ class Omnidirectional(DerivedRobot):
     drives_sideways: ClassVar[bool] = True
 
     rims: tuple[Rim, ...]
+
+    @classmethod
+    def mecanum(cls, half_track: float, half_wheel_base: float, **of_wheels: float) -> Self:
+        """A robot on four mecanum wheels, rollers at 45 degrees, as `mecanum_drive_controller`.
+
+        Its wheels are front left, front right, rear right, rear left: `half_track` [m] to the side
+        and `half_wheel_base` [m] ahead or behind. `of_wheels` are radius and limits of a `Robot`.
+        """
+        arm = half_track + half_wheel_base
+        rims = ((1.0, -1.0, -arm), (1.0, 1.0, arm), (1.0, -1.0, arm), (1.0, 1.0, -arm))
+        return cls(rims=rims, **of_wheels)
+
+    @classmethod
+    def on_omni_wheels(cls, distance: float, bearings: Iterable[float], **of_wheels: float) -> Self:
+        """A robot on three or more omni wheels, each of which rolls around the robot's centre.
+
+        They are at one distance [m] from it, at bearings from ahead to the left [rad]. `of_wheels`
+        are radius and limits, as of a `Robot`.
+        """
+        rims = tuple((-math.sin(each), math.cos(each), distance) for each in bearings)
+        return cls(rims=rims, **of_wheels)
 
     @cached_property
     def constants(self) -> tuple[float, ...]:
@@ -174,26 +195,3 @@ class Omnidirectional(DerivedRobot):
         turn_rate = max(corner[1] for corner in corners)
         arms = [(speed - moving) / turning for moving, turning in corners if turning > _SINGULAR]
         return speed, turn_rate, max(min(arms), 0.0)
-
-
-def mecanum(half_track: float, half_wheel_base: float, **of_wheels: float) -> Omnidirectional:
-    """A robot on four mecanum wheels with rollers at 45 degrees, as `mecanum_drive_controller`.
-
-    Its wheels are front left, front right, rear right, rear left: `half_track` [m] to the side and
-    `half_wheel_base` [m] ahead or behind. `of_wheels` are radius and limits, as of a `Robot`.
-    """
-    arm = half_track + half_wheel_base
-    rims = ((1.0, -1.0, -arm), (1.0, 1.0, arm), (1.0, -1.0, arm), (1.0, 1.0, -arm))
-    return Omnidirectional(rims=rims, **of_wheels)
-
-
-def on_omni_wheels(
-    distance: float, bearings: Iterable[float], **of_wheels: float
-) -> Omnidirectional:
-    """A robot on three or more omni wheels, each of which rolls around the robot's centre.
-
-    They are at one distance [m] from it, at bearings from ahead to the left [rad]. `of_wheels` are
-    radius and limits, as of a `Robot`.
-    """
-    rims = tuple((-math.sin(each), math.cos(each), distance) for each in bearings)
-    return Omnidirectional(rims=rims, **of_wheels)

@@ -11,10 +11,10 @@ from typing import Any, ClassVar, NamedTuple, Self
 import numpy as np
 
 from cmpsp_ros.arrays import Array, IntArray
-from cmpsp_ros.robots import kinematics
-from cmpsp_ros.robots.acceleration import TimeScaling
-from cmpsp_ros.robots.arcs import with_side
-from cmpsp_ros.robots.kinematics import Kinematics, addresses, displacement, steering
+from cmpsp_ros.robots.motion import kinematics
+from cmpsp_ros.robots.motion.acceleration import TimeScaling
+from cmpsp_ros.robots.motion.arcs import with_side
+from cmpsp_ros.robots.motion.kinematics import Kinematics, addresses, displacement, steering
 
 
 class Signal(NamedTuple):

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cmpsp_ros.arrays import Array, IntArray
-from cmpsp_ros.robots import DISC, Footprint, placed
+from cmpsp_ros.robots import Footprint, placed
 from cmpsp_ros.sensing.beams import Beams, Sight, SightSettings
 from cmpsp_ros.sensing.local_grid import LocalGrid
 from cmpsp_ros.sensing.track import Track
@@ -44,11 +44,11 @@ class Surroundings:
     """
 
     def __init__(
-        self, settings: SightSettings, robot_radius: float, footprint: Footprint = DISC
+        self, settings: SightSettings, robot_radius: float, footprint: Footprint | None = None
     ) -> None:
         """Start with nothing seen; the radius [m] is that of the discs that cover the robot."""
         self._settings = settings
-        self._robot_radius, self._footprint = robot_radius, footprint
+        self._robot_radius, self._footprint = robot_radius, footprint or Footprint()
         self.forget()
 
     def forget(self) -> None:

@@ -15,7 +15,7 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.mpsp.jit import allocation_free
-from cmpsp_ros.robots import arc_ends
+from cmpsp_ros.robots.motion import arc_ends
 from cmpsp_ros.simulator.body import Motion
 from cmpsp_ros.simulator.measurement import Stream, generator
 from cmpsp_ros.simulator.settings import LaserSettings

@@ -13,7 +13,8 @@ from typing import Any, Final
 import numpy as np
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.robots import Robot, arc_ends
+from cmpsp_ros.robots import Robot
+from cmpsp_ros.robots.motion import arc_ends
 from cmpsp_ros.simulator.body import Motion
 from cmpsp_ros.simulator.settings import Physics
 

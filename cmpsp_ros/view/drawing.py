@@ -15,7 +15,7 @@ from matplotlib.path import Path
 from matplotlib.patheffects import withStroke
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.robots import arc_ends
+from cmpsp_ros.robots.motion import arc_ends
 from cmpsp_ros.view.plotly_traces import Trace
 from cmpsp_ros.view.scene import TEXT
 from cmpsp_ros.world.obstacles import Shape

@@ -11,7 +11,8 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array, BoolArray, IntArray
 from cmpsp_ros.mpsp.jit import allocation_free
-from cmpsp_ros.robots import REFERENCE_POINT, TwistLimits, arc_of_point, arc_under, point_of
+from cmpsp_ros.robots import TwistLimits
+from cmpsp_ros.robots.motion import REFERENCE_POINT, arc_of_point, arc_under, point_of
 from cmpsp_ros.world.grids.field_functions import NO_FIELD, Fields
 from cmpsp_ros.world.grids.grid_obstacle import GridObstacle
 from cmpsp_ros.world.inter_sample_margin import at_ends, outside, outside_known

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
+import yaml
 
 ROOT = Path(__file__).parents[2]
 PAGES = [*sorted((ROOT / 'doc').rglob('*.md')), ROOT / 'CONTRIBUTING.md']
@@ -112,6 +113,12 @@ def test_every_page_is_in_the_index():
     linked = links_of(index.read_text(encoding='utf-8'))
     pages = {page.relative_to(ROOT / 'doc').as_posix() for page in PAGES[:-1]} - {index.name}
     assert pages == {link for link in linked if link.endswith('.md') and link[:2] != '..'}
+
+
+def test_every_page_is_in_the_menu_of_the_site():
+    menu = str(yaml.safe_load((ROOT / 'mkdocs.yml').read_text(encoding='utf-8'))['nav'])
+    missing = [page for page in PAGES if f"'{page.relative_to(ROOT).as_posix()}'" not in menu]
+    assert not missing
 
 
 PAGE = """Text.

@@ -24,7 +24,7 @@ from cmpsp_ros.bags.runs.odometry import (
 )
 from cmpsp_ros.bags.runs.run import DrivenPath
 from cmpsp_ros.guidance import GuidanceSettings, to_nanoseconds
-from cmpsp_ros.robots import plain, with_side
+from cmpsp_ros.robots.motion import plain, with_side
 from cmpsp_ros.sensing import stamp_of
 
 Flags = BoolArray

@@ -17,7 +17,7 @@ from cmpsp_ros.bags.runs.encounters import Encounter
 from cmpsp_ros.bags.runs.odometry import interpolated, is_within
 from cmpsp_ros.bags.runs.sensor_clearance import EXACT
 from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings
-from cmpsp_ros.robots import arc_ends
+from cmpsp_ros.robots.motion import arc_ends
 from cmpsp_ros.world.roads import project_on_path
 
 _ROUNDING: Final = 1e-6

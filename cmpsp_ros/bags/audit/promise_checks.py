@@ -21,7 +21,8 @@ from cmpsp_ros.bags.runs import lifetime
 from cmpsp_ros.bags.runs.odometry import is_within
 from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings
 from cmpsp_ros.guidance.messages import Track
-from cmpsp_ros.robots import arc_ends, placed, with_side
+from cmpsp_ros.robots import placed
+from cmpsp_ros.robots.motion import arc_ends, with_side
 from cmpsp_ros.world.grids import Cell, GridObstacle, OccupancyGrid
 
 _STEP: Final = 0.01
@@ -111,9 +112,8 @@ def unseen(record: AuditRecord) -> Iterator[Sample]:
     if 'safety.stop_within_sight' not in record.history.given:
         raise NotJudgedError('The parameters do not say safety.stop_within_sight.')
     decisions = {each.stamp: each for each in record.decisions}
-    moved = [
-        at for at, each in decisions.items() if any(isinstance(k, int) for k, _ in each.tracks)
-    ]
+    ids = ((at, key) for at, each in decisions.items() for key, _ in each.tracks)
+    moved = min((at for at, key in ids if isinstance(key, int)), default=math.inf)
     for leg, seeing in zip(record.legs, record.knowledge(), strict=True):
         commands = leg.commands.chosen(np.all(np.isfinite(leg.commands.twists), axis=1))
         stamps = commands.stamps.tolist()

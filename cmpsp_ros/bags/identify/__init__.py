@@ -15,7 +15,7 @@ from cmpsp_ros.bags.identify.drives import read_drives
 from cmpsp_ros.bags.identify.estimates import Identification, identification
 from cmpsp_ros.bags.identify.output import draw, write_parameters
 from cmpsp_ros.parameters.files import load_robot
-from cmpsp_ros.robots import arc_ends
+from cmpsp_ros.robots.motion import arc_ends
 
 
 def identify(

@@ -19,7 +19,7 @@ from cmpsp_ros.bags.names import Names
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.runs.odometry import OdometrySeries, read_odometry
 from cmpsp_ros.guidance import NANOSECONDS
-from cmpsp_ros.robots import with_side
+from cmpsp_ros.robots.motion import with_side
 
 TIMEOUTS: Final = (math.inf, 0.2, 0.25, 0.5, 0.6, 1.0)
 """Usual times after which robots stop without a command [s]."""

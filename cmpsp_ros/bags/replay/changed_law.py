@@ -32,7 +32,7 @@ from cmpsp_ros.bags.replay.recording import OdometrySample
 from cmpsp_ros.bags.writer import BagWriter
 from cmpsp_ros.guidance import Decision, GuidanceSettings
 from cmpsp_ros.parameters import TABLE, Values, guidance_settings
-from cmpsp_ros.robots import with_side
+from cmpsp_ros.robots.motion import with_side
 from cmpsp_ros.view import BAGS, GOAL, course, draw, show, traces
 
 PREFIX = '/what_if'

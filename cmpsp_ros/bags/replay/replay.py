@@ -24,7 +24,7 @@ from cmpsp_ros.bags.replay.inputs import (
 )
 from cmpsp_ros.guidance import FIELDS, Decision, GuidanceSettings, decision_to_key_values, waypoints
 from cmpsp_ros.parameters import ParameterError, Values, guidance_settings
-from cmpsp_ros.robots import with_side
+from cmpsp_ros.robots.motion import with_side
 
 _OF_THIS_LAW: Final = ('solver.candidates', 'solver.initial_iterations')
 

@@ -12,7 +12,8 @@ from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.runs.run import DrivenPath, driven_in
 from cmpsp_ros.guidance import NANOSECONDS
 from cmpsp_ros.guidance.messages import Track
-from cmpsp_ros.robots import Bodies, with_side
+from cmpsp_ros.robots import Bodies
+from cmpsp_ros.robots.motion import with_side
 from cmpsp_ros.world.obstacles import MovingDiscs
 
 _STANDS = 0.051

@@ -16,7 +16,7 @@ from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.guidance import NANOSECONDS, Goal, GuidanceSettings
 from cmpsp_ros.guidance.messages import Track, TrackError, heading_of, tracks_of
-from cmpsp_ros.robots import arc_ends, plain
+from cmpsp_ros.robots.motion import arc_ends, plain
 from cmpsp_ros.sensing import stamp_of
 from cmpsp_ros.world.roads import arc_length_to
 

@@ -15,7 +15,7 @@ from cmpsp_ros.guidance.safety.validation import Validation, Validator
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.state import LawState
 from cmpsp_ros.guidance.times import NANOSECONDS, NEVER, to_nanoseconds
-from cmpsp_ros.robots import speeds_and_turns
+from cmpsp_ros.robots.motion import speeds_and_turns
 from cmpsp_ros.world.obstacles import NOTHING_MOVES, MovingDiscs
 
 

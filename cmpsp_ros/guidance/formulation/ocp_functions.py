@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.mpsp.jit import allocation_free
-from cmpsp_ros.robots import Kinematics, point_of, put_gradients, roll_out
+from cmpsp_ros.robots.motion import Kinematics, point_of, put_gradients, roll_out
 from cmpsp_ros.world.grids import Fields
 from cmpsp_ros.world.obstacles import away_from
 from cmpsp_ros.world.roads import RoadSpace, road_functions

@@ -13,7 +13,7 @@ from cmpsp_ros.guidance.mission.return_to_goal import turn_rate
 from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.times import Horizon
-from cmpsp_ros.robots import within_ramp
+from cmpsp_ros.robots.motion import within_ramp
 
 _SPEED: Final = 0.3
 """Speed of a robot that backs out, at most [m/s], and half of its pace."""

@@ -18,7 +18,7 @@ from cmpsp_ros.guidance.safety.validation import TOUCHING, Validation, Validator
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.times import NANOSECONDS
 from cmpsp_ros.mpsp.jit import allocation_free
-from cmpsp_ros.robots import Kinematics, fastest_wheel
+from cmpsp_ros.robots.motion import Kinematics, fastest_wheel
 from cmpsp_ros.world.roads import RoadSpace, road_functions
 
 # Hysteresis: a plan is replaced only by one that leaves less than half of a flaw, or costs so much

@@ -20,8 +20,9 @@ from cmpsp_ros.guidance.planning.homotopy.road_frame import (
 from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.mpsp.jit import allocation_free
-from cmpsp_ros.robots import DifferentialDrive, Kinematics, drive, fastest_wheel, within_limits
-from cmpsp_ros.robots import steer as steer_by
+from cmpsp_ros.robots import DifferentialDrive
+from cmpsp_ros.robots.motion import Kinematics, drive, fastest_wheel, within_limits
+from cmpsp_ros.robots.motion import steer as steer_by
 from cmpsp_ros.world.roads import RoadSpace, road_functions
 
 SHORTEST_LOOKAHEAD: Final = 0.3

@@ -28,7 +28,8 @@ from cmpsp_ros.mpsp.models import CONTROL_RATE, ControlRateData
 from cmpsp_ros.mpsp.qp import RICCATI_ACTIVE_SET, QPStatus
 from cmpsp_ros.mpsp.qp.riccati import Outcome
 from cmpsp_ros.mpsp.sqp import Driver, Entries, Functions
-from cmpsp_ros.robots import Robot, within_ramp
+from cmpsp_ros.robots import Robot
+from cmpsp_ros.robots.motion import within_ramp
 from cmpsp_ros.world import FreeSpace
 
 FUNCTIONS: Final = Functions(ocp_functions.predict, ocp_functions.evaluate, ocp_functions.linearise)

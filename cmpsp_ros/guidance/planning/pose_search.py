@@ -16,7 +16,7 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.mpsp.jit import allocation_free
-from cmpsp_ros.robots import point_of
+from cmpsp_ros.robots.motion import point_of
 from cmpsp_ros.world import FreeSpace
 from cmpsp_ros.world.grids import Fields
 from cmpsp_ros.world.obstacles import distance_from

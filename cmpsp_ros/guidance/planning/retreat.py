@@ -20,7 +20,8 @@ from cmpsp_ros.guidance.safety.unseen import looks_ahead
 from cmpsp_ros.guidance.safety.validation import TOUCHING
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.times import Horizon
-from cmpsp_ros.robots import placed, within_ramp
+from cmpsp_ros.robots import placed
+from cmpsp_ros.robots.motion import within_ramp
 from cmpsp_ros.world import FreeSpace
 from cmpsp_ros.world.obstacles import MovingDiscs
 

@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.jit import allocation_free
-from cmpsp_ros.robots import Kinematics, drive, with_lag
+from cmpsp_ros.robots.motion import Kinematics, drive, with_lag
 
 SLICES: Final = 4
 """Arcs in which the robot is moved while a lagging control approaches one command."""

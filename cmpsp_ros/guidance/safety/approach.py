@@ -23,7 +23,7 @@ from cmpsp_ros.guidance.safety.unseen import PEEP, is_clear_of_unseen, watches_u
 from cmpsp_ros.guidance.safety.validation import TOUCHING, Validation, Validator
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.world import World
-from cmpsp_ros.robots import braking, least_scale, speeds_and_turns
+from cmpsp_ros.robots.motion import braking, least_scale, speeds_and_turns
 from cmpsp_ros.world import FreeSpace
 from cmpsp_ros.world.grids import Cell, GridObstacle, OccupancyGrid, is_free
 from cmpsp_ros.world.roads import OpenFloor

@@ -16,7 +16,7 @@ from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.safety.validation import Validation, Validator
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.times import NANOSECONDS, Horizon
-from cmpsp_ros.robots import within_ramp
+from cmpsp_ros.robots.motion import within_ramp
 
 _SPEEDS: Final = (1.0, 0.75, 0.5, 0.25, 0.125)
 _INSTANTS: Final = 5

@@ -11,7 +11,14 @@ from numpy.typing import NDArray
 from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.guidance.formulation.ocp_functions import N_EDGE_CONSTRAINTS
 from cmpsp_ros.mpsp.jit import allocation_free
-from cmpsp_ros.robots import Kinematics, arc_from, arc_of, arc_of_point, fastest_wheel, point_of
+from cmpsp_ros.robots.motion import (
+    Kinematics,
+    arc_from,
+    arc_of,
+    arc_of_point,
+    fastest_wheel,
+    point_of,
+)
 from cmpsp_ros.world.grids import Fields
 from cmpsp_ros.world.obstacles import ROUGHNESS, disc_after, distance_from, sweep, sweep_moving
 from cmpsp_ros.world.roads import RoadSpace, road_functions

@@ -14,7 +14,8 @@ import numpy as np
 from cmpsp_ros.arrays import Array, BoolArray
 from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.settings import LawSettings
-from cmpsp_ros.robots import placed, speeds_and_turns
+from cmpsp_ros.robots import placed
+from cmpsp_ros.robots.motion import speeds_and_turns
 from cmpsp_ros.world.obstacles import ROUGHNESS, MovingDiscs
 
 _ROUNDING: Final = 1e-6

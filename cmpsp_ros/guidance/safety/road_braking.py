@@ -10,7 +10,7 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.prediction.estimator import PlanStart
-from cmpsp_ros.robots import braking
+from cmpsp_ros.robots.motion import braking
 from cmpsp_ros.world.roads import lookahead_points
 
 _AHEAD: Final = 1.0

@@ -17,7 +17,8 @@ from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.safety.reach_check import CREEP
 from cmpsp_ros.guidance.settings import LawSettings
-from cmpsp_ros.robots import placed, speeds_and_turns
+from cmpsp_ros.robots import placed
+from cmpsp_ros.robots.motion import speeds_and_turns
 from cmpsp_ros.world.grids import Cell
 
 PEEP: Final = 0.1

@@ -20,7 +20,8 @@ from cmpsp_ros.guidance.safety.road_braking import brakings_on_road
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.world import SEEN, World
 from cmpsp_ros.mpsp.jit import entry_for
-from cmpsp_ros.robots import NO_RAMP, braking, placed
+from cmpsp_ros.robots import placed
+from cmpsp_ros.robots.motion import NO_RAMP, braking
 from cmpsp_ros.world import FreeSpace
 from cmpsp_ros.world.grids import Fields
 from cmpsp_ros.world.obstacles import NOTHING_MOVES, MovingDiscs

@@ -14,7 +14,7 @@ import re
 import stat
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -110,6 +110,8 @@ def _is_ours(folder: Path) -> bool:
 WAITING: Final = 'cmpsp_ros:wait'
 """Kind of numba's event while another process compiles a kernel that is needed."""
 
+_FORMAT: Final = 'parts'
+"""Content of files: `parts`."""
 _DAY: Final = 86_400.0
 _CHECKSUM: Final = 16
 
@@ -157,6 +159,33 @@ class KernelCache:
         finally:
             _release(path)
 
+    def finish(self, sig: Any, part: Any, make: Callable[[Any], Any]) -> Any:
+        """Have the machine code of a part made, unless a file has it: None then.
+
+        Args:
+            sig: Its signature.
+            part: Numba's result, with a `Part`.
+            make: Called with the part, to return the machine code as numba's library.
+        """
+        library, made = part.library, None
+        if library.machine_code is not None:
+            return None
+        path = self._path(sig, part.target_context)
+        if path is None:
+            return make(part)
+        _acquire(path, self._dispatcher)
+        try:
+            if (found := _load(path, sig, part.target_context)) is not None:
+                library.machine_code = found.library.machine_code
+            if library.machine_code is None:
+                made = make(part)
+                with suppress(OSError):  # the disk is full, or the folder has gone
+                    if (content := internals.dump(part)) is not None:
+                        _save(path, content)
+        finally:
+            _release(path)
+        return made
+
     def give_up(self, sig: Any) -> None:
         """Let others compile a signature after a failure."""
         if (path := self._compiling.pop(sig, None)) is not None:
@@ -176,7 +205,7 @@ class KernelCache:
         except TypeError:  # no two processes could agree on what it is made of
             return None
         name = f'{function.__module__}.{function.__qualname__}'
-        parts += [name, VERSIONS, *map(str, internals.target_description(target_context))]
+        parts += [name, _FORMAT, VERSIONS, *map(str, internals.target_description(target_context))]
         digest = hashlib.sha256('\0'.join(parts).encode()).hexdigest()
         name = re.sub(r'[^\w.]+', '-', name)[-150:]
         return self._folder / f'{name}.{digest[:32]}.kernel'

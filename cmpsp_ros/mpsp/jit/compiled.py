@@ -10,24 +10,23 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, Final, ParamSpec, TypeVar, cast
 
-import numba
 import numpy as np
 from numba import types
 from numba.core import cgutils
 from numba.core.errors import TypingError
 from numba.extending import intrinsic
 
-from cmpsp_ros.mpsp.jit import internals
 from cmpsp_ros.mpsp.jit.cache import KernelCache, kernel_folder
+from cmpsp_ros.mpsp.jit.parts import Kernel
 
-ALLOCATION_FREE: Final = {'_nrt': False, 'error_model': 'numpy', 'no_cfunc_wrapper': True}
+ALLOCATION_FREE: Final = {'_nrt': False, 'error_model': 'numpy'}
 """Options of numba for functions that allocate nothing.
 
 Division by zero gives what IEEE 754 says: to look for it at every division takes a tenth of the
 solver's time, and results are checked to be finite where it counts.
 """
 
-_overloads: Final[dict[Any, Any]] = {}
+_signatures: Final[dict[Any, tuple[Any, ...]]] = {}
 _RETURNED: Final[dict[type | None, Any]] = {
     None: types.none,
     int: types.int64,
@@ -39,9 +38,8 @@ _R = TypeVar('_R')
 
 
 def _compile(function: Callable[_P, _R], **options: Any) -> Callable[_P, _R]:
-    dispatcher = numba.njit(**options)(function)
-    internals.set_cache(dispatcher, KernelCache(dispatcher, kernel_folder()))
-    return cast('Callable[_P, _R]', dispatcher)
+    kernel = Kernel(function, options, lambda made: KernelCache(made, kernel_folder()))
+    return cast('Callable[_P, _R]', kernel)
 
 
 def compiled(function: Callable[_P, _R]) -> Callable[_P, _R]:
@@ -69,7 +67,8 @@ def entry_for(function: Callable[_P, _R], *arguments: Any) -> Callable[_P, _R]:
 
     Types and array layouts of all calls must be the same: nothing checks it.
     """
-    return cast('Callable[_P, _R]', _overload(function, arguments).entry_point)
+    kernel: Any = function
+    return cast('Callable[_P, _R]', kernel.entry(_signature(kernel, arguments)))
 
 
 def address_of(returned: type | None, function: Callable[..., Any], *arguments: Any) -> int:
@@ -78,24 +77,24 @@ def address_of(returned: type | None, function: Callable[..., Any], *arguments: 
     Raises:
         TypeError: The result is not `returned`: int (or an `IntEnum`), float or None.
     """
-    overload = _overload(function, arguments)
-    found, wanted = types.unliteral(overload.signature.return_type), _RETURNED[returned]
+    kernel: Any = function
+    signature = _signature(kernel, arguments)
+    address = int(kernel.address(signature))
+    kind = kernel.overloads[signature].signature.return_type
+    found, wanted = types.unliteral(kind), _RETURNED[returned]
     if isinstance(found, types.IntEnumMember):
         found = found.dtype
     if found != wanted:
         raise TypeError(f'{function.__name__}: found {found} returned, wanted {wanted}')
-    return internals.address(overload)
+    return address
 
 
-def _overload(function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
-    """Numba's result for a signature; a law asks hundreds of times when it is configured."""
-    key = function, _kind(arguments)
-    if key not in _overloads:
-        dispatcher: Any = function
-        signature = tuple(dispatcher.typeof_pyval(argument) for argument in arguments)
-        dispatcher.compile(signature)
-        _overloads[key] = dispatcher.overloads[signature]
-    return _overloads[key]
+def _signature(kernel: Any, arguments: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Numba's types of arguments; a law asks hundreds of times when it is configured."""
+    key = kernel, _kind(arguments)
+    if key not in _signatures:
+        _signatures[key] = tuple(kernel.typeof_pyval(argument) for argument in arguments)
+    return _signatures[key]
 
 
 def _kind(value: Any) -> Any:

@@ -8,28 +8,16 @@ from __future__ import annotations
 import io
 import pickle
 from collections.abc import Iterable
-from functools import partial
 from typing import Any
 
-from llvmlite import binding
 from numba import types
 from numba.core import config
-from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import CompileResult
+from numba.core.compiler import compile_result
 from numba.core.registry import cpu_target
 from numba.core.runtime import rtsys
 from numba.core.serialize import NumbaPickler
 
-
-def set_cache(dispatcher: Any, cache: object) -> None:
-    """Have a dispatcher ask ``cache`` before it compiles; numba's own way knows no other cache."""
-    dispatcher._cache = cache  # noqa: SLF001
-
-
-def address(overload: Any) -> int:
-    """Address of the machine code of one signature, as other machine code calls it."""
-    library, name = overload.library, overload.fndesc.llvm_func_name
-    return int(library.get_pointer_to_function(name))
+from cmpsp_ros.mpsp.jit.parts import Part, environments_in, is_constant
 
 
 def cache_of(dispatcher: Any) -> object:
@@ -54,16 +42,29 @@ def this_target() -> tuple[Any, ...]:
 
 
 def dump(result: Any) -> bytes | None:
-    """A compiled result as bytes; None when it holds addresses of this process."""
-    if any(not each.can_cache for each in result.lifted) or result.library.has_dynamic_globals:
+    """A compiled part as bytes; None when it holds addresses of this process."""
+    library, description = result.library, result.fndesc
+    module = library._get_module_for_linking()  # noqa: SLF001 (numba's own name)
+    if result.lifted or not is_constant(module):
         return None
+    # What the translation alone needs.
+    description.typemap = description.calltypes = None
+    kept = (
+        library.name,
+        description,
+        result.environment,
+        result.signature,
+        environments_in(module),
+        library.machine_code,
+        module.as_bitcode(),
+    )
     file = io.BytesIO()
-    _Pickler(file, protocol=4).dump(result._reduce())  # noqa: SLF001 (as numba's own cache does)
+    _Pickler(file, protocol=4).dump(kept)
     return file.getvalue()
 
 
 def load(data: bytes, classes: Iterable[type], target_context: Any) -> Any:
-    """The compiled result in the bytes of `dump`; `classes` are the named tuples in its signature.
+    """The part in the bytes of `dump`; `classes` are the named tuples in its signature.
 
     Numba's own way of loading begins with `target_context.refresh()`, which takes a second, and
     parses bitcode that only a compilation needs, which takes twice as long as the rest.
@@ -73,43 +74,19 @@ def load(data: bytes, classes: Iterable[type], target_context: Any) -> Any:
     """
     rtsys.initialize(target_context)
     kept = _Unpickler(io.BytesIO(data), classes).load()
-    codegen, (_, description, *_) = target_context.codegen(), kept
-    codegen._engine._defined_symbols |= {  # noqa: SLF001 (numba finds them in the bitcode)
-        description.llvm_func_name,
-        description.llvm_cpython_wrapper_name,
-    }
-    codegen.unserialize_library = partial(_restore, codegen)
-    try:
-        return CompileResult._rebuild(target_context, *kept)  # noqa: SLF001
-    finally:
-        del codegen.unserialize_library
-
-
-class _Library(JITCodeLibrary):  # type: ignore[misc]  # numba has no types
-    """Machine code with bitcode that is parsed when something else is linked to it."""
-
-    bitcode: bytes | None = None
-
-    @property
-    def _shared_module(self) -> Any:
-        if self.bitcode is not None:
-            self._parsed, self.bitcode = binding.parse_bitcode(self.bitcode), None
-        return self._parsed
-
-    @_shared_module.setter
-    def _shared_module(self, module: Any) -> None:
-        self._parsed = module
-
-
-def _restore(codegen: Any, kept: tuple[str, str, tuple[bytes, bytes]]) -> Any:
-    """Load as `JITCodeLibrary._unserialize` does, without parsing the bitcode."""
-    name, _, (machine_code, bitcode) = kept
-    library = _Library(codegen, name)
-    library.enable_object_caching()
-    library._set_compiled_object(machine_code)  # noqa: SLF001
-    library._finalize_final_module()  # noqa: SLF001
-    library.bitcode = bitcode
-    return library
+    name, description, environment, signature, environments, machine_code, bitcode = kept
+    library = Part(target_context.codegen(), name, bitcode)
+    library.machine_code, library.environments = machine_code, environments
+    return compile_result(
+        typing_context=target_context.typing_context,
+        target_context=target_context,
+        library=library,
+        environment=environment,
+        fndesc=description,
+        signature=signature,
+        objectmode=False,
+        lifted=(),
+    )
 
 
 class _Pickler(NumbaPickler):  # type: ignore[misc]  # numba has no types

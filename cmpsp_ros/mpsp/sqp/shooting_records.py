@@ -34,7 +34,7 @@ class Direction(NamedTuple):
     dX: Array
     dU: Array
     solution: QPSolution
-    H: Array
+    convex: Curvature
     shift: float
     is_relaxed: bool
     weights: Penalties

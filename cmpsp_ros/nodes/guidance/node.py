@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
-from cmpsp_ros.guidance import GuidanceSettings
+from cmpsp_ros.guidance import GuidanceSettings, prepare
 from cmpsp_ros.guidance.mission import infeasibility_warnings
 from cmpsp_ros.nodes.common.health import Health, Report
 from cmpsp_ros.nodes.common.parameters import declare, event_of
@@ -104,7 +106,7 @@ class GuidanceNode(LifecycleNode):
                 return self._refuse(self._refusal, 'configure')
             check_cpu(self._values)
             settings = guidance_settings(self._values)
-            prepare_aloud(settings, self.get_logger())
+            prepare_aloud(partial(prepare, settings), self.get_logger())
             self._loop = GuidanceLoop(self, self._values, settings, self._garbage)
         except Exception as error:  # rclpy would swallow it
             return self._refuse(str(error) or type(error).__name__, 'configure')

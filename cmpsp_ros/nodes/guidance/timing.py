@@ -7,11 +7,11 @@ import math
 import os
 import resource
 import time
+from collections.abc import Callable
 from contextlib import ExitStack
 
 from rclpy.impl.rcutils_logger import RcutilsLogger
 
-from cmpsp_ros.guidance import GuidanceSettings, prepare
 from cmpsp_ros.mpsp.jit import compilations, progress
 from cmpsp_ros.parameters import ParameterError, Problem, Values
 
@@ -22,8 +22,8 @@ _SHARE_OF_SLACK = 0.25
 _OVERDUE = 1.0
 
 
-def prepare_aloud(settings: GuidanceSettings, logger: RcutilsLogger) -> None:
-    """Compile or load everything now, and log it; raises ValueError for unusable settings."""
+def prepare_aloud(prepare: Callable[[], None], logger: RcutilsLogger) -> None:
+    """Compile or load everything now, and log it."""
     began, hints = time.monotonic(), ['compiling, once; `cmpsp warmup` does it beforehand']
 
     def say(text: str) -> None:
@@ -32,7 +32,7 @@ def prepare_aloud(settings: GuidanceSettings, logger: RcutilsLogger) -> None:
         logger.info(text)
 
     with progress(say=say) as kernels:
-        prepare(settings)
+        prepare()
     if kernels:
         logger.info(f'compiled {len(kernels)} kernels in {time.monotonic() - began:.1f} s')
 

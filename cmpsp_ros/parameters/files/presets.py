@@ -22,12 +22,11 @@ _KEYS_OF_ROBOT: Final = ('robot.', 'initial_guess.')
 _ALSO_OF_ROBOT: Final = ('command_delay', 'max_wheel_lag', 'enable_stamped_cmd_vel')
 
 
-def config_directory() -> Path:
+def config_directory(here: Path = Path(__file__)) -> Path:
     """The folder of the presets, in a source tree or where pip or colcon put it.
 
-    Raises ParameterError if the package was installed without them.
+    It is looked for above a module. ParameterError if the package was installed without it.
     """
-    here = Path(__file__)
     # The second path matters in a workspace of symbolic links, the first where only they lead on.
     for folder in [*here.absolute().parents, *here.resolve().parents]:
         in_source = folder / 'config'

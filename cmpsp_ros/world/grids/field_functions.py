@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.jit import allocation_free
-from cmpsp_ros.robots import Arc, arc_part
+from cmpsp_ros.robots.motion import Arc, arc_part
 
 Records = NDArray[np.void]
 

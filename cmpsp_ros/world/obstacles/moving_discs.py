@@ -11,7 +11,8 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.mpsp.jit import allocation_free
-from cmpsp_ros.robots import REFERENCE_POINT, Arc, TwistLimits, arc_of_point, arc_part, arc_under
+from cmpsp_ros.robots import TwistLimits
+from cmpsp_ros.robots.motion import REFERENCE_POINT, Arc, arc_of_point, arc_part, arc_under
 from cmpsp_ros.world.inter_sample_margin import at_ends, outside_moving, outside_moving_known
 from cmpsp_ros.world.obstacles.shape_functions import pieces_for
 

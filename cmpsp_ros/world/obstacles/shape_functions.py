@@ -14,7 +14,7 @@ from typing import Any
 
 from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.mpsp.jit import allocation_free, inlined
-from cmpsp_ros.robots import Arc, arc_part, reach_of
+from cmpsp_ros.robots.motion import Arc, arc_part, reach_of
 from cmpsp_ros.world.grids import field_functions
 from cmpsp_ros.world.grids.field_functions import DistanceField, Fields
 

@@ -10,7 +10,8 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.jit import allocation_free, inner
-from cmpsp_ros.robots import Arc, TwistLimits, reach_of
+from cmpsp_ros.robots import TwistLimits
+from cmpsp_ros.robots.motion import Arc, reach_of
 from cmpsp_ros.world.inter_sample_margin import (
     at_ends,
     inside,

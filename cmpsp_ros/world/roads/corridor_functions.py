@@ -12,7 +12,7 @@ from typing import Any
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.jit import allocation_free, inlined, inner
-from cmpsp_ros.robots import Arc, arc_part
+from cmpsp_ros.robots.motion import Arc, arc_part
 from cmpsp_ros.world.roads.road_functions import RoadSpace
 
 # The error of a projection is of second order in its last step [m].

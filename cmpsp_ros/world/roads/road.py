@@ -13,7 +13,8 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.jit import inner
-from cmpsp_ros.robots import Arc, TwistLimits
+from cmpsp_ros.robots import TwistLimits
+from cmpsp_ros.robots.motion import Arc
 from cmpsp_ros.world.roads.road_functions import FAR, RoadSpace, addresses, no_progress
 
 Point = tuple[float, float]

@@ -17,7 +17,7 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array, BoolArray, IntArray
 from cmpsp_ros.mpsp.jit import address_of, allocation_free, call, inner
-from cmpsp_ros.robots import Arc
+from cmpsp_ros.robots.motion import Arc
 
 FAR = 1e6
 """Clearance from an edge that is not there [m]: a number that can be added, written and read."""

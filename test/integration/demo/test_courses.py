@@ -1,7 +1,5 @@
 """Roads, goals and obstacles of every kind by `cmpsp demo`, a custom model among them."""
 
-from __future__ import annotations
-
 import csv
 import json
 import math
@@ -14,7 +12,7 @@ import pytest
 from cmpsp_ros.bags import Bag
 from cmpsp_ros.bags.runs import encounters, read_run
 from cmpsp_ros.parameters import TABLE, guidance_settings
-from cmpsp_ros.robots import REFERENCE_POINT
+from cmpsp_ros.robots.motion import REFERENCE_POINT
 
 pytestmark = pytest.mark.integration
 

@@ -1,7 +1,5 @@
 """A guidance node as a process, and a client that stands in for its robot."""
 
-from __future__ import annotations
-
 import signal
 import sys
 from xml.etree import ElementTree as ET
@@ -24,7 +22,7 @@ from std_srvs.srv import Trigger
 from cmpsp_ros.bags import Names
 from cmpsp_ros.bags.replay.replay import replay
 from cmpsp_ros.nodes import MODULES
-from cmpsp_ros.robots import arc_ends
+from cmpsp_ros.robots.motion import arc_ends
 
 START = (0.0, -9.25, 0.0)
 

@@ -1,7 +1,5 @@
 """Real nodes with a map: from a file and on a topic, and past what only a scanner sees."""
 
-from __future__ import annotations
-
 import json
 import math
 import sys
@@ -16,7 +14,7 @@ from nav_msgs.msg import OccupancyGrid
 from rclpy.time import Time
 
 from cmpsp_ros.bags.audit import CheckOutcome, audit
-from cmpsp_ros.robots import arc_ends
+from cmpsp_ros.robots.motion import arc_ends
 
 pytestmark = pytest.mark.integration
 

@@ -1,6 +1,6 @@
 """Faults that only the node's own process can be given; compared with doc/reference/faults.md."""
 
-from __future__ import annotations
+import secrets
 
 import pytest
 import rclpy
@@ -8,6 +8,7 @@ from rclpy.executors import SingleThreadedExecutor
 
 from cmpsp_ros.guidance import GuidanceLaw
 from cmpsp_ros.guidance.planning import Planner
+from cmpsp_ros.mpsp.jit.compiled import compiled
 from cmpsp_ros.nodes.guidance.node import GuidanceNode
 from cmpsp_ros.parameters import config_directory
 
@@ -29,13 +30,29 @@ def node(ros_domain):
     rclpy.try_shutdown()
 
 
-def test_an_exception_in_the_law_stops_the_robot(
-    fault, node, client, make_odometry, wait_until, monkeypatch
-):
+@pytest.fixture
+def both(node, client):
+    """Let the node and its client work; the node is active."""
+
     def both():
         node.spin_once(timeout_sec=0.01)
         client.ros.executor.spin_once(timeout_sec=0.01)
 
+    return both
+
+
+def test_a_kernel_compiled_while_active_is_an_error(fault, both, client, wait_until):
+    wait_until(lambda: client.latest('state') == 'active', step=both)
+    # No cache has it.
+    number = secrets.randbits(60)
+    compiled(lambda x: x + number)(1)
+    wait_until(lambda: 'compiler' in client.latest('said'), step=both)
+    fault.assert_told(client.health[-1])
+
+
+def test_an_exception_in_the_law_stops_the_robot(
+    fault, both, client, make_odometry, wait_until, monkeypatch
+):
     def decide(stamp):
         count = len(client.decisions)
         client.odometry.publish(make_odometry(stamp, (0.0, -9.25, 0.0)))

@@ -1,7 +1,5 @@
 """Roads that are told to the guidance node under way: waited for, taken, refused, replayed."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -13,7 +11,7 @@ from nav_msgs.msg import Path as PathMessage
 from cmpsp_ros.bags import Bag
 from cmpsp_ros.bags.audit import CheckOutcome, audit
 from cmpsp_ros.nodes.common.messages import path_of
-from cmpsp_ros.robots import arc_ends
+from cmpsp_ros.robots.motion import arc_ends
 
 pytestmark = pytest.mark.integration
 

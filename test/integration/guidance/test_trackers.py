@@ -1,7 +1,5 @@
 """Other trackers over DDS: their objects are known to decisions, each once, and in the bag."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -13,7 +11,7 @@ from sensor_msgs.msg import PointCloud2
 
 from cmpsp_ros.guidance.messages import Track, tracks_of
 from cmpsp_ros.nodes.common.messages import cloud_of
-from cmpsp_ros.robots import arc_ends
+from cmpsp_ros.robots.motion import arc_ends
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(300)]
 

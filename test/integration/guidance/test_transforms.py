@@ -4,8 +4,6 @@ The course is in `map`; odometry is of `base_footprint` in `odom`, which drifts 
 robot's centre, `base_link`, is beside it.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -21,7 +19,7 @@ from cmpsp_ros.bags.report import write_report
 from cmpsp_ros.bags.runs.run import driven_in
 from cmpsp_ros.guidance.messages import Track, compose
 from cmpsp_ros.nodes.common.messages import cloud_of
-from cmpsp_ros.robots import arc_ends
+from cmpsp_ros.robots.motion import arc_ends
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(300)]
 

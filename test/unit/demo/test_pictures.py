@@ -1,7 +1,5 @@
 """Pictures of runs: what they name, what they show whole, and what lies above what."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
@@ -27,7 +25,7 @@ from cmpsp_ros.bags.runs import read_run
 from cmpsp_ros.demo import load_scenario
 from cmpsp_ros.demo.results import draw_controls, draw_fleet, draw_trajectory
 from cmpsp_ros.demo.summary import summarise
-from cmpsp_ros.robots import arc_ends
+from cmpsp_ros.robots.motion import arc_ends
 from cmpsp_ros.sensing import Track
 
 LENGTH = 2.0

@@ -10,7 +10,7 @@ from cmpsp_ros.mpsp import SLACK_TOLERANCE, Options
 from cmpsp_ros.mpsp.models import ControlRateProblem
 from cmpsp_ros.mpsp.qp import QPStatus
 from cmpsp_ros.mpsp.sqp import CMPSP
-from cmpsp_ros.robots import within_ramp
+from cmpsp_ros.robots.motion import within_ramp
 
 
 def improve(settings, pose, held, guess, horizon):

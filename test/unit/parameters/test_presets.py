@@ -21,7 +21,6 @@ from cmpsp_ros.parameters import (
 from cmpsp_ros.parameters.files import (
     parse_assignment,
     preset_names,
-    presets,
     robots_in,
     write_fleet_file,
     write_parameter_file,
@@ -222,13 +221,11 @@ def test_a_set_written_loads_bit_for_bit(tmp_path, position, tolerance, seed, fr
 @pytest.mark.parametrize(
     'package', ['lib/python3.11/site-packages', 'install/cmpsp_ros/lib/python3.12/site-packages']
 )
-def test_presets_are_found_where_an_installation_puts_them(tmp_path, monkeypatch, package):
+def test_presets_are_found_where_an_installation_puts_them(tmp_path, package):
     module = tmp_path / package / 'cmpsp_ros' / 'parameters' / 'presets.py'
     module.parent.mkdir(parents=True)
-    monkeypatch.setattr(presets, '__file__', str(module))
     prefix = (tmp_path / package).parents[2]
-    message = refusal(config_directory)
+    message = refusal(config_directory, module)
     assert 'found no folder of presets above' in message
     shutil.copytree(Path(__file__).parents[3] / 'config', prefix / 'share/cmpsp_ros/config')
-    assert config_directory() == prefix / 'share' / 'cmpsp_ros' / 'config'
-    assert 'case1' in preset_names()
+    assert config_directory(module) == prefix / 'share' / 'cmpsp_ros' / 'config'

@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from cmpsp_ros.robots import DifferentialDrive, braking, with_lag, within_ramp
+from cmpsp_ros.robots import DifferentialDrive
+from cmpsp_ros.robots.motion import braking, with_lag, within_ramp
 
 ROBOT, LIMIT, PERIOD = DifferentialDrive(), 6.0, 0.2
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
-from cmpsp_ros.robots import arc_from, reach_of
+from cmpsp_ros.robots.motion import arc_from, reach_of
 
 SAMPLES = 4001
 unhurried = hypothesis_settings(deadline=None, max_examples=150)

@@ -1,7 +1,5 @@
 """Custom models: the example of doc/user/your_model.md, and what cannot be used."""
 
-from __future__ import annotations
-
 import math
 import re
 import subprocess
@@ -12,7 +10,8 @@ import numpy as np
 import pytest
 
 from cmpsp_ros.parameters import TABLE, ParameterError, guidance_settings, load_parameter_file
-from cmpsp_ros.robots import Ackermann, arc_part, arc_under, mecanum
+from cmpsp_ros.robots import Ackermann, Omnidirectional
+from cmpsp_ros.robots.motion import arc_part, arc_under
 
 ROOT = Path(__file__).parents[3]
 PAGE = (ROOT / 'doc' / 'user' / 'your_model.md').read_text(encoding='utf-8')
@@ -220,7 +219,7 @@ def test_models_that_are_there_are_driven_alike(modules):
     random = np.random.default_rng(1)
     durations = random.uniform(0.05, 0.5, 20)
     car = Ackermann(wheel_base=0.3, max_steering_angle=0.5, wheel_radius=1.0, max_wheel_speed=2.0)
-    base = mecanum(0.2, 0.2, wheel_radius=0.05, max_wheel_speed=40.0)
+    base = Omnidirectional.mecanum(0.2, 0.2, wheel_radius=0.05, max_wheel_speed=40.0)
     for mine, its in (('Car', car), ('Platform', base)):
         names = ['a', 'b', 'c'][: its.n_controls]
         robot = settings_of(f'forklift:{mine}', **{'robot.joint_names': names}).robot

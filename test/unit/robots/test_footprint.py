@@ -9,15 +9,12 @@ from cmpsp_ros.robots import (
     Ackermann,
     DifferentialDrive,
     Footprint,
-    arc_from,
-    arc_of_point,
-    arc_part,
+    Omnidirectional,
     contains,
     covered,
-    mecanum,
     placed,
-    point_of,
 )
+from cmpsp_ros.robots.motion import arc_from, arc_of_point, arc_part, point_of
 
 WAFFLE = ((-0.205, -0.145), (0.077, -0.145), (0.077, 0.145), (-0.205, 0.145))
 CAR = ((-0.831, -0.805), (3.677, -0.805), (3.677, 0.805), (-0.831, 0.805))
@@ -25,7 +22,7 @@ BOXES = [np.array([(-a, -b), (a, -b), (a, b), (-a, b)]) for a, b in ((1, 1), (0.
 ROBOTS = (
     DifferentialDrive(max_wheel_speed=20.0, half_track=0.1),
     Ackermann(wheel_radius=1.0, wheel_base=2.5, max_steering_angle=0.6, max_wheel_speed=10.0),
-    mecanum(0.13, 0.08, wheel_radius=0.05, max_wheel_speed=16.0),
+    Omnidirectional.mecanum(0.13, 0.08, wheel_radius=0.05, max_wheel_speed=16.0),
 )
 
 

@@ -9,15 +9,12 @@ from hypothesis import example, given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
-from cmpsp_ros.robots import (
-    Ackermann,
-    DifferentialDrive,
+from cmpsp_ros.robots import Ackermann, DifferentialDrive, Omnidirectional
+from cmpsp_ros.robots.motion import (
     arc_ends,
     arc_from,
     arc_under,
     braking,
-    mecanum,
-    on_omni_wheels,
     plain,
     speeds_and_turns,
     with_side,
@@ -36,9 +33,9 @@ CAR = Ackermann(
     max_wheel_acceleration=10.0,
     max_steering_rate=0.4,
 )
-MECANUM = mecanum(0.13, 0.08, **WHEELS)
-THREE = on_omni_wheels(0.2, [math.pi / 3, math.pi, -math.pi / 3], **WHEELS)
-FOUR = on_omni_wheels(0.2, [0.0, 1.6, 3.2, 4.6], **WHEELS)
+MECANUM = Omnidirectional.mecanum(0.13, 0.08, **WHEELS)
+THREE = Omnidirectional.on_omni_wheels(0.2, [math.pi / 3, math.pi, -math.pi / 3], **WHEELS)
+FOUR = Omnidirectional.on_omni_wheels(0.2, [0.0, 1.6, 3.2, 4.6], **WHEELS)
 SIDEWAYS = [MECANUM, THREE, FOUR]
 
 # Wheel-speed differences [rad/s] around none at all, and around a half turn of 0.01 rad in 0.2 s.

@@ -13,7 +13,14 @@ import pytest
 from cmpsp_ros.guidance import Weights
 from cmpsp_ros.guidance.formulation import GuidanceProblem
 from cmpsp_ros.guidance.safety.plan_sweep import SWEEP, PlanSweep, sweep_plan
-from cmpsp_ros.robots import Ackermann, CustomRobot, DifferentialDrive, Footprint, covered, mecanum
+from cmpsp_ros.robots import (
+    Ackermann,
+    CustomRobot,
+    DifferentialDrive,
+    Footprint,
+    Omnidirectional,
+    covered,
+)
 from cmpsp_ros.world import FreeSpace
 from cmpsp_ros.world.grids import Cell, GridObstacle, OccupancyGrid
 from cmpsp_ros.world.obstacles import SHAPES as TYPES
@@ -63,7 +70,7 @@ ROBOTS = {
         (15.0, 0.6),
     ),
     'omnidirectional': (
-        mecanum(0.15, 0.1, wheel_radius=0.05, max_wheel_speed=40.0),
+        Omnidirectional.mecanum(0.15, 0.1, wheel_radius=0.05, max_wheel_speed=40.0),
         None,
         (15.0, 15.0, 15.0),
     ),

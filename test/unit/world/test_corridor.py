@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cmpsp_ros.robots import DifferentialDrive, arc_from
+from cmpsp_ros.robots import DifferentialDrive
+from cmpsp_ros.robots.motion import arc_from
 from cmpsp_ros.world import FreeSpace
 from cmpsp_ros.world.roads import Corridor, RoadError
 from cmpsp_ros.world.roads import road_functions as functions

@@ -8,7 +8,8 @@ from hypothesis import assume, given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
-from cmpsp_ros.robots import DifferentialDrive, TwistLimits, arc_ends, arc_from, reach_of
+from cmpsp_ros.robots import DifferentialDrive, TwistLimits
+from cmpsp_ros.robots.motion import arc_ends, arc_from, reach_of
 from cmpsp_ros.world import outside
 from cmpsp_ros.world.inter_sample_margin import inside, inside_known, outside_known
 

@@ -9,7 +9,7 @@ import pytest
 
 from cmpsp_ros.parameters import TABLE
 from cmpsp_ros.parameters.roads import ROAD_TYPES, road_of
-from cmpsp_ros.robots import arc_under
+from cmpsp_ros.robots.motion import arc_under
 from cmpsp_ros.world.roads import kinds
 from cmpsp_ros.world.roads.road_functions import (
     arc_length_to,

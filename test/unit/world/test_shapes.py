@@ -1,7 +1,5 @@
 """Capsules, convex polygons and moving discs, against dense sampling without a formula of ours."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -12,7 +10,8 @@ from hypothesis import assume, given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
-from cmpsp_ros.robots import DifferentialDrive, arc_from
+from cmpsp_ros.robots import DifferentialDrive
+from cmpsp_ros.robots.motion import arc_from
 from cmpsp_ros.world import FreeSpace
 from cmpsp_ros.world.obstacles import (
     ROUGHNESS,

@@ -21,7 +21,7 @@ from cmpsp_ros.nodes.common.topic import Listener
 from cmpsp_ros.nodes.common.topics import GOAL_POSE
 from cmpsp_ros.nodes.guidance.inputs.course import RoadInput
 from cmpsp_ros.nodes.guidance.inputs.transforms import TransformInput
-from cmpsp_ros.robots import speeds_and_turns
+from cmpsp_ros.robots.motion import speeds_and_turns
 
 try:
     from nav2_msgs.action import FollowPath, NavigateToPose

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Final
 
+import numpy as np
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point
 from rclpy.duration import Duration
-from std_msgs.msg import ColorRGBA
+from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
 from cmpsp_ros.guidance import NANOSECONDS, Decision, Goal, GuidanceSettings, LawSettings, World
 from cmpsp_ros.guidance.messages import PeerTrajectory, Track
 from cmpsp_ros.guidance.safety import plan_clearance
-from cmpsp_ros.nodes.common.messages import set_stamp
 from cmpsp_ros.view import LEVEL_COLORS, MOVING, SIGMAS, course, kept_clear
 from cmpsp_ros.world.obstacles import outline_of
 
@@ -41,12 +41,25 @@ _LIFETIME: Final = 5.0
 """Control periods for which markers stay when no more come."""
 
 _WIDTH: Final = 0.06
-_BAND: Final = 2.0 * _WIDTH
 _RING: Final = 0.02
-_TEXT_HEIGHT: Final = 0.25
-_ABOVE: Final = 0.6
 _AHEAD: Final = 1.0
 """Time ahead for which positions of moving obstacles are shown [s]."""
+
+
+class _Markers:
+    """Markers of one frame and time, with a lifetime [s], 0 for ever."""
+
+    def __init__(self, frame_id: str, stamp: Time, lifetime: float = 0.0) -> None:
+        self._header = Header(frame_id=frame_id, stamp=stamp)
+        self._lifetime = Duration(seconds=lifetime).to_msg()
+        self.all: list[Marker] = []
+
+    def add(self, namespace: str, marker: Marker, number: int | None = None) -> None:
+        """Add a marker of a number, by default the next one."""
+        marker.header, marker.lifetime, marker.ns = self._header, self._lifetime, namespace
+        marker.id = len(self.all) if number is None else number
+        marker.pose.orientation.w = 1.0
+        self.all.append(marker)
 
 
 def marker_array(
@@ -57,72 +70,73 @@ def marker_array(
     Obstacles have a ring around them at the distance that the robot's centre keeps at samples.
     Goals before the one that is driven to, `ahead`, are paler, and their headings are not shown.
     """
-    clear = Marker(action=Marker.DELETEALL)
-    clear.header.frame_id = settings.frame_id
-    markers = [clear]
-
-    def add(namespace: str, marker: Marker) -> None:
-        marker.ns = namespace
-        marker.id = len(markers)
-        marker.header.frame_id = settings.frame_id
-        marker.header.stamp = stamp
-        marker.pose.orientation.w = 1.0
-        markers.append(marker)
-
+    made = _Markers(settings.frame_id, stamp)
+    made.add('', Marker(action=Marker.DELETEALL))
     for part in (*course([world.road], world.shapes), kept_clear(settings, world)):
         namespace, width = _PARTS.get(part.kind, ('', 0.0))
         color = _color(part.look.color)
         for center, radius in part.discs:
-            add(namespace, _disc(center, radius, color))
+            made.add(namespace, _disc(center, radius, color))
         for line in part.outlines if namespace else ():
-            add(namespace, _line(line, width, color))
+            made.add(namespace, _line(line, width, color))
         for name, place in part.names:
-            add('obstacle_names', _text(place, name))
+            made.add('obstacle_names', _text(place, name))
     for goal in settings.goals:
         passed = ahead is not None and goal.time < ahead.time
         radius = max(settings.goal_tolerance, 0.1)
-        add('goal', _disc(goal.position, radius, _PASSED if passed else _GOAL))
+        made.add('goal', _disc(goal.position, radius, _PASSED if passed else _GOAL))
         if goal.heading is not None and not passed:
-            add('goal_headings', _arrow(goal.position, goal.heading, _GOAL))
+            x, y = goal.position
+            tip = x + _ARROW * math.cos(goal.heading), y + _ARROW * math.sin(goal.heading)
+            made.add('goal_headings', _arrow((goal.position, tip), 0.05, _GOAL, _HEIGHT))
         if goal.name:
-            add('goal_names', _text(goal.position, goal.name))
-    return MarkerArray(markers=markers)
+            made.add('goal_names', _text(goal.position, goal.name))
+    return MarkerArray(markers=made.all)
 
 
-def _disc(center: tuple[float, float], radius: float, color: ColorRGBA) -> Marker:
+def _disc(
+    center: Sequence[float],
+    radius: float,
+    color: ColorRGBA,
+    height: float = _HEIGHT,
+    z: float = _HEIGHT / 2.0,
+) -> Marker:
     marker = Marker(type=Marker.CYLINDER, color=color)
-    marker.pose.position.x, marker.pose.position.y = map(float, center)
-    marker.pose.position.z = _HEIGHT / 2.0
+    marker.pose.position = _point(center, z)
     marker.scale.x = marker.scale.y = 2.0 * float(radius)
-    marker.scale.z = _HEIGHT
+    marker.scale.z = height
     return marker
 
 
-def _arrow(tail: tuple[float, float], heading: float, color: ColorRGBA) -> Marker:
+def _arrow(ends: Iterable[Sequence[float]], width: float, color: ColorRGBA, z: float) -> Marker:
     marker = Marker(type=Marker.ARROW, color=color)
-    tip = (tail[0] + _ARROW * math.cos(heading), tail[1] + _ARROW * math.sin(heading))
-    marker.points = [Point(x=float(x), y=float(y), z=_HEIGHT) for x, y in (tail, tip)]
-    marker.scale.x, marker.scale.y = 0.04, 0.1
+    marker.points = [_point(each, z) for each in ends]
+    marker.scale.x, marker.scale.y = width, 2.0 * width
     return marker
 
 
 def _line(points: Iterable[Sequence[float]], width: float, color: ColorRGBA) -> Marker:
     marker = Marker(type=Marker.LINE_STRIP, color=color)
     marker.scale.x = width
-    marker.points = [Point(x=float(x), y=float(y)) for x, y in points]
+    marker.points = [_point(each) for each in points]
     return marker
 
 
-def _text(center: Sequence[float], text: str) -> Marker:
-    marker = Marker(type=Marker.TEXT_VIEW_FACING, text=text, color=_WHITE)
-    marker.pose.position.x, marker.pose.position.y = map(float, center)
-    marker.pose.position.z = 2.0 * _HEIGHT
-    marker.scale.z = 0.3
+def _text(
+    center: Sequence[float], text: str, color: ColorRGBA = _WHITE, size: float = 0.3, z: float = 0.4
+) -> Marker:
+    marker = Marker(type=Marker.TEXT_VIEW_FACING, text=text, color=color)
+    marker.pose.position = _point(center, z)
+    marker.scale.z = size
     return marker
+
+
+def _point(place: Sequence[float], z: float = 0.0) -> Point:
+    return Point(x=float(place[0]), y=float(place[1]), z=z)
 
 
 class PlanMarkers:
-    """Markers of the latest decision; one message is reused.
+    """Markers of the latest decision.
 
     The plan is a band in the colour of its fallback level, and in it a line in the colours of the
     clearance: `NEAR` with only `safety.margin` left, `FAR` with `PLENTY` beyond it. A robot with
@@ -133,21 +147,9 @@ class PlanMarkers:
     """
 
     def __init__(self, settings: GuidanceSettings) -> None:
-        """Make the message for a frame, a course and a control period."""
-        self._band = Marker(ns='plan', type=Marker.LINE_STRIP)
-        self._band.scale.x = _BAND
-        self._line = Marker(ns='clearance', type=Marker.LINE_STRIP, color=SCALE[-1])
-        self._line.scale.x = _WIDTH
-        # Above the band, for who looks from above.
-        self._line.pose.position.z = _RING
-        self._text = Marker(ns='level', type=Marker.TEXT_VIEW_FACING, action=Marker.DELETE)
-        self._text.scale.z = _TEXT_HEIGHT
-        self._text.pose.position.z = _ABOVE
-        self._array = MarkerArray(markers=[self._band, self._line, self._text])
-        for each in self._array.markers:
-            each.header.frame_id = settings.frame_id
-            each.pose.orientation.w = 1.0
-            each.lifetime = Duration(seconds=_LIFETIME * settings.control_period).to_msg()
+        """Begin without a plan, on the course of the settings."""
+        self._frame_id, self._place = settings.frame_id, list[float]()
+        self._lifetime = _LIFETIME * settings.control_period
         self.take(settings, settings.world)
 
     def take(self, settings: LawSettings, world: World) -> None:
@@ -155,93 +157,66 @@ class PlanMarkers:
         self._settings, self._world = settings, world
 
     def fill(self, decision: Decision) -> MarkerArray:
-        """The message of a decision, good until the next."""
-        plan = decision.plan
-        color = _COLORS['arrived' if decision.finished else decision.level.name.lower()]
-        for each in (self._band, self._line, self._text):
-            set_stamp(each.header, decision.stamp)
-        self._band.color = self._text.color = color
-        self._text.text = f'{decision.level.name.lower()}: {decision.reason}'
-        points, colors = [], []
+        """The message of a decision."""
+        plan, level = decision.plan, decision.level.name.lower()
+        sec, nanosec = divmod(decision.stamp, NANOSECONDS)
+        made = _Markers(self._frame_id, Time(sec=sec, nanosec=nanosec), self._lifetime)
+        color = _COLORS['arrived' if decision.finished else level]
+        places = [] if plan is None else plan.poses[:, :2].tolist()
+        self._place = places[0] if places else self._place
+        band, line = _line(places, 2.0 * _WIDTH, color), _line(places, _WIDTH, FAR)
+        # Above the band, for who looks from above.
+        line.pose.position.z = _RING
         if plan is not None:
-            places = plan.poses[:, :2].tolist()
-            points = [Point(x=x, y=y) for x, y in places]
-            spare = (
-                plan_clearance(self._settings, self._world, decision) - self._settings.safety.margin
-            )
-            colors = [color_of(each) for each in spare.tolist()]
-            self._text.pose.position.x, self._text.pose.position.y = places[0]
-            self._text.action = Marker.ADD
-        for each in (self._band, self._line):
-            each.action = Marker.DELETE if plan is None else Marker.ADD
-            each.points = points
-        self._line.colors = colors
-        outline = self._outline(decision)
-        self._array.markers = [self._band, self._line, self._text, *outline]
-        self._array.markers += self._moving(decision)
-        return self._array
-
-    def _outline(self, decision: Decision) -> Iterator[Marker]:
-        """Corners of the robot at the start of the plan."""
-        footprint, plan = self._settings.footprint, decision.plan
-        if footprint.corners and plan is not None:
-            corners = footprint.at(plan.poses[0]).tolist()
-            marker = _line((*corners, corners[0]), _RING, self._text.color)
-            yield self._placed('footprint', marker)
-
-    def _moving(self, decision: Decision) -> Iterator[Marker]:
+            near = plan_clearance(self._settings, self._world, decision)
+            line.colors = [color_of(each - self._settings.safety.margin) for each in near.tolist()]
+        text = _text(self._place or (0.0, 0.0), f'{level}: {decision.reason}', color, 0.25, 0.6)
+        for name, marker, is_there in (
+            ('plan', band, places),
+            ('clearance', line, places),
+            ('level', text, self._place),
+        ):
+            marker.action = Marker.ADD if is_there else Marker.DELETE
+            made.add(name, marker, 0)
+        if self._settings.footprint.corners and plan is not None:
+            corners = self._settings.footprint.at(plan.poses[0]).tolist()
+            made.add('footprint', _line((*corners, corners[0]), _RING, color), 0)
         for each in decision.tracks:
-            if isinstance(each, PeerTrajectory):
-                # It shows itself where it plans to be.
-                continue
-            age = (decision.stamp - each.stamp) / NANOSECONDS
-            x, y = each.x + age * each.vx, each.y + age * each.vy
-            tip_x, tip_y = x + _AHEAD * each.vx, y + _AHEAD * each.vy
-            disc = Marker(type=Marker.CYLINDER, color=_MOVING)
-            disc.pose.position.x, disc.pose.position.y = x, y
-            disc.scale.x = disc.scale.y = max(2.0 * each.radius, _WIDTH)
-            disc.scale.z = _WIDTH
-            arrow = Marker(type=Marker.ARROW, color=_MOVING)
-            arrow.points = [Point(x=x, y=y), Point(x=tip_x, y=tip_y)]
-            arrow.scale.x, arrow.scale.y = _WIDTH, 2.0 * _WIDTH
-            yield self._placed('moving_obstacles', disc, each.id)
-            if each.position_stddev or each.velocity_stddev:
-                now = _doubt(each, (x, y), age)
-                yield self._placed('moving_doubts', now, each.id)
-                later = _doubt(each, (tip_x, tip_y), age + _AHEAD)
-                yield self._placed('moving_doubts_foreseen', later, each.id)
-            yield self._placed('moving_velocities', arrow, each.id)
-            yield self._placed('moving_margins', self._ring(each, (x, y), age), each.id)
-            later = self._ring(each, (tip_x, tip_y), age + _AHEAD)
-            yield self._placed('moving_foreseen', later, each.id)
+            # Another robot shows itself where it plans to be.
+            if not isinstance(each, PeerTrajectory):
+                self._add_track(made, each, (decision.stamp - each.stamp) / NANOSECONDS)
+        return MarkerArray(markers=made.all)
 
-    def _ring(self, track: Track, center: tuple[float, float], age: float) -> Marker:
-        """Distance that the robot's centre keeps from an obstacle seen so long before [s]."""
-        settings = self._settings
-        moving = settings.moving_obstacles
-        doubt = track.position_stddev + age * track.velocity_stddev
-        radius = track.radius + moving.growth * age + moving.quantile * doubt
-        radius += settings.robot_radius + settings.safety.margin
-        return _line(outline_of([center], radius), _RING, _MOVING)
-
-    def _placed(self, namespace: str, marker: Marker, number: int = 0) -> Marker:
-        marker.ns, marker.id, marker.header = namespace, number, self._band.header
-        marker.pose.orientation.w, marker.lifetime = 1.0, self._band.lifetime
-        return marker
-
-
-def _doubt(track: Track, center: tuple[float, float], age: float) -> Marker:
-    """The disc that a track may fill, so long after it was seen [s]."""
-    radius = track.radius + SIGMAS * (track.position_stddev + age * track.velocity_stddev)
-    marker = _disc(center, radius, _PALE)
-    # Below the object itself.
-    marker.pose.position.z, marker.scale.z = -_WIDTH / 2.0, _RING
-    return marker
+    def _add_track(self, made: _Markers, track: Track, age: float) -> None:
+        """Add a moving obstacle that was seen so long before [s]."""
+        here, tip = (
+            (track.x + since * track.vx, track.y + since * track.vy)
+            for since in (age, age + _AHEAD)
+        )
+        disc = _disc(here, max(track.radius, _WIDTH / 2.0), _MOVING, _WIDTH, 0.0)
+        made.add('moving_obstacles', disc, track.id)
+        made.add('moving_velocities', _arrow((here, tip), _WIDTH, _MOVING, 0.0), track.id)
+        moving, kept = self._settings.moving_obstacles, self._settings.robot_radius
+        kept += self._settings.safety.margin
+        for suffix, margin, center, since in (
+            ('', 'moving_margins', here, age),
+            ('_foreseen', 'moving_foreseen', tip, age + _AHEAD),
+        ):
+            doubt = track.position_stddev + since * track.velocity_stddev
+            if track.position_stddev or track.velocity_stddev:
+                # Below the object itself.
+                pale = _disc(center, track.radius + SIGMAS * doubt, _PALE, _RING, -_WIDTH / 2.0)
+                made.add(f'moving_doubts{suffix}', pale, track.id)
+            radius = track.radius + moving.growth * since + moving.quantile * doubt + kept
+            made.add(margin, _line(outline_of([center], radius), _RING, _MOVING), track.id)
 
 
 def color_of(spare: float) -> ColorRGBA:
     """Colour of a stage that is so much clearer than it must be [m]."""
-    return SCALE[round((len(SCALE) - 1) * min(max(spare / PLENTY, 0.0), 1.0))]
+    at = min(max(spare / PLENTY, 0.0), 1.0)
+    scale = np.array([[each.r, each.g, each.b] for each in (NEAR, HALFWAY, FAR)]).T
+    red, green, blue = (float(np.interp(at, (0.0, 0.5, 1.0), each)) for each in scale)
+    return ColorRGBA(r=red, g=green, b=blue, a=1.0)
 
 
 def _color(text: str) -> ColorRGBA:
@@ -250,19 +225,8 @@ def _color(text: str) -> ColorRGBA:
     return ColorRGBA(r=red, g=green, b=blue, a=1.0)
 
 
-def _between(first: ColorRGBA, last: ColorRGBA, steps: int) -> list[ColorRGBA]:
-    """Colours from one towards another, which is left out."""
-    parts = [k / steps for k in range(steps)]
-    return [
-        ColorRGBA(**{n: (1.0 - f) * getattr(first, n) + f * getattr(last, n) for n in 'rgba'})
-        for f in parts
-    ]
-
-
 NEAR, HALFWAY, FAR = _color('#d55e00'), _color('#f0e442'), _color('#009e73')
 """Red, yellow and green that stay apart for colour-blind readers (Okabe and Ito)."""
-
-SCALE: Final = (*_between(NEAR, HALFWAY, 16), *_between(HALFWAY, FAR, 16), FAR)
 
 _MOVING: Final = _color(MOVING)
 _PALE: Final = ColorRGBA(r=_MOVING.r, g=_MOVING.g, b=_MOVING.b, a=0.2)

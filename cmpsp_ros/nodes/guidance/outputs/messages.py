@@ -25,7 +25,7 @@ from cmpsp_ros.guidance import (
     waypoints,
 )
 from cmpsp_ros.nodes.common.messages import set_pose, set_stamp
-from cmpsp_ros.robots import with_side
+from cmpsp_ros.robots.motion import with_side
 
 _LITTLE_ENDIAN = b'\x00\x01\x00\x00'
 _TWIST = struct.Struct('<6d')

@@ -23,7 +23,7 @@ from cmpsp_ros.parameters import (
     load_parameter_file,
     plant_settings,
 )
-from cmpsp_ros.robots import arc_ends
+from cmpsp_ros.robots.motion import arc_ends
 from cmpsp_ros.sensing import REMEMBERED, Surroundings, sight_of
 from cmpsp_ros.simulator import Laser, Plant, discs_of, edges_of
 from cmpsp_ros.studies.monte_carlo.courses.ring_courses import scenario

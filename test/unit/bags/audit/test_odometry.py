@@ -1,7 +1,5 @@
 """The path through odometry, found from poses alone."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -10,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cmpsp_ros.bags.runs.odometry import OdometrySeries, interpolated, path_through, wrapped
-from cmpsp_ros.robots import arc_ends
+from cmpsp_ros.robots.motion import arc_ends
 
 SECOND = 1_000_000_000
 START = 1_700_000_000 * SECOND

@@ -1,14 +1,12 @@
 """The response in closed form, beside one that is integrated in small steps."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
 from cmpsp_ros.bags import BagError
 from cmpsp_ros.bags.identify import RADIUS, excitation
 from cmpsp_ros.bags.identify.model import Response
-from cmpsp_ros.robots import arc_ends
+from cmpsp_ros.robots.motion import arc_ends
 
 CHANGES = np.array([0.0, 0.5, 0.7, 0.75, 1.6])
 COMMANDS = np.array([0.1, 1.0, -0.8, 0.3, 0.0])

@@ -1,7 +1,5 @@
 """Each run on its own course, with its robot as it is, and with what only others know."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -16,7 +14,7 @@ from cmpsp_ros.bags.report.path_chart import moving, path
 from cmpsp_ros.bags.report.picture import draw_report
 from cmpsp_ros.bags.report.view import view
 from cmpsp_ros.parameters import TABLE, load_parameter_file
-from cmpsp_ros.robots import arc_ends
+from cmpsp_ros.robots.motion import arc_ends
 from cmpsp_ros.sensing import Track
 
 LENGTH = 2.0

@@ -1,7 +1,5 @@
 """A recorded run as arrays, and the path between its samples."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
@@ -26,7 +24,7 @@ from hypothesis import strategies as st
 from cmpsp_ros.bags import BagError, BagWriter
 from cmpsp_ros.bags.runs import DrivenPath, read_run, seen_at
 from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
-from cmpsp_ros.robots import arc_ends, arc_from, reach_of
+from cmpsp_ros.robots.motion import arc_ends, arc_from, reach_of
 from cmpsp_ros.sensing import Track
 
 

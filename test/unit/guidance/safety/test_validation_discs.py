@@ -9,7 +9,7 @@ from scenarios import start_of
 
 from cmpsp_ros.guidance import GuidanceSettings, MovingObstacles
 from cmpsp_ros.guidance.safety import Validator
-from cmpsp_ros.robots import Ackermann, DifferentialDrive, covered, mecanum, placed
+from cmpsp_ros.robots import Ackermann, DifferentialDrive, Omnidirectional, covered, placed
 from cmpsp_ros.world.obstacles import Capsule, MovingDiscs, Obstacle
 from cmpsp_ros.world.obstacles.shapes import Polygon
 from cmpsp_ros.world.roads import Corridor, OpenFloor
@@ -27,7 +27,10 @@ ROBOTS = {
         Ackermann(wheel_radius=1.0, wheel_base=0.8, max_steering_angle=0.6, max_wheel_speed=2.0),
         (1.5, 0.6),
     ),
-    'sideways': (mecanum(0.2, 0.2, wheel_radius=0.05, max_wheel_speed=40.0), (0.6, 0.6, 1.0)),
+    'sideways': (
+        Omnidirectional.mecanum(0.2, 0.2, wheel_radius=0.05, max_wheel_speed=40.0),
+        (0.6, 0.6, 1.0),
+    ),
 }
 TIMES = np.full(4, 0.2)
 STATE = (2.5, 1.5, -0.5, -0.3, 0.3, 0.05, 0.0)

@@ -15,7 +15,8 @@ from cmpsp_ros.guidance.planning import FUNCTIONS
 from cmpsp_ros.mpsp import sqp
 from cmpsp_ros.mpsp.jit import allocation_free
 from cmpsp_ros.mpsp.qp import active_set, riccati
-from cmpsp_ros.robots import differential_drive, kinematics
+from cmpsp_ros.robots import differential_drive
+from cmpsp_ros.robots.motion import kinematics
 
 # What they call takes long to compile: by one worker.
 pytestmark = pytest.mark.xdist_group('riccati')

@@ -14,7 +14,7 @@ from cmpsp_ros.mpsp import SLACK_TOLERANCE
 from cmpsp_ros.mpsp.models import CONTROL_RATE, ControlRateData, ControlRateProblem
 from cmpsp_ros.mpsp.qp import QPStatus
 from cmpsp_ros.mpsp.qp.riccati import Outcome
-from cmpsp_ros.robots import within_ramp
+from cmpsp_ros.robots.motion import within_ramp
 from cmpsp_ros.world.obstacles import Obstacle
 
 # What they call takes long to compile: by one worker.

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from cmpsp_ros.robots import arc_from, arc_part
+from cmpsp_ros.robots.motion import arc_from, arc_part
 from cmpsp_ros.world.grids import (
     Cell,
     GridError,

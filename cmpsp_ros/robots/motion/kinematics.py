@@ -17,7 +17,7 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.mpsp.jit import address_of, allocation_free, call, inner
-from cmpsp_ros.robots.arcs import Arc, arc_from
+from cmpsp_ros.robots.motion.arcs import Arc, arc_from
 
 _DISPLACE, _DIFFERENTIATE, _STEER = range(3)
 

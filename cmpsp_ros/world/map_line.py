@@ -69,6 +69,11 @@ class MapSearch:
         """The first grid, on whose cells lines are searched."""
         return next(each for each in self.obstacles if isinstance(each, GridObstacle))
 
+    @property
+    def detour(self) -> float:
+        """Least cost of the way to the middle of a place that did not fit [m]."""
+        return 2.0 * self.body * _BLOCKED
+
     def line(self, start: Array, goal: Point, spacing: float) -> Array:
         """Evenly spaced points ``(K, 2)`` [m] of the line from start ``(2,)`` to goal.
 

@@ -1,7 +1,5 @@
 """Messages for bags that tests make, by the types of rosbags: no ROS is needed."""
 
-from __future__ import annotations
-
 import math
 import struct
 

@@ -1,7 +1,5 @@
 """The `cmpsp` command in this process, its output plain and wide."""
 
-from __future__ import annotations
-
 import inspect
 
 from click.testing import Result

@@ -1,7 +1,5 @@
 """Values and messages that tests of live nodes share."""
 
-from __future__ import annotations
-
 import math
 import sys
 from pathlib import Path
@@ -10,7 +8,9 @@ from geometry_msgs.msg import PoseStamped, TransformStamped
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.time import Time
 
-CASE3 = Path(__file__).parents[1] / 'config' / 'case3.yaml'
+CASE3, UNKNOWN = (
+    Path(__file__).parents[1] / 'config' / f'{name}.yaml' for name in ('case3', 'unknown')
+)
 MS = 1_000_000
 PERIOD_NS = 200 * MS
 ZERO = (0.0, 0.0)

@@ -64,6 +64,11 @@ class DecisionRecord:
                 f'{source}: found a message that is none of its type, wanted a decision'
             ) from error
 
+    @property
+    def why_given_up(self) -> str:
+        """Reason with which the run ended before the goal, out of reach; '' if it did not."""
+        return self.reason if self.finished and 'unreachable' in self.reason else ''
+
     def __getattr__(self, name: str) -> Any:
         """A field of `Decision`; raises `BagError` for a missing key or invalid text."""
         if name not in FIELDS:

@@ -4,18 +4,14 @@ from __future__ import annotations
 
 import re
 from functools import cache
-from typing import TYPE_CHECKING
 
-from rosbags.interfaces import MessageDefinition, MessageDefinitionFormat, Nodetype
+from rosbags.interfaces import Connection, MessageDefinition, MessageDefinitionFormat, Nodetype
+from rosbags.interfaces.typing import Typesdict
 from rosbags.rosbag2 import ReaderError
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
 
 from cmpsp_ros.bags.storage.limits import MAX_SEQUENCE
-
-if TYPE_CHECKING:
-    from rosbags.interfaces import Connection
-    from rosbags.interfaces.typing import Typesdict
-    from rosbags.typesys.store import Typestore
 
 _MAX_TEXT = 1 << 15
 _MAX_ELEMENTS = 10_000

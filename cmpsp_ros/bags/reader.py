@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, cast
+from pathlib import Path
+from typing import Any, Self, cast
 
+from rosbags.interfaces import Connection, ConnectionExtRosbag2, Qos
 from rosbags.rosbag2 import Reader, ReaderError
+from rosbags.typesys.store import Typestore
 
 from cmpsp_ros.bags.custom_data import (
     PARAMETERS_KEY,
@@ -21,14 +25,6 @@ from cmpsp_ros.bags.definitions import types_of
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.storage.checks import check_bag
 from cmpsp_ros.bags.storage.common import METADATA, SUFFIXES, is_locked
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-    from pathlib import Path
-    from typing import Self
-
-    from rosbags.interfaces import Connection, ConnectionExtRosbag2, Qos
-    from rosbags.typesys.store import Typestore
 
 _MAX_REASON = 500
 

@@ -7,23 +7,16 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from pathlib import Path
+from typing import Any, NamedTuple, Self, cast
 
 import yaml
-from rosbags.interfaces import Connection, ConnectionExtRosbag2, MessageDefinition
+from rosbags.interfaces import Connection, ConnectionExtRosbag2, MessageDefinition, Qos
 from rosbags.rosbag2.metadata import dump_qos_v9
 
-from cmpsp_ros.bags.custom_data import (
-    PARAMETERS_KEY,
-    RESTARTS_KEY,
-    SOFTWARE_KEY,
-    VERSION_KEY,
-    own_version,
-    plain,
-    software_versions,
-)
+from cmpsp_ros.bags import custom_data
 from cmpsp_ros.bags.definitions import jazzy, known_definition
 from cmpsp_ros.bags.errors import BagError, UnknownTypeError
 from cmpsp_ros.bags.storage.common import (
@@ -38,13 +31,6 @@ from cmpsp_ros.bags.storage.common import (
 )
 from cmpsp_ros.bags.storage.mcap_writer import McapStorage
 from cmpsp_ros.bags.storage.sqlite import SqliteStorage
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-    from pathlib import Path
-    from typing import Self
-
-    from rosbags.interfaces import Qos
 
 Storage = McapStorage | SqliteStorage
 """A file being written. When the disk refuses a call (`REFUSALS`), it can be repeated."""
@@ -93,9 +79,9 @@ class BagWriter:
         self._parameters: dict[str, dict[str, object]] = {}
         self._restarts: dict[str, dict[int, dict[str, object]]] = {}
         self._custom = {
-            VERSION_KEY: own_version(),
-            SOFTWARE_KEY: json.dumps(software_versions()),
-            PARAMETERS_KEY: '{}',
+            custom_data.VERSION_KEY: custom_data.own_version(),
+            custom_data.SOFTWARE_KEY: json.dumps(custom_data.software_versions()),
+            custom_data.PARAMETERS_KEY: '{}',
         }
         self._kept: dict[str, str] = {}
         self._done: list[_File] = []
@@ -185,16 +171,16 @@ class BagWriter:
         kept = {}
         for name, value in values.items():
             try:
-                kept[name] = plain(value)
+                kept[name] = custom_data.plain(value)
             except TypeError as error:
                 raise BagError(f'{self.path}: parameter {name} of {node_name} {error}') from error
         if since == 0:
             self._parameters[node_name] = kept
-            self.set_custom({PARAMETERS_KEY: json.dumps(self._parameters)})
+            self.set_custom({custom_data.PARAMETERS_KEY: json.dumps(self._parameters)})
         else:
             self._restarts.setdefault(node_name, {})[since] = kept
             listed = {node: sorted(each.items()) for node, each in self._restarts.items()}
-            self.set_custom({RESTARTS_KEY: json.dumps(listed)})
+            self.set_custom({custom_data.RESTARTS_KEY: json.dumps(listed)})
 
     def set_custom(self, values: Mapping[str, str]) -> None:
         """Keep texts with the bag, by key; those of another bag that this one continues."""

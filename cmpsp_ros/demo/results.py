@@ -15,33 +15,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
+from cmpsp_ros import view
 from cmpsp_ros.bags.runs import DrivenPath, Run, encounters, lifetime, read_run, seen_at
 from cmpsp_ros.demo.scenario import Scenario
 from cmpsp_ros.demo.summary import Summary, final_time, summarise, window
 from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings
 from cmpsp_ros.robots.motion import REFERENCE_POINT
 from cmpsp_ros.sensing import Track
-from cmpsp_ros.view import (
-    BAGS,
-    LIMIT,
-    MOVING,
-    PERSON,
-    Part,
-    along,
-    bodies,
-    body,
-    course,
-    disc,
-    draw,
-    ends,
-    frame,
-    goals_trace,
-    kept_clear,
-    legend_below,
-    map_corners,
-    traces,
-    trail,
-)
 from cmpsp_ros.world.obstacles import Shape
 
 _PLANS = 4
@@ -63,11 +43,11 @@ def draw_trajectory(
     """
     first, last = window(run, settings)
     part = run.driven.between(first, last)
-    driven = along(part.poses, part.twists[:-1], part.durations)
+    driven = view.along(part.poses, part.twists[:-1], part.durations)
     figure = Figure(layout='constrained')
     axes = figure.add_subplot()
-    there = course([settings.road], settings.obstacles, hidden)
-    draw(axes, traces([*there, kept_clear(settings, settings.world)], ''))
+    there = view.course([settings.road], settings.obstacles, hidden)
+    view.draw(axes, view.traces([*there, view.kept_clear(settings, settings.world)], ''))
     plans = [plan for plan in run.plans if first <= plan.stamp < last]
     plans = [plans[number * len(plans) // _PLANS] for number in range(_PLANS if plans else 0)]
     colors = mpl.colormaps['viridis'](np.linspace(0.15, 0.85, _PLANS))
@@ -76,20 +56,22 @@ def draw_trajectory(
         axes.plot(*plan.points.T, '.-', ms=3, lw=0.8, color=color, zorder=4, label=name)
     _draw_moving(axes, run, settings, first, last)
     axes.plot(*driven.T, color=_DRIVEN, lw=2.0, zorder=5, label='driven')
-    stood = bodies(body(settings), part.poses[[0, -1]])
-    robot = traces([trail(settings, part.poses), stood], _DRIVEN)
-    draw(axes, [*robot, goals_trace(settings.goals), ends(part.poses, _DRIVEN)], above=6.0)
+    stood = view.bodies(view.body(settings), part.poses[[0, -1]])
+    robot = view.traces([view.trail(settings, part.poses), stood], _DRIVEN)
+    view.draw(
+        axes, [*robot, view.goals_trace(settings.goals), view.ends(part.poses, _DRIVEN)], above=6.0
+    )
     goals = np.array([goal.position for goal in settings.goals]).reshape(-1, 2)
-    points = [driven, goals, *(plan.points for plan in plans), map_corners(settings)]
+    points = [driven, goals, *(plan.points for plan in plans), view.map_corners(settings)]
     points += stood.lines
-    low, high = frame(points, (*settings.obstacles, *hidden), _ROOM * settings.road.width)
+    low, high = view.frame(points, (*settings.obstacles, *hidden), _ROOM * settings.road.width)
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), xlabel='x [m]', ylabel='y [m]')
     axes.set(aspect='equal', title=title)
     handles, labels = axes.get_legend_handles_labels()
     rows = math.ceil(len(labels) / _COLUMNS)
     width, height = high - low
     figure.set_size_inches(_WIDTH, _WIDTH * height / width + _BELOW + _ROW * rows)
-    legend_below(figure, handles, labels, ncols=_COLUMNS)
+    view.legend_below(figure, handles, labels, ncols=_COLUMNS)
     figure.savefig(path, dpi=120, bbox_inches='tight')
     return figure
 
@@ -100,14 +82,14 @@ def _draw_moving(axes: Axes, run: Run, settings: GuidanceSettings, first: int, l
     Of tracks of own sensors only the path: the people of the simulator show where they truly were.
     """
     for tracks, color, label in (
-        (run.told, MOVING, 'moving obstacle where nearest'),
-        (run.people, PERSON, 'person where nearest'),
+        (run.told, view.MOVING, 'moving obstacle where nearest'),
+        (run.people, view.PERSON, 'person where nearest'),
     ):
         driven = run.driven.between(first, last)
         _draw_encounters(axes, driven, tracks, settings, color, label)
     grouped = groupby((each for each in run.tracks if each.is_seen), key=lambda each: each.id)
     paths = [np.array([(each.x, each.y) for each in tracks]) for _, tracks in grouped]
-    draw(axes, traces([Part('tracked', tuple(paths))], ''))
+    view.draw(axes, view.traces([view.Part('tracked', tuple(paths))], ''))
 
 
 def _draw_encounters(
@@ -119,9 +101,8 @@ def _draw_encounters(
     label: str | None,
 ) -> None:
     nearest: dict[str, tuple[float, int]] = {}
-    bodies = [(REFERENCE_POINT, 0.0)]
-    lifetime_of = partial(lifetime, settings=settings)
-    for each in encounters(driven, tracks, bodies, lifetime_of):
+    point, lifetime_of = [(REFERENCE_POINT, 0.0)], partial(lifetime, settings=settings)
+    for each in encounters(driven, tracks, point, lifetime_of):
         index = int(each.clearance.argmin())
         found = float(each.clearance[index]), int(each.stamps[index])
         nearest[each.name] = min(found, nearest.get(each.name, found))
@@ -156,13 +137,13 @@ def draw_controls(run: Run, settings: GuidanceSettings, path: Path, title: str =
     rows = figure.subplots(len(quantities), sharex=True, squeeze=False)[:, 0]
     for axes, quantity in zip(rows, quantities, strict=True):
         chosen = [each for each in signals if each.axis == quantity]
-        for each, color in zip(chosen, cycle(BAGS)):
+        for each, color in zip(chosen, cycle(view.BAGS)):
             axes.step(seconds, each.values, where='post', color=color, label=each.name)
         limit = chosen[0].limit
         if math.isfinite(limit):
-            axes.axhline(limit, color=LIMIT, ls='--', lw=1.0, label=f'limit {limit:.4g}')
+            axes.axhline(limit, color=view.LIMIT, ls='--', lw=1.0, label=f'limit {limit:.4g}')
             if min(each.values.min() for each in chosen) < 0.0:
-                axes.axhline(-limit, color=LIMIT, ls='--', lw=1.0)
+                axes.axhline(-limit, color=view.LIMIT, ls='--', lw=1.0)
         axes.set(ylabel=quantity, xlim=(0.0, settings.final_time))
         axes.grid(alpha=0.3)
         axes.legend()
@@ -181,22 +162,24 @@ def draw_fleet(fleet: Sequence[Scenario], runs: Sequence[Run], path: Path) -> Fi
     figure = Figure(figsize=(8.0, 8.0), layout='constrained')
     axes = figure.add_subplot()
     settings = fleet[0].settings
-    draw(axes, traces(course([settings.road], settings.obstacles, fleet[0].hidden), ''))
+    view.draw(
+        axes, view.traces(view.course([settings.road], settings.obstacles, fleet[0].hidden), '')
+    )
     windows = [window(run, each.settings) for each, run in zip(fleet, runs, strict=True)]
     paths = [run.driven.between(*when) for run, when in zip(runs, windows, strict=True)]
     colors = mpl.colormaps['turbo'](np.linspace(0.05, 0.95, len(fleet)))
     nearest = _nearest(paths)
     for each, driven, color in zip(fleet, paths, colors, strict=True):
-        points = along(driven.poses, driven.twists[:-1], driven.durations)
+        points = view.along(driven.poses, driven.twists[:-1], driven.durations)
         axes.plot(*points.T, color=color, lw=1.8, zorder=4, label=each.namespace)
-        stood = bodies(body(each.settings), driven.poses[[0, -1]])
-        start = ends(driven.poses[:1], color) | {'name': 'start'}
-        draw(axes, [*traces([stood], color), start], above=6.0)
+        stood = view.bodies(view.body(each.settings), driven.poses[[0, -1]])
+        start = view.ends(driven.poses[:1], color) | {'name': 'start'}
+        view.draw(axes, [*view.traces([stood], color), start], above=6.0)
         # Hollow: one robot's goal is another one's start.
         axes.plot(*each.settings.goal, '*', mec=color, mfc='none', ms=16, zorder=5)
         if nearest is not None:
-            outline = (body(each.settings) or disc(_SMALLEST))[:1]
-            (there,) = bodies(outline, [driven.at(nearest)]).lines
+            outline = (view.body(each.settings) or view.disc(_SMALLEST))[:1]
+            (there,) = view.bodies(outline, [driven.at(nearest)]).lines
             axes.fill(*there.T, color=color, alpha=0.6, lw=0, zorder=6)
     axes.set(xlabel='x [m]', ylabel='y [m]')
     if nearest is not None:

@@ -52,7 +52,8 @@ class Summary:
         control_steps: Number of control steps.
         passings: Passing of each goal, in order, if there are several.
         speed: Mean speed along a followed road [m/s].
-        reason: Reason of the first step at the worst fallback level; '' if all were nominal.
+        reason: Why the run was given up, or else the reason of the first step at the worst fallback
+            level; '' if all were nominal.
         not_judged: Missing recordings, in words; '' if none.
     """
 
@@ -208,12 +209,15 @@ def summarise(run: Run, settings: GuidanceSettings, preset: str) -> Summary:
         control_steps=len(steps),
         passings=tuple(passings) if len(passings) > 1 or settings.goal_heading is not None else (),
         speed=speed,
-        reason=_worst_reason(steps),
+        reason=_reason(run, steps),
         not_judged=f'the path is not recorded {in_words(unknown, first)}' if unknown else '',
     )
 
 
-def _worst_reason(steps: Sequence[DecisionRecord]) -> str:
+def _reason(run: Run, steps: Sequence[DecisionRecord]) -> str:
+    """Why the run was given up, or else the reason of the first step at the worst level."""
+    if why := next(filter(None, (each.why_given_up for each in run.decisions)), ''):
+        return why
     levels = [level.name.lower() for level in FallbackLevel]
     worst = max(steps, key=lambda each: levels.index(each.level), default=None)
     return '' if worst is None or worst.level == levels[0] else worst.reason

@@ -69,6 +69,11 @@ class MapSearch:
         """The first grid, on whose cells lines are searched."""
         return next(each for each in self.obstacles if isinstance(each, GridObstacle))
 
+    @property
+    def detour(self) -> float:
+        """Least cost of the way to the middle of a place that did not fit [m]."""
+        return 2.0 * self.body * _BLOCKED
+
     def line(self, start: Array, goal: Point, spacing: float) -> Array:
         """Evenly spaced points ``(K, 2)`` [m] of the line from start ``(2,)`` to goal.
 
@@ -89,8 +94,7 @@ class MapSearch:
     def lengths(self, points: Array, goal: Point) -> Array:
         """Lengths of the lines from points ``(K, 2)`` to a goal, longer where it is narrow [m]."""
         field, (_, led_out) = self.grid.field, _lengths(self, goal)
-        found: Array = led_out[tuple(nodes_near(field, points).T)] * field.frame['cell'][0]
-        return found
+        return np.asarray(led_out[tuple(nodes_near(field, points).T)] * field.frame['cell'][0])
 
     def prepare(self, goal: Point) -> None:
         """Search for the lines to a goal: it takes too long for a control step."""

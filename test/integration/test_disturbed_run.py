@@ -1,7 +1,5 @@
 """Whole runs of a robot with every disturbance: repeatable, replayable, judged by the truth."""
 
-from __future__ import annotations
-
 import json
 import math
 import sys

@@ -1,7 +1,5 @@
 """Nodes where only the packages are installed that they need; programs that miss one say so."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Nodes under a robot's own names, recorded without a word on them, and replayed from any bag."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A robot that shares nothing with this package, driven by what doc/user/robots.md says."""
 
-from __future__ import annotations
-
 import math
 import sys
 import textwrap

@@ -1,7 +1,5 @@
 """`cmpsp identify --drive` with robots that it has to find out about, over DDS."""
 
-from __future__ import annotations
-
 import math
 import signal
 import sys

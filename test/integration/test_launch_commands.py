@@ -4,8 +4,6 @@
 lines are put together as `launch_ros` does, and run.
 """
 
-from __future__ import annotations
-
 import json
 import signal
 import sys

@@ -1,7 +1,5 @@
 """The observer of a run, alone on its domain."""
 
-from __future__ import annotations
-
 import pytest
 
 from cmpsp_ros.nodes import LifecycleClient

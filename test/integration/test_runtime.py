@@ -1,7 +1,5 @@
 """Real processes, real signals: how a node ends."""
 
-from __future__ import annotations
-
 import signal
 import sys
 import time

@@ -1,7 +1,5 @@
 """The policy of SROS2 gives the nodes what they need and no more; without keys none starts."""
 
-from __future__ import annotations
-
 import sys
 from fnmatch import fnmatchcase
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The live view of real nodes, over HTTP and in a real browser where there is one."""
 
-from __future__ import annotations
-
 import json
 import math
 import re

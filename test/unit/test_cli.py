@@ -1,7 +1,5 @@
 """The `cmpsp` command: arguments in, exit code and words out."""
 
-from __future__ import annotations
-
 import errno
 import re
 import signal

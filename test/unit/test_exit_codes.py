@@ -1,7 +1,5 @@
 """The table of exit codes names every command, and the codes that its source has."""
 
-from __future__ import annotations
-
 import ast
 import inspect
 import re

@@ -4,8 +4,6 @@
 they start is run by its command lines in test/integration/test_launch_commands.py.
 """
 
-from __future__ import annotations
-
 import ast
 import re
 from pathlib import Path

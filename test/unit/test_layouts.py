@@ -1,7 +1,5 @@
 """The layouts of RViz and Foxglove show what the nodes publish, in ways that those know."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

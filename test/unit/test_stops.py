@@ -1,7 +1,5 @@
 """doc/user/stops.md has every sentence that the guidance law and its node can say."""
 
-from __future__ import annotations
-
 import ast
 import re
 from pathlib import Path

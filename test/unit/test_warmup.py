@@ -1,7 +1,5 @@
 """`cmpsp warmup`: once it has run, processes find their machine code."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

@@ -208,8 +208,10 @@ def _goal_in_words(worst: Sample) -> str:
     name, goals = passing.goal.name, worst.words['goals']
     when = f'At {passing.goal.time:g} s' if name not in ('', GOAL) else 'At the final time'
     count = f' It is the worst of {goals} goals.' if goals > 1 else ''
-    beyond = '.' if worst.passes else ', which is beyond its tolerance.'
-    return f'{when} the robot is {passing}{beyond}{count}'
+    if worst.passes:
+        return f'{when} the robot is {passing}.{count}'
+    why = worst.words['why']
+    return f'{when} the robot is {passing}, which is beyond its tolerance.{why}{count}'
 
 
 @check(
@@ -226,7 +228,9 @@ def goal(record: AuditRecord) -> Iterator[Sample]:
         raise NotJudgedError(missing or 'No run lasts until the time of its goal.')
     goals = len({each.stamp for each, _ in passings})
     for each, settings in passings:
-        words, limit = {'passing': each, 'goals': goals}, settings.goal_tolerance
+        after = (last.why_given_up for last in record.decisions if last.stamp >= each.stamp)
+        why = next((f' {reason}' for reason in after if reason), '')
+        words, limit = {'passing': each, 'goals': goals, 'why': why}, settings.goal_tolerance
         yield Sample(each.miss, limit, each.stamp, each.ratio - 1.0, words=words)
 
 

@@ -6,32 +6,18 @@ size is bounded here first, so its reader can be used unchanged.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING
+from typing import Any
 
 import yaml
 from rosbags.rosbag2 import Reader, ReaderError
 
-from cmpsp_ros.bags.storage.common import INFORMATION, METADATA, SUFFIXES
-from cmpsp_ros.bags.storage.limits import (
-    MAX_CHUNK,
-    MAX_FILES,
-    MAX_METADATA,
-    MAX_TOPICS,
-    check_file,
-    check_yaml,
-    inflate,
-    inflate_file,
-)
+from cmpsp_ros.bags.storage import limits
+from cmpsp_ros.bags.storage.common import INFORMATION, METADATA, SUFFIXES, Found, Remark
 from cmpsp_ros.bags.storage.mcap import check_mcap, salvage_mcap
 from cmpsp_ros.bags.storage.sqlite import check_sqlite, salvage_sqlite
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from typing import Any
-
-    from cmpsp_ros.bags.storage.common import Found, Remark
 
 _CHECKS = {'mcap': check_mcap, 'sqlite3': check_sqlite}
 
@@ -39,9 +25,9 @@ _CHECKS = {'mcap': check_mcap, 'sqlite3': check_sqlite}
 def read_metadata(folder: Path) -> dict[str, Any]:
     """Metadata of a bag's folder."""
     path = folder / METADATA
-    check_file(path, MAX_METADATA)
+    limits.check_file(path, limits.MAX_METADATA)
     text = path.read_text(encoding='utf-8')
-    check_yaml(text)
+    limits.check_yaml(text)
     try:
         document = yaml.load(text, Loader=yaml.CSafeLoader)
     except (yaml.YAMLError, ValueError, LookupError, TypeError, AttributeError) as error:
@@ -69,14 +55,14 @@ def check_bag(path: Path) -> dict[str, Any]:
             _check_storage(file, storage)
         else:
             with TemporaryDirectory() as folder:
-                _check_storage(inflate_file(file, Path(folder, file.stem)), storage)
+                _check_storage(limits.inflate_file(file, Path(folder, file.stem)), storage)
         if compression == 'message':
             with Reader(file) as reader:
                 for _, _, raw in reader.messages():
-                    inflate(raw, 'zstd', MAX_CHUNK)
+                    limits.inflate(raw, 'zstd', limits.MAX_CHUNK)
     topics = information.get('topics_with_message_count')
-    if isinstance(topics, list) and len(topics) > MAX_TOPICS:
-        raise ReaderError(f'{len(topics)} topics, at most {MAX_TOPICS} are read')
+    if isinstance(topics, list) and len(topics) > limits.MAX_TOPICS:
+        raise ReaderError(f'{len(topics)} topics, at most {limits.MAX_TOPICS} are read')
     return information
 
 
@@ -86,7 +72,7 @@ def salvage(path: Path, folder: Path, remark: Remark) -> Iterator[Found]:
     Temporary files go to `folder`; `remark` is called with each reason for an omission.
     """
     try:
-        check_file(path)
+        limits.check_file(path)
     except ReaderError as error:
         remark(str(error))
         return
@@ -96,8 +82,8 @@ def salvage(path: Path, folder: Path, remark: Remark) -> Iterator[Found]:
 
 def _files(folder: Path, information: dict[str, Any]) -> list[Path]:
     paths = information.get('relative_file_paths')
-    if not isinstance(paths, list) or not 0 < len(paths) <= MAX_FILES:
-        raise ReaderError(f'{METADATA} names no files, or more than {MAX_FILES}')
+    if not isinstance(paths, list) or not 0 < len(paths) <= limits.MAX_FILES:
+        raise ReaderError(f'{METADATA} names no files, or more than {limits.MAX_FILES}')
     names = [str(each).rpartition('/')[2] for each in paths]
     if len(set(names)) < len(names):
         raise ReaderError(f'{METADATA} names a file twice')
@@ -108,7 +94,7 @@ def _files(folder: Path, information: dict[str, Any]) -> list[Path]:
 
 
 def _check_storage(path: Path, storage: str) -> None:
-    check_file(path)
+    limits.check_file(path)
     if storage not in _CHECKS:
         raise ReaderError(f'storage {storage!r}, wanted one of {", ".join(_CHECKS)}')
     _CHECKS[storage](path)

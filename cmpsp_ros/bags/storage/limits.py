@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import stat
 import sys
-from typing import TYPE_CHECKING
 
 import yaml
 from lz4.frame import LZ4FrameDecompressor  # type: ignore[import-untyped]
@@ -15,8 +14,7 @@ if sys.version_info >= (3, 14):
 else:
     from backports import zstd
 
-if TYPE_CHECKING:
-    from pathlib import Path
+from pathlib import Path
 
 _MEGABYTE = 1 << 20
 

@@ -11,33 +11,17 @@ from __future__ import annotations
 import heapq
 import struct
 from binascii import crc32
+from collections.abc import Iterable, Iterator
 from io import BytesIO
-from typing import TYPE_CHECKING, NamedTuple
+from pathlib import Path
+from typing import BinaryIO, NamedTuple
 
+from rosbags.interfaces import MessageDefinition
 from rosbags.rosbag2 import ReaderError
 from rosbags.rosbag2.storage_mcap import DECOMPRESSORS, read_bytes, read_exact, read_string
 
-from cmpsp_ros.bags.storage.common import FoundTopic, read_definition, read_profiles
-from cmpsp_ros.bags.storage.limits import (
-    MAX_CHUNK,
-    MAX_CHUNKS,
-    MAX_HELD,
-    MAX_METADATA,
-    MAX_SUMMARY,
-    MAX_TOPICS,
-    check_yaml,
-    inflate,
-    inflated_allowed,
-)
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
-    from pathlib import Path
-    from typing import BinaryIO
-
-    from rosbags.interfaces import MessageDefinition
-
-    from cmpsp_ros.bags.storage.common import Found, Remark
+from cmpsp_ros.bags.storage import limits
+from cmpsp_ros.bags.storage.common import Found, FoundTopic, Remark, read_definition, read_profiles
 
 MAGIC = b'\x89MCAP0\r\n'
 FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, CHUNK_INDEX = 2, 3, 4, 5, 6, 8
@@ -51,13 +35,13 @@ _SIZES = struct.Struct('<QQ')
 _UINT16, _UINT64 = struct.Struct('<H'), struct.Struct('<Q')
 
 _END_SIZE = 37
-_MAX_RECORD = MAX_CHUNK + 4096
+_MAX_RECORD = limits.MAX_CHUNK + 4096
 _MAX_DEFINITION = 1 << 20
 _PROFILES = 'offered_qos_profiles'
 
 DECOMPRESSORS |= {
-    'lz4': lambda data, size: inflate(data, 'lz4', min(size, MAX_CHUNK)),
-    'zstd': lambda data, size: inflate(data, 'zstd', min(size, MAX_CHUNK)),
+    'lz4': lambda data, size: limits.inflate(data, 'lz4', min(size, limits.MAX_CHUNK)),
+    'zstd': lambda data, size: limits.inflate(data, 'zstd', min(size, limits.MAX_CHUNK)),
 }
 
 
@@ -115,7 +99,7 @@ def read_chunk(body: BytesIO, *, truncated: bool = False) -> tuple[ChunkHead, by
     """Uncompress a chunk record; a truncated one yields its first records."""
     head = _chunk_head(body)
     data = body.read(head.compressed) if truncated else read_exact(body, head.compressed)
-    inflated = inflate(data, head.compression, head.size, truncated=truncated)
+    inflated = limits.inflate(data, head.compression, head.size, truncated=truncated)
     is_sound = len(inflated) == head.size and head.checksum in {0, crc32(inflated)}
     if not (truncated or is_sound):
         raise ReaderError(f'chunk of {len(inflated)} bytes is not what it was when it was written')
@@ -130,8 +114,8 @@ def _chunk_head(body: BytesIO) -> ChunkHead:
 
 
 def _check_head(head: ChunkHead) -> None:
-    if head.size > MAX_CHUNK:
-        raise ReaderError(f'chunk of {head.size} bytes, at most {MAX_CHUNK} are read')
+    if head.size > limits.MAX_CHUNK:
+        raise ReaderError(f'chunk of {head.size} bytes, at most {limits.MAX_CHUNK} are read')
     if not head.compression and head.compressed != head.size:
         msg = f'chunk of {head.size} bytes that takes {head.compressed} uncompressed'
         raise ReaderError(msg)
@@ -168,16 +152,16 @@ def check_mcap(path: Path) -> None:
         content(file, header, size, _MAX_DEFINITION)
         footer = size - _END_SIZE
         start = int.from_bytes(end[9:17], 'little') or footer
-        if not header.end <= start or footer - start > MAX_SUMMARY:
-            msg = f'{path.name} has an index of {size - start} bytes, at most {MAX_SUMMARY}'
+        if not header.end <= start or footer - start > limits.MAX_SUMMARY:
+            msg = f'{path.name} has an index of {size - start} bytes, at most {limits.MAX_SUMMARY}'
             raise ReaderError(f'{msg} are read')
-        index = _Checker(path.name, inflated_allowed(size))
+        index = _Checker(path.name, limits.inflated_allowed(size))
         index.check(file, start, footer)
         _check_overlap(index.chunks.values())
         if any(offset + head.compressed > size for offset, head in index.chunks.items()):
             raise ReaderError(f'{path.name} has an index of chunks beyond its end')
         if not index.chunks:
-            _Checker(path.name, inflated_allowed(size)).check(file, header.end, start)
+            _Checker(path.name, limits.inflated_allowed(size)).check(file, header.end, start)
 
 
 class _Checker:
@@ -203,10 +187,10 @@ class _Checker:
                 self._topics += 1
                 text = _channel(content(file, record, end))[-1]
                 self._profiles += len(text)
-                check_yaml(text if len(text) <= MAX_METADATA else '')
+                limits.check_yaml(text if len(text) <= limits.MAX_METADATA else '')
             elif record.opcode == CHUNK_INDEX:
                 self._index(content(file, record, end))
-            elif record.size > (_MAX_DEFINITION if record.opcode == SCHEMA else MAX_CHUNK):
+            elif record.size > (_MAX_DEFINITION if record.opcode == SCHEMA else limits.MAX_CHUNK):
                 raise ReaderError(f'record of {record.size} bytes at offset {record.body}')
             self._check_totals()
         if start != end:
@@ -228,11 +212,11 @@ class _Checker:
         if self._inflated > self._allowed:
             msg = f'chunks of {self._inflated} bytes uncompressed, at most {self._allowed} are read'
             raise ReaderError(msg)
-        over = self._topics > MAX_TOPICS or self._profiles > MAX_METADATA
-        if over or len(self.chunks) > MAX_CHUNKS:
+        over = self._topics > limits.MAX_TOPICS or self._profiles > limits.MAX_METADATA
+        if over or len(self.chunks) > limits.MAX_CHUNKS:
             raise ReaderError(
-                f'more than {MAX_TOPICS} topics, {MAX_METADATA} bytes of QoS profiles'
-                f' or {MAX_CHUNKS} chunks'
+                f'more than {limits.MAX_TOPICS} topics, {limits.MAX_METADATA} bytes of QoS profiles'
+                f' or {limits.MAX_CHUNKS} chunks'
             )
 
 
@@ -244,8 +228,8 @@ def _check_overlap(heads: Iterable[ChunkHead]) -> None:
             held -= heapq.heappop(ends)[1]
         heapq.heappush(ends, (head.end, head.size))
         held += head.size
-        if held > MAX_HELD:
-            raise ReaderError(f'more than {MAX_HELD} bytes of messages overlap in time')
+        if held > limits.MAX_HELD:
+            raise ReaderError(f'more than {limits.MAX_HELD} bytes of messages overlap in time')
 
 
 def salvage_mcap(path: Path, _folder: Path, remark: Remark) -> Iterator[Found]:
@@ -262,7 +246,7 @@ class _Salvage:
     """Schemas and channels found so far in an mcap file, by number."""
 
     def __init__(self, name: str, size: int, remark: Remark) -> None:
-        self._name, self._remark, self._allowed = name, remark, inflated_allowed(size)
+        self._name, self._remark, self._allowed = name, remark, limits.inflated_allowed(size)
         self._schemas: dict[int, tuple[str, MessageDefinition | None]] = {}
         self._topics: dict[int, FoundTopic] = {}
         self._inflated = 0
@@ -307,7 +291,7 @@ class _Salvage:
             self._schemas[number] = name, read_definition(encoding, read_string(body))
             return ()
         number, schema, name, encoding, profiles = _channel(body)
-        if number in self._topics or len(self._topics) >= MAX_TOPICS:
+        if number in self._topics or len(self._topics) >= limits.MAX_TOPICS:
             return ()
         if encoding != 'cdr':
             raise ReaderError(f'topic {name} is not in CDR')

@@ -8,17 +8,14 @@ from __future__ import annotations
 
 import os
 from binascii import crc32
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import BinaryIO, NamedTuple
 
 from rosbags.rosbag2.enums import CompressionMode
 from rosbags.rosbag2.storage_mcap import McapWriter
 
 from cmpsp_ros.bags.storage.common import NO_MESSAGE_YET
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-    from typing import BinaryIO
 
 # Offsets in a chunk record and in the end of a file (mcap.dev/spec).
 _CHUNK_CRC = 1 + 8 + 8 + 8 + 8

@@ -9,23 +9,24 @@ from __future__ import annotations
 import os
 import shutil
 import sqlite3
+from collections.abc import Iterator
 from contextlib import closing, suppress
+from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING
 
+from rosbags.interfaces import Connection, MessageDefinition
 from rosbags.rosbag2 import ReaderError
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Writer
 
-from cmpsp_ros.bags.storage.common import NO_MESSAGE_YET, FoundTopic, read_definition, read_profiles
-from cmpsp_ros.bags.storage.limits import MAX_CHUNK, MAX_METADATA, MAX_TOPICS, check_yaml
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    from rosbags.interfaces import Connection, MessageDefinition
-
-    from cmpsp_ros.bags.storage.common import Found, Remark
+from cmpsp_ros.bags.storage import limits
+from cmpsp_ros.bags.storage.common import (
+    NO_MESSAGE_YET,
+    Found,
+    FoundTopic,
+    Remark,
+    read_definition,
+    read_profiles,
+)
 
 _TABLES = ('schema', 'metadata', 'topics', 'message_definitions', 'messages')
 
@@ -50,9 +51,9 @@ def check_sqlite(path: Path) -> None:
             _check_tables(database, path)
             # SQLite knows it without reading the values, so that no limit would stop it.
             longest = database.execute('SELECT max(length(data)) FROM messages').fetchone()[0] or 0
-            if longest > MAX_CHUNK:
-                msg = f'message of {longest} bytes in {path.name}, at most {MAX_CHUNK} are read'
-                raise ReaderError(msg)
+            if longest > limits.MAX_CHUNK:
+                most = f'at most {limits.MAX_CHUNK} are read'
+                raise ReaderError(f'message of {longest} bytes in {path.name}, {most}')
     except sqlite3.Error as error:
         raise ReaderError(f'{path.name} is not a sound database: {error}') from error
 
@@ -66,7 +67,7 @@ def _guard(database: sqlite3.Connection, path: Path) -> None:
         left -= 1
         return left < 0
 
-    database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, MAX_CHUNK)
+    database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, limits.MAX_CHUNK)
     database.set_progress_handler(is_over, _WORK_UNIT)
 
 
@@ -94,10 +95,10 @@ def _check_tables(database: sqlite3.Connection, path: Path) -> None:
     rows = database.execute('SELECT offered_qos_profiles FROM topics')
     for number, (profiles,) in enumerate(rows):
         size += len(str(profiles))
-        if number >= MAX_TOPICS or size > MAX_METADATA:
-            msg = f'more than {MAX_TOPICS} topics or {MAX_METADATA} bytes of QoS profiles'
-            raise ReaderError(msg)
-        check_yaml(str(profiles))
+        if number >= limits.MAX_TOPICS or size > limits.MAX_METADATA:
+            most = f'{limits.MAX_TOPICS} topics or {limits.MAX_METADATA} bytes'
+            raise ReaderError(f'more than {most} of QoS profiles')
+        limits.check_yaml(str(profiles))
 
 
 def salvage_sqlite(path: Path, folder: Path, remark: Remark) -> Iterator[Found]:
@@ -143,7 +144,7 @@ def _from_tables(database: sqlite3.Connection, path: Path) -> Iterator[Found]:
             definitions[msgtype] = read_definition(encoding, text)
     topics: dict[int, FoundTopic] = {}
     query = 'SELECT id, name, type, offered_qos_profiles FROM topics LIMIT ?'
-    for number, name, msgtype, profiles in database.execute(query, (MAX_TOPICS,)):
+    for number, name, msgtype, profiles in database.execute(query, (limits.MAX_TOPICS,)):
         topics[number] = FoundTopic(
             str(name), str(msgtype), definitions.get(msgtype), read_profiles(profiles)
         )

@@ -51,12 +51,11 @@ class Escalation:
         if watch.begun_at is not None:
             if (choice := self._move(state, context)) is not None:
                 return choice
-        elif reached:
-            watch.reset()
-            return None
         else:
-            watch.count(start.pose, way_left(self._settings, start, context.goal))
-        if watch.steps < (allowed := -(-self._patience // (_SOONER if watch.remedy else 1))):
+            left = way_left(self._settings, start, context.goal)
+            watch.count(start.pose, left, reached=reached)
+        allowed = -(-self._patience // (_SOONER if watch.remedy else 1))
+        if reached or watch.steps < allowed:
             return None
         watch.steps = 0
         while watch.remedy < Remedy.GIVE_UP:
@@ -103,7 +102,7 @@ class Escalation:
         if any(math.dist(place, each) < _SAME for each in known):
             return ''
         mission.searched = mission.searched._replace(blocked=(*known, place), kept=None)
-        mission.watch.nearest = math.inf
+        mission.watch.close(search.detour)
         self._drop_plan(state)
         return f'another way than past {name} at ({place[0]:.2f}, {place[1]:.2f}) is searched.'
 

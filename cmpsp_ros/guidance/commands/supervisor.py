@@ -310,7 +310,8 @@ class Supervisor:
         mission, moving = state.mission, estimate.here.moving
         if by:
             self._escalation.explain_miss(state, estimate.here)
-        reason = mission.unreachable or f'The final time has passed{by}.'
+        closed = mission.closed_road.wait_reason if by else ''
+        reason = mission.unreachable or f'The final time has passed{by}. {closed}'.rstrip()
         decision = self.decisions.stop(
             state, seen.stamp, seen.pose, reason, moving=moving, finished=True, missed=bool(by)
         )

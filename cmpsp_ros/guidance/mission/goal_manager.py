@@ -173,8 +173,10 @@ class GoalManager:
             By how much [s]; 0 where the time is enough, or no path is known and nobody closes it.
         """
         goal, search, period = self.goal, start.world.map_search(self._settings), self.period
+        if goal is None or self.given_up:
+            return 0.0
         # Who closes the only path now may have gone before long.
-        if goal is None or (
+        if (
             search is not None
             and not start.reachable.names
             and not len(search.line(start.pose[:2], goal.position, _NEAR))

@@ -40,6 +40,7 @@ class ProgressWatch:
         remedy: The last one tried.
         begun_at: Pose at which it began to back out or to turn; None while it does neither.
         nearest: Least length of the way to the goal so far [m].
+        is_closed: True while every way leads through a place that did not fit.
         visited: Squares of the floor that it has been in.
         trail: Positions driven through, the latest last (x, y) [m].
     """
@@ -48,6 +49,7 @@ class ProgressWatch:
     remedy: Remedy = Remedy.NONE
     begun_at: Array | None = None
     nearest: float = math.inf
+    is_closed: bool = False
     visited: set[tuple[int, int]] = field(default_factory=set)
     trail: list[tuple[float, float]] = field(default_factory=list)
 
@@ -60,13 +62,17 @@ class ProgressWatch:
         elif not self.trail or math.dist(self.trail[-1], here) >= _SPACING:
             self.trail = [*self.trail[1 - _LONGEST :], here]
 
-    def count(self, pose: Array, left: float) -> None:
-        """Count a step whose plan does not reach the goal; `left` is infinite without a way [m]."""
+    def count(self, pose: Array, left: float, *, reached: bool = False) -> None:
+        """Count a step without progress, unless its plan has reached the goal.
+
+        `left` is the length of the way, infinite without one [m].
+        """
         place = math.floor(pose[0] / _PLACE), math.floor(pose[1] / _PLACE)
-        is_new = place not in self.visited and math.isfinite(left)
-        self.visited.add(place)
-        self.steps += 1
         is_nearer = left < self.nearest - _NEARER
+        self.is_closed = self.is_closed and not is_nearer
+        is_new = place not in self.visited and math.isfinite(left) and not self.is_closed
+        self.visited.add(place)
+        self.steps += not reached
         # The first length of another way is no progress on it.
         if is_new or (is_nearer and math.isfinite(self.nearest)):
             self.reset()
@@ -75,6 +81,10 @@ class ProgressWatch:
     def reset(self) -> None:
         """Begin again: there is progress."""
         self.steps, self.remedy = 0, Remedy.NONE
+
+    def close(self, detour: float) -> None:
+        """Count no way through a place that did not fit as progress, which costs so much [m]."""
+        self.nearest, self.is_closed = self.nearest + detour, True
 
     @property
     def way_back(self) -> Array:

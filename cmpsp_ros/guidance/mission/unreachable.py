@@ -49,8 +49,8 @@ def why_unreachable(
         line = search.line(start.pose[:2], goal, SPACING)
         places = [np.array([each]) for each in blocked] or [line]
         if not len(line):
-            # The way of a point shows what is too narrow for the body.
-            point = replace(search, wanted=0.0, margin=0.0, body=0.0)
+            # The way of a point shows what is too narrow, or the wall that is thinnest.
+            point = replace(search, wanted=0.0, margin=0.0, body=-math.inf, blocked=())
             line = point.line(start.pose[:2], goal, SPACING)
             places = [line if len(line) else np.array([goal])]
     body, parts, least = settings.robot_radius, [], math.inf

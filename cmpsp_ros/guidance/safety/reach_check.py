@@ -119,5 +119,4 @@ class ReachCheck:
 
     def _clearance(self, start: PlanStart, discs: MovingDiscs) -> Array:
         places = placed(self._discs, start.pose)
-        least: Array = np.min([discs.clearance(each) for each in places], axis=0)
-        return least
+        return np.asarray(np.min([discs.clearance(each) for each in places], axis=0))

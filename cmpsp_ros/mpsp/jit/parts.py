@@ -48,7 +48,7 @@ class Part(JITCodeLibrary):  # type: ignore[misc]  # numba has no types
     machine_code: bytes | None = None
     """Machine code of the function and all that it calls, until it is loaded."""
     environments: tuple[Any, ...] = ()
-    """Numba's `Environment` of the function and of all that it calls, if they come from a file."""
+    """Numba's `Environment` of it and of all that it calls, where they come from a file."""
 
     def __init__(self, codegen: Any, name: str, bitcode: bytes | None = None) -> None:
         super().__init__(codegen, name)

@@ -5,6 +5,10 @@ at each stage, ``dX_(k+1) = A dX_k + B dU_k + d_k`` with ``d_k = F_k(X_k, U_k) -
 response ``e`` to the gaps alone, ``dX = e + dX'``, what is left is the program (45) (54) (57) in
 ``dX'`` and ``dU`` at shifted values, and the same solver answers it.
 
+The Hessian is made convex as interior-point methods do it: by weights on the rows that hold, which
+change no step along them, and if that is not enough by a term on the diagonal [A. Waechter,
+L. Biegler, On the implementation of an interior-point filter line-search algorithm, 2006, Sec. 3].
+
 A step is accepted by a funnel: it lowers the cost where the constraints are met well enough, or
 else the violation, or a merit of both [D. Kiessling, S. Leyffer, C. Vanaret, A unified funnel
 restoration SQP algorithm, 2024]. A second-order correction is tried first where the full step fails
@@ -49,48 +53,38 @@ from cmpsp_ros.mpsp.sqp.shooting_records import (
     weighted_violation,
 )
 
-# Violation above which the Hessian is that of Gauss and Newton, and below which the step is held
-# short by a proximal term instead of by the line search alone.
-_FAR, _NEAR = 0.3, 3e-3
-# Least curvature left by a projection, and weight of held rows, relative to the Hessian.
-_FLOOR, _HELD = 1e-6, 1e2
-_ATTEMPTS, _SHORT, _SHORTEST = 12, 4, 1e-4
-# A relaxed step that leaves this much of the violation, so many times running, is the last.
+# Violation of the start above which the Hessian is that of Gauss and Newton while it is as large.
+_FAR = 0.3
+# Weight of held rows, and least and largest term on the diagonal, relative to the Hessian.
+_HELD, _LEAST, _MOST = 1e2, 1e-4, 1e3
+_ATTEMPTS, _SHORTEST, _SHORT = 12, 1e-4, 0.2
+# Relaxed steps that leave this much of the violation, so many times running, are in vain.
 _NO_GAIN, _PATIENCE = 0.99, 5
-# Length below which the next steps are relaxed, so that the proximal term can hold them short.
-_CAUTION = 0.02
 _ROUNDING = 1e-12
 # Decrease of the cost, relative to the violation, from which on a step is for the cost.
 _SWITCH = 1e-2
 
 
 class MultipleShooting:
-    """The iteration for one problem; it remembers funnel and proximal term between steps."""
+    """The iteration from one point; it remembers funnel and proximal term between steps."""
 
-    def __init__(self, problem: OptimalControlProblem, options: Options) -> None:
-        """Take a problem that gives `next_states` and `constraint_curvature`, and the options."""
+    def __init__(
+        self, problem: OptimalControlProblem, options: Options, at: Iterate, *, exact: bool
+    ) -> None:
+        """Take a problem that gives `next_states` and `constraint_curvature`, and a start.
+
+        Unless `exact`, the Hessian is that of Gauss and Newton as long as the violation is large.
+        """
         self._problem, self._options = problem, options
         terminal, path, _ = options.fitted(problem.size)
         rows = Penalties(terminal, np.tile(path, (problem.size.horizon + 1, 1)))
         self._levels = relaxation_levels(rows)
-        self._hard = Penalties(np.full_like(rows.terminal, np.inf), np.full_like(rows.path, np.inf))
-        self._funnel = np.inf
-        self._begins_near = False
-        self._proximal, self._last_length, self._in_vain = 0.0, 0.0, 0
-        self._is_cautious, self._violation = False, 0.0
-        self._here: Point | None = None
-        # The first Hessian that is tried, and the active rows of the last program.
-        self._choice, self._warm = 0, no_warm_start(problem.size)
-
-    def start(self, at: Iterate) -> Iterate:
-        """Begin at an iterate; its multipliers are forgotten, and estimated anew."""
         self._here = self._point(at.X, at.U)
         violation = self._here.violation
-        self._funnel, self._begins_near = max(1.0, 1.25 * violation), violation < _FAR
-        self._proximal, self._last_length, self._in_vain = 0.0, 0.0, 0
-        self._is_cautious, self._choice = False, 0
-        self._warm.clear()
-        return replace(at, step=None)
+        self._funnel, self.is_exact = max(1.0, 1.25 * violation), exact or violation < _FAR
+        self._proximal = self._convexifying = 0.0
+        self._violation, self._in_vain, self._is_cautious = 0.0, 0, False
+        self._warm = no_warm_start(problem.size)
 
     def subproblem(self, at: Iterate) -> Subproblem:
         """Derivatives at an iterate with the exact Hessian of the cost; gaps are not in it."""
@@ -102,31 +96,25 @@ class MultipleShooting:
     def step(self, at: Iterate, subproblem: Subproblem) -> Iterate:
         """One iteration; an iterate that cannot be improved keeps its controls."""
         point = self._here
-        if point is None or point.X is not at.X:
-            point = self._point(at.X, at.U)
         found = lagrangian_curvature(self._problem, at, subproblem.linearisation)
-        if point.violation > _FAR and not self._begins_near:
+        if point.violation > _FAR and not self.is_exact:
             lin = self._problem.linearise(at.X, at.U, 'gauss_newton')
             found = found._replace(H=stage_blocks(lin.L_XX, lin.L_UX, lin.L_UU))
-        size = max(1e-6, float(np.abs(found.H).max()))
-        if not np.isfinite(size):
-            return replace(at, index=at.index + 1, previous_U=at.U, step=not_finite(at, found))
-        is_near, way = point.violation < _NEAR, None
-        for attempt in range(_ATTEMPTS):
+        size, step = max(1e-6, float(np.abs(found.H).max())), not_finite(at, found)
+        for attempt in range(_ATTEMPTS if np.isfinite(size) else 0):
             way = self._direction(at, point, found, size)
-            if way.solution.status is QPStatus.SOLVED:
-                is_patient = attempt < _SHORT and (is_near or self._is_cautious)
-                shortest = 0.2 if is_patient else _SHORTEST
-                length, after, is_corrected = self._search(point, found, way, shortest)
+            step = summary(at, way, found, 0.0)
+            if step.qp_status is QPStatus.SOLVED:
+                length, after, is_corrected = self._search(point, found, way)
                 if length > 0.0:
                     if self._is_in_vain(way, point):
                         break
-                    self._adapt(length, attempt, size, point.violation)
+                    if attempt == 0:
+                        self._adapt(length, size)
                     return self._moved(at, after, way, found, length, is_corrected)
-            self._proximal = max(1e-4 * size, 10.0 * self._proximal)
+            self._proximal = max(_LEAST * size, 10.0 * self._proximal)
             # No proximal term shortens a step to constraints that nearly depend on each other.
-            self._is_cautious |= attempt >= _SHORT and self._options.elastic
-        step = not_finite(at, found) if way is None else summary(at, way, found, 0.0)
+            self._is_cautious = self._options.elastic
         return replace(at, index=at.index + 1, previous_U=at.U, step=step)
 
     def _point(self, X: Array, U: Array) -> Point:
@@ -143,21 +131,13 @@ class MultipleShooting:
         )
 
     def _shifted(
-        self,
-        found: Curvature,
-        H: Array,
-        point: Point,
-        gaps: Array | None = None,
-        values: tuple[Array, Array] | None = None,
+        self, found: Curvature, U: Array, gaps: Array, error: Array, g: Array
     ) -> tuple[Subproblem, Array]:
         """Subproblem without gaps that stands for one with them, and the response ``e``.
 
-        Gaps, and terminal error and path constraints, are those of the point unless given.
+        `error` and `g` are terminal error and path constraints.
         """
-        lin, U = found.linearisation, point.U
-        gaps = point.gaps if gaps is None else gaps
-        error, g = values or (point.evaluation.output_error, point.evaluation.g)
-        e = response(lin.A, gaps)
+        lin, H, e = found.linearisation, found.H, response(found.linearisation.A, gaps)
         n = e.shape[1]
         change = np.einsum('kij,kj->ki', H[:, :, :n], e)
         XX, UX, UU = map(np.ascontiguousarray, (H[:, :n, :n], H[:, n:, :n], H[:, n:, n:]))
@@ -175,82 +155,72 @@ class MultipleShooting:
 
     def _direction(self, at: Iterate, point: Point, found: Curvature, size: float) -> Direction:
         """Step of the program at a point, relaxed where it has no solution or caution is due."""
-        proximal = self._proximal * np.eye(found.H.shape[1])
-        solution, qp, e = None, None, None
-        weights, shift = self._hard, self._proximal
-        choices = self._convex_choices(at, point, found, size)
-        for choice, H in () if self._is_cautious else enumerate(choices):
-            if choice < self._choice:
-                continue
-            qp, e = self._shifted(found, H + proximal, point)
-            solution = self._solved(qp)
-            if solution is not None:
-                self._choice = min(choice, 1)
+        value, hessians = point.evaluation, self._hessians(at, found, size)
+        while True:
+            shift, convex = next(hessians)
+            qp, e = self._shifted(convex, point.U, point.gaps, value.output_error, value.g)
+            solution, weights = self._solved(qp)
+            if weights is not None or shift > _MOST * size:
                 break
-        is_relaxed = solution is None or (
-            solution.status is not QPStatus.SOLVED and self._options.elastic
-        )
-        if qp is None or e is None or solution is None or is_relaxed:
-            values, vectors = np.linalg.eigh(found.H)
-            raised = vectors * np.maximum(values, _FLOOR * size)[:, None, :]
-            raised = raised @ vectors.swapaxes(1, 2)
-            if solution is None:
-                shift += float(np.abs(raised - found.H).max())
-            qp, e = self._shifted(found, raised + proximal, point)
-            is_relaxed = True
-            if solution is None and not self._is_cautious:
-                solution = solve_qp(qp, self._options.qp)
-                is_relaxed = solution.status is not QPStatus.SOLVED and self._options.elastic
-            if solution is None or is_relaxed:
-                solution, weights = self._relaxed(qp)
         lin = qp.linearisation
         dX = response(lin.A, np.einsum('kia,ka->ki', lin.B, solution.dU[:-1]))
         slack, miss = np.zeros_like(lin.g), np.zeros_like(lin.output_error)
+        weights = weights or self._levels[0]
+        is_relaxed = weights is not self._levels[0]
         if is_relaxed:
             slack, miss = np.maximum(qp.path(solution.dU, dX), 0.0), qp.terminal(solution.dU, dX)
-        H = stage_blocks(lin.L_XX, lin.L_UX, lin.L_UU)
-        return Direction(dX + e, solution.dU, solution, H, shift, is_relaxed, weights, miss, slack)
+        return Direction(
+            dX + e, solution.dU, solution, convex, shift, is_relaxed, weights, miss, slack
+        )
 
-    def _solved(self, qp: Subproblem) -> QPSolution | None:
-        """Solution of a program; None where it is not convex."""
-        is_ours = self._options.qp == RICCATI_ACTIVE_SET
-        if not is_ours and not is_positive_definite(qp):
-            return None
-        solution = solve_qp(qp, self._options.qp, None, self._warm)
-        is_doubtful = is_ours and solution.status is QPStatus.FAILED
-        return None if is_doubtful and not is_positive_definite(qp) else solution
+    def _solved(self, qp: Subproblem) -> tuple[QPSolution, Penalties | None]:
+        """Solution of a program and its penalties; None where the program is not convex.
 
-    def _convex_choices(
-        self, at: Iterate, point: Point, found: Curvature, size: float
-    ) -> Iterator[Array]:
-        """Hessians that give the same step near a solution and may be positive definite.
-
-        The Lagrangian's; with terminal rows held, which changes no step that meets them; and near a
-        solution with the active rows held as well.
+        All rows are hard at first, then the lightest are relaxed, or more of them; all in caution.
         """
-        lin, weight = found.linearisation, _HELD * max(1.0, size)
-        _, rho, beta = multipliers(at, lin)
-        yield found.H
-        yield hold_rows(found, np.zeros(rho.shape, bool), np.zeros(beta.shape, bool), weight)
-        if self._last_length == 1.0 and point.violation < _NEAR:
-            yield hold_rows(found, rho > 1e-8, beta != 0.0, weight)
-
-    def _relaxed(self, qp: Subproblem) -> tuple[QPSolution, Penalties]:
-        """Solution with the lightest rows relaxed, or more of them; all at once in caution."""
-        solution, weights = QPSolution.unsolved(qp.size, QPStatus.FAILED), self._levels[-1]
+        name = self._options.qp
+        solution, weights = QPSolution.unsolved(qp.size, QPStatus.FAILED), None
+        if name != RICCATI_ACTIVE_SET and not is_positive_definite(qp):
+            return solution, None
         for weights in self._levels[-1:] if self._is_cautious else self._levels:
-            solution = solve_qp(qp, self._options.qp, weights)
+            is_hard = weights is self._levels[0]
+            warm = self._warm if is_hard else None
+            solution = solve_qp(qp, name, None if is_hard else weights, warm)
             if solution.status is QPStatus.SOLVED:
+                break
+            if solution.status is QPStatus.FAILED and not is_positive_definite(qp):
+                return solution, None
+            if not self._options.elastic:
                 break
         return solution, weights
 
-    def _search(
-        self, point: Point, found: Curvature, way: Direction, shortest: float
-    ) -> tuple[float, Point, bool]:
-        """Step length, 0 if none of at least `shortest` is accepted; where it leads; corrected."""
+    def _hessians(
+        self, at: Iterate, found: Curvature, size: float
+    ) -> Iterator[tuple[float, Curvature]]:
+        """Hessians that may be positive definite, with the terms on their diagonals.
+
+        The Lagrangian's; with the rows held that are active, which changes no step that keeps
+        them; and with ever larger terms, from a third of the last one that was needed.
+        """
+        unit = np.eye(found.H.shape[1])
+        found = found._replace(H=found.H + self._proximal * unit)
+        yield self._proximal, found
+        _, rho, beta = multipliers(at, found.linearisation)
+        found = hold_rows(found, rho > 1e-8, beta != 0.0, _HELD * max(1.0, size))
+        yield self._proximal, found
+        term = max(_LEAST * size, self._convexifying / 3.0)
+        while True:
+            self._convexifying = term
+            yield self._proximal + term, found._replace(H=found.H + term * unit)
+            term *= 4.0
+
+    def _search(self, point: Point, found: Curvature, way: Direction) -> tuple[float, Point, bool]:
+        """Step length, 0 if none is accepted; where it leads; corrected."""
         lin, length = found.linearisation, 1.0
         falls = -float(np.vdot(lin.L_X, way.dX) + np.vdot(lin.L_U, way.dU))
-        largest = (way.solution.terminal, way.solution.path, found.costates)
+        largest = [way.solution.terminal, way.solution.path, found.costates]
+        # Of a relaxed step no gap may weigh less than a row.
+        largest += [w[np.isfinite(w)] for w in (way.weights.terminal, way.weights.path)]
         above = 1.1 * max(float(np.abs(each).max(initial=0.0)) for each in largest)
         rounding = _ROUNDING * (1.0 + abs(point.evaluation.cost) + above)
         weights = way.merit_weights(above)
@@ -272,13 +242,13 @@ class MultipleShooting:
             gain += before - weighted_violation(after, above, weights)
             return gain >= 1e-4 * length * (falls + before - left)
 
-        while length > shortest:
+        while length > _SHORTEST:
             after = self._moved_point(point, length * way.dX, length * way.dU)
             if accepts(after, length):
                 return length, after, False
             is_full = length == 1.0 and after.is_finite and not way.is_relaxed
             if is_full and after.violation >= point.violation:
-                corrected = self._corrected(point, found, way, after)
+                corrected = self._corrected(point, way, after)
                 if corrected is not None and accepts(corrected, 1.0):
                     return 1.0, corrected, True
             length *= 0.5
@@ -288,16 +258,14 @@ class MultipleShooting:
         lower, upper = self._problem.control_lower, self._problem.control_upper
         return self._point(point.X + dX, np.clip(point.U + dU, lower, upper))
 
-    def _corrected(
-        self, point: Point, found: Curvature, way: Direction, after: Point
-    ) -> Point | None:
+    def _corrected(self, point: Point, way: Direction, after: Point) -> Point | None:
         """Step for the constraints' values after the full step, at unchanged derivatives."""
-        dX, dU, value, lin = way.dX, way.dU, after.evaluation, found.linearisation
+        dX, dU, value, lin = way.dX, way.dU, after.evaluation, way.convex.linearisation
         moved = np.einsum('kij,kj->ki', lin.A, dX[:-1]) + np.einsum('kia,ka->ki', lin.B, dU[:-1])
         error = value.output_error - lin.h_X @ dX[-1] - lin.h_U @ dU[-1]
         change = np.einsum('kli,ki->kl', lin.g_X, dX) + np.einsum('kla,ka->kl', lin.g_U, dU)
-        values = error, self._changed(lin, value.g, -change)
-        qp, e = self._shifted(found, way.H, point, after.gaps + dX[1:] - moved, values)
+        g, gaps = self._changed(lin, value.g, -change), after.gaps + dX[1:] - moved
+        qp, e = self._shifted(way.convex, point.U, gaps, error, g)
         solution = solve_qp(qp, self._options.qp)
         if solution.status is not QPStatus.SOLVED:
             return None
@@ -315,25 +283,19 @@ class MultipleShooting:
     def _is_in_vain(self, way: Direction, point: Point) -> bool:
         """True where relaxed steps have left the violation as it was several times running."""
         is_free = way.is_relaxed and not self._is_cautious
-        least = _NO_GAIN * point.violation
-        is_idle = is_free and way.slack >= least and point.violation >= _NO_GAIN * self._violation
+        is_idle = is_free and way.slack >= _NO_GAIN * point.violation
+        is_idle = is_idle and point.violation >= _NO_GAIN * self._violation
         self._violation = point.violation
         self._in_vain = self._in_vain + 1 if is_idle else 0
         return self._in_vain >= _PATIENCE
 
-    def _adapt(self, length: float, attempt: int, size: float, violation: float) -> None:
+    def _adapt(self, length: float, size: float) -> None:
         """Proximal term of the next step: less after a full one, more after a short one."""
-        self._last_length = length
-        if violation < _NEAR or (attempt == 0 and length == 1.0 and self._proximal == 0.0):
+        if length == 1.0:
             self._is_cautious = False
-        elif length < _CAUTION and self._options.elastic:
-            self._is_cautious = True
-        if attempt == 0 and length == 1.0:
             self._proximal = 0.1 * self._proximal if self._proximal > 1e-9 * size else 0.0
-        elif attempt == 0 and length <= 0.2:
-            is_tangential = violation < 0.03 or self._is_cautious
-            limit = 1e2 * size if is_tangential else 1e-2 * size
-            self._proximal = min(max(1e-4 * size, 4.0 * self._proximal), limit)
+        elif length <= _SHORT:
+            self._proximal = min(max(_LEAST * size, 4.0 * self._proximal), size)
 
     def _moved(
         self,

@@ -141,10 +141,8 @@ class _Run:
                 if direction is not None:
                     status = Status.NOT_A_MINIMUM
                     goes_on = not is_last and self._escape(direction)
-            elif not is_last and self._papers_failed(status):
-                is_better = _violation(at) <= _WORTH_KEEPING * _violation(guess)
-                goes_on = self._shoot(at if is_better else replace(guess, index=at.index))
-                self.before = at if goes_on else None
+            elif not is_last:
+                goes_on = self._go_on_elsewhere(status, guess)
             if not goes_on:
                 if status is None and is_last:
                     status = Status.ITERATION_LIMIT
@@ -187,9 +185,17 @@ class _Run:
             return status if holds else None
         return status
 
-    def _papers_failed(self, status: Status | None) -> bool:
-        is_over = status is not None or self.at.index >= _PAPERS
-        return is_over and not self.is_shooting and self.can_shoot
+    def _go_on_elsewhere(self, status: Status | None, guess: Iterate) -> bool:
+        """Go on by multiple shooting, or by it from the guess, where this gets no further."""
+        at, guess = self.at, replace(guess, index=self.at.index)
+        if self.is_shooting:
+            assert self.shooting is not None  # noqa: S101 (it is at work)
+            is_over = status in {Status.INFEASIBLE, Status.STALLED, Status.QP_FAILED}
+            return is_over and not self.shooting.is_exact and self._shoot(guess, exact=True)
+        if not self.can_shoot or (status is None and at.index < _PAPERS):
+            return False
+        self.before = at
+        return self._shoot(at if _violation(at) <= _WORTH_KEEPING * _violation(guess) else guess)
 
     def _resume(self, status: Status, is_last: bool) -> bool:
         """Go back to the paper's iteration where multiple shooting ends with more violation."""
@@ -202,13 +208,12 @@ class _Run:
         self.can_shoot = self.is_shooting = False
         return True
 
-    def _shoot(self, at: Iterate) -> bool:
+    def _shoot(self, at: Iterate, *, exact: bool = False) -> bool:
         """Go on from an iterate by multiple shooting; false where the problem cannot."""
-        if self.shooting is None and self.can_shoot and _can_shoot(self.problem, at):
-            self.shooting = MultipleShooting(self.problem, self.options)
-        self.can_shoot = self.is_shooting = self.shooting is not None
-        if self.shooting is not None:
-            self.at = self.shooting.start(at)
+        self.can_shoot = self.can_shoot and _can_shoot(self.problem, at)
+        if self.can_shoot:
+            self.shooting = MultipleShooting(self.problem, self.options, at, exact=exact)
+            self.is_shooting, self.at = True, replace(at, step=None)
         return self.is_shooting
 
     def _judge(self) -> tuple[Array | None, bool | None]:

@@ -8,19 +8,17 @@ import numpy as np
 from geometry_msgs.msg import TransformStamped
 from sensor_msgs.msg import LaserScan
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance import NANOSECONDS
 from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.nodes.common.messages import BASE, cloud_of, rotation_of, set_stamp
 from cmpsp_ros.nodes.common.topics import SIM_PEOPLE, SIM_SCAN
-from cmpsp_ros.parameters import footprint_of, laser_settings, people_settings, scenery
+from cmpsp_ros.parameters import Values, footprint_of, laser_settings, people_settings, scenery
 from cmpsp_ros.robots import placed
-from cmpsp_ros.simulator import Laser, People, discs_of, edges_of
+from cmpsp_ros.simulator import Laser, Motion, People, discs_of, edges_of
 
 if TYPE_CHECKING:
-    from cmpsp_ros.arrays import Array
     from cmpsp_ros.nodes.sim.node import SimNode
-    from cmpsp_ros.parameters import Values
-    from cmpsp_ros.simulator import Motion
 
 
 class Traffic:

@@ -11,20 +11,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
+from cmpsp_ros import view
 from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings
 from cmpsp_ros.studies.common import WIDTH, plot_style
 from cmpsp_ros.studies.monte_carlo.contacts import contacts
 from cmpsp_ros.studies.monte_carlo.driving import DrivenRun
 from cmpsp_ros.studies.monte_carlo.outcome import RunVerdict, StudyOutcome
-from cmpsp_ros.view import (
-    LEVEL_COLORS,
-    PER_ARC,
-    along,
-    draw_obstacles,
-    draw_road,
-    legend_below,
-    show,
-)
 
 _DPI: Final = 150
 _SMALLEST_MISS: Final = 1e-16
@@ -86,7 +78,7 @@ def _paths(
         named.add(verdict)
         axes.plot(each.x, each.y, color=color, lw=width, alpha=0.8, label=label)
     axes.set_aspect('equal')
-    legend_below(figure, ncols=len(named))
+    view.legend_below(figure, ncols=len(named))
     axes.set_title(title)
     return figure
 
@@ -110,8 +102,8 @@ def _spread(title: str, outcomes: Sequence[StudyOutcome], tolerance: float) -> F
 
 
 def _draw_place(axes: Axes, settings: GuidanceSettings) -> None:
-    draw_road(axes, settings.road, _ROAD, _EDGE)
-    draw_obstacles(axes, settings.obstacles, fc='0.72', ec=_RIM, lw=0.7)
+    view.draw_road(axes, settings.road, _ROAD, _EDGE)
+    view.draw_obstacles(axes, settings.obstacles, fc='0.72', ec=_RIM, lw=0.7)
     axes.set(xlabel='x [m]', ylabel='y [m]')
     axes.set_aspect('equal')
 
@@ -121,19 +113,19 @@ def _draw_way(axes: Axes, driven: DrivenRun) -> None:
     settings = driven.task.truth
     _draw_place(axes, settings)
     begins, poses = driven.stamps, driven.poses
-    points = along(poses, *driven.arcs[1:])
-    stamps = np.append(np.repeat(begins[:-1], PER_ARC), begins[-1])
+    points = view.along(poses, *driven.arcs[1:])
+    stamps = np.append(np.repeat(begins[:-1], view.PER_ARC), begins[-1])
     ends = [*(each.stamp for each in driven.decisions[1:]), np.inf]
     for decision, end in zip(driven.decisions, ends, strict=False):
         # One point more, so that the next piece begins where this one ends.
         chosen = (stamps >= decision.stamp) & (stamps <= end)
-        axes.plot(*points[chosen].T, color=LEVEL_COLORS[decision.level.name.lower()], lw=1.2)
+        axes.plot(*points[chosen].T, color=view.LEVEL_COLORS[decision.level.name.lower()], lw=1.2)
     _draw_people(axes, driven)
     axes.plot(*poses[0, :2], 'o', color='white', mec='black', ms=4)
     axes.plot(*settings.goal, '*', color='white', mec='black', ms=8)
     shapes = driven.task.scenario.obstacles
     boxes = [line for each in shapes for line in each.outlines(each.radius)]
-    show(axes, [points, np.array([settings.goal]), *boxes], 0.5)
+    view.show(axes, [points, np.array([settings.goal]), *boxes], 0.5)
 
 
 def _draw_people(axes: Axes, driven: DrivenRun) -> None:
@@ -168,7 +160,7 @@ def _draw_clearance(axes: Axes, driven: DrivenRun) -> None:
         names, clearance = ('all that stands there',), clearance.min(axis=1, keepdims=True)
     for name, column in zip(names, clearance.T, strict=True):
         axes.plot(times, column, lw=0.9, label=name)
-    for level, color in LEVEL_COLORS.items():
+    for level, color in view.LEVEL_COLORS.items():
         there = [each.stamp for each in driven.decisions if each.level.name.lower() == level]
         if there:
             seconds = np.array(there) / NANOSECONDS
@@ -176,7 +168,7 @@ def _draw_clearance(axes: Axes, driven: DrivenRun) -> None:
     axes.axhline(0.0, color=_RIM, ls='--', lw=0.8)
     axes.set(xlabel='time [s]', ylabel='clearance [m]', ylim=(-0.1, 1.2))
     keys = axes.get_legend_handles_labels()
-    legend_below(axes.figure, *keys, ncols=6, fontsize=6.0)
+    view.legend_below(axes.figure, *keys, ncols=6, fontsize=6.0)
 
 
 def _save(figure: Figure, path: Path) -> Path:

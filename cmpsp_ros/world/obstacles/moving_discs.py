@@ -93,8 +93,7 @@ class MovingDiscs:
     def clearance(self, point: Array) -> Array:
         """Distance of a point (x, y) from each at this instant, negative within; ``(M,)`` [m]."""
         away = point[:2] - self.states[:, :2]
-        clear: Array = np.hypot(away[:, 0], away[:, 1]) - self.states[:, _RADIUS]
-        return clear
+        return np.asarray(np.hypot(away[:, 0], away[:, 1]) - self.states[:, _RADIUS])
 
     def at_times(self, times: Array) -> tuple[Array, Array]:
         """Centres ``(K, M, 2)`` and radii ``(K, M)`` [m] at times from now on ``(K,)`` [s]."""

@@ -1,7 +1,5 @@
 """Runs of `cmpsp demo`, each on a domain of its own."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Files that a run leaves behind."""
 
-from __future__ import annotations
-
 import json
 import struct
 

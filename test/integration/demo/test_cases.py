@@ -1,7 +1,5 @@
 """The cases of the paper by `cmpsp demo`, and what it refuses."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

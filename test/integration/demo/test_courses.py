@@ -1,7 +1,5 @@
 """Roads, goals and obstacles of every kind by `cmpsp demo`, a custom model among them."""
 
-from __future__ import annotations
-
 import csv
 import json
 import math

@@ -1,7 +1,5 @@
 """Several robots at once by `cmpsp demo`."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

@@ -1,7 +1,5 @@
 """Everything that can cut a run of `cmpsp demo` short."""
 
-from __future__ import annotations
-
 import os
 import re
 import resource

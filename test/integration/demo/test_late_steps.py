@@ -1,7 +1,5 @@
 """A computer that is too slow for its task, by `cmpsp demo`."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

@@ -1,7 +1,5 @@
 """`cmpsp warmup` compiles all that a run needs."""
 
-from __future__ import annotations
-
 import pytest
 
 pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.timeout(3600)]

@@ -1,7 +1,5 @@
 """A guidance node as a process, and a client that stands in for its robot."""
 
-from __future__ import annotations
-
 import signal
 import sys
 from xml.etree import ElementTree as ET

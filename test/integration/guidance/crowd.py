@@ -5,8 +5,6 @@ each audited, and prints what it keeps from the road's edges and from the discs.
 Exit code 1 if one of them is not clear.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import math

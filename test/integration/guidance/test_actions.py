@@ -1,14 +1,13 @@
 """Goals as Nav2's actions: a real client, guidance node and simulator, in real time."""
 
-from __future__ import annotations
-
 import math
 import sys
 
 import pytest
 from action_msgs.msg import GoalStatus
+from commands import command
 from geometry_msgs.msg import PoseStamped
-from live import CASE3
+from live import CASE3, UNKNOWN
 from nav_msgs.msg import Odometry
 from rclpy.action import ActionClient
 
@@ -195,3 +194,38 @@ def test_navigate_as_soon_as_possible(drive, actions, client, record):
     guidance.end()
     outcome = recording.replayed()
     assert outcome.decisions >= len(client.decisions)
+
+
+def test_a_goal_inside_a_crate_that_the_scanner_sees_is_aborted_with_the_reason(
+    drive, actions, client, record
+):
+    recording = record()
+    given = {'road.type': 'none', 'goal.wait': 'true', 'goal.may_be_late': 'true'}
+    given |= {'sight.memory': 600.0, 'robot.max_wheel_speed': 28.0, 'recorder_timeout': 30.0}
+    guidance = drive(given, (UNKNOWN,))
+
+    goal = actions('NavigateToPose', 'navigate_to_pose', pose=place(2.75, -0.4))
+    status, code, reason = goal.result()
+
+    assert (status, code) == (GoalStatus.STATUS_ABORTED, 105)
+    assert 'The goal is unreachable: no plan gets past obstacle seen at (' in reason
+    guidance.end()
+    assert recording.replayed().decisions > 20
+    audit = command('audit', recording.bag).output
+    assert 'beyond its tolerance. The goal is unreachable: no plan gets past' in audit
+    assert 'failed Path: clear of obstacles' not in audit
+
+
+def test_a_path_that_is_closed_is_aborted_with_the_reason(drive, actions, client):
+    road = {'road.type': 'corridor', 'road.half_width': '[0.6]', 'road.source': 'topic'}
+    road |= {'road.points': '[0.0,0.0,5.0,0.0]', 'goal.position': '[5.,0.]', 'robot.radius': 0.1}
+    crate = {'obstacles.names': '[crate]', 'obstacles.crate.center': '[3.0,0.0]'}
+    given = {**road, **crate, 'obstacles.crate.radius': 0.6, 'initial_pose': '[0.,0.,0.]'}
+    drive(given, files=())
+    points = {'road.points': [-0.5, 0.0, 2.0, 0.0, 5.0, 0.0], 'road.closed': False}
+
+    goal = actions('FollowPath', 'follow_path', path=path_of({**points, 'frame_id': 'odom'}))
+    status, code, reason = goal.result()
+
+    assert (status, code) == (GoalStatus.STATUS_ABORTED, 105)
+    assert 'The road is closed at obstacle crate' in reason

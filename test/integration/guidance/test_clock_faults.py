@@ -1,7 +1,5 @@
 """Clocks that jump or stop, and a slow computer; compared with doc/reference/faults.md."""
 
-from __future__ import annotations
-
 import pytest
 from live import ZERO
 from rclpy.time import Time

@@ -1,7 +1,5 @@
 """Two guidance nodes for one robot, and others that command; see doc/reference/faults.md."""
 
-from __future__ import annotations
-
 import signal
 import time
 

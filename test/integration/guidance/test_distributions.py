@@ -1,7 +1,5 @@
 """Messages of Nav2 as each distribution of ROS defines them."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Goals that are told to the guidance node as RViz tells them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from geometry_msgs.msg import PoseStamped

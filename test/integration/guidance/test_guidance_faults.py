@@ -1,7 +1,5 @@
 """Faults of all kinds stop the robot, each with its reason."""
 
-from __future__ import annotations
-
 import math
 import signal
 

@@ -1,7 +1,5 @@
 """The guidance node as a process: states, one control step, parameters."""
 
-from __future__ import annotations
-
 import signal
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The heartbeat for Nav2's lifecycle manager: there while the node is active, and its end said."""
 
-from __future__ import annotations
-
 import pytest
 
 pytestmark = pytest.mark.integration

@@ -1,7 +1,5 @@
 """A run begins when the robot listens, and the recorder where one is asked for."""
 
-from __future__ import annotations
-
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import TwistStamped

@@ -1,7 +1,5 @@
 """Parameters changed many times a second while the robot drives."""
 
-from __future__ import annotations
-
 import itertools
 import math
 import os

@@ -1,7 +1,5 @@
 """Real nodes with a map: from a file and on a topic, and past what only a scanner sees."""
 
-from __future__ import annotations
-
 import json
 import math
 import sys

@@ -1,7 +1,5 @@
 """Obstacles that move, over DDS: what is told of well is known, and the rest changes nothing."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Faults that only the node's own process can be given; compared with doc/reference/faults.md."""
 
-from __future__ import annotations
-
 import secrets
 
 import pytest

@@ -1,7 +1,5 @@
 """Odometry that contradicts itself: the robot stops, says why, and does not go on too soon."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Plans of another robot, over DDS: what can be used is known, and the rest is said."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

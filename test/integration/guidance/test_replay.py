@@ -1,7 +1,5 @@
 """Bags of real nodes: replayed to the last bit, and played to a live node that decides the same."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from live import COMMAND

@@ -1,7 +1,5 @@
 """Guidance and simulator together: one pair in lockstep, and two on one domain."""
 
-from __future__ import annotations
-
 import pytest
 from nav_msgs.msg import Odometry
 from rclpy.duration import Duration

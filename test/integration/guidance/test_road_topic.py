@@ -1,7 +1,5 @@
 """Roads that are told to the guidance node under way: waited for, taken, refused, replayed."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """One drive of real nodes in real time, and all that is made of its bag afterwards."""
 
-from __future__ import annotations
-
 import csv
 import json
 import re

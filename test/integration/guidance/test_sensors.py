@@ -1,7 +1,5 @@
 """Sensors over DDS: no command without them, and none on what they cannot have seen."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

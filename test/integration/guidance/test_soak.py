@@ -1,7 +1,5 @@
 """A few of the runs that soak and crowd make by the hundred."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Start of the guidance node: compiled, with or without its core, and where a run begins."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import sys

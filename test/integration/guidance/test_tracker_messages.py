@@ -1,7 +1,5 @@
 """Tracks from the messages of other packages, as their real definitions have them."""
 
-from __future__ import annotations
-
 import math
 from importlib import import_module
 from typing import get_args, get_type_hints

@@ -1,7 +1,5 @@
 """Other trackers over DDS: their objects are known to decisions, each once, and in the bag."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

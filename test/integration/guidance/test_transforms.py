@@ -4,8 +4,6 @@ The course is in `map`; odometry is of `base_footprint` in `odom`, which drifts 
 robot's centre, `base_link`, is beside it.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The recorder as a process, its bag in a folder of the test."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

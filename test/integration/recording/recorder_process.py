@@ -1,7 +1,5 @@
 """The recorder as a process."""
 
-from __future__ import annotations
-
 import sys
 
 from diagnostic_msgs.msg import DiagnosticStatus

@@ -1,7 +1,5 @@
 """Publishes 2000 messages at 1 kHz and ends the recorder right after the last: talker.py PID."""
 
-from __future__ import annotations
-
 import os
 import signal
 import sys

@@ -1,7 +1,5 @@
 """`cmpsp record` by its command line, and what is left when it is killed."""
 
-from __future__ import annotations
-
 import resource
 import signal
 import sys

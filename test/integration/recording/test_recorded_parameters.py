@@ -1,7 +1,5 @@
 """Parameters of nodes, as a bag has them."""
 
-from __future__ import annotations
-
 import signal
 import sys
 

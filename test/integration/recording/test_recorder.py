@@ -1,7 +1,5 @@
 """The recorder as a process, against real publishers, and how a recording ends."""
 
-from __future__ import annotations
-
 import json
 import re
 import signal

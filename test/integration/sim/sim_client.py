@@ -1,7 +1,5 @@
 """A client of the simulator, and what its messages say."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

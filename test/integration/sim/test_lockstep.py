@@ -1,7 +1,5 @@
 """The simulator in lockstep: time waits for the answer to every control step."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

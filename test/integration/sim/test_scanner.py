@@ -1,7 +1,5 @@
 """The simulator sees: scans over DDS at their rate, and the same again after a reset."""
 
-from __future__ import annotations
-
 import math
 import signal
 import sys

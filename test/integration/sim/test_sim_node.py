@@ -1,7 +1,5 @@
 """The simulator as a process over DDS, driven by a small client."""
 
-from __future__ import annotations
-
 import math
 import signal
 import time

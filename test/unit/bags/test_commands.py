@@ -1,7 +1,5 @@
 """`cmpsp record`, `recover` and `export`: exit codes, and one clear line when things go wrong."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

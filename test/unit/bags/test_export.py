@@ -1,7 +1,5 @@
 """Tables for pandas: what is in the bag, with names and units, and nothing overwritten."""
 
-from __future__ import annotations
-
 import csv
 import math
 import shutil

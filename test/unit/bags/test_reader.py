@@ -1,7 +1,5 @@
 """Reading what is there, and saying what is not."""
 
-from __future__ import annotations
-
 import pytest
 from bag_messages import EVENT, TWIST, make, parameter_event, raw, time, twist
 from rosbags.rosbag2 import StoragePlugin, Writer

@@ -4,8 +4,6 @@
 resets, and one among moving obstacles.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Recovery makes a whole bag of a broken one, and leaves the broken one as it is."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import signal

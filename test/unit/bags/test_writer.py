@@ -1,7 +1,5 @@
 """Bags stay readable however the writing ends."""
 
-from __future__ import annotations
-
 import math
 import os
 import platform

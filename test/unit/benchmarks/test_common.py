@@ -1,7 +1,5 @@
 """Samples in few numbers, memory and processor time."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Steps with many plans, past many obstacles, and with a scanner."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,7 +1,5 @@
 """Whole runs of the guidance law: presets, robots on long horizons."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Growth over horizons, and one plan over long ones beside other solvers."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

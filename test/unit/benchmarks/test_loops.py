@@ -1,7 +1,5 @@
 """Methods in their closed loops, in turn, and their longest steps."""
 
-from __future__ import annotations
-
 import gc
 
 import numpy as np

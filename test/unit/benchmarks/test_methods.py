@@ -1,7 +1,5 @@
 """The task of all methods, and control steps by our own."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Quality of tracks, on a short run among people and in a room without any."""
 
-from __future__ import annotations
-
 from itertools import islice
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Targets, tables, pictures, JSON and the page."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Pictures of runs: what they name, what they show whole, and what lies above what."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

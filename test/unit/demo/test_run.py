@@ -1,7 +1,5 @@
 """The start of a run: its folder, its domain, its processes, and nodes that are not there."""
 
-from __future__ import annotations
-
 import os
 import signal
 import socket

@@ -1,7 +1,5 @@
 """A demo's parameters, checked before anything starts."""
 
-from __future__ import annotations
-
 import pytest
 
 from cmpsp_ros.demo import load_scenario

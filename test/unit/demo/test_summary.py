@@ -1,7 +1,5 @@
 """Figures of runs whose figures are known, from bags of runs that never happened."""
 
-from __future__ import annotations
-
 import json
 import math
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Several laws in a closed loop, each told of the plans that the others publish."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A guidance law that sees: plant, scanner and law, in the order in which the nodes have them."""
 
-from __future__ import annotations
-
 import math
 from types import SimpleNamespace
 

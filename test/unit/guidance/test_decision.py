@@ -1,7 +1,5 @@
 """Decisions as text: nothing lost, nothing made up."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

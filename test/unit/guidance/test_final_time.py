@@ -1,7 +1,5 @@
 """The goal is judged at the final time, also where odometry comes before and after it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Odometry that calls for a decision, told before it is decided on."""
 
-from __future__ import annotations
-
 import numpy as np
 from scenarios import CASES, PERIOD, START
 

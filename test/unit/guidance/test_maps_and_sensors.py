@@ -1,7 +1,5 @@
 """A map and a scanner together: either may say that something is there, both what is known."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

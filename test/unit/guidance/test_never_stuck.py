@@ -53,6 +53,28 @@ def test_a_goal_behind_a_door_that_is_too_narrow_is_given_up_with_the_reason(wid
     assert any('turns on the spot' in each.reason for each in run.decisions)
 
 
+def test_a_door_as_wide_as_the_robot_is_given_up_once():
+    walls = (3, 3.1, 0, 2.75), (3, 3.1, 3.1, 4)
+    given = task((6.0, 2.15), map_of(8, 4, *walls), final_time=60.0)
+
+    run = TightRun(given, (1.0, 2.15, -2.0), 60.0)
+    (searched,) = [each for each in run.decisions if 'another way than past' in each.reason]
+
+    assert run.decisions[-1].finished
+    assert 'past obstacle map at (3.' in run.decisions[-1].reason
+    # Another path through the same door is no progress.
+    assert run.decisions[-1].stamp - searched.stamp < 15_000 * MS
+    assert run.clearance > 0.0
+
+
+def test_a_wall_across_the_map_is_named():
+    run = TightRun(task((6.0, 2.15), map_of(8, 4, (3, 3.1, 0, 4))), (1.0, 2.15, 0.0), 25.0)
+
+    assert run.decisions[-1].finished
+    assert 'no plan gets past obstacle map at (3.' in run.decisions[-1].reason
+    assert 'which leaves 0.000 m beside the path' in run.decisions[-1].reason
+
+
 def test_it_backs_out_along_its_trail():
     # In so short a time it sets out, and comes to the door.
     run = TightRun(one_door(0.3, final_time=20.0), (1.0, 2.15, 0.0), 40.0)
@@ -128,6 +150,10 @@ def test_new_ground_and_a_shorter_way_are_progress_and_circles_are_not():
         angle = 0.1 * k
         watch.count(np.array([math.cos(angle), math.sin(angle), angle]), 20.0)
     assert watch.steps > 100
+    # A plan that reaches the goal is no progress until it is driven.
+    steps = watch.steps
+    watch.count(np.array([1.0, 0.0, 0.0]), 20.0, reached=True)
+    assert watch.steps == steps
     # Where no way leads new ground is none.
     watch.reset()
     watch.count(np.array([50.0, 0.0, 0.0]), math.inf)

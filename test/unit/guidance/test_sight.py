@@ -1,7 +1,5 @@
 """The guidance law with a scanner: what is seen is passed, what is not seen is come near slowly."""
 
-from __future__ import annotations
-
 import math
 from functools import cache
 

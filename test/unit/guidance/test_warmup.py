@@ -1,7 +1,5 @@
 """After the preparation nothing is compiled, nor loaded, whatever a run may bring."""
 
-from __future__ import annotations
-
 import math
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Shapes and bounds that are refused, and sentences that a user can read about a run."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The policy of SROS2 is what the code grants, in the form that `ros2 security` reads."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from xml.etree import ElementTree as ET

@@ -1,7 +1,5 @@
 """Messages to what a page draws, whatever is in them."""
 
-from __future__ import annotations
-
 import json
 import math
 

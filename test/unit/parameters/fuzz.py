@@ -4,8 +4,6 @@
 garbage -, drives a little with what is accepted, and prints what became of them.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import re

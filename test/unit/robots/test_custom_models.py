@@ -1,7 +1,5 @@
 """Custom models: the example of doc/user/your_model.md, and what cannot be used."""
 
-from __future__ import annotations
-
 import math
 import re
 import subprocess

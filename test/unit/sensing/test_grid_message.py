@@ -1,7 +1,5 @@
 """Grids as messages: maps, costmaps, their changes, and what is refused."""
 
-from __future__ import annotations
-
 import math
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """Laser scans: what each range means, what is refused, and where beams end in the world."""
 
-from __future__ import annotations
-
 import math
 from types import SimpleNamespace
 

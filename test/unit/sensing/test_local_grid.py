@@ -1,7 +1,5 @@
 """The local grid: what beams clear and mark, what stays, and that nothing drifts."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

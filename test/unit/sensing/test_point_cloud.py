@@ -1,7 +1,5 @@
 """Clouds of points: of any layout, at the heights that count, and what is refused."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from types import SimpleNamespace

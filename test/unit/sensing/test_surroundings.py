@@ -1,7 +1,5 @@
 """Fusion of sensors by the odometry of their own times, and its interpolation."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Tracks of walkers among walls and posts, by a scanner with noise of 1 cm."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

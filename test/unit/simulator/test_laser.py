@@ -1,7 +1,5 @@
 """The simulated scanner: rays, where its beams start, what is random, and ranges of REP 117."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 

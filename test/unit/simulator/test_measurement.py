@@ -1,7 +1,5 @@
 """Odometry that differs from the truth, each error by itself, and when it is measured."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """People on foot: where they walk, how fast they change, and what makes them stop."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A robot with mass, motors and tyres: what the guidance's own model of it leaves out."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from itertools import pairwise

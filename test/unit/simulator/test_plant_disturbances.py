@@ -1,7 +1,5 @@
 """Slip, lag and varying delay of the simulated robot: each by itself, and all repeatable."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The page over HTTP: for this machine and its own page alone, and nothing in it from elsewhere."""
 
-from __future__ import annotations
-
 import http.client
 import json
 import re

@@ -1,7 +1,5 @@
 """Shared state: told once, in plain values, and never more than was asked for."""
 
-from __future__ import annotations
-
 import json
 import math
 

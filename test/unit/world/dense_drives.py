@@ -1,7 +1,5 @@
 """Drives integrated densely, without any formula of ours."""
 
-from __future__ import annotations
-
 import numpy as np
 
 PIECES = 400

@@ -4,8 +4,6 @@ A robot is driven by the midpoint rule, its outline is sampled all around, and t
 point of it from every road edge and obstacle is computed by brute force. `DENSE` is the error.
 """
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
 

@@ -1,7 +1,5 @@
 """Free space of the robot's centre, and of the discs that cover a robot."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

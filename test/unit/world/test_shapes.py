@@ -1,7 +1,5 @@
 """Capsules, convex polygons and moving discs, against dense sampling without a formula of ours."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Every check passes a good drive and catches a bad one."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from drives import SECOND, START, drive_case, failed

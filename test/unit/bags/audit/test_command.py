@@ -1,7 +1,5 @@
 """`cmpsp audit`: exit codes and words."""
 
-from __future__ import annotations
-
 from commands import command
 
 

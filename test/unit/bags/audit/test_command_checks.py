@@ -1,7 +1,5 @@
 """Checks of the commands and of the fallback levels catch what is wrong with them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from drives import SECOND, Command, drive_case, drive_settings, failed

@@ -1,7 +1,5 @@
 """Parts of a recording that are missing, and the true path beside odometry."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

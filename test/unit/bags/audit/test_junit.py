@@ -1,7 +1,5 @@
 """The audit as JUnit XML."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from xml.etree import ElementTree as ET
 

@@ -1,7 +1,5 @@
 """Among many random bags no flawed one is called clean, and no clean one fails."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from dataclasses import replace

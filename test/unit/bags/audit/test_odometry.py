@@ -1,7 +1,5 @@
 """The path through odometry, found from poses alone."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

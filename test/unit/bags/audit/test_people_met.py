@@ -1,7 +1,5 @@
 """The audit of people: judged by where the simulator truly had them."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The audit of the promise: a stop that is clear of all that may come, after each command."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A bag that cannot be audited is refused in one line that says why."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """A run in its scene: what is there, where the robot is, and what cannot be drawn."""
 
-from __future__ import annotations
-
 import math
 import os
 import subprocess

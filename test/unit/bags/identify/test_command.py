@@ -1,7 +1,5 @@
 """`cmpsp identify`: exit codes, words and files."""
 
-from __future__ import annotations
-
 from commands import command
 from hidden_robots import Hidden, write_bag
 

@@ -1,7 +1,5 @@
 """Parameters of hidden robots, from bags of their drives."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The response in closed form, beside one that is integrated in small steps."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """A guidance law that drives an exact robot in this process and is recorded as its node is."""
 
-from __future__ import annotations
-
 import math
 from contextlib import suppress
 

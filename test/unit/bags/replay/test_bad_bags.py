@@ -1,7 +1,5 @@
 """Every command on every kind of bag that it cannot use: one line that says why, and no files."""
 
-from __future__ import annotations
-
 import re
 import shutil
 

@@ -1,7 +1,5 @@
 """`cmpsp replay` by its arguments, words and exit codes."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

@@ -1,7 +1,5 @@
 """Runs among obstacles that move, and beside another robot: replayed bit for bit, and audited."""
 
-from __future__ import annotations
-
 import struct
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """A bag that cannot be replayed is refused, by its name."""
 
-from __future__ import annotations
-
 import pytest
 from recorded_drives import DECISIONS, dropping, setting, without
 

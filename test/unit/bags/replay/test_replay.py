@@ -1,7 +1,5 @@
 """Replay: the same decisions from the same odometry, or the first that is another."""
 
-from __future__ import annotations
-
 import math
 import struct
 from functools import partial

@@ -1,7 +1,5 @@
 """Replay with another law on the same odometry, in a bag and a picture of its own."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

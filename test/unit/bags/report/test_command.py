@@ -1,7 +1,5 @@
 """`cmpsp report`: exit codes and words."""
 
-from __future__ import annotations
-
 from commands import command
 
 

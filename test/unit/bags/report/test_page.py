@@ -1,7 +1,5 @@
 """The page by its structure: complete, self-contained, and deaf to what is in a bag."""
 
-from __future__ import annotations
-
 import base64
 import gzip
 import hashlib

@@ -1,7 +1,5 @@
 """Each run on its own course, with its robot as it is, and with what only others know."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Holes of a recording: from which interval on there is one, and what is left of the path."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

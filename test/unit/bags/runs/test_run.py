@@ -1,7 +1,5 @@
 """A recorded run as arrays, and the path between its samples."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -4,8 +4,6 @@
 in bounded memory and time, and prints what became of them.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import random

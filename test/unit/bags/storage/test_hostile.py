@@ -1,7 +1,5 @@
 """Bags made to crash, hang or exhaust whoever reads them."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil
@@ -290,7 +288,7 @@ def test_databases(path, script):
 def test_a_value_larger_than_any_is_refused_at_once(path, monkeypatch):
     make(path, Form('sqlite3'), raw=bytes(20_000))
     Bag(path).close()
-    monkeypatch.setattr('cmpsp_ros.bags.storage.sqlite.MAX_CHUNK', 15_000)
+    monkeypatch.setattr('cmpsp_ros.bags.storage.limits.MAX_CHUNK', 15_000)
     with pytest.raises(BagError, match=r'message of 20000 bytes .* at most 15000 are read'):
         Bag(path)
 

@@ -1,7 +1,5 @@
 """Messages of mcap files in order of time, in bounded memory."""
 
-from __future__ import annotations
-
 import struct
 from binascii import crc32
 
@@ -73,7 +71,7 @@ def test_messages_of_one_stamp_stay_in_the_order_of_writing(tmp_path):
 
 def test_not_all_at_once(tmp_path, monkeypatch):
     apart = [[('/a', 10 * number + k) for k in range(5)] for number in range(10)]
-    monkeypatch.setattr('cmpsp_ros.bags.storage.mcap.MAX_HELD', 1_000)
+    monkeypatch.setattr('cmpsp_ros.bags.storage.limits.MAX_HELD', 1_000)
     with Bag(write(tmp_path / 'apart', apart)) as bag:
         assert len(list(bag.raw('/a'))) == 50
     over = [[('/a', number), ('/a', 1000)] for number in range(1, 20)]

@@ -1,7 +1,5 @@
 """Runs over all families, on one process and two, their report, and the command."""
 
-from __future__ import annotations
-
 import json
 from collections import Counter
 from itertools import islice

@@ -1,7 +1,5 @@
 """Tracks of several sources: one for each object, whoever saw it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import permutations
 

@@ -1,7 +1,5 @@
 """Odometry: poses out of it, and what is refused."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

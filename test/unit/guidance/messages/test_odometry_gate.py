@@ -1,7 +1,5 @@
 """Odometry is used in order, where wheels can have brought the robot, and a while after a fault."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Obstacles that move: what of a message is used, and what is known at a time."""
 
-from __future__ import annotations
-
 import math
 from types import SimpleNamespace
 

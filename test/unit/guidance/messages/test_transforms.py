@@ -1,7 +1,5 @@
 """Poses in other frames, by messages of `/tf` as another program would have written them."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Warnings before a run of tasks that no plan can fulfil."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

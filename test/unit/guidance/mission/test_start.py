@@ -1,7 +1,5 @@
 """A run begins near the road, or near the start that was given."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

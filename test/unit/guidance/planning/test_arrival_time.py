@@ -1,7 +1,5 @@
 """Goals that are passed as early as possible: the choice of the final time, in closed loop."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

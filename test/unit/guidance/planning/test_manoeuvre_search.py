@@ -1,7 +1,5 @@
 """Moves into tight places: clear, driven exactly by their guess, and found by bounded work."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Shortest paths of a car as in the literature, and guesses that turn it back and forth."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

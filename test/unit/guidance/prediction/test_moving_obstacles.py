@@ -1,7 +1,5 @@
 """The law among obstacles that move, and the audit beside every shape there is."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Plans of other robots: what of a message is used, what is known at a time, and what laws do."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from types import SimpleNamespace

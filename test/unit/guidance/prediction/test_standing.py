@@ -1,7 +1,5 @@
 """People who have stopped count as static for sensors, yet the promise covers them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Control steps that take too long: the plan goes on shifted, with less work, and more slowly."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Clearance of a plan, as the check found it, stage by stage."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The promise: moving obstacles within their limits never touch the robot while it moves."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Braking along the road, where an arc that is held would leave it."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Places out of sight: the robot does not back into somebody whom no sensor could show."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

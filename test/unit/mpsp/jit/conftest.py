@@ -1,7 +1,5 @@
 """An empty cache for each test, and programs that are run as processes."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import types

@@ -1,7 +1,5 @@
 """Machine code is compiled by one process and loaded by the others, whatever its file suffers."""
 
-from __future__ import annotations
-
 import errno
 import os
 import time

@@ -1,7 +1,5 @@
 """Kernels: the bits of Python, entries without dispatch, calls by address, inner products."""
 
-from __future__ import annotations
-
 from functools import reduce
 from operator import add
 

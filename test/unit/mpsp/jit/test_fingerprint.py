@@ -1,7 +1,5 @@
 """A fingerprint changes with all that machine code depends on, and with nothing else."""
 
-from __future__ import annotations
-
 import pytest
 
 from cmpsp_ros.mpsp.jit import allocation_free

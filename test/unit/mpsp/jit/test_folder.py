@@ -1,7 +1,5 @@
 """Folder of machine code: only this user can write there; and old code is removed from it."""
 
-from __future__ import annotations
-
 import os
 
 import pytest

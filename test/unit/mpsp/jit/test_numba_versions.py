@@ -1,7 +1,5 @@
 """The oldest numba that setup.py admits, and the newest there is, pass the tests of this folder."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

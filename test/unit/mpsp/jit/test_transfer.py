@@ -1,7 +1,5 @@
 """Kernels go from one computer to an equal one, and to no other."""
 
-from __future__ import annotations
-
 import io
 import tarfile
 

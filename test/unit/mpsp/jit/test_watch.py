@@ -1,7 +1,5 @@
 """Compilations are noticed, by name, and shown; loading and the kernels of others are not."""
 
-from __future__ import annotations
-
 import io
 
 import numba

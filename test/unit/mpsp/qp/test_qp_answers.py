@@ -1,7 +1,5 @@
 """Checks of every answer, and Clarabel's answers where the active set gives up."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

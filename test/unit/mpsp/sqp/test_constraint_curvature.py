@@ -127,9 +127,9 @@ def test_a_swing_up_converges_by_multiple_shooting_and_not_by_the_papers_iterati
     assert shot.is_minimum
     assert papers.status is Status.ITERATION_LIMIT
     assert shot.history[-1].kkt_residual < 1e-10 < papers.history[-1].kkt_residual
-    # Quadratic at the end: the last full steps square the error.
-    errors = [each.kkt_residual for each in shot.history[-4:-1]]
-    assert errors[1] < 0.05 * errors[0]
+    # Quadratic at the end: the last full step nearly squares the error.
+    before, last = (each.kkt_residual for each in shot.history[-2:])
+    assert last < before**1.5
 
 
 def test_a_problem_that_lacks_it_says_so():

@@ -1,7 +1,5 @@
 """Topics as bags have them: message classes by name, and quality of service."""
 
-from __future__ import annotations
-
 import sys
 
 import pytest

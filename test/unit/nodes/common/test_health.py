@@ -1,7 +1,5 @@
 """A node's report of its own state, and when it is published."""
 
-from __future__ import annotations
-
 import time
 
 import pytest

@@ -1,7 +1,5 @@
 """Compilations are told of before a node is active, and noticed while it is."""
 
-from __future__ import annotations
-
 import secrets
 from functools import partial
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """Decisions to messages that are filled again and again."""
 
-from __future__ import annotations
-
 import math
 import struct
 

@@ -1,7 +1,5 @@
 """Road, obstacles and goal as markers."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

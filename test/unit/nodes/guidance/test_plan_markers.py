@@ -1,7 +1,5 @@
 """The plan in the colours of level and clearance, the reason at the robot, moving obstacles."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

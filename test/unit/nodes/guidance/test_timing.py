@@ -1,7 +1,5 @@
 """Garbage is collected when there is time; real-time scheduling is had where the system permits."""
 
-from __future__ import annotations
-
 import gc
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """A study on a real Dask cluster of this machine, one worker of which is killed."""
 
-from __future__ import annotations
-
 import json
 import signal
 import subprocess

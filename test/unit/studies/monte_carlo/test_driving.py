@@ -1,7 +1,5 @@
 """One run: its figures are those of the true path, and nothing that happens ends the study."""
 
-from __future__ import annotations
-
 import json
 import math
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Runs among people: what is drawn, and how contacts are judged."""
 
-from __future__ import annotations
-
 import json
 import math
 from dataclasses import replace

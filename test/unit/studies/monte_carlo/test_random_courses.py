@@ -1,7 +1,5 @@
 """Random corridors and floors: what is promised of every course, and that robots get through."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

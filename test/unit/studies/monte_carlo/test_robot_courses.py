@@ -1,7 +1,5 @@
 """Nominal courses for other robots: in proportion, driven within all limits, and judged."""
 
-from __future__ import annotations
-
 import json
 import math
 from dataclasses import replace

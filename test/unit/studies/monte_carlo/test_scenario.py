@@ -1,7 +1,5 @@
 """Random courses: what is promised of every one of them."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

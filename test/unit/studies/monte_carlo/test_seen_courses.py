@@ -1,7 +1,5 @@
 """Courses that the law is not told of: what is promised of each, and that robots get through."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Rooms and fields of the studies in which nothing moves, seen by a scanner that drives."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Whole studies: the same whoever makes them in whatever order, and never begun from nothing."""
 
-from __future__ import annotations
-
 import json
 import math
 import os

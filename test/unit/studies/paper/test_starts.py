@@ -1,7 +1,5 @@
 """The paper's starts, driven by the law as it is by default."""
 
-from __future__ import annotations
-
 import pytest
 from typer.testing import CliRunner
 

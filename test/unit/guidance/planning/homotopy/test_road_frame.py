@@ -1,7 +1,5 @@
 """Road coordinates on every kind of road, and the gaps that walls and edges leave in them."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

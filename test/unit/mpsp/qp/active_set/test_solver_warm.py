@@ -1,7 +1,5 @@
 """Warm starts of the active-set method: the same answer, sooner."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from stage_programs import chain, random_program, relaxed, run

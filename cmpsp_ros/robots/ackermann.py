@@ -92,8 +92,7 @@ class Ackermann(Robot):
 
     def speeds_of(self, controls: Array) -> Array:
         """Speed of the rear wheels, ``(..., 1)`` [rad/s]."""
-        speeds: Array = controls[..., :1]
-        return speeds
+        return np.asarray(controls[..., :1])
 
     def twist_limits(self) -> TwistLimits:
         """Twists that the limits of speed and steering allow."""

@@ -108,8 +108,7 @@ class CustomRobot(DerivedRobot):
 
     def rates(self, wheel_speeds: Array) -> Array:
         """Controls as parts of their largest change in a second."""
-        rates: Array = wheel_speeds * self.bounds @ self.rate_limits.T
-        return rates
+        return np.asarray(wheel_speeds * self.bounds @ self.rate_limits.T)
 
     @cached_property
     def time_scaling(self) -> TimeScaling:
@@ -142,13 +141,11 @@ class CustomRobot(DerivedRobot):
         off = np.abs(parts[0] - parts[1])
         driving = np.abs(parts[..., : self.n_speeds]).max(axis=(0, 2))
         off[:, self.n_speeds :] *= driving[:, None]
-        largest: Array = off.max(axis=1)
-        return largest
+        return np.asarray(off.max(axis=1))
 
     def speeds_of(self, controls: Array) -> Array:
         """Controls as parts of their limits, ``(..., r)``."""
-        parts: Array = controls / self.bounds
-        return parts
+        return np.asarray(controls / self.bounds)
 
     def twist_of_wheels(self, wheel_speeds: Array) -> Array:
         """Twists of controls as parts of their limits."""

@@ -65,8 +65,7 @@ class DifferentialDrive(Robot):
     def straight_or_turning(self, length: float, turn: float, time: float) -> Array:
         """Wheel speeds; see `Robot.straight_or_turning`."""
         rim = turn * self.half_track
-        speeds: Array = np.array([length + rim, length - rim]) / time / self.wheel_radius
-        return speeds
+        return np.asarray(np.array([length + rim, length - rim]) / time / self.wheel_radius)
 
 
 # Written out, not derived from a twist: in this order of operations recorded drives replay bit for

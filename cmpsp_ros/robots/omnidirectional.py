@@ -138,23 +138,19 @@ class Omnidirectional(DerivedRobot):
 
     def controls(self, twist: Array) -> Array:
         """Controls ``(..., 3)`` of twists, of either form."""
-        controls: Array = self.wheel_speeds(twist)[..., self.driven]
-        return controls
+        return np.asarray(self.wheel_speeds(twist)[..., self.driven])
 
     def wheel_speeds(self, twist: Array) -> Array:
         """Wheel speeds ``(..., W)`` [rad/s] of twists, of all wheels at once."""
-        speeds: Array = with_side(twist) @ self._turning.T
-        return speeds
+        return np.asarray(with_side(twist) @ self._turning.T)
 
     def twist_of_wheels(self, wheel_speeds: Array) -> Array:
         """Twists ``(..., 3)`` that fit wheel speeds ``(..., W)`` [rad/s] best."""
-        twists: Array = wheel_speeds @ np.linalg.pinv(self._turning).T
-        return twists
+        return np.asarray(wheel_speeds @ np.linalg.pinv(self._turning).T)
 
     def speeds_of(self, controls: Array) -> Array:
         """Wheel speeds ``(..., W)`` [rad/s] of controls ``(..., 3)``."""
-        speeds: Array = controls @ self._wheels.T
-        return speeds
+        return np.asarray(controls @ self._wheels.T)
 
     def limited(self, controls: Array) -> Array:
         """A control, slowed down along its arc until no wheel exceeds its limit by a bit."""
@@ -166,8 +162,7 @@ class Omnidirectional(DerivedRobot):
     @cached_property
     def _turning(self) -> Array:
         """Wheel speeds of a twist, as a matrix ``(W, 3)``."""
-        turning: Array = np.array(self.rims) / self.wheel_radius
-        return turning
+        return np.asarray(np.array(self.rims) / self.wheel_radius)
 
     @cached_property
     def _wheels(self) -> Array:

@@ -207,8 +207,7 @@ class Robot(ABC):
 
     def speeds_of(self, controls: Array) -> Array:
         """Wheel speeds ``(..., W)`` [rad/s] of controls ``(..., r)``."""
-        speeds: Array = controls @ self.wheels.T
-        return speeds
+        return np.asarray(controls @ self.wheels.T)
 
     def wheel_speeds(self, twist: Array) -> Array:
         """Wheel speeds ``(..., W)`` [rad/s] of twists, of either form."""
@@ -220,8 +219,7 @@ class Robot(ABC):
 
     def wheel_differences(self, twists: Array, others: Array) -> Array:
         """By how much a wheel is faster or slower under some twists than others, ``(N,)``."""
-        largest: Array = np.abs(self.wheel_speeds(twists) - self.wheel_speeds(others)).max(axis=1)
-        return largest
+        return np.asarray(np.abs(self.wheel_speeds(twists) - self.wheel_speeds(others)).max(axis=1))
 
     def signals(self, twists: Array) -> list[Signal]:
         """The speed of each wheel under twists ``(N, 2)`` or ``(N, 3)``."""
@@ -276,8 +274,7 @@ class Robot(ABC):
         """Controls, shape ``(N, r)``, each slowed down to the wheels' limit less some [rad/s]."""
         fastest = np.abs(self.speeds_of(controls)).max(axis=1)
         limit = self.max_wheel_speed - spare
-        slowed: Array = controls * np.minimum(1.0, limit / np.maximum(fastest, limit))[:, None]
-        return slowed
+        return np.asarray(controls * np.minimum(1.0, limit / np.maximum(fastest, limit))[:, None])
 
     def roll_out(self, pose: Array, controls: Array, durations: Array) -> Array:
         """Poses ``(N + 1, 3)`` [m, m, rad] along the path driven, exactly; headings not wrapped.

@@ -74,8 +74,7 @@ class LaggedWheels:
         """Control in effect ``(r,)`` some time after the change [s]."""
         if self.slices == 0:
             return self.target
-        speeds: Array = self.target + self._gap * math.exp(-elapsed * self._rate)
-        return speeds
+        return np.asarray(self.target + self._gap * math.exp(-elapsed * self._rate))
 
     def means(self, first: int, end: int) -> Array:
         """Mean controls in some slices, ``(end - first, r)``; they change up to number `slices`."""
@@ -162,5 +161,4 @@ class ArcBody:
     def _pose(self, stamp_ns: int) -> Array:
         duration = (stamp_ns - self._from_ns) / _NS
         ground = self._robot.with_slip(self._control, self._grip)[None]
-        pose: Array = self._robot.roll_out(self._from_pose, ground, np.array([duration]))[1]
-        return pose
+        return np.asarray(self._robot.roll_out(self._from_pose, ground, np.array([duration]))[1])

@@ -180,8 +180,7 @@ class PhysicsBody:
         self._data = self._mujoco.MjData(self._model)
 
     def _angles(self) -> Array:
-        angles: Array = self._data.qpos[7:9].copy()
-        return angles
+        return np.asarray(self._data.qpos[7:9].copy())
 
     def _twist(self) -> Array:
         """Speed ahead and yaw rate, without sideways slip."""

@@ -98,16 +98,14 @@ def outside_known(distance: Array, twists: Array, period: float) -> Array:
     The result is to be kept at both ends of each arc, shape ``(N, M)`` [m].
     """
     R, a = _arcs(twists, period)
-    grown: Array = np.sqrt(distance**2 + _squared_excess(R, a, distance + R))
-    return grown
+    return np.asarray(np.sqrt(distance**2 + _squared_excess(R, a, distance + R)))
 
 
 def inside_known(distance: float, twists: Array, period: float) -> Array:
     """Like `inside`, for known arcs; arguments as in `outside_known`, result ``(N,)`` [m]."""
     R, a = _arcs(twists, period)
     excess = np.maximum(0.0, _squared_excess(R, a, distance - R))[:, 0]
-    shrunk: Array = np.sqrt(np.maximum(0.0, distance**2 - excess))
-    return shrunk
+    return np.asarray(np.sqrt(np.maximum(0.0, distance**2 - excess)))
 
 
 def outside_moving(distance: Array, speeds: Array, limits: TwistLimits, period: float) -> Array:
@@ -145,8 +143,7 @@ def _ranges(limits: TwistLimits) -> tuple[Array, Array]:
 
 def _outside_moving(distance: Array, speeds: Array, v: Array, w: Array, period: float) -> Array:
     astray, half_chord = v * w * period**2 / 8.0, (v + speeds) * period / 2.0
-    grown: Array = np.hypot(distance + astray, half_chord)
-    return grown
+    return np.asarray(np.hypot(distance + astray, half_chord))
 
 
 def _arcs(twists: Array, period: float) -> tuple[Array, Array]:
@@ -157,14 +154,12 @@ def _arcs(twists: Array, period: float) -> tuple[Array, Array]:
 
 def _squared_excess(R: Array, a: Array, to_center: Array) -> Array:
     """Difference of the squared distances, from the arc's radius, half angle and centre."""
-    excess: Array = 4.0 * R * to_center * np.sin(a / 2.0) ** 2
-    return excess
+    return np.asarray(4.0 * R * to_center * np.sin(a / 2.0) ** 2)
 
 
 def _edge_margin(R: Array, a: Array, bend: float | Array) -> Array:
     """Sagitta of an arc, and of an edge that is bent over its length, from above."""
-    margin: Array = R * a**2 / 2.0 + bend * (R * a) ** 2 / 2.0
-    return margin
+    return np.asarray(R * a**2 / 2.0 + bend * (R * a) ** 2 / 2.0)
 
 
 def _largest(

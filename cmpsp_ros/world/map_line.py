@@ -94,8 +94,7 @@ class MapSearch:
     def lengths(self, points: Array, goal: Point) -> Array:
         """Lengths of the lines from points ``(K, 2)`` to a goal, longer where it is narrow [m]."""
         field, (_, led_out) = self.grid.field, _lengths(self, goal)
-        found: Array = led_out[tuple(nodes_near(field, points).T)] * field.frame['cell'][0]
-        return found
+        return np.asarray(led_out[tuple(nodes_near(field, points).T)] * field.frame['cell'][0])
 
     def prepare(self, goal: Point) -> None:
         """Search for the lines to a goal: it takes too long for a control step."""

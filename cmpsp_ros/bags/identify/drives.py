@@ -67,8 +67,7 @@ class Series:
     def leaps(self) -> BoolArray:
         """Steps that no command explains: odometry has jumped."""
         fastest = np.abs(self.commands).max()
-        leaps: BoolArray = np.abs(self.steps) > 5.0 * fastest * np.diff(self.stamps) + 0.1
-        return leaps
+        return np.asarray(np.abs(self.steps) > 5.0 * fastest * np.diff(self.stamps) + 0.1)
 
 
 @dataclass(frozen=True)

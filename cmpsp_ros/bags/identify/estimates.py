@@ -110,8 +110,7 @@ def _limit(found: Fit) -> float:
 def _deviations(found: Fit, places: list[int]) -> Array:
     """Standard deviations of some parameters with the others fixed, without correlation."""
     jacobian = found.jacobian[:, places]
-    deviations: Array = np.sqrt(np.diag(np.linalg.pinv(jacobian.T @ jacobian)))
-    return deviations
+    return np.asarray(np.sqrt(np.diag(np.linalg.pinv(jacobian.T @ jacobian))))
 
 
 def _inflation(found: Fit, places: list[int]) -> Array:
@@ -122,8 +121,7 @@ def _inflation(found: Fit, places: list[int]) -> Array:
     scores = np.add.reduceat(jacobian * found.residuals[:, None], begins)
     inverse = np.linalg.pinv(jacobian.T @ jacobian)
     robust = np.diag(inverse @ (scores.T @ scores) @ inverse)
-    inflation: Array = np.maximum(robust / np.maximum(np.diag(inverse), 1e-300), 1.0)
-    return inflation
+    return np.asarray(np.maximum(robust / np.maximum(np.diag(inverse), 1e-300), 1.0))
 
 
 AXES: Final = (('linear', 'm/s', 'position', 'm'), ('angular', 'rad/s', 'heading', 'rad'))

@@ -130,8 +130,7 @@ class Noise:
         variance = self.pose**2 + _FLOOR**2
         bands = np.full((2, len(durations)), -variance)
         bands[0] = 2.0 * variance + self.walk**2 * durations + _JUMP * jumps
-        factor: Array = dpbtrf(bands, lower=1)[0]
-        return factor
+        return np.asarray(dpbtrf(bands, lower=1)[0])
 
     def cost(self, steps: Steps) -> float:
         """Minus twice the logarithm of the likelihood of steps."""
@@ -170,8 +169,7 @@ class Noise:
 
 def whitened(factor: Array, steps: Array) -> Array:
     """Steps in units of their standard deviations, without correlation."""
-    white: Array = dtbtrs(factor, steps[:, None], uplo='L')[0][:, 0]
-    return white
+    return np.asarray(dtbtrs(factor, steps[:, None], uplo='L')[0][:, 0])
 
 
 def log_determinant(factor: Array) -> float:

@@ -100,8 +100,7 @@ def label_of(goal: Goal) -> str:
 def _least(view: View) -> Array:
     """Minimum clearance from everything, shape ``(K,)``; infinite if nothing is near."""
     times, clearance = view.clearance
-    least: Array = np.min([np.full(len(times), np.inf), *clearance.values()], axis=0)
-    return least
+    return np.asarray(np.min([np.full(len(times), np.inf), *clearance.values()], axis=0))
 
 
 def _of_robot(view: View, driven: DrivenPath) -> dict[str, Any]:

@@ -259,8 +259,7 @@ class View:
         return Part('robot', (driven.poses[:, :2], *ends.lines), ((name, (x, y)),))
 
     def _seconds(self, stamps: IntArray) -> Array:
-        seconds: Array = (stamps - self.record.start) / NANOSECONDS
-        return seconds
+        return np.asarray((stamps - self.record.start) / NANOSECONDS)
 
 
 def view(path: Path, label: str, record: AuditRecord) -> View:

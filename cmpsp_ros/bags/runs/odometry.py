@@ -200,8 +200,7 @@ def mean_twists(odometry: OdometrySeries, begins: IntArray, ends: IntArray) -> A
 
 def wrapped(angles: Array) -> Array:
     """Angles [rad] between -pi and pi."""
-    turned: Array = np.mod(angles + np.pi, 2.0 * np.pi) - np.pi
-    return turned
+    return np.asarray(np.mod(angles + np.pi, 2.0 * np.pi) - np.pi)
 
 
 def _rows(bag: Bag, topic: str, frame_id: str | None) -> Iterator[tuple[int, int, list[float]]]:

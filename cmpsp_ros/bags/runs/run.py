@@ -104,13 +104,11 @@ class DrivenPath:
     @property
     def durations(self) -> Array:
         """Length of each arc, shape ``(K,)`` [s]."""
-        durations: Array = np.diff(self.stamps) / NANOSECONDS
-        return durations
+        return np.asarray(np.diff(self.stamps) / NANOSECONDS)
 
     def at(self, stamp: int) -> Array:
         """Pose ``(3,)`` at an instant between the first stamp and the last, on its arc."""
-        pose: Array = self.at_all(np.array([stamp], dtype=np.int64))[0]
-        return pose
+        return np.asarray(self.at_all(np.array([stamp], dtype=np.int64))[0])
 
     def at_all(self, stamps: IntArray) -> Array:
         """As `at`, for several instants: shape ``(S, 3)``."""

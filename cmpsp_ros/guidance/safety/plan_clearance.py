@@ -46,5 +46,4 @@ def plan_clearance(settings: LawSettings, world: World, decision: Decision) -> A
         points = settings.footprint.discs
         discs = moving.grown(radius).along(plan.poses, twists, durations, times, points)
         clearance = np.hstack([clearance, discs])
-    least: Array = clearance.min(axis=1)
-    return least
+    return np.asarray(clearance.min(axis=1))

@@ -79,12 +79,11 @@ class MultipleShooting:
         terminal, path, _ = options.fitted(problem.size)
         rows = Penalties(terminal, np.tile(path, (problem.size.horizon + 1, 1)))
         self._levels = relaxation_levels(rows)
-        self._hard = Penalties(np.full_like(rows.terminal, np.inf), np.full_like(rows.path, np.inf))
         self._here = self._point(at.X, at.U)
         violation = self._here.violation
         self._funnel, self.is_exact = max(1.0, 1.25 * violation), exact or violation < _FAR
         self._proximal = self._convexifying = 0.0
-        self._violation, self._in_vain = 0.0, 0
+        self._violation, self._in_vain, self._is_cautious = 0.0, 0, False
         self._warm = no_warm_start(problem.size)
 
     def subproblem(self, at: Iterate) -> Subproblem:
@@ -114,6 +113,8 @@ class MultipleShooting:
                         self._adapt(length, size)
                     return self._moved(at, after, way, found, length, is_corrected)
             self._proximal = max(_LEAST * size, 10.0 * self._proximal)
+            # No proximal term shortens a step to constraints that nearly depend on each other.
+            self._is_cautious = self._options.elastic
         return replace(at, index=at.index + 1, previous_U=at.U, step=step)
 
     def _point(self, X: Array, U: Array) -> Point:
@@ -153,37 +154,45 @@ class MultipleShooting:
             return np.where(lin.g == -np.inf, lin.g, g + change)
 
     def _direction(self, at: Iterate, point: Point, found: Curvature, size: float) -> Direction:
-        """Step of the program at a point, relaxed where it has no solution."""
-        weights, is_relaxed, value = self._hard, False, point.evaluation
-        hessians = self._hessians(at, found, size)
+        """Step of the program at a point, relaxed where it has no solution or caution is due."""
+        value, hessians = point.evaluation, self._hessians(at, found, size)
         while True:
             shift, convex = next(hessians)
             qp, e = self._shifted(convex, point.U, point.gaps, value.output_error, value.g)
-            solution = self._solved(qp)
-            if solution is not None or shift > _MOST * size:
+            solution, weights = self._solved(qp)
+            if weights is not None or shift > _MOST * size:
                 break
-        if solution is None:
-            solution = QPSolution.unsolved(qp.size, QPStatus.FAILED)
-        elif solution.status is not QPStatus.SOLVED and self._options.elastic:
-            is_relaxed = True
-            solution, weights = self._relaxed(qp)
         lin = qp.linearisation
         dX = response(lin.A, np.einsum('kia,ka->ki', lin.B, solution.dU[:-1]))
         slack, miss = np.zeros_like(lin.g), np.zeros_like(lin.output_error)
+        weights = weights or self._levels[0]
+        is_relaxed = weights is not self._levels[0]
         if is_relaxed:
             slack, miss = np.maximum(qp.path(solution.dU, dX), 0.0), qp.terminal(solution.dU, dX)
         return Direction(
             dX + e, solution.dU, solution, convex, shift, is_relaxed, weights, miss, slack
         )
 
-    def _solved(self, qp: Subproblem) -> QPSolution | None:
-        """Solution of a program; None where it is not convex."""
-        is_ours = self._options.qp == RICCATI_ACTIVE_SET
-        if not is_ours and not is_positive_definite(qp):
-            return None
-        solution = solve_qp(qp, self._options.qp, None, self._warm)
-        is_doubtful = is_ours and solution.status is QPStatus.FAILED
-        return None if is_doubtful and not is_positive_definite(qp) else solution
+    def _solved(self, qp: Subproblem) -> tuple[QPSolution, Penalties | None]:
+        """Solution of a program and its penalties; None where the program is not convex.
+
+        All rows are hard at first, then the lightest are relaxed, or more of them; all in caution.
+        """
+        name = self._options.qp
+        solution, weights = QPSolution.unsolved(qp.size, QPStatus.FAILED), None
+        if name != RICCATI_ACTIVE_SET and not is_positive_definite(qp):
+            return solution, None
+        for weights in self._levels[-1:] if self._is_cautious else self._levels:
+            is_hard = weights is self._levels[0]
+            warm = self._warm if is_hard else None
+            solution = solve_qp(qp, name, None if is_hard else weights, warm)
+            if solution.status is QPStatus.SOLVED:
+                break
+            if solution.status is QPStatus.FAILED and not is_positive_definite(qp):
+                return solution, None
+            if not self._options.elastic:
+                break
+        return solution, weights
 
     def _hessians(
         self, at: Iterate, found: Curvature, size: float
@@ -204,15 +213,6 @@ class MultipleShooting:
             self._convexifying = term
             yield self._proximal + term, found._replace(H=found.H + term * unit)
             term *= 4.0
-
-    def _relaxed(self, qp: Subproblem) -> tuple[QPSolution, Penalties]:
-        """Solution with the lightest rows relaxed, or more of them."""
-        solution, weights = QPSolution.unsolved(qp.size, QPStatus.FAILED), self._levels[-1]
-        for weights in self._levels:
-            solution = solve_qp(qp, self._options.qp, weights)
-            if solution.status is QPStatus.SOLVED:
-                break
-        return solution, weights
 
     def _search(self, point: Point, found: Curvature, way: Direction) -> tuple[float, Point, bool]:
         """Step length, 0 if none is accepted; where it leads; corrected."""
@@ -282,7 +282,8 @@ class MultipleShooting:
 
     def _is_in_vain(self, way: Direction, point: Point) -> bool:
         """True where relaxed steps have left the violation as it was several times running."""
-        is_idle = way.is_relaxed and way.slack >= _NO_GAIN * point.violation
+        is_free = way.is_relaxed and not self._is_cautious
+        is_idle = is_free and way.slack >= _NO_GAIN * point.violation
         is_idle = is_idle and point.violation >= _NO_GAIN * self._violation
         self._violation = point.violation
         self._in_vain = self._in_vain + 1 if is_idle else 0
@@ -291,6 +292,7 @@ class MultipleShooting:
     def _adapt(self, length: float, size: float) -> None:
         """Proximal term of the next step: less after a full one, more after a short one."""
         if length == 1.0:
+            self._is_cautious = False
             self._proximal = 0.1 * self._proximal if self._proximal > 1e-9 * size else 0.0
         elif length <= _SHORT:
             self._proximal = min(max(_LEAST * size, 4.0 * self._proximal), size)

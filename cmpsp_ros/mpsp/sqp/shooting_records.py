@@ -71,7 +71,7 @@ def weighted_violation(point: Point, of_gaps: float, weights: Penalties) -> floa
 
 
 def relaxation_levels(weights: Penalties) -> list[Penalties]:
-    """Penalties of the lightest rows alone, others hard; of the next lightest too; of all."""
+    """Penalties of hard rows alone; with the lightest finite; the next lightest too; all."""
     both = np.concatenate([weights.terminal, weights.path.ravel()])
     *lightest, heaviest = np.unique(both) if both.size else np.zeros(1)
     return [
@@ -79,7 +79,7 @@ def relaxation_levels(weights: Penalties) -> list[Penalties]:
             np.where(weights.terminal <= limit, weights.terminal, np.inf),
             np.where(weights.path <= limit, weights.path, np.inf),
         )
-        for limit in (*lightest[:2], heaviest)
+        for limit in (-np.inf, *lightest[:2], heaviest)
     ]
 
 

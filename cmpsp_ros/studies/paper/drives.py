@@ -76,14 +76,12 @@ class Path:
     @property
     def peaks(self) -> Array:
         """Maximum magnitude of each control, shape ``(r,)``."""
-        peaks: Array = np.abs(self.controls).max(axis=0)
-        return peaks
+        return np.asarray(np.abs(self.controls).max(axis=0))
 
     @property
     def saturated(self) -> BoolArray:
         """Wheels at their limit at each step, shape ``(N, 2)``."""
-        at_limit: BoolArray = np.abs(self.controls) >= self.settings.robot.max_wheel_speed - 1e-6
-        return at_limit
+        return np.asarray(np.abs(self.controls) >= self.settings.robot.max_wheel_speed - 1e-6)
 
     def clearance(self, *, between_samples: bool) -> Array:
         """Minimum clearance from outer edge, inner edge and obstacles, shape ``(2 + M,)`` [m]."""
@@ -93,8 +91,7 @@ class Path:
             clearance = space.along(self.poses[:-1], twists, self.durations)
         else:
             clearance = space.at(self.poses)
-        least: Array = clearance.min(axis=0)
-        return least
+        return np.asarray(clearance.min(axis=0))
 
     def points(self) -> Array:
         """Positions along the path, several on each arc, shape ``(K, 2)`` [m]."""

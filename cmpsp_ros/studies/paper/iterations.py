@@ -94,8 +94,7 @@ class SquaredConstraints(GuidanceProblem):
         return replace(linear, g=g, g_X=g_X)
 
     def _distance(self, X: Array) -> Array:
-        away: Array = np.linalg.norm(X[:, None, :2] - self._centers, axis=2)
-        return away
+        return np.asarray(np.linalg.norm(X[:, None, :2] - self._centers, axis=2))
 
 
 @dataclass(frozen=True)
@@ -122,8 +121,7 @@ class Convergence:
     @property
     def changes(self) -> Array:
         """``|U^(i+1) - U^i|``, shape ``(I,)`` [rad/s]."""
-        changes: Array = np.linalg.norm(np.diff(self.controls, axis=0), axis=1)
-        return changes
+        return np.asarray(np.linalg.norm(np.diff(self.controls, axis=0), axis=1))
 
     @property
     def ratios(self) -> Array:
@@ -284,8 +282,7 @@ def _exact_hessian(problem: GuidanceProblem, U: Array) -> Array:
         behind = _condensed(problem, U - _DIFFERENCE * direction).c
         columns.append((ahead - behind) / (2.0 * _DIFFERENCE))
     hessian = np.array(columns)
-    symmetric: Array = (hessian + hessian.T) / 2.0
-    return symmetric
+    return np.asarray((hessian + hessian.T) / 2.0)
 
 
 def _condensed_hessian(problem: GuidanceProblem, path: Path, U: Array) -> Array:
@@ -300,8 +297,7 @@ def _condensed_hessian(problem: GuidanceProblem, path: Path, U: Array) -> Array:
     L_XX[:, :2, :2] = np.eye(2) - bend * along[:, :, None] * along[:, None, :]
     L_XX *= settings.weights.road_center
     linear = replace(linear, L_XX=L_XX, L_UU=np.zeros_like(linear.L_UU))
-    H: Array = condense(linear, problem.control_lower - U, problem.control_upper - U).H
-    return H
+    return np.asarray(condense(linear, problem.control_lower - U, problem.control_upper - U).H)
 
 
 def _condensed(problem: GuidanceProblem, U: Array) -> CondensedQP:

@@ -105,8 +105,7 @@ class OccupancyGrid:
     def contains(self, rows: Indices, columns: Indices) -> BoolArray:
         """True for cells in the grid."""
         high, wide = self.cells.shape
-        inside: BoolArray = (rows >= 0) & (rows < high) & (columns >= 0) & (columns < wide)
-        return inside
+        return np.asarray((rows >= 0) & (rows < high) & (columns >= 0) & (columns < wide))
 
     def at(self, points: Array) -> Cells:
         """State of the cells that points ``(..., 2)`` [m] are in, unknown outside the grid."""

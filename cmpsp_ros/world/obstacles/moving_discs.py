@@ -68,6 +68,12 @@ class MovingDiscs:
         states[:, _RADIUS] += distance
         return replace(self, states=states)
 
+    def at_rest(self) -> MovingDiscs:
+        """The same where they are now, for ever."""
+        states = self.states.copy()
+        states[:, _VELOCITY], states[:, _GROWTH:] = 0.0, 0.0
+        return replace(self, states=states, ways={})
+
     def within(self, point: Array, reach: float, seconds: float) -> Indices:
         """Indices of those that may come as near to a point (x, y) as `reach` [m] in a time [s]."""
         states = self.states
@@ -93,8 +99,7 @@ class MovingDiscs:
     def clearance(self, point: Array) -> Array:
         """Distance of a point (x, y) from each at this instant, negative within; ``(M,)`` [m]."""
         away = point[:2] - self.states[:, :2]
-        clear: Array = np.hypot(away[:, 0], away[:, 1]) - self.states[:, _RADIUS]
-        return clear
+        return np.asarray(np.hypot(away[:, 0], away[:, 1]) - self.states[:, _RADIUS])
 
     def at_times(self, times: Array) -> tuple[Array, Array]:
         """Centres ``(K, M, 2)`` and radii ``(K, M)`` [m] at times from now on ``(K,)`` [s]."""

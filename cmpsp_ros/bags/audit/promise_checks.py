@@ -151,15 +151,20 @@ def _is_out_of_sight(
 
 
 def _brakes(settings: GuidanceSettings, commands: Commands, k: int) -> bool:
-    """True if the fastest wheel could not be slower, and so no stop could come to rest earlier.
+    """True if a wheel could not brake harder, and so no stop could come to rest earlier.
 
     Which way the robot turns meanwhile is that of the stop promised with the command before.
     """
     robot, change = settings.robot, settings.max_wheel_change
     if k == 0 or change == math.inf:
         return False
-    before, now = (np.abs(robot.wheel_speeds(commands.twists[i])).max() for i in (k - 1, k))
-    return bool(now <= max(before - change, 0.0) + _TOLERANCE)
+    wheels = robot.wheel_speeds(commands.twists[k - 1 : k + 1])
+    before, now = np.abs(wheels).max(axis=1)
+    if now <= max(before - change, 0.0) + _TOLERANCE:
+        return True
+    # Another wheel may have to brake harder than the fastest one.
+    hardest = np.abs(np.diff(wheels, axis=0)).max()
+    return bool(now < before and abs(hardest - change) <= _TOLERANCE)
 
 
 def _stops(

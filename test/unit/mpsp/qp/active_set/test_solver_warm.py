@@ -48,7 +48,7 @@ def test_an_output_at_either_penalty_stays_there(side):
 def test_a_contradiction_leaves_the_warm_start_of_a_relaxed_program():
     qp, _ = given_program(0.7)
     qp.g[5, 0] = 50.0
-    relaxed_in_part, in_full = relaxed(qp, 0.7), relaxed(qp, 0.7, 0.7)
+    relaxed_in_part, in_full = relaxed(qp, 0.7, np.inf), relaxed(qp, 0.7, 0.7)
     solved = run(qp, in_full).warm
     before = solved.copy()
 

@@ -26,6 +26,8 @@ _LONGEST, _DELAY = 0.15, 0.0025
 """Longest stride, and the first one of a flawed plan to a later end: parts of the time left."""
 _GROWTH: Final = 2.0
 """Factor on a stride after a success."""
+_LONGER: Final = 8.0
+"""Factor from that stride to the second one."""
 _TRIALS: Final = 2
 _INITIAL_TRIALS: Final = 16
 _INITIAL_DELAYS: Final = 3
@@ -65,7 +67,9 @@ class ArrivalTime:
             for _ in range(_INITIAL_DELAYS):
                 if self._is_good(selected):
                     break
-                context = self._shifted(context, _INITIAL_DELAY)
+                # A long horizon may take more work than a step has.
+                is_long = not selected.result.solved
+                context = self._shifted(context, -_INITIAL_DELAY if is_long else _INITIAL_DELAY)
                 selected = selector.best(context)
         if self._is_good(selected):
             return self._earlier(
@@ -99,8 +103,10 @@ class ArrivalTime:
         self, selector: PlanSelector, context: PlanningContext, selected: Candidate, latest: int
     ) -> tuple[PlanningContext, Candidate]:
         self.stride = _DELAY
-        for k in range(_TRIALS):
-            trial = self._shifted(context, _DELAY * 8.0**k)
+        # Near the goal a part of the time left is hardly any time.
+        left = float(context.horizon.durations.sum())
+        for delay in (_DELAY, max(_LONGER * _DELAY, self.settings.control_period / 2.0 / left)):
+            trial = self._shifted(context, delay)
             if trial.horizon.edges[-1] > latest:
                 break
             found = selector.try_at_another_time(selected.plan, trial, self._is_accurate)

@@ -11,6 +11,7 @@ from __future__ import annotations
 import gc
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from types import CodeType
 from typing import Any
 
 from llvmlite import binding
@@ -24,12 +25,25 @@ from numba.core.environment import lookup_environment
 from numba.core.imputils import user_function
 from numba.core.registry import CPUDispatcher
 from numba.core.targetconfig import ConfigStack
-from numba.core.typed_passes import NativeLowering
+from numba.core.typed_passes import InlineOverloads, NativeLowering, NopythonRewrites
+from numba.core.untyped_passes import (
+    FindLiterallyCalls,
+    InlineClosureLikes,
+    InlineInlinables,
+    LiteralUnroll,
+    MakeFunctionToJitFunction,
+    WithLifting,
+)
 
 from cmpsp_ros.mpsp.jit.by_reference import ReferenceLower
 
 _ENVIRONMENT = '_ZN08NumbaEnv'
 _DYNAMIC = 'numba.dynamic.globals'
+_UNNEEDED = frozenset({
+    WithLifting, InlineClosureLikes, MakeFunctionToJitFunction, InlineInlinables,
+    FindLiterallyCalls, LiteralUnroll, InlineOverloads, NopythonRewrites,
+})  # fmt: skip
+"""Passes for what a function without arrays and functions of its own cannot contain."""
 _MANY = 'linkonce_odr'
 """Linkage of functions that are in several modules, and dropped where nothing calls them."""
 
@@ -153,7 +167,10 @@ class _Compiler(compiler.CompilerBase):  # type: ignore[misc]  # numba has no ty
         flags.no_compile = flags.no_cpython_wrapper = flags.no_cfunc_wrapper = True
         passes = compiler.DefaultPassBuilder.define_nopython_pipeline(state)
         passes.add_pass_after(_Lowering, NativeLowering)
-        passes.passes = [each for each in passes.passes if each[0] is not NativeLowering]
+        constants = state.func_id.code.co_consts
+        is_plain = not flags.nrt and not any(isinstance(each, CodeType) for each in constants)
+        left_out = {NativeLowering, *(_UNNEEDED if is_plain else ())}
+        passes.passes = [each for each in passes.passes if each[0] not in left_out]
         passes.finalize()
         return [passes]
 

@@ -310,8 +310,9 @@ class Supervisor:
         mission, moving = state.mission, estimate.here.moving
         if by:
             self._escalation.explain_miss(state, estimate.here)
-        closed = mission.closed_road.wait_reason if by else ''
-        reason = mission.unreachable or f'The final time has passed{by}. {closed}'.rstrip()
+        reason = mission.unreachable or f'The final time has passed{by}.'
+        if by and not mission.unreachable and mission.closed_road.wait_reason:
+            reason += f' {mission.closed_road.wait_reason}'
         decision = self.decisions.stop(
             state, seen.stamp, seen.pose, reason, moving=moving, finished=True, missed=bool(by)
         )

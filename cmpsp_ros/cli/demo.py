@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     from rich.table import Table
 
-    from cmpsp_ros.demo import RobotOutcome, Scenario, Summary
+    from cmpsp_ros.demo import Scenario, Summary
 
 
 def demo(
@@ -96,24 +96,17 @@ def _loaded(
     return fleet
 
 
-def _drive(
-    fleet: Sequence[Scenario], folder: Path, view_port: int | None
-) -> Sequence[Summary | RobotOutcome]:
+def _drive(fleet: Sequence[Scenario], folder: Path, view_port: int | None) -> Sequence[Summary]:
     """Run one robot or several, and show and return the results."""
-    from cmpsp_ros.demo import run, run_fleet  # noqa: PLC0415 (a wrong argument needs no ROS)
+    from cmpsp_ros.demo import run  # noqa: PLC0415 (a wrong argument needs no ROS)
 
     total, alone = max(each.settings.final_time for each in fleet), fleet[0]
-    results: Sequence[Summary | RobotOutcome]
     with _progress(alone.name, total, view_port) as progress:
-        if len(fleet) > 1:
-            results = robots = run_fleet(fleet, folder, progress, view_port)
-            table, files = _fleet_table(robots), 'bag, summary.json, trajectory.png'
-        else:
-            summary = run(alone, folder, progress, view_port)
-            results, table = [summary], _table(summary, alone)
-            files = 'bag, summary.json, trajectory.png, wheel_speeds.png'
-    console().print(table)
-    say(f'{folder}: {files}')
+        results = run(fleet, folder, progress, view_port)
+    several = len(fleet) > 1
+    console().print(_fleet_table(fleet, results) if several else _table(results[0], alone))
+    more = '' if several else ', wheel_speeds.png'
+    say(f'{folder}: bag, summary.json, trajectory.png{more}')
     return results
 
 
@@ -169,21 +162,20 @@ def _table(summary: Summary, scenario: Scenario) -> Table:
     return table
 
 
-def _fleet_table(robots: Sequence[RobotOutcome]) -> Table:
+def _fleet_table(fleet: Sequence[Scenario], results: Sequence[Summary]) -> Table:
     from rich.table import Table  # noqa: PLC0415 (`--help` is quicker without)
 
     from cmpsp_ros.world.roads import FAR  # noqa: PLC0415 (loads kernels)
 
     headings = ('robot', 'miss', 'clearance', 'from others', 'late', 'step p50 / max', 'levels')
-    table = Table(*headings, title=f'{robots[0].summary.preset}: {len(robots)} robots')
-    for each in robots:
-        summary = each.summary
+    table = Table(*headings, title=f'{fleet[0].name}: {len(fleet)} robots')
+    for each, summary in zip(fleet, results, strict=True):
         times = summary.step_times['p50'], summary.step_times['max']
         table.add_row(
             each.namespace,
             '-' if summary.miss is None else f'{summary.miss:.2g} m',
             '-' if summary.clearance >= FAR else f'{summary.clearance:+.3f} m',
-            f'{each.apart:+.3f} m',
+            f'{summary.apart:+.3f} m',
             str(summary.deadline_misses),
             ' / '.join('-' if time is None else f'{time:.1f}' for time in times) + ' ms',
             ', '.join(f'{count} {name}' for name, count in summary.levels.items() if count),

@@ -83,7 +83,7 @@ def study(
         typer.Argument(
             metavar='NAME',
             help='nominal, disturbed, realtime, heavy, told_wrong, corridors, floor, sight, '
-            'mapped, clutter or people.',
+            'mapped, mazes, clutter or people.',
         ),
     ],
     runs: Annotated[int, typer.Option(min=1, help='Number of runs, from run 0 on.')] = 200,

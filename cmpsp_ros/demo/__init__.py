@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from cmpsp_ros.front_door import lazy_exports
 
 if TYPE_CHECKING:
-    from cmpsp_ros.demo.fleet import RobotOutcome, load_fleet, run_fleet
+    from cmpsp_ros.demo.fleet import load_fleet
     from cmpsp_ros.demo.folder import DemoError, make_folder
     from cmpsp_ros.demo.processes import Child, use_free_domain
     from cmpsp_ros.demo.runner import guide, run, started

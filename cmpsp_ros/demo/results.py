@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import combinations, cycle, groupby
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -17,6 +19,7 @@ from matplotlib.patches import Circle
 
 from cmpsp_ros import view
 from cmpsp_ros.bags.runs import DrivenPath, Run, encounters, lifetime, read_run, seen_at
+from cmpsp_ros.demo.fleet import nearest_robot
 from cmpsp_ros.demo.scenario import Scenario
 from cmpsp_ros.demo.summary import Summary, final_time, summarise, window
 from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings
@@ -204,20 +207,37 @@ def _nearest(paths: Sequence[DrivenPath]) -> int | None:
     return stamps[int(np.argmin(np.min(away, axis=0)))]
 
 
-def sum_up(scenario: Scenario, folder: Path) -> Summary:
-    """Write `summary.json` and the pictures of a run beside its bag.
-
-    Returns:
-        Its figures.
-    """
-    recorded = read_run(folder / 'bag')
+def sum_up(robots: Sequence[Scenario], folder: Path) -> tuple[Summary, ...]:
+    """Write `summary.json` and the pictures of a run beside its bag; the figures of each robot."""
+    if len(robots) > 1:
+        return _sum_up_fleet(robots, folder)
+    (scenario,), recorded = robots, read_run(folder / 'bag')
     settings = replace(scenario.settings, final_time=final_time(recorded, scenario.settings))
     scenario = replace(scenario, settings=settings)
     summary = summarise(recorded, scenario.truth, scenario.name)
-    summary.write(folder / 'summary.json')
+    _write(summary.values(), folder)
     title = f'{scenario.name}: clearance {summary.clearance:.3f} m'
     if summary.miss is not None:
         title += f', miss {summary.miss:.4f} m'
     draw_trajectory(recorded, settings, folder / 'trajectory.png', scenario.hidden, title)
     draw_controls(recorded, settings, folder / 'wheel_speeds.png', scenario.name)
-    return summary
+    return (summary,)
+
+
+def _sum_up_fleet(fleet: Sequence[Scenario], folder: Path) -> tuple[Summary, ...]:
+    runs = [read_run(folder / 'bag', each.namespace) for each in fleet]
+    summaries = tuple(
+        replace(summarise(run, each.settings, each.name), apart=nearest_robot(k, fleet, runs))
+        for k, (each, run) in enumerate(zip(fleet, runs, strict=True))
+    )
+    named = zip((each.namespace for each in fleet), summaries, strict=True)
+    values = {name: each.values() | {'apart_m': each.apart} for name, each in named}
+    _write({'preset': fleet[0].name, 'robots': values}, folder)
+    draw_fleet(fleet, runs, folder / 'trajectory.png')
+    return summaries
+
+
+def _write(values: dict[str, Any], folder: Path) -> None:
+    """Write figures as JSON, floats exactly."""
+    text = json.dumps(values, indent=2)
+    (folder / 'summary.json').write_text(f'{text}\n', encoding='utf-8')

@@ -22,7 +22,7 @@ from cmpsp_ros.demo.processes import Child, check_all, stop_all, use_free_domain
 from cmpsp_ros.demo.scenario import Scenario
 from cmpsp_ros.guidance import is_at_rest
 from cmpsp_ros.nodes.recording import Written
-from cmpsp_ros.parameters.files import write_parameter_file
+from cmpsp_ros.parameters.files import write_fleet_file, write_parameter_file
 
 if TYPE_CHECKING:
     from cmpsp_ros.demo.summary import Summary
@@ -104,6 +104,8 @@ def _reason_to_wait(robot: Scenario, seen: GuidanceStatus) -> str:
     why = seen.reason or seen.message or 'Guidance says nothing.'
     topics = {each: robot.values[f'sensors.{each}.topic'] for each in robot.values['sensors.names']}
     silent = [f'Sensor {name} listens to {topic}.' for name, topic in topics.items() if name in why]
+    if silent and not robot.values['sim.scan.rate']:
+        silent.append('The simulator has no scanner: sim.scan.rate is 0.')
     return ' '.join([why, *silent])
 
 
@@ -114,45 +116,46 @@ _RECORDER = 'recorder'
 _RESULTS = 'cmpsp_ros.demo.results'
 """Module that is imported while the nodes get ready."""
 
-_DRIVEN = ('/odom', '/sim/truth', '/sim/wheel_speeds')
+_PUBLISHED = ('/odom', '/sim/truth', '/sim/wheel_speeds')
 """Topics that a simulator publishes again and again."""
 
 
 def run(
-    scenario: Scenario,
-    folder: Path,
-    progress: Callable[[float], None],
-    view_port: int | None = None,
-) -> Summary:
-    """Make one run and keep all its results in an existing folder.
-
-    Args:
-        scenario: Scenario of the run.
-        folder: Existing folder for bag, pictures, figures and logs.
-        progress: Called with the time of the run so far [s].
-        view_port: Port of a page that shows the run live; None: no page.
-
-    Returns:
-        Its figures, as in `summary.json`; a `BagError` if the recording does not cover the run.
-    """
-    write_parameter_file(folder / 'parameters.yaml', scenario.values)
-    with driven([scenario], folder, progress, view_port):
-        from cmpsp_ros.demo.results import sum_up  # noqa: PLC0415 (imported meanwhile)
-
-        return sum_up(scenario, folder)
-
-
-@contextmanager
-def driven(
     robots: Sequence[Scenario],
     folder: Path,
     progress: Callable[[float], None],
     view_port: int | None = None,
-) -> Iterator[None]:
-    """Make a run of one robot or several; its bag is complete when the block begins.
+) -> tuple[Summary, ...]:
+    """Make one run of a robot, or of several at once, and keep all its results.
 
-    The other nodes end during the block. Arguments as of `started` and `run`.
+    Args:
+        robots: Their scenarios; several robots have a namespace each.
+        folder: Existing folder for bag, pictures, figures and logs.
+        progress: Called with the time of the run so far [s].
+        view_port: Port of a page that shows the first robot live; None: no page.
+
+    Returns:
+        Figures of each, as in `summary.json`; a `BagError` if the recording does not cover the run.
     """
+    path = folder / 'parameters.yaml'
+    if len(robots) > 1:
+        write_fleet_file(path, {each.namespace: each.values for each in robots})
+    else:
+        write_parameter_file(path, robots[0].values)
+    with _driven(robots, folder, progress, view_port):
+        from cmpsp_ros.demo.results import sum_up  # noqa: PLC0415 (imported meanwhile)
+
+        return sum_up(robots, folder)
+
+
+@contextmanager
+def _driven(
+    robots: Sequence[Scenario],
+    folder: Path,
+    progress: Callable[[float], None],
+    view_port: int | None,
+) -> Iterator[None]:
+    """Make a run; its bag is complete when the block begins, and the other nodes end during it."""
 
     def tell(robot: Scenario, seen: GuidanceStatus) -> None:
         progress(robot.settings.final_time - float(seen.decision['time_left']))
@@ -251,7 +254,7 @@ def _get_ready(
     if not observer.wait_until(is_heard, timeout):
         raise DemoError(f'the nodes did not find each other within {timeout:.0f} s')
     if record:
-        wanted = {topic: Written(1) for topic in _driven(robots)}
+        wanted = {topic: Written(1) for topic in _published(robots)}
         if lacking := _wait_for_bag(observer, children, wanted):
             raise DemoError(lacking)
 
@@ -274,7 +277,7 @@ def _wait_for_the_end(
             ('/guidance/wheel_speeds', seen.decisions),
         )
     }
-    driven = {topic: Written(1, published=now) for topic in _driven(robots)}
+    driven = {topic: Written(1, published=now) for topic in _published(robots)}
     # Lost messages do not arrive any more. The bag shows if the run can still be judged.
     if lacking := _wait_for_bag(observer, children, decided | driven):
         sys.stderr.write(f'{lacking}\n')
@@ -302,9 +305,9 @@ def _wait_for_bag(
         observer.wait_until(lambda: False, _ASK_AGAIN)
 
 
-def _driven(robots: Sequence[Scenario]) -> Iterator[str]:
+def _published(robots: Sequence[Scenario]) -> Iterator[str]:
     """Topics that the simulators publish periodically."""
     for each in robots:
-        yield from (f'{each.namespace}{topic}' for topic in _DRIVEN)
+        yield from (f'{each.namespace}{topic}' for topic in _PUBLISHED)
         if each.values['moving_obstacles.names']:
             yield f'{each.namespace}/moving_obstacles'

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import json
+import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -55,6 +54,7 @@ class Summary:
         reason: Why the run was given up, or else the reason of the first step at the worst fallback
             level; '' if all were nominal.
         not_judged: Missing recordings, in words; '' if none.
+        apart: Least distance from any other robot of the run [m].
     """
 
     preset: str
@@ -70,12 +70,13 @@ class Summary:
     speed: float | None = None
     reason: str = ''
     not_judged: str = ''
+    apart: float = math.inf
 
     @property
     def has_failed(self) -> bool:
         """True if it failed for certain."""
         missed = not self.reached and (self.speed is not None or self.miss is not None)
-        return missed or self.clearance < 0.0
+        return missed or self.clearance < 0.0 or self.apart < 0.0
 
     @property
     def failure(self) -> str:
@@ -90,14 +91,12 @@ class Summary:
             reasons.append(f'the goal was missed by {self.miss:.3g} m')
         if self.clearance < 0.0:
             reasons.append(f'the path cut road edge or obstacle by {-self.clearance:.3g} m')
+        if self.apart < 0.0:
+            reasons.append(f'the robot touched another by {-self.apart:.3g} m')
         if self.not_judged:
             reasons.append(f'not judged: {self.not_judged}')
         failure = ' and '.join(reasons)
         return f'{failure}; guidance said: {self.reason}' if failure and self.reason else failure
-
-    def write(self, path: Path) -> None:
-        """Write the figures as JSON, floats exactly."""
-        path.write_text(json.dumps(self.values(), indent=2) + '\n', encoding='utf-8')
 
     def values(self) -> dict[str, Any]:
         """The figures by name and unit."""

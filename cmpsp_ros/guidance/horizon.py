@@ -39,15 +39,22 @@ def shift(controls: Array, old: Horizon, new: Horizon) -> Array:
 
 
 def retimed(controls: Array, old: Horizon, new: Horizon, robot: Robot) -> Array:
-    """Controls ``(N + 1, r)`` of a plan driven faster or slower, to end when a horizon does."""
+    """Controls ``(N + 1, r)`` of a plan driven faster or slower, to end when a horizon does.
+
+    Each is the mean over its step, so that the robot turns as far; the last row is kept.
+    """
     begin = int(new.edges[0])
     left = int(old.edges[-1]) - begin
     pace = left / int(new.edges[-1] - begin)
     if pace == 1.0 or left <= 0:
         return shift(controls, old, new)
-    edges = begin + ((old.edges - begin) / pace).astype(np.int64)
-    scaled = Horizon(edges, old.durations / pace)
-    return robot.slowed(shift(controls, scaled, new), pace)
+    edges, driven = begin + (old.edges - begin) / pace, np.zeros_like(controls)
+    np.cumsum(controls[:-1] * np.diff(edges)[:, None], axis=0, out=driven[1:])
+    found = np.empty((len(new.edges), controls.shape[1]))
+    for a, each in enumerate(driven.T):
+        found[:-1, a] = np.diff(np.interp(new.edges, edges, each)) / np.diff(new.edges)
+    found[-1] = controls[-1]
+    return robot.slowed(found, pace)
 
 
 @allocation_free

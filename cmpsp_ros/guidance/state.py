@@ -163,6 +163,7 @@ class Following:
         failures: Failed control steps in a row.
         end_speed: Largest speed at which a car may come to the goal; infinite for any [m/s].
         refuge: Where the robot makes way to, if it does (x, y) [m].
+        waited: Number of steps for which it has waited there.
     """
 
     previous_control: Array
@@ -173,6 +174,7 @@ class Following:
     failures: int = 0
     end_speed: float = math.inf
     refuge: tuple[float, float] | None = None
+    waited: int = 0
 
     def brake(self, stamp: int, period: int, robot: Robot) -> None:
         """Give the next command of the ramp; one at rest or without a ramp stops at once.

@@ -46,12 +46,12 @@ def outcome(monkeypatch):
     asked = []
 
     def set_outcome(result):
-        def run(scenario, folder, progress, view_port):
-            asked.append((scenario, folder, view_port))
+        def run(robots, folder, progress, view_port):
+            asked.append((*robots, folder, view_port))
             progress(1.0)
             if isinstance(result, BaseException):
                 raise result
-            return result
+            return (result,)
 
         monkeypatch.setattr(demo, 'run', run)
         return asked
@@ -144,6 +144,7 @@ def test_what_a_chosen_robot_changes_is_said_before_the_run(invoke, outcome, tmp
     [
         (summary(reached=False, miss=0.5), 1, 'the goal was missed by 0.5 m'),
         (summary(clearance=-0.1), 1, 'the path cut road edge or obstacle by 0.1 m'),
+        (summary(apart=-0.1), 1, 'the robot touched another by 0.1 m'),
         (DemoError('sim_node ended with exit code -9:\n[last] words'), 1, '[last] words'),
         (OSError(errno.ENOSPC, 'No space left on device'), 1, 'run: cannot be written: No space'),
         (BagError('bag: cut off'), 3, 'bag: cut off'),
@@ -185,7 +186,7 @@ def test_an_interrupted_run_is_exit_code_130(invoke, outcome, tmp_path):
 
 
 def test_sigterm_is_taken_for_an_interruption(invoke, monkeypatch, tmp_path):
-    def run(scenario, folder, progress, view_port):
+    def run(robots, folder, progress, view_port):
         signal.raise_signal(signal.SIGTERM)
 
     monkeypatch.setattr(demo, 'run', run)

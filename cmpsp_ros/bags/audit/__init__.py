@@ -29,6 +29,7 @@ CHECKS: Final = (
     commands.steering,
     paths.commanded,
     promises.promise,
+    promises.unseen,
     commands.as_decided,
     commands.obeyed,
     stops.rate,

@@ -18,6 +18,7 @@ from cmpsp_ros.bags.runs.odometry import interpolated, is_within
 from cmpsp_ros.bags.runs.sensor_clearance import EXACT
 from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings
 from cmpsp_ros.robots.motion import arc_ends
+from cmpsp_ros.world.obstacles import ROUGHNESS
 from cmpsp_ros.world.roads import project_on_path
 
 _ROUNDING: Final = 1e-6
@@ -257,7 +258,7 @@ def commanded(record: AuditRecord) -> Iterator[Sample]:
             least, column = float(spare.min()), int(spare.argmin())
             names = (*settings.road.edge_names, *(f'obstacle {o.name}' for o in settings.obstacles))
             words = {'nearest': names[column]}
-            yield Sample(least, 0.0, stamp, -least - _ROUNDING, words=words)
+            yield Sample(least, 0.0, stamp, -least - ROUGHNESS - _ROUNDING, words=words)
 
 
 def effect_delay(settings: GuidanceSettings, decision: DecisionRecord | None) -> float:

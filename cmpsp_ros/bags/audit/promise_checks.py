@@ -23,6 +23,7 @@ from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings
 from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.robots import placed
 from cmpsp_ros.robots.motion import arc_ends, with_side
+from cmpsp_ros.world.grids import Cell, GridObstacle, OccupancyGrid
 
 _STEP: Final = 0.01
 """Time between two samples of a path [s]."""
@@ -32,7 +33,7 @@ _ASSUMED: Final = {'people.max_acceleration', 'safety.max_obstacle_speed'}
 _AT_REST: Final = 1e-6
 """Fraction of a command that is rounding, and no motion."""
 _CREEP: Final = 0.051
-"""Speed up to which a robot in contact counts as standing [m/s]."""
+"""Speed up to which a robot counts as standing [m/s]."""
 
 
 def _kept_in_words(worst: Sample) -> str:
@@ -97,16 +98,73 @@ def promise(record: AuditRecord) -> Iterator[Sample]:
             yield Sample(spare, 0.0, stamp, -spare - _TOLERANCE, words={'name': name})
 
 
+@check(
+    'unseen', 'Commands: slow out of sight', unit='m/s',
+    needs=('control_period',),
+    good='Once anything had moved, no command leads out of sight faster than {creep:.3g} m/s.',
+    bad='Something had moved, and a command leads out of sight at {worst:.3g} m/s.',
+    nothing='The robot is not commanded to move after anything had.', gaps=(path_gap,),
+)  # fmt: skip
+def unseen(record: AuditRecord) -> Iterator[Sample]:
+    """Speed of commands that lead, with a stop after them, into cells that are remembered only."""
+    if not record.settings.sight.sensors:
+        raise SkippedError('No sensor sees what moves.')
+    if 'safety.stop_within_sight' not in record.history.given:
+        raise NotJudgedError('The parameters do not say safety.stop_within_sight.')
+    decisions = {each.stamp: each for each in record.decisions}
+    ids = ((at, key) for at, each in decisions.items() for key, _ in each.tracks)
+    moved = min((at for at, key in ids if isinstance(key, int)), default=math.inf)
+    for leg, seeing in zip(record.legs, record.knowledge(), strict=True):
+        commands = leg.commands.chosen(np.all(np.isfinite(leg.commands.twists), axis=1))
+        stamps = commands.stamps.tolist()
+        delays = [effect_delay(record.history.at(each), decisions.get(each)) for each in stamps]
+        poses = measured(leg, commands.stamps, np.array(delays))
+        for k, stamp in enumerate(stamps):
+            settings = record.history.at(stamp)
+            obstacles = seeing(settings, stamp).obstacles
+            grids = [each.grid for each in obstacles if isinstance(each, GridObstacle)]
+            is_lost = is_within(stamp, leg.by_odometry.holes)
+            if settings.safety.stop_within_sight == 'off' or not grids or is_lost:
+                continue
+            if stamp < moved or not commands.moving[k]:
+                continue
+            speed = float(np.hypot(*with_side(commands.twists[k : k + 1])[0, :2]))
+            stops = _stops(settings, poses[k], commands, k, record.plans.get(stamp))
+            is_slow = speed <= _CREEP or _brakes(settings, commands, k)
+            if is_slow or not all(_is_out_of_sight(settings, grids[-1], each) for each in stops):
+                speed = 0.0
+            yield Sample(speed, 0.05, stamp, speed - _CREEP, words={'creep': 0.05})
+
+
+def _is_out_of_sight(
+    settings: GuidanceSettings, grid: OccupancyGrid, stop: tuple[Array, Array]
+) -> bool:
+    """True if the front of the robot comes to where no cell within one of it is in sight."""
+    places = stop[1][:, :2]
+    way = np.diff(places, axis=0)
+    lengths = np.hypot(*way.T)
+    drives = lengths > 0.0
+    ahead = settings.circumscribed_radius * way[drives] / lengths[drives, None]
+    around = grid.resolution * np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]])
+    cells = grid.at((places[1:][drives] + ahead)[:, None] + around)
+    return bool((cells == Cell.REMEMBERED).all(axis=1).any())
+
+
 def _brakes(settings: GuidanceSettings, commands: Commands, k: int) -> bool:
-    """True if the fastest wheel could not be slower, and so no stop could come to rest earlier.
+    """True if a wheel could not brake harder, and so no stop could come to rest earlier.
 
     Which way the robot turns meanwhile is that of the stop promised with the command before.
     """
     robot, change = settings.robot, settings.max_wheel_change
     if k == 0 or change == math.inf:
         return False
-    before, now = (np.abs(robot.wheel_speeds(commands.twists[i])).max() for i in (k - 1, k))
-    return bool(now <= max(before - change, 0.0) + _TOLERANCE)
+    wheels = robot.wheel_speeds(commands.twists[k - 1 : k + 1])
+    before, now = np.abs(wheels).max(axis=1)
+    if now <= max(before - change, 0.0) + _TOLERANCE:
+        return True
+    # Another wheel may have to brake harder than the fastest one.
+    hardest = np.abs(np.diff(wheels, axis=0)).max()
+    return bool(now < before and abs(hardest - change) <= _TOLERANCE)
 
 
 def _stops(
@@ -148,12 +206,13 @@ def _worst(
 ) -> tuple[float, str]:
     """Least clearance on a path, beyond what is allowed [m], and from what.
 
-    `begin` is the time of its beginning [ns].
+    A robot that creeps may leave what is there, and pass what stands. `begin` is the time of the
+    beginning [ns].
     """
     times, poses = stop
     discs, radius = settings.footprint.discs, settings.robot_radius
     points = np.array([placed(discs, each) for each in poses])
-    moving = settings.moving_obstacles
+    creeps, moving = _largest_speed(times, points) <= _CREEP, settings.moving_obstacles
     worst, name = math.inf, ''
     for each in seen:
         speed = math.hypot(each.vx, each.vy)
@@ -167,14 +226,16 @@ def _worst(
         center = np.array([each.x, each.y]) + since[:, None] * np.array([each.vx, each.vy])
         away = np.linalg.norm(points - center[:, None], axis=-1).min(axis=1) - radius
         clear = away - reach
+        still = np.linalg.norm(points - np.array([each.x, each.y]), axis=-1).min(axis=1) - radius
         # No faster than anything is, it is not out of this disc either.
         if speed <= moving.max_speed:
-            still = np.linalg.norm(points - np.array([each.x, each.y]), axis=-1).min(axis=1)
-            clear = np.maximum(clear, still - radius - certain - moving.max_speed * since)
-        if away[0] - each.radius < 0.0 and _largest_speed(times, points) <= _CREEP:
-            continue
-        touched = away[0] - each.radius < 0.0
+            clear = np.maximum(clear, still - certain - moving.max_speed * since)
+        touched = away[0] < each.radius
         spare = float(clear.min()) - (0.0 if touched else min(float(clear[0]), 0.0))
+        if creeps:
+            there = np.linalg.norm(points - center[0], axis=-1).min(axis=1) - radius - each.radius
+            kept = float(there[0]) if speed > _CREEP else min(float(there[0]), 0.0)
+            spare = max(spare, float(there.min()) - kept)
         if spare < worst:
             worst, name = spare, each.name
     return worst, name

@@ -240,9 +240,12 @@ class AuditRecord:
     def _moving_at(self, stamp: int) -> Array:
         """Discs of all that is known to move at a time [ns], ``(D, 3)`` [m]."""
         moving = self.settings.moving_obstacles
-        first = bisect_left(self._by_time, stamp - to_nanoseconds(moving.timeout), key=_stamp)
-        last = bisect_right(self._by_time, stamp, key=_stamp)
-        tracks = seen_at(self._by_time[first:last], stamp, self.settings)
+        since = stamp - to_nanoseconds(moving.timeout)
+        tracks = list[Track]()
+        for known in self._by_time:
+            first = bisect_left(known, since, key=_stamp)
+            last = bisect_right(known, stamp, key=_stamp)
+            tracks += seen_at(known[first:last], stamp, self.settings)
         robots = [
             [*each.at(stamp)[:2].tolist(), moving.others_radius]
             for each in self.others.values()
@@ -252,8 +255,9 @@ class AuditRecord:
         return np.array(discs + robots).reshape(-1, 3)
 
     @cached_property
-    def _by_time(self) -> list[Track]:
-        return sorted(self.tracks, key=_stamp)
+    def _by_time(self) -> tuple[list[Track], ...]:
+        """All that moves as it was seen, and people as they truly were."""
+        return sorted(self.tracks, key=_stamp), sorted(self.people, key=_stamp)
 
     @property
     def settings(self) -> GuidanceSettings:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 from cmpsp_ros.guidance.commands.decision_builder import DecisionBuilder
@@ -56,14 +57,18 @@ class MakingWay:
     def __init__(self, settings: LawSettings, checks: Checks) -> None:
         """Take what checks plans, and what decides on them."""
         self._retreats = RetreatPlanner(settings)
+        self._longest_wait = math.ceil(self._retreats.seconds / settings.control_period)
         self._validator, self._approach, self._decisions = checks
 
     def choose(
         self, state: LawState, seen: Observation, context: PlanningContext, selected: Candidate
     ) -> Choice | Decision | None:
-        """Make way, or wait until it has passed; None if nothing comes at the robot."""
+        """Make way, or wait until it has passed; None if nothing comes at the robot.
+
+        Where people keep passing it goes on after a while, and makes way again if it has to.
+        """
         following, start, known = state.following, context.start, state.following.refuge
-        following.refuge = None
+        waited, following.refuge, following.waited = following.waited, None, 0
         threats = self._retreats.threats(start)
         if not threats.names:
             return None
@@ -72,11 +77,11 @@ class MakingWay:
         if selected.result.solved and not is_blocked:
             return None
         threat = self._retreats.touched_at_rest(start, threats)
-        if not threat and known is None:
+        if not threat and (known is None or waited >= self._longest_wait):
             return None
         following.wait(selected.plan)
         if not threat:
-            following.refuge = known
+            following.refuge, following.waited = known, waited + 1
             reason = 'The robot has made way, and waits until its path is clear.'
             return self._decisions.stop(state, seen.stamp, seen.pose, reason, moving=start.moving)
         found = self._retreats.find(start, context.horizon, context.delay, threats, known)

@@ -88,6 +88,8 @@ class OcpFormulation:
         self._spaces: dict[float, FreeSpace] = {}
         self._ends: dict[tuple[Target, float], FreeSpace | None] = {}
         self._padded: tuple[FreeSpace, FreeSpace] | None = None
+        # The last one among moving obstacles: all plans of a step have the same.
+        self._among: tuple[tuple[Array, MovingDiscs, Target, Array], FreeSpace] | None = None
 
     def prepare(self, world: World) -> None:
         """Make the free spaces of a usual step beforehand."""
@@ -116,6 +118,11 @@ class OcpFormulation:
             pose: Beginning of the plan, shape ``(3,)`` [m, m, rad]; for moving obstacles only.
             moving: Moving obstacles, from then on.
         """
+        if self._among is not None and world is self.world:
+            (begin, known, goal, held), among = self._among
+            is_same = begin is pose and known is moving and goal == target
+            if is_same and np.array_equal(held, durations):
+                return among
         space = self.static_free_space(world, guess, durations, target)
         if self._slots == 0:
             return space
@@ -125,7 +132,10 @@ class OcpFormulation:
                 none = space.with_points(np.zeros((*shape, 2)), np.full(shape, -np.inf))
                 self._padded = space, none
             return self._padded[1]
-        return space.with_points(*self._in_slots(guess, durations, pose, moving))
+        space = space.with_points(*self._in_slots(guess, durations, pose, moving))
+        if not self._by_guess:
+            self._among = (pose, moving, target, durations), space
+        return space
 
     def static_free_space(
         self, world: World, guess: Array, durations: Array, target: Target

@@ -26,6 +26,8 @@ _LONGEST, _DELAY = 0.15, 0.0025
 """Longest stride, and the first one of a flawed plan to a later end: parts of the time left."""
 _GROWTH: Final = 2.0
 """Factor on a stride after a success."""
+_LONGER: Final = 8.0
+"""Factor from that stride to the second one."""
 _TRIALS: Final = 2
 _INITIAL_TRIALS: Final = 16
 _INITIAL_DELAYS: Final = 3
@@ -34,6 +36,8 @@ _INITIAL_DELAY: Final = 0.4
 """By how much more in such a search, as a fraction."""
 _FEWEST: Final = 5
 """Control periods before the goal in which it is not passed any earlier."""
+_OF_MARGIN: Final = 0.1
+"""Part of the margin that a plan may lack."""
 _OF_TOLERANCE: Final = 0.2
 """Part of the goal's tolerance within which a plan on trial ends."""
 
@@ -65,7 +69,9 @@ class ArrivalTime:
             for _ in range(_INITIAL_DELAYS):
                 if self._is_good(selected):
                     break
-                context = self._shifted(context, _INITIAL_DELAY)
+                # A long horizon may take more work than a step has.
+                is_long = not selected.result.solved
+                context = self._shifted(context, -_INITIAL_DELAY if is_long else _INITIAL_DELAY)
                 selected = selector.best(context)
         if self._is_good(selected):
             return self._earlier(
@@ -99,8 +105,10 @@ class ArrivalTime:
         self, selector: PlanSelector, context: PlanningContext, selected: Candidate, latest: int
     ) -> tuple[PlanningContext, Candidate]:
         self.stride = _DELAY
-        for k in range(_TRIALS):
-            trial = self._shifted(context, _DELAY * 8.0**k)
+        # Near the goal a part of the time left is hardly any time.
+        left = float(context.horizon.durations.sum())
+        for delay in (_DELAY, max(_LONGER * _DELAY, self.settings.control_period / 2.0 / left)):
+            trial = self._shifted(context, delay)
             if trial.horizon.edges[-1] > latest:
                 break
             found = selector.try_at_another_time(selected.plan, trial, self._is_accurate)
@@ -128,10 +136,14 @@ class ArrivalTime:
         return replace(context, horizon=remaining(begin, period, end))
 
     def _is_good(self, candidate: Candidate, tolerance: float = 1.0) -> bool:
-        """True if a plan meets every constraint and ends within so many tolerances of the goal."""
+        """True if a plan meets its constraints and ends within so many tolerances of the goal.
+
+        In corridors that leave hardly more than the margin all plans use some of it.
+        """
         settings, off = self.settings, candidate.heading_error or 0.0
+        is_tight = candidate.result.slack <= _OF_MARGIN * settings.safety.margin
         return (
-            candidate.feasible
+            (candidate.feasible or (candidate.admissible and is_tight))
             and candidate.verdict.worst_margin >= -TOUCHING
             and candidate.terminal_error <= tolerance * settings.goal_tolerance
             and off <= tolerance * settings.heading_tolerance

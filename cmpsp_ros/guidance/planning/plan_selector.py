@@ -125,9 +125,8 @@ class PlanSelector:
     @property
     def remark(self) -> str:
         """Sentence on which of how many plans was selected last; empty if there was one."""
-        if self._work_left > 0:
-            return self._remark
-        return f'{self._remark} The work of this step was used up.'
+        used = '' if self._work_left > 0 else ' The work of this step was used up.'
+        return self._remark + used
 
     def best(self, context: PlanningContext) -> Candidate:
         """Improve the plan, and others where that may help, and select one."""
@@ -142,7 +141,10 @@ class PlanSelector:
             self._pool.followed.forget()
             guess, *guesses = self._timed('solve', self._guesses.first, context)
         else:
-            guess = shift(plan.controls, plan.horizon, context.horizon)
+            guess = self._guess_from(plan, context)
+            # Put off: rows of its warm start would be at other places.
+            if len(context.horizon.edges) > len(plan.horizon.edges):
+                self._pool.followed.forget()
         warm = self._improve(self._pool.followed, guess, context, generosity=_GENEROUS)
         if self._limit == 1:
             return self._or_fallback(warm, context)
@@ -155,10 +157,10 @@ class PlanSelector:
             # A live change asks for other plans only where the one that is followed has a flaw.
             self._review = self._review or (self._task_changed and self._flawed_steps > 0)
             self._task_changed = False
-        is_lasting = self._flawed_steps > _TRANSIENT
-        may_change = self._review or not warm.admissible or is_lasting
+        is_lasting, is_asked = self._flawed_steps > _TRANSIENT, self._review or not warm.admissible
+        may_change = is_asked or is_lasting
         # New plans are made ever less often where that has not helped for a while.
-        is_due = self._review or not warm.admissible or (is_lasting and self._waited > self._pause)
+        is_due = is_asked or (is_lasting and self._waited > self._pause)
         review = guesses is not None or is_due
         if not review and not self._pool.alternatives:
             return warm
@@ -168,8 +170,7 @@ class PlanSelector:
     def _guess_from(self, plan: Plan, context: PlanningContext) -> Array:
         """Controls of a plan within the horizon of a step, shape ``(N + 1, r)``."""
         if self._settings.is_soonest:
-            robot = context.start.robot
-            return retimed(plan.controls, plan.horizon, context.horizon, robot)
+            return retimed(plan.controls, plan.horizon, context.horizon, context.start.robot)
         return shift(plan.controls, plan.horizon, context.horizon)
 
     def try_at_another_time(
@@ -252,8 +253,8 @@ class PlanSelector:
         if improved:
             words = in_words(best.homotopy_class, self._obstacle_names(context))
             verb = 'Changed over to' if changed and not context.at_rest else 'It is'
-            sides = f', {words}' if words else ''
-            self._remark = f' {verb} the best of {1 + len(improved)} plans{sides}.'
+            sides = f'{1 + len(improved)} plans{", " if words else ""}{words}'
+            self._remark = f' {verb} the best of {sides}.'
         return best.candidate
 
     def _obstacle_names(self, context: PlanningContext) -> list[str]:
@@ -309,9 +310,8 @@ class PlanSelector:
         """The plan selected, with the iterations that only it gets."""
         first = selected.result.iterations
         left = self._settings.solver.initial_iterations - first
-        if not context.at_rest or not selected.feasible or first < SCREENING:
-            return selected
-        if left <= 0 or self._work_left <= 0:
+        may = context.at_rest and selected.feasible and first >= SCREENING
+        if not may or min(left, self._work_left) <= 0:
             return selected
         polished = self._improve(self._pool.followed, selected.plan.controls, context, left)
         if not polished.feasible:

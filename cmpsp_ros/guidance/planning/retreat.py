@@ -45,15 +45,19 @@ _MOVES: Final = 0.05
 
 
 class RetreatPlanner:
-    """Plans retreats for one set of settings."""
+    """Plans retreats for one set of settings.
+
+    Attributes:
+        seconds: Time that is looked ahead [s].
+    """
 
     def __init__(self, settings: LawSettings) -> None:
         """Take limits of the robot."""
         self._settings, robot = settings, settings.robot
         self._top = robot.max_speed if math.isfinite(robot.max_speed) else settings.pace
         speed = _SLOWED * self._top
-        self._seconds = min(max(_ROOM / speed, _SOONEST), _LATEST)
-        self._cell = speed * self._seconds / _CELLS
+        self.seconds = min(max(_ROOM / speed, _SOONEST), _LATEST)
+        self._cell = speed * self.seconds / _CELLS
         self._kept = settings.circumscribed_radius + settings.safety.margin
         axis = self._cell * np.arange(-_CELLS, _CELLS + 1)
         self._grid = np.stack(np.meshgrid(axis, axis, indexing='ij'), axis=-1)
@@ -63,7 +67,7 @@ class RetreatPlanner:
 
         Those that touch the robot already do not count, and neither do other robots.
         """
-        moving, seconds = start.moving, self._seconds
+        moving, seconds = start.moving, self.seconds
         reach = self._kept + self._cell * _CELLS
         near = moving.within(start.pose, reach, seconds)
         speeds = np.hypot(*moving.states[near, 2:4].T)
@@ -76,7 +80,7 @@ class RetreatPlanner:
 
     def touched_at_rest(self, start: PlanStart, threats: MovingDiscs) -> str:
         """Name of the first that touches a robot at rest; '' if none does."""
-        times = np.linspace(0.0, self._seconds, 4 * _CELLS)
+        times = np.linspace(0.0, self.seconds, 4 * _CELLS)
         touches = self._clearance(start, threats, times) < 0.0
         if not touches.any():
             return ''
@@ -87,7 +91,7 @@ class RetreatPlanner:
     ) -> bool:
         """True if a plan leads into something in the time that is looked ahead, or in a longer."""
         ends = np.cumsum(plan.horizon.durations)
-        seconds = _LONGER * self._seconds if for_long else self._seconds
+        seconds = _LONGER * self.seconds if for_long else self.seconds
         count = int(np.searchsorted(ends, seconds)) + 1
         durations = plan.horizon.durations[:count]
         twists, poses = start.robot.twist(plan.controls[: len(durations)]), plan.poses[:-1][:count]
@@ -140,7 +144,7 @@ class RetreatPlanner:
         here = np.zeros(free.shape, dtype=bool)
         here[_CELLS, _CELLS] = True
         layers = [here]
-        times: Array = self._seconds / _CELLS * np.arange(1.0, _CELLS + 1)
+        times: Array = self.seconds / _CELLS * np.arange(1.0, _CELLS + 1)
         centers, radii = threats.at_times(times)
         for k in range(_CELLS):
             spread = _spread(layers[-1], diagonal=k % 2 == 0) & free
@@ -161,7 +165,7 @@ class RetreatPlanner:
         index = np.argwhere(cells)
         offsets = self._grid[cells]
         places = start.pose[:2] + offsets
-        value = np.minimum(self._time_left(threats.after(self._seconds), places), _LONG)
+        value = np.minimum(self._time_left(threats.after(self.seconds), places), _LONG)
         value -= np.hypot(*offsets.T) / self._top
         if before is not None:
             is_near = np.hypot(*(places - np.array(before)).T) < 1.5 * self._cell

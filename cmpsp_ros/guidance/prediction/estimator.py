@@ -13,6 +13,7 @@ from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.messages.tracks import MovingObject, Track
 from cmpsp_ros.guidance.prediction.obstacle_tracker import (
     ObstacleTracker,
+    as_seen,
     reachable_sets,
     within_reach,
 )
@@ -80,6 +81,7 @@ class PlanStart(NamedTuple):
         reachable: All places that the same obstacles may reach, and then those of people who have
             stopped.
         among_people: Whether anything that moves was seen in this run.
+        touchable: Those of `reachable`, as large as they were seen.
     """
 
     pose: Array
@@ -90,6 +92,7 @@ class PlanStart(NamedTuple):
     previous_control: Array = AT_REST
     reachable: MovingDiscs = NOTHING_MOVES
     among_people: bool = False
+    touchable: MovingDiscs = NOTHING_MOVES
 
 
 class Estimate(NamedTuple):
@@ -160,13 +163,14 @@ class Estimator:
         `previous_control` ``(r,)``.
         """
         stamp, pose, road = seen.stamp, seen.pose, world.road
-        moving = reachable = NOTHING_MOVES
+        moving = reachable = touchable = NOTHING_MOVES
         if seen.tracks or self.tracker.ids:
             known, tracks = self._settings.tracked, seen.tracks
             tracks = within_reach(tracks, pose, self.robot.max_speed)
             expected = as_expected(tracks, self._settings.control_period)
             moving = self.tracker.update(stamp, pose, expected, known)
             reachable = reachable_sets(stamp, tracks, moving, known)
+            touchable = as_seen(stamp, tracks, moving, known)
         self.among_people |= any(isinstance(each, Track) for each in seen.tracks)
         if seen.sighting is not None:
             self.people.update(stamp, seen.tracks, seen.sighting)
@@ -174,6 +178,7 @@ class Estimator:
             known = self._settings.tracked
             planned = ObstacleTracker().update(stamp, pose, standing, known)
             reachable = reachable.joined(reachable_sets(stamp, standing, planned, known))
+            touchable = touchable.joined(as_seen(stamp, standing, planned, known))
         changed = self._end_period(stamp, pose)
         self.progress = project_on_path(road, pose, self.progress)
         here = PlanStart(
@@ -185,6 +190,7 @@ class Estimator:
             previous_control,
             reachable,
             self.among_people,
+            touchable,
         )
         if not (self.response.delay or self.response.lag):
             self.delay = 0
@@ -203,6 +209,7 @@ class Estimator:
             moving=moving.after(later),
             progress=progress,
             reachable=reachable.after(later),
+            touchable=touchable.after(later),
         )
         return Estimate(here, start, under_way, self.delay, changed)
 

@@ -102,6 +102,16 @@ def reachable_sets(
     return replace(planned, states=np.array(states))
 
 
+def as_seen(
+    stamp: int, tracks: Sequence[MovingObject], planned: MovingDiscs, settings: MovingObstacles
+) -> MovingDiscs:
+    """The same obstacles at `stamp` [ns] as large as they were seen, in the order of the tracks."""
+    if not tracks:
+        return NOTHING_MOVES
+    exact = replace(settings, quantile=0.0, growth=0.0)
+    return replace(planned, states=np.array([_planned(each, stamp, exact) for each in tracks]))
+
+
 def _planned(seen: MovingObject, stamp: int, settings: MovingObstacles) -> tuple[float, ...]:
     """State of a moving object at an instant [ns], as in `MovingDiscs.states`."""
     age, growth = (stamp - seen.stamp) / NANOSECONDS, settings.growth

@@ -9,20 +9,27 @@ from typing import Final
 
 import numpy as np
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.messages.tracks import MovingObject, Track
 from cmpsp_ros.sensing import Sighting
 from cmpsp_ros.world.grids import Cell
 
 _SLOW: Final = 0.3
 """Speed up to which somebody whose track has ended may have stopped [m/s]."""
+_BESIDE: Final = 1.5
+"""Distance from a cell that was occupied before, at which another shows nothing new [cells]."""
 
 
 class StandingPeople:
-    """Remembers seen people whose tracks end where the grid has somebody stand from then on."""
+    """Remembers seen people whose tracks end where the grid has somebody stand from then on.
+
+    What moves marks no cell: those that are occupied beside a track belong to something else.
+    """
 
     def __init__(self) -> None:
         """Start with nobody."""
-        self._moving: dict[int, Track] = {}
+        self._slow: dict[int, Track] = {}
+        self._beside: dict[int, Array] = {}
         self.standing: tuple[Track, ...] = ()
 
     def update(self, stamp: int, tracks: Sequence[MovingObject], sighting: Sighting) -> None:
@@ -32,22 +39,32 @@ class StandingPeople:
         that covers what they do until it is seen.
         """
         moving = {each.id: each for each in tracks if isinstance(each, Track) and each.is_seen}
-        known = {each.id: each for each in self.standing} | {
-            number: replace(each, vx=0.0, vy=0.0, position_stddev=0.0)
-            for number, each in self._moving.items()
-            if math.hypot(each.vx, each.vy) <= _SLOW
-        }
+        known = {each.id: each for each in self.standing} | self._slow
         self.standing = tuple(
             replace(each, stamp=stamp)
             for number, each in known.items()
-            if number not in moving and _is_there(each, sighting)
+            if number not in moving and self._is_there(each, sighting)
         )
-        self._moving = moving
+        self._slow = {
+            number: replace(each, vx=0.0, vy=0.0, position_stddev=0.0)
+            for number, each in moving.items()
+            if math.hypot(each.vx, each.vy) <= _SLOW
+        }
+        beside = {number: _occupied(each, sighting) for number, each in self._slow.items()}
+        self._beside = {each.id: self._beside[each.id] for each in self.standing} | beside
+
+    def _is_there(self, person: Track, sighting: Sighting) -> bool:
+        """True if anything in the grid touches the place of a person that did not before."""
+        occupied = _occupied(person, sighting)
+        apart = np.linalg.norm(occupied[:, None] - self._beside[person.id], axis=-1)
+        is_new = apart.min(axis=1, initial=math.inf) > _BESIDE * sighting.grid.resolution
+        return bool(is_new.any())
 
 
-def _is_there(person: Track, sighting: Sighting) -> bool:
-    """True if anything in the grid touches the place of a person."""
+def _occupied(person: Track, sighting: Sighting) -> Array:
+    """Occupied cells that touch the place of a person, ``(K, 2)`` [m]."""
     center, grid = np.array([[person.x, person.y]]), sighting.grid
     near = grid.around(center, person.radius)
     occupied = near.centers(*np.nonzero(near.cells == Cell.OCCUPIED))
-    return bool((np.hypot(*(occupied - center).T) <= person.radius).any())
+    touching: Array = occupied[np.hypot(*(occupied - center).T) <= person.radius]
+    return touching

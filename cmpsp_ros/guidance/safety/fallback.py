@@ -11,11 +11,11 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.decision import Plan
-from cmpsp_ros.guidance.horizon import shift
+from cmpsp_ros.guidance.horizon import remaining, shift
 from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.safety.validation import Validation, Validator
 from cmpsp_ros.guidance.settings import LawSettings
-from cmpsp_ros.guidance.times import NANOSECONDS, Horizon
+from cmpsp_ros.guidance.times import NANOSECONDS, Horizon, to_nanoseconds
 from cmpsp_ros.robots.motion import within_ramp
 
 _SPEEDS: Final = (1.0, 0.75, 0.5, 0.25, 0.125)
@@ -28,6 +28,7 @@ class Fallback:
     def __init__(self, settings: LawSettings, validator: Validator) -> None:
         """Set up the checks of plans."""
         self._validator, self._max_change = validator, settings.max_wheel_change
+        self._period = to_nanoseconds(settings.control_period)
         self._margin_validator = Validator(settings, with_margin=True)
 
     def shifted(
@@ -44,6 +45,10 @@ class Fallback:
         """
         if plan is None:
             return None
+        if horizon.edges[-1] > plan.horizon.edges[-1] + self._period:
+            # Put off: to go on beyond its end would lead past the goal.
+            begin = int(horizon.edges[0])
+            horizon = remaining(begin, self._period, int(plan.horizon.edges[-1]))
         controls = shift(plan.controls, plan.horizon, horizon)
         controls = within_ramp(
             controls,

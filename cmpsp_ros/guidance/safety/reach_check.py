@@ -7,12 +7,11 @@ induction nothing touches the robot while it moves.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Final, NamedTuple
 
 import numpy as np
 
-from cmpsp_ros.arrays import Array
+from cmpsp_ros.arrays import Array, BoolArray
 from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.robots import placed
@@ -22,8 +21,8 @@ from cmpsp_ros.world.obstacles import ROUGHNESS, MovingDiscs
 _ROUNDING: Final = 1e-6
 
 CREEP: Final = 0.05
-"""Speed up to which the robot may leave what stands, and that counts as standing [m/s]: faster, a
-contact would be one of a robot that moves."""
+"""Speed up to which the robot counts as standing [m/s]: faster, a contact would be one of a robot
+that moves."""
 
 
 class _Sets(NamedTuple):
@@ -34,8 +33,9 @@ class _Sets(NamedTuple):
         moving: What may be reached from there.
         discs: The same, grown.
         begins: Its clearance at the start [m].
-        seen: The same obstacles as large as they were seen, with that velocity.
+        seen: The same obstacles as they were seen, at rest there.
         there: Their clearance at the start [m].
+        stands: Whether each stood when it was seen.
     """
 
     pose: Array
@@ -44,6 +44,7 @@ class _Sets(NamedTuple):
     begins: Array
     seen: MovingDiscs
     there: Array
+    stands: BoolArray
 
 
 class ReachCheck:
@@ -60,8 +61,8 @@ class ReachCheck:
         """Reason why a path to rest is not clear, in a sentence; '' if it is.
 
         At rest nothing is asked. A robot that is within reach already may go where it is no nearer
-        at any time. It may creep past what stands, and away where that touches it; what touches it
-        and moves has to pass first.
+        at any time. Where something touches it or might, it may creep away from where that is seen,
+        and past what stands.
 
         `controls` ``(K, r)``, `durations` ``(K,)`` [s].
         """
@@ -80,40 +81,34 @@ class ReachCheck:
         if not len(near):
             return ''
         sets = self._sets(start)
-        discs, begins, there = sets.discs.chosen(near), sets.begins[near], sets.there[near]
+        begins, there = sets.begins[near], sets.there[near]
         poses = start.robot.roll_out(start.pose, controls[:count], durations)[:-1]
         times = np.cumsum(durations) - durations
         arcs = poses, twists, durations, times, self._discs
-        least, touched = discs.along(*arcs).min(axis=0), there < 0.0
-        allowed = np.where(begins < 0.0, begins - ROUGHNESS, 0.0)
-        short = np.where(touched, np.inf, allowed - least)
-        if short.max() <= _ROUNDING:
-            return ''
-        fastest = np.abs(self._footprint.speeds_and_turns(twists)[:, 0]).max()
-        if fastest <= CREEP:
-            seen = sets.seen.chosen(near)
-            deeper = seen.along(*arcs).min(axis=0) < np.minimum(there, 0.0) - ROUGHNESS
-            short[(np.hypot(*seen.states[:, 2:4].T) <= CREEP) & ~deeper] = 0.0
+        least, touched = sets.discs.chosen(near).along(*arcs).min(axis=0), there < 0.0
+        short = np.where(begins < 0.0, begins - ROUGHNESS, 0.0) - least
+        short[touched] = np.inf
+        if np.abs(self._footprint.speeds_and_turns(twists)[:, 0]).max() <= CREEP:
+            kept = np.where(sets.stands[near], np.minimum(there, 0.0), there) - ROUGHNESS
+            short[sets.seen.chosen(near).along(*arcs).min(axis=0) >= kept] = 0.0
         worst = int(short.argmax())
         if short[worst] <= _ROUNDING:
             return ''
-        name = discs.names[worst]
+        name = moving.names[near[worst]]
         if touched[worst]:
-            return f'{name} touches the robot, which stands until it has gone.'
+            return f'{name} touches the robot, which creeps at most until it has gone.'
         return f'{name} could be {-float(least[worst]):.3g} m into the robot before it is at rest.'
 
     def _sets(self, start: PlanStart) -> _Sets:
         """Sets that may be reached from a start; a step asks for many paths from the same one."""
         known = self._known
         if known is None or known.pose is not start.pose or known.moving is not start.reachable:
-            states = start.reachable.states.copy()
-            states[: len(start.moving)] = start.moving.states
-            states[:, 5:] = 0.0
-            seen = replace(start.reachable, states=states).grown(self._radius)
             discs = start.reachable.grown(self._radius)
-            clear = self._clearance(start, discs), self._clearance(start, seen)
+            seen = start.touchable.grown(self._radius)
+            stands = np.hypot(*seen.states[:, 2:4].T) <= CREEP
+            begins, there = self._clearance(start, discs), self._clearance(start, seen)
             self._known = known = _Sets(
-                start.pose, start.reachable, discs, clear[0], seen, clear[1]
+                start.pose, start.reachable, discs, begins, seen.at_rest(), there, stands
             )
         return known
 

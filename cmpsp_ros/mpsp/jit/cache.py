@@ -110,8 +110,8 @@ def _is_ours(folder: Path) -> bool:
 WAITING: Final = 'cmpsp_ros:wait'
 """Kind of numba's event while another process compiles a kernel that is needed."""
 
-_FORMAT: Final = 'parts'
-"""Content of files: `parts`."""
+_FORMAT: Final = 'parts, by reference'
+"""Content of files (`parts`), and how functions are called (`by_reference`)."""
 _DAY: Final = 86_400.0
 _CHECKSUM: Final = 16
 

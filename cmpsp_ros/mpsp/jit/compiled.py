@@ -16,6 +16,7 @@ from numba.core import cgutils
 from numba.core.errors import TypingError
 from numba.extending import intrinsic
 
+from cmpsp_ros.mpsp.jit.by_reference import passed
 from cmpsp_ros.mpsp.jit.cache import KernelCache, kernel_folder
 from cmpsp_ros.mpsp.jit.parts import Kernel
 
@@ -58,7 +59,7 @@ def inlined(function: Callable[_P, _R]) -> Callable[_P, _R]:
 
 
 def inner(function: Callable[_P, _R]) -> Callable[_P, _R]:
-    """Compile an `allocation_free` function without an entry for Python, which takes a third."""
+    """Compile an `allocation_free` function without an entry for Python."""
     return _compile(function, no_cpython_wrapper=True, **ALLOCATION_FREE)
 
 
@@ -111,7 +112,7 @@ def _calls(returned: Any) -> Any:
     def call(_context: Any, address: Any, arguments: Any) -> Any:
         if not isinstance(arguments, types.BaseTuple):
             raise TypingError(f'found {arguments}, wanted a tuple of arguments')
-        kinds = tuple(arguments.types)
+        kinds = passed(arguments.types)
 
         def generate(context: Any, builder: Any, _signature: Any, values: Any) -> Any:
             convention = context.call_conv

@@ -8,7 +8,10 @@ and made machine code of, once.
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from types import CodeType
 from typing import Any
 
 from llvmlite import binding
@@ -16,13 +19,31 @@ from numba import types
 from numba.core import compiler
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler_lock import global_compiler_lock
+from numba.core.compiler_machinery import register_pass
 from numba.core.dispatcher import OmittedArg
 from numba.core.environment import lookup_environment
+from numba.core.imputils import user_function
 from numba.core.registry import CPUDispatcher
 from numba.core.targetconfig import ConfigStack
+from numba.core.typed_passes import InlineOverloads, NativeLowering, NopythonRewrites
+from numba.core.untyped_passes import (
+    FindLiterallyCalls,
+    InlineClosureLikes,
+    InlineInlinables,
+    LiteralUnroll,
+    MakeFunctionToJitFunction,
+    WithLifting,
+)
+
+from cmpsp_ros.mpsp.jit.by_reference import ReferenceLower
 
 _ENVIRONMENT = '_ZN08NumbaEnv'
 _DYNAMIC = 'numba.dynamic.globals'
+_UNNEEDED = frozenset({
+    WithLifting, InlineClosureLikes, MakeFunctionToJitFunction, InlineInlinables,
+    FindLiterallyCalls, LiteralUnroll, InlineOverloads, NopythonRewrites,
+})  # fmt: skip
+"""Passes for what a function without arrays and functions of its own cannot contain."""
 _MANY = 'linkonce_odr'
 """Linkage of functions that are in several modules, and dropped where nothing calls them."""
 
@@ -61,6 +82,14 @@ class Part(JITCodeLibrary):  # type: ignore[misc]  # numba has no types
         """Take a function as numba has translated it."""
         super().add_ir_module(ir_module)
         _relink(self._own, _MANY)
+
+    def _optimize_functions(self, ll_module: Any) -> None:
+        # Numba makes a pass manager for each function, also for those that are only declared.
+        ll_module.data_layout = self._codegen._data_layout  # noqa: SLF001
+        passes, builder = self._codegen._function_pass_manager()  # noqa: SLF001
+        for each in ll_module.functions:
+            if not each.is_declaration:
+                passes.run(each, builder)
 
     def add_linking_library(self, library: Any) -> None:
         """Note the code of a function that is called; numba would make machine code of it."""
@@ -118,6 +147,16 @@ def _relink(module: Any, linkage: str, but: Iterable[str] = ()) -> None:
             each.linkage = linkage
 
 
+@register_pass(mutates_CFG=True, analysis_only=False)
+class _Lowering(NativeLowering):  # type: ignore[misc]  # numba has no types
+    _name = 'lowering_by_reference'
+
+    @property
+    def lowering_class(self) -> Any:
+        """Class that translates a function."""
+        return ReferenceLower
+
+
 class _Compiler(compiler.CompilerBase):  # type: ignore[misc]  # numba has no types
     """Translates a function to a `Part`."""
 
@@ -126,7 +165,26 @@ class _Compiler(compiler.CompilerBase):  # type: ignore[misc]  # numba has no ty
         state.library = Part(state.targetctx.codegen(), state.func_id.func_qualname)
         flags = state.flags
         flags.no_compile = flags.no_cpython_wrapper = flags.no_cfunc_wrapper = True
-        return [compiler.DefaultPassBuilder.define_nopython_pipeline(state)]
+        passes = compiler.DefaultPassBuilder.define_nopython_pipeline(state)
+        passes.add_pass_after(_Lowering, NativeLowering)
+        constants = state.func_id.code.co_consts
+        is_plain = not flags.nrt and not any(isinstance(each, CodeType) for each in constants)
+        left_out = {NativeLowering, *(_UNNEEDED if is_plain else ())}
+        passes.passes = [each for each in passes.passes if each[0] not in left_out]
+        passes.finalize()
+        return [passes]
+
+
+@contextmanager
+def _no_garbage_collection() -> Iterator[None]:
+    """Keep all objects while numba makes many that stay: to look through them takes a tenth."""
+    was_enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_enabled:
+            gc.enable()
 
 
 class _Key:
@@ -153,8 +211,14 @@ class Kernel(CPUDispatcher):  # type: ignore[misc]  # numba has no types
         """Keep a part for callers; Python finds no function for its signature yet."""
         if result.entry_point is None:
             result = result._replace(entry_point=_Key())
-            self.targetctx.insert_user_function(result.entry_point, result.fndesc, [result.library])
+            found = user_function(result.fndesc, [result.library])
+            self.targetctx._defns[result.entry_point].append(found, result.signature.args)  # noqa: SLF001
         self.overloads[tuple(result.signature.args)] = result
+
+    def compile(self, sig: Any) -> Any:
+        """Translate the function for a signature, unless that is done, or a file has it."""
+        with _no_garbage_collection():
+            return super().compile(sig)
 
     def entry(self, signature: tuple[Any, ...]) -> Any:
         """Python's function for a signature, compiled if need be."""

@@ -10,6 +10,7 @@ from typing import Any, Final
 
 from cmpsp_ros.guidance import GuidanceSettings
 from cmpsp_ros.studies.monte_carlo.courses.corridors import corridor_scenario, floor_scenario
+from cmpsp_ros.studies.monte_carlo.courses.mazes import maze_scenario
 from cmpsp_ros.studies.monte_carlo.courses.ring_courses import Scenario, paper_scenario, scenario
 from cmpsp_ros.studies.monte_carlo.courses.rooms import field_scenario, room_scenario
 
@@ -163,6 +164,7 @@ KINDS: Final[Mapping[str, StudyKind]] = MappingProxyType(
         'floor': StudyKind(_WITH_A_BODY, 1e-3, floor_scenario),
         'sight': StudyKind(_SEEING, 0.05, room_scenario, preset='unknown', sees=True),
         'mapped': StudyKind(_SEEING, 0.05, room_scenario, preset='unknown', has_map=True),
+        'mazes': StudyKind(_SEEING, 0.05, maze_scenario, preset='unknown', has_map=True),
         'clutter': StudyKind(
             _CLUTTERED, 1.0, field_scenario, preset='unknown', sees=True, score_speed=2.0
         ),

@@ -68,6 +68,12 @@ class MovingDiscs:
         states[:, _RADIUS] += distance
         return replace(self, states=states)
 
+    def at_rest(self) -> MovingDiscs:
+        """The same where they are now, for ever."""
+        states = self.states.copy()
+        states[:, _VELOCITY], states[:, _GROWTH:] = 0.0, 0.0
+        return replace(self, states=states, ways={})
+
     def within(self, point: Array, reach: float, seconds: float) -> Indices:
         """Indices of those that may come as near to a point (x, y) as `reach` [m] in a time [s]."""
         states = self.states

@@ -6,6 +6,8 @@ from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
 from cmpsp_ros.guidance import NANOSECONDS, remaining, shift, to_nanoseconds
+from cmpsp_ros.guidance.horizon import retimed
+from cmpsp_ros.robots import DifferentialDrive
 
 unhurried = hypothesis_settings(deadline=None)
 PERIOD = 200_000_000
@@ -92,3 +94,28 @@ def test_shift_beyond_the_end_continues_the_last_step():
     new = remaining(5 * PERIOD - 1, PERIOD, 5 * PERIOD)
     controls = np.array([[1.0, 2.0], [3.0, 4.0]])
     np.testing.assert_array_equal(shift(controls, old, new), controls)
+
+
+@unhurried
+@given(st.integers(30, 90), st.integers(0, 20), st.integers(0, 2**32 - 1))
+def test_driven_faster_or_slower_the_wheels_turn_as_far(periods, later, seed):
+    old = remaining(0, PERIOD, 50 * PERIOD)
+    new = remaining(later * PERIOD, PERIOD, (later + periods) * PERIOD)
+    controls = np.random.default_rng(seed).normal(size=(len(old.edges), 2))
+
+    found = retimed(controls, old, new, DifferentialDrive())
+
+    def turned(speeds, horizon):
+        return np.cumsum(speeds[:-1] * horizon.durations[:, None], axis=0)
+
+    left, whole = turned(controls[later:], shift_of(old, later)), turned(found, new)
+    np.testing.assert_allclose(whole[-1], left[-1], atol=1e-9)
+    # Also at the instants between, wherever an old edge falls on a new one.
+    part = np.arange(1, len(whole)) * len(left) % len(whole) == 0
+    at = np.arange(1, len(whole))[part] * len(left) // len(whole)
+    np.testing.assert_allclose(whole[:-1][part], left[at - 1], atol=1e-9)
+    np.testing.assert_allclose(found[-1], controls[-1] * len(left) / len(whole))
+
+
+def shift_of(horizon, stages):
+    return remaining(stages * PERIOD, PERIOD, int(horizon.edges[-1]))

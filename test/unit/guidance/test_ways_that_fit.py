@@ -6,7 +6,7 @@ from tight_places import CELL, TightRun, map_of, task
 
 from cmpsp_ros.guidance import FallbackLevel, Safety
 from cmpsp_ros.guidance.mission import infeasibility_warnings
-from cmpsp_ros.world.obstacles import Capsule, convex
+from cmpsp_ros.world.obstacles import Capsule, Obstacle, convex
 
 
 @pytest.mark.parametrize('width', [0.2, 0.3])
@@ -94,3 +94,17 @@ def test_what_is_far_away_does_not_hide_the_way_out_of_a_trap(far):
 
     assert run.miss < given.goal_tolerance
     assert run.levels[FallbackLevel.STOP] == 1
+
+
+def test_a_gap_below_the_margin_far_ahead_stops_nobody():
+    walls = (2.0, 2.5, 0.0, 2.0), (6.0, 6.1, 0.0, 1.5), (6.0, 6.1, 2.5, 4.0)
+    post = Obstacle('post', (6.05, 1.83), 0.3)
+    given = task((8.0, 1.0), map_of(9, 4, *walls), post, when='soonest', final_time=40.0)
+
+    run = TightRun(given, (0.5, 1.0, 0.0), 40.0)
+
+    assert run.miss < 0.1
+    assert run.clearance > 0.0
+    assert run.levels[FallbackLevel.STOP] == 1
+    # The solver has an answer at nearly every control step.
+    assert sum('work of this' in each.reason for each in run.decisions) <= 5

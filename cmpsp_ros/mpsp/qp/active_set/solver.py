@@ -10,6 +10,7 @@ from cmpsp_ros.mpsp.qp.active_set.basis import append, solve_transposed, split
 from cmpsp_ros.mpsp.qp.active_set.dual import StepOutcome, add_violated_rows
 from cmpsp_ros.mpsp.qp.active_set.farkas import leave_proof, still_contradicts
 from cmpsp_ros.mpsp.qp.active_set.fixed_bounds import (
+    MANY,
     fix_from,
     free_all,
     hold_violated,
@@ -69,6 +70,11 @@ def solve(p: Program, whole: ActiveSet, warm: WarmStart) -> int:
         if guesses and not is_stuck:
             changed = release_wrong(p, at) if head.fixed > 0 else 0
             changed += hold_violated(p)
+            if sweeps == 1 and head.saturated > 0 and changed > MANY:
+                # Penalties that nothing balances drive the controls far beyond their bounds.
+                sweeps, warm.head[0].rows = 0, 0
+                free_all(p)
+                continue
             if changed > 0:
                 in_vain += int(changed >= fewest)
                 fewest = min(fewest, changed)
@@ -84,12 +90,13 @@ def solve(p: Program, whole: ActiveSet, warm: WarmStart) -> int:
         if outcome in (StepOutcome.RELEASED, StepOutcome.CROWDED):
             restart_from(p, at, warm, guesses)
             continue
+        if outcome == StepOutcome.CONTRADICTION and (head.is_proved == 1 or not warm_started):
+            # Its rows are no start for a program in which some of them are relaxed.
+            leave_proof(p, at, warm)
+            return Outcome.INFEASIBLE
         leave_warm_start(p, at, warm)
         if outcome == StepOutcome.DONE and kkt_residual(p) <= TOLERANCE:
             return Outcome.SOLVED
-        if outcome == StepOutcome.CONTRADICTION and (head.is_proved == 1 or not warm_started):
-            leave_proof(p, at, warm)
-            return Outcome.INFEASIBLE
         if not warm_started:
             return Outcome.ITERATION_LIMIT
         warm_started, sweeps, in_vain = False, 0, 0

@@ -134,8 +134,8 @@ class Drive:
                 bag.write(f'{prefix}/sim/people', stamp, raw(cloud(stamp, rows)))
             if self.sightings:
                 bag.topic(f'{prefix}/guidance/sighting', GRID)
-            for stamp, cells in self.sightings:
-                bag.write(f'{prefix}/guidance/sighting', stamp, raw(grid(stamp, cells)))
+            for stamp, cells, *origin in self.sightings:
+                bag.write(f'{prefix}/guidance/sighting', stamp, raw(grid(stamp, cells, *origin)))
             if self.changes:
                 bag.topic('/parameter_events', EVENT)
             for stamp, key, value in self.changes:

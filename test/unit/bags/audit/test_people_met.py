@@ -4,7 +4,8 @@ import math
 
 import numpy as np
 import pytest
-from drives import START
+from drives import SECOND, START
+from test_promise import SCANNER
 
 from cmpsp_ros.bags.audit import CheckOutcome
 from cmpsp_ros.bags.audit.path_checks import _kept
@@ -48,6 +49,23 @@ def test_a_robot_that_was_run_into_at_rest_may_leave_and_not_drive_on():
     inf = math.inf
     np.testing.assert_allclose(_kept(met, depths), [inf, inf, 0.005, 0.01, -0.01, 0.2, -0.01])
     assert depths == {'person 0': 0.0}
+
+
+@pytest.mark.parametrize('is_known', [False, True])
+def test_what_sensors_see_of_people_is_no_obstacle(drive, outcomes, is_known):
+    drive.parameters |= {**SCANNER, 'robot.radius': 0.06}
+    index = next(k for k, each in enumerate(drive.odometry) if each.stamp >= START + 4 * SECOND)
+    place, stamp = drive.odometry[index].pose[:2], drive.odometry[index].stamp
+    free = np.zeros((900, 900), np.int8)
+    free[0, 0] = 100
+    column, row = np.floor((place + 20.0) / 0.05).astype(int)
+    cells = free.copy()
+    cells[row - 1 : row + 2, column - 1 : column + 2] = 100
+    around = [(-1, free), (0, cells), (1, free)]
+    drive.sightings = [(stamp + k * SECOND // 5, each, (-20.0, -20.0)) for k, each in around]
+    stamps = [each.stamp for each in drive.odometry if abs(each.stamp - stamp) < SECOND]
+    drive.people = [(each, [(0, *place, 0.0, 0.0, 0.25)]) for each in stamps if is_known]
+    assert (outcomes(drive)['obstacles'].outcome is FAILED) == (not is_known)
 
 
 def test_people_who_are_not_in_the_bag_leave_it_open(drive, outcomes):

@@ -8,6 +8,7 @@ from drives import SECOND, START, drive_settings
 
 from cmpsp_ros.bags.audit import CheckOutcome
 from cmpsp_ros.guidance.messages import Track
+from cmpsp_ros.sensing.grid_messages import REMEMBERED
 
 PASSED, FAILED, SKIPPED, NOT_JUDGED = CheckOutcome
 
@@ -62,3 +63,49 @@ def test_obstacles_that_decisions_used_and_the_bag_lacks_leave_it_open(drive, ou
     found = outcomes(drive)['promise']
     assert found.outcome is NOT_JUDGED
     assert 'such as 8' in found.sentence
+
+
+SCANNER = {
+    'sensors.names': ['front'],
+    'sensors.front.topic': 'scan',
+    'sensors.front.frame_id': 'base_scan',
+}
+
+
+def in_a_grid_of(drive, value, moves_from=4.0):
+    """The drive in a grid whose cells all have a value, where something moves from some time on."""
+    drive.parameters |= SCANNER
+    drive.sightings = [(START, np.full((900, 900), value, np.int8), (-20.0, -20.0))]
+    first = drive.at(moves_from)
+    if first < len(drive.decisions):
+        used = drive.decisions[first]
+        track = Track(8, used.stamp, 0.3, 50.0, 50.0, 0.0, 0.0)
+        drive.decisions[first] = used._replace(tracks=(track,))
+    return drive
+
+
+def test_fast_commands_out_of_sight_are_caught_from_when_anything_moves(drive, outcomes):
+    found = outcomes(in_a_grid_of(drive, REMEMBERED))['unseen']
+    assert found.outcome is FAILED
+    assert found.at >= 4.0
+    assert found.worst > 0.5
+
+
+def test_slow_commands_out_of_sight_pass(drive, outcomes):
+    for each in in_a_grid_of(drive, REMEMBERED).commands:
+        each.twist = each.twist * 0.05 / max(abs(each.twist[0]), 0.05)
+    assert outcomes(drive)['unseen'].outcome is PASSED
+
+
+@pytest.mark.parametrize(
+    ('value', 'sight', 'moves_from', 'outcome'),
+    [
+        (0, 'stationary', 4.0, PASSED),
+        (REMEMBERED, 'off', 4.0, SKIPPED),
+        (REMEMBERED, 'stationary', 10.0, SKIPPED),
+    ],
+    ids=['in sight', 'not asked for', 'before anything moves'],
+)
+def test_other_fast_commands_are_not(drive, outcomes, value, sight, moves_from, outcome):
+    drive.parameters['safety.stop_within_sight'] = sight
+    assert outcomes(in_a_grid_of(drive, value, moves_from))['unseen'].outcome is outcome

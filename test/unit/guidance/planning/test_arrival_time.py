@@ -21,8 +21,11 @@ TOP, CHANGE, PERIOD = 1.4, 0.28, 0.2
 class Drive:
     """A run by exact arcs, with odometry at control instants and at the final time."""
 
-    def __init__(self, preset, changes, pushes=None, goals=None):
-        values = TABLE.resolve({**load_parameter_file(preset), **changes})
+    def __init__(self, preset, changes, pushes=None, goals=None, paths=None):
+        given = {**load_parameter_file(preset), **changes}
+        if 'obstacles.names' in changes:
+            given = {k: v for k, v in given.items() if not k.startswith('obstacles.')}
+        values = TABLE.resolve(given)
         self.settings = guidance_settings(values)
         self.law = GuidanceLaw(self.settings, self.settings.world)
         self.decisions, self.poses, pose, stamp = [], [], np.array(values['initial_pose']), 0
@@ -30,6 +33,11 @@ class Drive:
         while not self.decisions or not self.decisions[-1].finished:
             assert stamp < 60e9
             pose = pose + pushes.get(len(self.decisions), 0.0)
+            if path := (paths or {}).get(len(self.decisions)):
+                # As the node does with the path of an action.
+                self.settings = guidance_settings(TABLE.resolve({**given, **path}))
+                self.law.reconfigure(self.settings, self.settings.world)
+                goals[len(self.decisions)] = Goal(self.settings.goal, 0.0)
             if len(self.decisions) in goals:
                 self.law.set_goal(stamp, goals[len(self.decisions)])
             decision = self.law.step(Observation(stamp, pose))
@@ -129,6 +137,27 @@ def test_waypoints_are_passed_at_whatever_control_instants_suit():
         at = stamps.index(round(goal.time * 1e9))
         assert math.dist(run.poses[at][:2], goal.position) < 1e-6
         assert goal.name == 'goal' or stamps[at] % round(PERIOD * 1e9) == 0
+
+
+def test_a_horizon_that_takes_too_much_work_is_made_shorter():
+    # At a moderate speed the car would take 260 control periods.
+    run = Drive('lane_change', {'goal.when': 'soonest'})
+    assert run.time < 11.5
+    assert FallbackLevel.STOP not in run.levels
+    assert not run.decisions[-1].missed
+
+
+def test_a_path_that_becomes_the_road_is_driven_as_early():
+    straight = {'road.points': [0.0, 0.0, 5.0, 0.0], 'goal.position': [5.0, 0.0]}
+    road = {**SOONEST, 'obstacles.names': [], 'road.half_width': [0.6], 'initial_pose': [0.0] * 3}
+    line = [-0.5, 0.0, 2.0, 0.0, 4.0, 1.0, 5.0, 3.0]
+    bent = {'road.points': line, 'goal.position': line[-2:]}
+    run = Drive('corridor', {**road, **straight}, paths={5: bent})
+    assert run.decisions[-1].goal.position == (5.0, 3.0)
+    assert not run.decisions[-1].missed
+    assert run.levels == {FallbackLevel.NOMINAL}
+    # It has set out already, and the path is 6 m long.
+    assert run.time < 1.1 * (6.0 / TOP + (TOP / CHANGE - 1.0) * PERIOD)
 
 
 def test_a_goal_that_is_received_is_reached_as_early():

@@ -143,13 +143,14 @@ def test_a_robot_in_the_way_is_led_out(fault):
     assert decisions[-1].clearance > 0.0
 
 
-def test_what_drives_through_the_robot_passes_before_it_sets_out():
+def test_from_what_drives_through_it_the_robot_creeps_away_until_it_has_passed():
     x, y, _ = START
-    decisions, least = drive(OPEN, [(x - 0.25, y, 0.3, -0.6, 0.3)], steps=10)
-    assert 'touches the robot' in decisions[0].reason
-    assert not decisions[0].wheel_speeds.any()
-    assert least >= 0.0
-    assert decisions[-1].wheel_speeds.any()
+    decisions, _ = drive(OPEN, [(x - 0.25, y, 0.3, -0.6, 0.3)], steps=10)
+    touched = [each for each in decisions if 'touches the robot' in each.reason]
+    assert touched[0] is decisions[0]
+    assert 0.0 < decisions[0].twist[0] <= 0.05
+    assert all(abs(each.twist[0]) <= 0.05 for each in touched)
+    assert decisions[-1].twist[0] > 0.1
 
 
 def test_a_robot_that_is_surrounded_stands(fault):
@@ -210,10 +211,13 @@ def test_no_plan_that_passes_comes_closer_than_it_may(obstacles, discs, wheels, 
     states = [(*at, *velocity, size, growth, 1.0) for at, velocity, size in discs]
     names = tuple(f'moving {number}' for number in range(len(discs)))
     moving = MovingDiscs(names, np.array(states).reshape(-1, 7), np.full(len(discs), -1))
+    seen = replace(moving, states=moving.states * [1, 1, 1, 1, 1, 0, 0])
     controls = 51.0 * np.tile(wheels, (3, 1))
     durations = np.array([0.2, 0.2])
     verdict = Validator(floor).check(
-        start_of(floor, np.zeros(3), moving=moving, reachable=moving), controls, durations
+        start_of(floor, np.zeros(3), moving=moving, reachable=moving, touchable=seen),
+        controls,
+        durations,
     )
     parts = np.full(PIECES, 0.2 / PIECES)
     path = floor.robot.roll_out(np.zeros(3), np.tile(controls[0], (PIECES, 1)), parts)[:, :2]
@@ -228,13 +232,13 @@ def test_no_plan_that_passes_comes_closer_than_it_may(obstacles, discs, wheels, 
         there = np.array(at) + times[:, None] * np.array(velocity)
         grown = size + radius + (growth + 0.5 * times) * times
         clear = np.linalg.norm(path - there, axis=1) - grown
-        if clear[0] < 0.0:
-            # From what stands it may creep away; all else has to pass first.
-            creeps = math.hypot(*velocity) <= 0.05 and fastest <= 0.05
-            nominal = np.linalg.norm(path - there, axis=1)
-            spare += [nominal.min() - nominal[0] if creeps else -math.inf] if any(wheels) else []
-        elif any(wheels):
-            spare.append(clear.min())
+        away = clear.min() if clear[0] >= 0.0 else -math.inf
+        if fastest <= 0.05:
+            # It may creep away from where that is, and past what stands.
+            near = np.linalg.norm(path - at, axis=1) - size - radius
+            kept = near[0] if math.hypot(*velocity) > 0.05 else min(near[0], 0.0)
+            away = max(away, near.min() - kept)
+        spare += [away] if any(wheels) else []
         margins.append(clear.min())
     step = 0.2 * 3.6 / PIECES
     if verdict.passed:

@@ -39,10 +39,11 @@ def sighting(*occupied):
     return Sighting(0, grid)
 
 
-def after(*tracks, there, before=PERSON):
+def after(*tracks, there, before=PERSON, beside=None):
     """Estimate of the step after one in which somebody was tracked."""
     estimator, world, rest = Estimator(SETTINGS), World(OpenFloor()), ROBOT.at_rest
-    estimator.update(Observation(0, np.zeros(3), (before,), sighting()), world, rest)
+    beside = beside or sighting()
+    estimator.update(Observation(0, np.zeros(3), (before,), beside), world, rest)
     seen = Observation(STEP, np.zeros(3), tracks, there)
     return estimator.update(seen, world, rest).start
 
@@ -69,6 +70,13 @@ def test_one_who_has_stopped_may_set_off_again():
 )
 def test_nobody_else_is_remembered(before, tracks, there):
     assert after(*tracks, there=there, before=before).reachable.names == ()
+
+
+def test_a_wall_beside_a_track_that_ends_is_nobody_who_stands():
+    wall, shifted = (0.0, 0.67), (0.0, 0.62)
+    near = sighting(wall)
+    assert after(there=sighting(wall, shifted), beside=near).reachable.names == ()
+    assert after(there=sighting(wall, (0.0, 0.25)), beside=near).reachable.names == ('person 1',)
 
 
 def test_one_who_sets_off_is_not_there_twice():

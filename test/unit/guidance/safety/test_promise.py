@@ -139,6 +139,20 @@ def test_it_steps_into_a_niche_and_goes_on_when_the_trolley_has_passed(fault):
     assert run.decisions[-1].terminal_error < 0.1
 
 
+def test_it_does_not_wait_for_ever_for_those_who_come_and_go():
+    """The trolley passes the niche; behind it three close the aisle, and walk to and fro."""
+    task = settings('jackal', NICHE, (12.0, 0.0), 2.0, 9.0)
+    trolley = [Walker(7.0 + x, y, -0.5, 0.0, 0.45) for x in (0.0, 0.5) for y in (-0.5, 0.5)]
+    back = abreast(8.8, -0.5)
+    for each in back:
+        each.push = lambda time: (-0.6 * math.sin(1.2 * time), 0.0)
+    run = drive(task, (2.0, 0.0, 0.0), [*trolley, *back], 24.0)
+    assert run.active == []
+    waits = ''.join('w' if 'has made way' in each.reason else ' ' for each in run.decisions)
+    # At most the three seconds that it looks ahead.
+    assert 8 <= max(map(len, waits.split())) <= 15
+
+
 def test_what_is_faster_is_let_run_into_a_robot_that_stands(fault):
     task = settings('turtlebot', CLOSED, (12.0, 0.0), 1.0, 60.0)
     run = drive(task, (2.0, 0.0, 0.0), abreast(6.0, 1.5), 8.0)

@@ -234,7 +234,7 @@ def test_a_response_without_a_lag_is_clear_beside_what_moves():
     given = accelerating(60.0, ())
     states = np.array([[4.0, -4.0, 0.5, 0.0, 0.2, 0.0, 1.0]])
     away = MovingDiscs(('disc',), states, np.zeros(1, np.int64))
-    start = start_of(given, HERE)._replace(moving=away, reachable=away)
+    start = start_of(given, HERE)._replace(moving=away, reachable=away, touchable=away)
     plan = Plan(Horizon.between([k * PERIOD for k in range(6)]), controls(20, 20), np.zeros((6, 3)))
     ramp = Validator(given).check(start, plan.controls, TIMES).ramp
     response = Response(0.0, 0.0, np.zeros(2), np.empty((0, 2)), np.empty(0))

@@ -74,7 +74,7 @@ def test_margins_are_those_of_a_fine_sampling_of_every_disc(name, bent):
     for _ in range(25):
         pose = np.array([*rng.uniform(-0.4, 0.4, 2), rng.uniform(-0.5, 0.5)])
         plan = rng.uniform(-1.0, 1.0, (5, len(spread))) * spread
-        start = start_of(given, pose, moving=CART, reachable=CART)._replace(
+        start = start_of(given, pose, moving=CART, reachable=CART, touchable=CART)._replace(
             previous_control=np.zeros(len(spread))
         )
         verdict, least = validator.check(start, plan, TIMES), sampled(given, pose, plan, CART)

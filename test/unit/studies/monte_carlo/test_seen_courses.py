@@ -67,6 +67,31 @@ def test_with_a_map_the_speed_is_judged_by_the_shortest_path():
     assert 0.8 < made.pace <= 0.95
 
 
+@pytest.mark.parametrize('changes', [(), ('goal.when=soonest', 'robot.max_wheel_acceleration=50')])
+def test_mazes_have_a_way_and_are_crossed(changes):
+    study = Study('mazes', seed=3, assignments=changes)
+    for number in range(12):
+        task = study.run(number)
+        spare = grid_path(task.truth, np.array(task.scenario.pose), 0.02)
+        assert len(spare) > 2
+        assert all(isinstance(each, Capsule) for each in task.scenario.obstacles)
+    # As early as possible, it was late by a few hundredths of a second, and stopped 7 cm off.
+    made = outcome(drive(study.run(10)))
+    assert made.verdict(study.tolerance) is RunVerdict.ARRIVED
+    assert made.clearance > task.truth.safety.margin
+
+
+@pytest.mark.parametrize(('number', 'longest'), [(6, 10.0), (10, 16.0)])
+def test_tight_mazes_are_crossed_as_early_as_possible(number, longest):
+    """All plans of the first use some of the margin; the goal of the second is reached to 4 cm."""
+    changes = 'goal.when=soonest', 'robot.max_wheel_acceleration=50'
+    study = Study('mazes', seed=4, assignments=changes)
+    made = outcome(drive(study.run(number)))
+    assert made.verdict(study.tolerance) is RunVerdict.ARRIVED
+    assert made.time < longest
+    assert made.clearance > 0.0
+
+
 def test_the_shortest_path_is_drawn_taut_around_what_stands_there():
     wall = Capsule('wall', (2.0, -0.5), (2.0, 0.5), 0.1)
     task = Study('mapped').run(0)

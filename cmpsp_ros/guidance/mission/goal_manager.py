@@ -170,10 +170,11 @@ class GoalManager:
         `begin` [ns].
 
         Returns:
-            By how much [s]; 0 where the time is enough, or no path is known and nobody closes it.
+            By how much [s]; 0 where the time is enough, or no path is known and nobody closes it,
+            or the robot is within the tolerance of the goal.
         """
         goal, search, period = self.goal, start.world.map_search(self._settings), self.period
-        if goal is None or self.given_up:
+        if goal is None or self.given_up or self._is_at_goal(start.pose):
             return 0.0
         # Who closes the only path now may have gone before long.
         if (
@@ -190,6 +191,15 @@ class GoalManager:
         self._late += by
         self._set_goal(start.world)
         return by / NANOSECONDS
+
+    def _is_at_goal(self, pose: Array) -> bool:
+        """True within the tolerances of the goal."""
+        error, heading_error = self.target.errors(pose)
+        settings = self._settings
+        return (
+            error <= settings.goal_tolerance
+            and (heading_error or 0.0) <= settings.heading_tolerance
+        )
 
     def give_up(self, now: int) -> None:
         """End the run before the goal, at `now` [ns], until another goal is received."""

@@ -36,6 +36,8 @@ _INITIAL_DELAY: Final = 0.4
 """By how much more in such a search, as a fraction."""
 _FEWEST: Final = 5
 """Control periods before the goal in which it is not passed any earlier."""
+_OF_MARGIN: Final = 0.1
+"""Part of the margin that a plan may lack."""
 _OF_TOLERANCE: Final = 0.2
 """Part of the goal's tolerance within which a plan on trial ends."""
 
@@ -134,10 +136,14 @@ class ArrivalTime:
         return replace(context, horizon=remaining(begin, period, end))
 
     def _is_good(self, candidate: Candidate, tolerance: float = 1.0) -> bool:
-        """True if a plan meets every constraint and ends within so many tolerances of the goal."""
+        """True if a plan meets its constraints and ends within so many tolerances of the goal.
+
+        In corridors that leave hardly more than the margin all plans use some of it.
+        """
         settings, off = self.settings, candidate.heading_error or 0.0
+        is_tight = candidate.result.slack <= _OF_MARGIN * settings.safety.margin
         return (
-            candidate.feasible
+            (candidate.feasible or (candidate.admissible and is_tight))
             and candidate.verdict.worst_margin >= -TOUCHING
             and candidate.terminal_error <= tolerance * settings.goal_tolerance
             and off <= tolerance * settings.heading_tolerance

@@ -81,6 +81,17 @@ def test_mazes_have_a_way_and_are_crossed(changes):
     assert made.clearance > task.truth.safety.margin
 
 
+@pytest.mark.parametrize(('number', 'longest'), [(6, 10.0), (10, 16.0)])
+def test_tight_mazes_are_crossed_as_early_as_possible(number, longest):
+    """All plans of the first use some of the margin; the goal of the second is reached to 4 cm."""
+    changes = 'goal.when=soonest', 'robot.max_wheel_acceleration=50'
+    study = Study('mazes', seed=4, assignments=changes)
+    made = outcome(drive(study.run(number)))
+    assert made.verdict(study.tolerance) is RunVerdict.ARRIVED
+    assert made.time < longest
+    assert made.clearance > 0.0
+
+
 def test_the_shortest_path_is_drawn_taut_around_what_stands_there():
     wall = Capsule('wall', (2.0, -0.5), (2.0, 0.5), 0.1)
     task = Study('mapped').run(0)

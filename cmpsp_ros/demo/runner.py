@@ -104,6 +104,8 @@ def _reason_to_wait(robot: Scenario, seen: GuidanceStatus) -> str:
     why = seen.reason or seen.message or 'Guidance says nothing.'
     topics = {each: robot.values[f'sensors.{each}.topic'] for each in robot.values['sensors.names']}
     silent = [f'Sensor {name} listens to {topic}.' for name, topic in topics.items() if name in why]
+    if silent and not robot.values['sim.scan.rate']:
+        silent.append('The simulator has no scanner: sim.scan.rate is 0.')
     return ' '.join([why, *silent])
 
 

@@ -1,12 +1,12 @@
-"""Every example converges from its own guess, and IPOPT finds nothing better near by."""
+"""Every example converges from five guesses, and IPOPT finds nothing better near by."""
 
 import importlib
 from pathlib import Path
 
 import pytest
 
-from cmpsp_ros.mpsp import Status
-from examples.__main__ import NAMES
+from cmpsp_ros.mpsp import Status, from_casadi, solve
+from examples.__main__ import NAMES, guesses
 from examples.common import ipopt
 from examples.further import EXAMPLES
 
@@ -27,3 +27,10 @@ def test_it_converges(example):
     at = solution.iterate
     again = ipopt(example.stated, at.U, at.X, stays=True)
     assert again.cost == pytest.approx(at.evaluation.cost, rel=1e-5)
+
+
+@pytest.mark.parametrize('example', ALL, ids=lambda example: example.name)
+def test_it_converges_from_guesses_about_its_own(example):
+    problem = from_casadi(**example.stated)
+    ends = [solve(problem, guess).status for guess in guesses(example)[1:]]
+    assert ends == [Status.CONVERGED] * 4

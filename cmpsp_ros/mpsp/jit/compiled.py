@@ -59,7 +59,7 @@ def inlined(function: Callable[_P, _R]) -> Callable[_P, _R]:
 
 
 def inner(function: Callable[_P, _R]) -> Callable[_P, _R]:
-    """Compile an `allocation_free` function without an entry for Python, which takes a third."""
+    """Compile an `allocation_free` function without an entry for Python."""
     return _compile(function, no_cpython_wrapper=True, **ALLOCATION_FREE)
 
 

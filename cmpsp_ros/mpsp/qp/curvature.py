@@ -40,9 +40,10 @@ def convexify(subproblem: Subproblem) -> Subproblem:
     The shift is a proximal term, like ``R`` of (95): it vanishes at a fixed point, so it bends the
     path to a solution but not the solution. The same object is returned where none was needed.
     """
-    if is_positive_definite(subproblem, -CURVATURE_MARGIN * largest_diagonal(subproblem)):
+    diagonal = largest_diagonal(subproblem)
+    if is_positive_definite(subproblem, -CURVATURE_MARGIN * diagonal):
         return subproblem
-    least, largest = extreme_eigenvalues(subproblem)
+    least, largest = extreme_eigenvalues(subproblem, diagonal)
     size = max(abs(least), abs(largest)) or 1.0
     shift = CURVATURE_LEFT * size - least
     if not np.isfinite(shift):
@@ -56,17 +57,18 @@ def convexify(subproblem: Subproblem) -> Subproblem:
     return replace(subproblem, linearisation=shifted, shift=subproblem.shift + shift)
 
 
-def extreme_eigenvalues(subproblem: Subproblem) -> tuple[float, float]:
+def extreme_eigenvalues(
+    subproblem: Subproblem, diagonal: float | None = None
+) -> tuple[float, float]:
     """Least and largest eigenvalue of the condensed Hessian; both NaN where it is not finite.
 
-    Found by bisection, to rounding relative to the largest entry of the diagonal; 100 to 200
+    Found by bisection, to rounding relative to the largest entry of the `diagonal`; 100 to 200
     Riccati sweeps.
     """
+    diagonal = largest_diagonal(subproblem) if diagonal is None else diagonal
     lin = subproblem.linearisation
     blocks = lin.L_XX, lin.L_UX, lin.L_UU
-    size = (
-        largest_diagonal(subproblem) or max(float(np.abs(block).max()) for block in blocks) or 1.0
-    )
+    size = diagonal or max(float(np.abs(block).max()) for block in blocks) or 1.0
     if not math.isfinite(size):
         return math.nan, math.nan
     least, largest = -_least_shift(subproblem, 1.0, size), _least_shift(subproblem, -1.0, size)
@@ -97,14 +99,13 @@ def largest_diagonal(subproblem: Subproblem) -> float:
     It is that of ``L_UU + B' P B`` of each stage, with ``P`` the curvature of the cost-to-go.
     """
     lin = subproblem.linearisation
-    P, diagonals = lin.L_XX[-1], [np.diagonal(lin.L_UU[-1])]
+    P, whole = lin.L_XX[-1], lin.L_UU.copy()
     with np.errstate(over='ignore', invalid='ignore'):
-        for A, B, L_XX, L_UU in reversed(
-            list(zip(lin.A, lin.B, lin.L_XX[:-1], lin.L_UU[:-1], strict=True))
-        ):
-            diagonals.append(np.diagonal(L_UU + B.T @ P @ B))
-            P = L_XX + A.T @ P @ A
-    return float(np.abs(diagonals).max())
+        for k in range(len(lin.A) - 1, -1, -1):
+            A, B = lin.A[k], lin.B[k]
+            whole[k] += B.T.dot(P).dot(B)
+            P = lin.L_XX[k] + A.T.dot(P).dot(A)
+    return float(np.abs(whole.diagonal(axis1=1, axis2=2)).max())
 
 
 def project_stages(L_XX: Array, L_UX: Array, L_UU: Array) -> tuple[Array, Array, Array]:

@@ -100,22 +100,24 @@ class MultipleShooting:
         if point.violation > _FAR and not self.is_exact:
             lin = self._problem.linearise(at.X, at.U, 'gauss_newton')
             found = found._replace(H=stage_blocks(lin.L_XX, lin.L_UX, lin.L_UU))
-        size, step = max(1e-6, float(np.abs(found.H).max())), not_finite(at, found)
-        for attempt in range(_ATTEMPTS if np.isfinite(size) else 0):
+        size, attempt = max(1e-6, float(np.abs(found.H).max())), 0
+        if not np.isfinite(size):
+            return replace(at, index=at.index + 1, previous_U=at.U, step=not_finite(at, found))
+        while True:
             way = self._direction(at, point, found, size)
-            step = summary(at, way, found, 0.0)
-            if step.qp_status is QPStatus.SOLVED:
+            if way.solution.status is QPStatus.SOLVED:
                 length, after, is_corrected = self._search(point, found, way)
-                if length > 0.0:
-                    if self._is_in_vain(way, point):
-                        break
+                if length > 0.0 and not self._is_in_vain(way, point):
                     if attempt == 0:
                         self._adapt(length, size)
                     return self._moved(at, after, way, found, length, is_corrected)
+            attempt += 1
+            if attempt == _ATTEMPTS or self._in_vain == _PATIENCE:
+                step = summary(at, way, found, 0.0)
+                return replace(at, index=at.index + 1, previous_U=at.U, step=step)
             self._proximal = max(_LEAST * size, 10.0 * self._proximal)
             # No proximal term shortens a step to constraints that nearly depend on each other.
             self._is_cautious = self._options.elastic
-        return replace(at, index=at.index + 1, previous_U=at.U, step=step)
 
     def _point(self, X: Array, U: Array) -> Point:
         with np.errstate(all='ignore'):

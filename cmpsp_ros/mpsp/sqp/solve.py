@@ -29,6 +29,8 @@ _PAPERS: Final = 15
 # Violation, relative to that of the guess, up to which multiple shooting begins where the paper's
 # iteration ended.
 _WORTH_KEEPING = 0.1
+# Iterations of a second try from the guess, after which it must have removed more of the violation.
+_SECOND = 50
 # How often a point that is no minimum is left along a direction of negative curvature, and how far.
 _ESCAPES, _ESCAPE = 3, 0.1
 
@@ -95,6 +97,7 @@ class _Run:
     is_shooting: bool = False
     escapes: int = 0
     before: Iterate | None = None
+    until: int | None = None
     warm: Step | None = None
 
     @classmethod
@@ -144,6 +147,8 @@ class _Run:
             elif not is_last:
                 goes_on = self._go_on_elsewhere(status, guess)
             if not goes_on:
+                if at.index == self.until and self._resume(Status.ITERATION_LIMIT, is_last):
+                    continue
                 if status is None and is_last:
                     status = Status.ITERATION_LIMIT
                 if status is None and time.monotonic() >= deadline:
@@ -191,14 +196,19 @@ class _Run:
         if self.is_shooting:
             assert self.shooting is not None  # noqa: S101 (it is at work)
             is_over = status in {Status.INFEASIBLE, Status.STALLED, Status.QP_FAILED}
-            return is_over and not self.shooting.is_exact and self._shoot(guess, exact=True)
+            if not is_over or self.shooting.is_exact:
+                return False
+            if self.before is None or _violation(at) <= _violation(self.before):
+                self.before = at
+            self.until = at.index + _SECOND
+            return self._shoot(guess, exact=True)
         if not self.can_shoot or (status is None and at.index < _PAPERS):
             return False
         self.before = at
         return self._shoot(at if _violation(at) <= _WORTH_KEEPING * _violation(guess) else guess)
 
     def _resume(self, status: Status, is_last: bool) -> bool:
-        """Go back to the paper's iteration where multiple shooting ends with more violation."""
+        """Go back to an iterate with less violation, and on by the paper's iteration from there."""
         before, self.before = self.before, None
         if before is None or is_last or status in {Status.CONVERGED, Status.NOT_A_MINIMUM}:
             return False

@@ -164,7 +164,7 @@ def test_what_the_recorder_loses_is_said_and_the_run_is_judged(start_demo, tmp_p
 @pytest.mark.parametrize(
     ('assignment', 'why'),
     [
-        ('sim.scan.rate=0.0', 'Sensor front listens to scan.'),
+        ('sim.scan.rate=0.0', 'listens to scan. The simulator has no scanner: sim.scan.rate is 0.'),
         ('sensors.front.topic=abc', 'Sensor front listens to abc.'),
         ('sensors.front.frame_id=lidar', "front: frame_id: found 'base_scan', wanted 'lidar'"),
     ],

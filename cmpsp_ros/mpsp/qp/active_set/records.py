@@ -205,18 +205,17 @@ def is_positive_definite(qp: Subproblem, shift: float = 0.0, sign: float = 1.0) 
 def definite_from(qp: Subproblem, sign: float) -> Iterator[Callable[[float], bool]]:
     """`is_positive_definite` of one program, as a function of the shift."""
     lin, r = qp.linearisation, qp.size.control
+    blocks = {name: sign * getattr(lin, name) for name in ('L_XX', 'L_UX', 'L_UU')}
     with borrowed_space(qp.size) as mine:
-        stages = mine.program.stages
+        fill(mine, replace(qp, linearisation=replace(lin, **blocks)))
+        diagonal = np.einsum('kaa->ka', mine.program.stages['L_UU'])[:, :r]
+        unshifted = diagonal.copy()
+        free_all(mine.program)
 
         def is_definite(shift: float) -> bool:
             # Infinite entries are not definite.
             with np.errstate(over='ignore', invalid='ignore'):
-                stages['L_UU'][:, :r, :r] = sign * lin.L_UU + shift * np.eye(r)
-            free_all(mine.program)
+                np.add(unshifted, shift, out=diagonal)
             return bool(factorise(mine.program))
 
-        fill(
-            mine,
-            replace(qp, linearisation=replace(lin, L_XX=sign * lin.L_XX, L_UX=sign * lin.L_UX)),
-        )
         yield is_definite

@@ -125,8 +125,8 @@ class PlanSelector:
     @property
     def remark(self) -> str:
         """Sentence on which of how many plans was selected last; empty if there was one."""
-        used = '' if self._work_left > 0 else ' The work of this step was used up.'
-        return self._remark + used
+        is_used_up = self._work_left <= 0
+        return f'{self._remark} The work of this step was used up.' if is_used_up else self._remark
 
     def best(self, context: PlanningContext) -> Candidate:
         """Improve the plan, and others where that may help, and select one."""

@@ -70,7 +70,7 @@ def solve(p: Program, whole: ActiveSet, warm: WarmStart) -> int:
         if guesses and not is_stuck:
             changed = release_wrong(p, at) if head.fixed > 0 else 0
             changed += hold_violated(p)
-            if sweeps == 1 and head.saturated > 0 and changed > MANY:
+            if warm.head[0].rows > 0 and head.saturated > 0 and changed > MANY and sweeps == 1:
                 # Penalties that nothing balances drive the controls far beyond their bounds.
                 sweeps, warm.head[0].rows = 0, 0
                 free_all(p)

@@ -59,6 +59,20 @@ def test_a_contradiction_leaves_the_warm_start_of_a_relaxed_program():
     assert run(qp, in_full, found.warm).iterations <= run(qp, in_full, before).iterations
 
 
+def test_a_penalty_that_drives_all_controls_to_their_bounds_is_no_endless_start():
+    qp = chain(30, 50.0)
+    qp.lower[:], qp.upper[:] = -0.1, 0.1
+    penalties = relaxed(qp, terminal=5.0)
+    alone = run(qp, penalties)
+
+    again = run(qp, penalties, alone.warm.copy())
+
+    assert (alone.outcome, again.outcome) == (Outcome.SOLVED, Outcome.SOLVED)
+    assert alone.saturated == 1
+    np.testing.assert_allclose(alone.dU[:-1, 0], 0.1, atol=1e-12)
+    np.testing.assert_allclose(again.dU, alone.dU, atol=1e-12)
+
+
 @pytest.mark.parametrize('stages', [1, 4, 30])
 def test_a_warm_start_moves_to_a_later_horizon(stages):
     whole = random_program(np.random.default_rng(2), 20, bound=0.5, trust=2.0)

@@ -140,10 +140,12 @@ class Mission:
         self.searched = self.searched._replace(hysteresis=NOT_SEARCHED.hysteresis)
 
     def reconfigure(self, settings: LawSettings, world: World) -> None:
-        """Go on with other settings, in another world."""
+        """Go on with other settings, in another world; after a goal was given up, anew."""
+        watch = ProgressWatch(trail=self.watch.trail) if self.goals.given_up else self.watch
         self.goals.reconfigure(settings, world)
         self.arrival.settings = settings
         self._begin_again()
+        self.watch = watch
 
     def _begin_again(self) -> None:
         self.idle_steps, self.closed_road = 0, ClosedRoad()

@@ -67,6 +67,25 @@ def test_a_door_as_wide_as_the_robot_is_given_up_once():
     assert run.clearance > 0.0
 
 
+def test_a_live_map_does_not_keep_it_from_giving_up():
+    given, period = one_door(0.3, robot=LIMITED), np.array([0.2])
+    law, pose, decision = GuidanceLaw(given, given.world), np.array([1.0, 2.15, 0.0]), None
+
+    for step in range(175):
+        if step % 5 == 4:
+            # The same map, received again.
+            given = replace(given, obstacles=one_door(0.3).obstacles)
+            law.reconfigure(given, given.world)
+        decision = law.step(Observation(step * 200 * MS, pose))
+        law.after_step()
+        if decision.finished:
+            break
+        pose = given.robot.roll_out(pose, decision.wheel_speeds[None], period)[-1]
+
+    assert decision.finished
+    assert 'no plan gets past obstacle map at (3.' in decision.reason
+
+
 def test_a_wall_across_the_map_is_named():
     run = TightRun(task((6.0, 2.15), map_of(8, 4, (3, 3.1, 0, 4))), (1.0, 2.15, 0.0), 25.0)
 

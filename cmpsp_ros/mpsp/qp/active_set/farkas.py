@@ -136,6 +136,8 @@ def leave_proof(p: Program, at: ActiveSet, warm: WarmStart) -> None:
 def still_contradicts(p: Program, at: ActiveSet, warm: WarmStart) -> bool:
     """True where the proof in a warm start, on the present horizon, holds for this program."""
     head = warm.head[0]
+    if head.rows == 0:
+        head.proof = 0
     if head.proof == 0:
         return False
     clear_multipliers(p)

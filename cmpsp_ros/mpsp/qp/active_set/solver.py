@@ -90,13 +90,12 @@ def solve(p: Program, whole: ActiveSet, warm: WarmStart) -> int:
         if outcome in (StepOutcome.RELEASED, StepOutcome.CROWDED):
             restart_from(p, at, warm, guesses)
             continue
-        if outcome == StepOutcome.CONTRADICTION and (head.is_proved == 1 or not warm_started):
-            # Its rows are no start for a program in which some of them are relaxed.
-            leave_proof(p, at, warm)
-            return Outcome.INFEASIBLE
         leave_warm_start(p, at, warm)
         if outcome == StepOutcome.DONE and kkt_residual(p) <= TOLERANCE:
             return Outcome.SOLVED
+        if outcome == StepOutcome.CONTRADICTION and (head.is_proved == 1 or not warm_started):
+            leave_proof(p, at, warm)
+            return Outcome.INFEASIBLE
         if not warm_started:
             return Outcome.ITERATION_LIMIT
         warm_started, sweeps, in_vain = False, 0, 0

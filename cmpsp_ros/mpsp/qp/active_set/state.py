@@ -66,7 +66,7 @@ class WarmStart(NamedTuple):
 
     def clear(self) -> None:
         """Begin without anything that is known."""
-        self.head['rows'] = self.head['proof'] = 0
+        self.head['rows'] = 0
 
     def copy(self) -> WarmStart:
         """The same in memory of its own."""

@@ -223,7 +223,9 @@ def test_a_robot_that_gets_no_nearer_waits():
     given = settings((Obstacle('rock', (7.0, -7.2), 1.1),), 51.0, ROAD)
     run = closed_loop(given)
     waits = [each for each in run.moves if 'the robot waits' in each.reason.lower()]
-    assert len(waits) > 5
+    # In the end, where it has come as near as it can.
+    assert len(waits) > 1
+    assert waits[-1] is run.moves[-1]
     assert {decision.level for decision in waits} == {FallbackLevel.STOP}
     assert clearance(run.path, given) >= -1e-9
 

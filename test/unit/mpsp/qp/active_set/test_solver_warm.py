@@ -45,20 +45,6 @@ def test_an_output_at_either_penalty_stays_there(side):
     assert (later.outcome, later.saturated, later.iterations) == (Outcome.SOLVED, 1, 0)
 
 
-def test_a_contradiction_leaves_the_warm_start_of_a_relaxed_program():
-    qp, _ = given_program(0.7)
-    qp.g[5, 0] = 50.0
-    relaxed_in_part, in_full = relaxed(qp, 0.7, np.inf), relaxed(qp, 0.7, 0.7)
-    solved = run(qp, in_full).warm
-    before = solved.copy()
-
-    found = run(qp, relaxed_in_part, solved)
-
-    assert found.outcome == Outcome.INFEASIBLE
-    assert found.warm.size == before.size > 0
-    assert run(qp, in_full, found.warm).iterations <= run(qp, in_full, before).iterations
-
-
 def test_a_penalty_that_drives_all_controls_to_their_bounds_is_no_endless_start():
     qp = chain(30, 50.0)
     qp.lower[:], qp.upper[:] = -0.1, 0.1

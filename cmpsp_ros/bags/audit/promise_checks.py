@@ -108,7 +108,7 @@ def promise(record: AuditRecord) -> Iterator[Sample]:
 def unseen(record: AuditRecord) -> Iterator[Sample]:
     """Speed of commands that lead, with a stop after them, into cells that are remembered only."""
     if not record.settings.sight.sensors:
-        raise SkippedError('No sensor sees what moves.')
+        raise SkippedError('No sensor tracks moving obstacles.')
     if 'safety.stop_within_sight' not in record.history.given:
         raise NotJudgedError('The parameters do not say safety.stop_within_sight.')
     decisions = {each.stamp: each for each in record.decisions}

@@ -23,7 +23,7 @@ _BESIDE: Final = 1.5
 class StandingPeople:
     """Remembers seen people whose tracks end where the grid has somebody stand from then on.
 
-    What moves marks no cell: those that are occupied beside a track belong to something else.
+    Moving obstacles mark no cell: occupied cells beside a track belong to something else.
     """
 
     def __init__(self) -> None:
@@ -54,7 +54,7 @@ class StandingPeople:
         self._beside = {each.id: self._beside[each.id] for each in self.standing} | beside
 
     def _is_there(self, person: Track, sighting: Sighting) -> bool:
-        """True if anything in the grid touches the place of a person that did not before."""
+        """True if a newly occupied cell touches the place of a person."""
         occupied = _occupied(person, sighting)
         apart = np.linalg.norm(occupied[:, None] - self._beside[person.id], axis=-1)
         is_new = apart.min(axis=1, initial=math.inf) > _BESIDE * sighting.grid.resolution

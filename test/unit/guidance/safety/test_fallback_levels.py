@@ -20,9 +20,13 @@ from scenarios import (
     reconfigure,
     settings,
 )
+from tight_places import task
 
-from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw, Observation
+from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw, Observation, Plan, remaining
 from cmpsp_ros.guidance.planning import Planner
+from cmpsp_ros.guidance.prediction.estimator import PlanStart
+from cmpsp_ros.guidance.safety.fallback import Fallback
+from cmpsp_ros.guidance.safety.validation import Validator
 from cmpsp_ros.world.obstacles import Obstacle
 
 
@@ -140,3 +144,17 @@ def test_odometry_from_before_a_halt_is_not_decided_on():
     law.halt(10 * PERIOD + 5, 'Odometry is stale.')
     assert law.step(Observation(8 * PERIOD, run.pose)) is None
     assert law.step(Observation(10 * PERIOD, run.pose)) is None
+
+
+def test_the_previous_plan_is_not_continued_beyond_its_end():
+    given = task((3.0, 0.0), Obstacle('rock', (0.0, 5.0), 0.5), when='soonest')
+    old, later = remaining(0, PERIOD, 20 * PERIOD), remaining(PERIOD, PERIOD, 100 * PERIOD)
+    controls = np.full((len(old.edges), 2), 5.0)
+    poses = given.robot.roll_out(np.zeros(3), controls[:-1], old.durations)
+    start = PlanStart(poses[1], given.robot, given.world, previous_control=controls[0])
+    fallback = Fallback(given, Validator(given))
+
+    found, _ = fallback.shifted(Plan(old, controls, poses, 0), start, later, 0, None)
+
+    assert found.horizon.edges[-1] == old.edges[-1]
+    np.testing.assert_allclose(found.poses[-1], poses[-1], atol=1e-9)

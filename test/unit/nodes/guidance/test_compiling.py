@@ -1,4 +1,4 @@
-"""Compilations are told of before a node is active, and noticed while it is."""
+"""Compilations are announced before a node is active, and reported as errors while it is."""
 
 import secrets
 from functools import partial

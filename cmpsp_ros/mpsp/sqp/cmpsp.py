@@ -44,6 +44,7 @@ class CMPSP:
         self._trust_radius = fitted[-1]
         idle = _idle[size, options.qp, options.hessian]
         self._driver = idle.pop() if idle else Driver(size, *fitted, (options.qp, options.hessian))
+        self.space = self._driver.space
         # To make memory takes longer than a few iterations.
         finalize(self, idle.append, self._driver)
         self._functions = self._functions_of(problem)
@@ -82,7 +83,7 @@ class CMPSP:
     def residual(self, at: Iterate, subproblem: Subproblem | None) -> float:
         """KKT residual of an iterate with its latest multipliers; NaN without its subproblem."""
         self._loaded = None if subproblem is None else subproblem.linearisation
-        return residual_at(at, subproblem, self._driver.space)
+        return residual_at(at, subproblem, self.space)
 
     def step(self, at: Iterate, subproblem: Subproblem | None = None) -> Iterate:
         """One iteration; an iterate that cannot be improved keeps its controls.

@@ -222,7 +222,9 @@ class _Run:
         """Go on from an iterate by multiple shooting; false where the problem cannot."""
         self.can_shoot = self.can_shoot and _can_shoot(self.problem, at)
         if self.can_shoot:
-            self.shooting = MultipleShooting(self.problem, self.options, at, exact=exact)
+            self.shooting = MultipleShooting(
+                self.problem, self.options, self.papers.space, at, exact=exact
+            )
             self.is_shooting, self.at = True, replace(at, step=None)
         return self.is_shooting
 

@@ -103,7 +103,9 @@ def call_with_data(_context: Any, address: Any, arrays: Any, count: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, given: Any) -> Any:
         members = cgutils.unpack_tuple(builder, given[1])
         data = [
-            builder.bitcast(context.make_array(kind)(context, builder, each).data, cgutils.voidptr_t)
+            builder.bitcast(
+                context.make_array(kind)(context, builder, each).data, cgutils.voidptr_t
+            )
             for kind, each in zip(signature.args[1].types, members, strict=True)
         ]
         kinds = [each.type for each in (*data, given[2])]

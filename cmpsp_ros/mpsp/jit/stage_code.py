@@ -234,7 +234,9 @@ class _Text:
                 f'%x{i} = getelementptr double, ptr %a{i}, i64 %o{i}',
             )
         ]
-        given = ', '.join(f'ptr %a{i}' if i < len(sizes) else f'ptr %none{i}' for i in range(_INPUTS))
+        given = ', '.join(
+            f'ptr %a{i}' if i < len(sizes) else f'ptr %none{i}' for i in range(_INPUTS)
+        )
         return '\n'.join([
             *declared,
             f'define void @stages({given}, ptr %out, i64 %n) {{', 'entry:', *arrays,

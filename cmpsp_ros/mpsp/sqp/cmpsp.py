@@ -181,12 +181,7 @@ def _functions_of(problem: OptimalControlProblem, loaded: list[Linearisation]) -
         return found.cost
 
     def linearise(
-        data: Linearisation,
-        _X: Array,
-        _U: Array,
-        stages: Records,
-        path: Records,
-        terminal: Records,
+        data: Linearisation, _X: Array, _U: Array, stages: Records, path: Records, terminal: Records
     ) -> None:
         if not (loaded and loaded[0] is data):
             put_derivatives(stages, path, terminal, data)

@@ -40,7 +40,6 @@ from cmpsp_ros.mpsp.qp.curvature import convexify
 from cmpsp_ros.mpsp.qp.dense.clarabel_backend import load_proof
 from cmpsp_ros.mpsp.qp.dense.closed_form import has_closed_form, solve_closed_form
 from cmpsp_ros.mpsp.qp.riccati.program import Outcome
-from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 from cmpsp_ros.mpsp.sqp.iteration import advance
 from cmpsp_ros.mpsp.sqp.workspace import Phase, Request, Workspace, workspace
 

@@ -17,18 +17,15 @@ restoration SQP algorithm, 2024]. A second-order correction is tried first where
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
-from functools import cache
-from typing import NamedTuple
 
 import numpy as np
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.mpsp.jit.compiled import entry_for
 from cmpsp_ros.mpsp.options import Options
-from cmpsp_ros.mpsp.problem import Dimensions, Evaluation, Linearisation, OptimalControlProblem
-from cmpsp_ros.mpsp.qp import RICCATI_ACTIVE_SET, QPSolution, QPStatus, solve_qp
+from cmpsp_ros.mpsp.problem import Evaluation, Linearisation, OptimalControlProblem
+from cmpsp_ros.mpsp.qp import RICCATI_ACTIVE_SET, QPStatus, solve_qp
 from cmpsp_ros.mpsp.qp.active_set.records import (
     Space,
     is_positive_definite,
@@ -38,18 +35,12 @@ from cmpsp_ros.mpsp.qp.active_set.records import (
 )
 from cmpsp_ros.mpsp.qp.active_set.solver import solve
 from cmpsp_ros.mpsp.qp.back_ends import answer_in
-from cmpsp_ros.mpsp.qp.riccati.program import Outcome, empty_program
+from cmpsp_ros.mpsp.qp.riccati.program import Outcome
 from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 from cmpsp_ros.mpsp.results import Iterate, Step, residual_at
 from cmpsp_ros.mpsp.sqp.iteration import LEVELS, relax
 from cmpsp_ros.mpsp.sqp.lagrangian import Curvature, lagrangian_curvature, multipliers, stage_blocks
-from cmpsp_ros.mpsp.sqp.shooting_program import (
-    assemble,
-    measure,
-    memory,
-    read_direction,
-    set_correction,
-)
+from cmpsp_ros.mpsp.sqp.shooting_program import Direction, Point, entries_for, memory
 
 # Violation of the start above which the Hessian is that of Gauss and Newton while it is as large.
 _FAR = 0.3
@@ -61,52 +52,6 @@ _NO_GAIN, _PATIENCE = 0.99, 5
 _ROUNDING = 1e-12
 # Decrease of the cost, relative to the violation, from which on a step is for the cost.
 _SWITCH = 1e-2
-
-
-class Point(NamedTuple):
-    """States, controls, their evaluation and dynamics ``(N, n)``, and the sum of all violations."""
-
-    X: Array
-    U: Array
-    evaluation: Evaluation
-    ahead: Array
-    violation: float
-
-    @property
-    def is_finite(self) -> bool:
-        """True where cost and violation are."""
-        return bool(np.isfinite(self.evaluation.cost + self.violation))
-
-    @property
-    def values(self) -> tuple[Array, Array, Array, Array]:
-        """States, dynamics, terminal error and path constraints."""
-        return self.X, self.ahead, self.evaluation.output_error, self.evaluation.g
-
-
-class Direction(NamedTuple):
-    """Solution of a subproblem; the direction itself is in the memory.
-
-    Attributes:
-        status: How it ended.
-        multipliers: Of outputs, path constraints and bounds.
-        shift: Term on the diagonal of the Hessian.
-        held: Weight of the rows that are held.
-        level: Relaxation level.
-        falls: Decrease of the cost to first order.
-        above: Weight of gaps and hard rows in the merit.
-        left: Violation that the linearised constraints keep.
-        weighted: The same with its weights.
-    """
-
-    status: QPStatus
-    multipliers: tuple[Array, Array, Array]
-    shift: float
-    held: float
-    level: int
-    falls: float
-    above: float
-    left: float
-    weighted: float
 
 
 class MultipleShooting:
@@ -128,7 +73,7 @@ class MultipleShooting:
         """
         self._problem, self._options, self._space = problem, options, space
         self._memory = memory(problem.size)
-        self._compiled = _entries(*space.program.stages['B'].shape[1:])
+        self._compiled = entries_for(*space.program.stages['B'].shape[1:])
         relax(space.program, 0)
         self._here = self._point(at.X, at.U)
         violation = self._here.violation
@@ -246,7 +191,7 @@ class MultipleShooting:
 
     def _direction(self, point: Point, found: Curvature, size: float) -> Direction:
         """Step of the program at a point, relaxed where it has no solution or caution is due."""
-        least = LEVELS if self._is_cautious else 0
+        least, status = LEVELS if self._is_cautious else 0, None
         for shift, held in self._convexifications(size):
             self._set_values(point, found.linearisation)
             status = self._solve_at(point, shift, held, least)
@@ -367,7 +312,7 @@ class MultipleShooting:
         s, head = self._memory, self._space.program.head
         terminal, path, bounds = (
             old + length * (then - old) if length else old
-            for old, then in zip((at.multipliers), way.multipliers, strict=True)
+            for old, then in zip(at.multipliers, way.multipliers, strict=True)
         )
         change, whole = (np.linalg.norm(each, axis=1).sum() for each in (s.dU, at.U))
         return Step(
@@ -385,23 +330,3 @@ def _not_finite(at: Iterate, found: Curvature) -> Step:
         QPStatus.FAILED, False, np.zeros_like(terminal), np.zeros_like(path), 0.0, terminal, path,
         bounds, 0, 0, not_finite=lin.not_finite or 'the curvature of the constraints',
     )  # fmt: skip
-
-
-class _Entries(NamedTuple):
-    assemble: Callable[..., None]
-    read_direction: Callable[..., None]
-    measure: Callable[..., None]
-    set_correction: Callable[..., None]
-
-
-@cache
-def _entries(n: int, r: int) -> _Entries:
-    """Machine code for programs in records of ``n`` states and ``r`` controls."""
-    p, s = empty_program(1, n, r, 1, 1), memory(Dimensions(1, n, r, 1, 1))
-    point = p, s, s.dX, s.gaps, s.output_error, s.g
-    return _Entries(
-        entry_for(assemble, p, s, s.dU, s.dU, s.dU, 0.0, 0.0),
-        entry_for(read_direction, p, s, True),
-        entry_for(measure, *point),
-        entry_for(set_correction, *point),
-    )

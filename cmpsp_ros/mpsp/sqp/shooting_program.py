@@ -7,15 +7,18 @@ by ``dX = e + dX'``, and what is left is the program (45) (54) (57) in ``dX'`` a
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from collections.abc import Callable
+from functools import cache
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.mpsp.jit.compiled import allocation_free, inner
-from cmpsp_ros.mpsp.problem import Dimensions
+from cmpsp_ros.mpsp.jit.compiled import allocation_free, entry_for, inner
+from cmpsp_ros.mpsp.problem import Dimensions, Evaluation
+from cmpsp_ros.mpsp.qp import QPStatus
 from cmpsp_ros.mpsp.qp.active_set.fixed_bounds import free_all
-from cmpsp_ros.mpsp.qp.riccati.program import Program, product
+from cmpsp_ros.mpsp.qp.riccati.program import Program, empty_program, product
 
 # Multiplier of a path constraint from which on it is held.
 _HELD = 1e-8
@@ -63,6 +66,52 @@ def memory(size: Dimensions) -> Memory:
         (K, n), (K, n), (K, r), (m,), (K, l), (4,),
     )  # fmt: skip
     return Memory(*map(np.zeros, shapes))
+
+
+class Point(NamedTuple):
+    """States, controls, their evaluation and dynamics ``(N, n)``, and the sum of all violations."""
+
+    X: Array
+    U: Array
+    evaluation: Evaluation
+    ahead: Array
+    violation: float
+
+    @property
+    def is_finite(self) -> bool:
+        """True where cost and violation are."""
+        return bool(np.isfinite(self.evaluation.cost + self.violation))
+
+    @property
+    def values(self) -> tuple[Array, Array, Array, Array]:
+        """States, dynamics, terminal error and path constraints."""
+        return self.X, self.ahead, self.evaluation.output_error, self.evaluation.g
+
+
+class Direction(NamedTuple):
+    """Solution of a subproblem; the direction itself is in the memory.
+
+    Attributes:
+        status: How it ended.
+        multipliers: Of outputs, path constraints and bounds.
+        shift: Term on the diagonal of the Hessian.
+        held: Weight of the rows that are held.
+        level: Relaxation level.
+        falls: Decrease of the cost to first order.
+        above: Weight of gaps and hard rows in the merit.
+        left: Violation that the linearised constraints keep.
+        weighted: The same with its weights.
+    """
+
+    status: QPStatus
+    multipliers: tuple[Array, Array, Array]
+    shift: float
+    held: float
+    level: int
+    falls: float
+    above: float
+    left: float
+    weighted: float
 
 
 @allocation_free
@@ -126,27 +175,27 @@ def _respond(p: Program, s: Memory, k: int, n: int) -> None:
 
 
 @inner
-def _by_states(row: object, states: Array) -> float:
+def _by_states(row: Any, states: Array) -> float:
     total = 0.0
     for i in range(states.shape[0]):
-        total += row.X[i] * states[i]  # type: ignore[attr-defined]
+        total += row.X[i] * states[i]
     return total
 
 
 @inner
-def _hold(stage: object, row: object, weight: float, n: int, r: int) -> None:
+def _hold(stage: Any, row: Any, weight: float, n: int, r: int) -> None:
     for a in range(n):
-        slope = weight * row.X[a]  # type: ignore[attr-defined]
-        stage.L_X[a] += slope * row.value  # type: ignore[attr-defined]
+        slope = weight * row.X[a]
+        stage.L_X[a] += slope * row.value
         for b in range(n):
-            stage.L_XX[a, b] += slope * row.X[b]  # type: ignore[attr-defined]
+            stage.L_XX[a, b] += slope * row.X[b]
     for a in range(r):
-        slope = weight * row.U[a]  # type: ignore[attr-defined]
-        stage.L_U[a] += slope * row.value  # type: ignore[attr-defined]
+        slope = weight * row.U[a]
+        stage.L_U[a] += slope * row.value
         for b in range(n):
-            stage.L_UX[a, b] += slope * row.X[b]  # type: ignore[attr-defined]
+            stage.L_UX[a, b] += slope * row.X[b]
         for b in range(r):
-            stage.L_UU[a, b] += slope * row.U[b]  # type: ignore[attr-defined]
+            stage.L_UU[a, b] += slope * row.U[b]
 
 
 @allocation_free
@@ -218,9 +267,7 @@ def measure(p: Program, s: Memory, X: Array, ahead: Array, error: Array, g: Arra
 
 
 @allocation_free
-def set_correction(
-    p: Program, s: Memory, X: Array, ahead: Array, error: Array, g: Array
-) -> None:
+def set_correction(p: Program, s: Memory, X: Array, ahead: Array, error: Array, g: Array) -> None:
     """Set gaps and values of the second-order correction after the full step in `dX`, `dU`.
 
     They are such that the direction from the present point meets, to first order, the constraints
@@ -245,8 +292,30 @@ def set_correction(
 
 
 @inner
-def _change(row: object, dX: Array, dU: Array) -> float:
+def _change(row: Any, dX: Array, dU: Array) -> float:
     total = _by_states(row, dX)
     for a in range(dU.shape[0]):
-        total += row.U[a] * dU[a]  # type: ignore[attr-defined]
+        total += row.U[a] * dU[a]
     return total
+
+
+class Entries(NamedTuple):
+    """Machine code of the functions here."""
+
+    assemble: Callable[..., None]
+    read_direction: Callable[..., None]
+    measure: Callable[..., None]
+    set_correction: Callable[..., None]
+
+
+@cache
+def entries_for(n: int, r: int) -> Entries:
+    """Machine code for programs in records of ``n`` states and ``r`` controls."""
+    p, s = empty_program(1, n, r, 1, 1), memory(Dimensions(1, n, r, 1, 1))
+    point = p, s, s.dX, s.gaps, s.output_error, s.g
+    return Entries(
+        entry_for(assemble, p, s, s.dU, s.dU, s.dU, 0.0, 0.0),
+        entry_for(read_direction, p, s, True),
+        entry_for(measure, *point),
+        entry_for(set_correction, *point),
+    )

@@ -2,7 +2,8 @@
 
 `python -m benchmarks.minimum_time` drives a differential drive with limits of wheel speed and
 acceleration from rest to rest: to five goals on open floor, past a disc to some of them, and along
-two roads; along both with a limit of the lateral acceleration, too. IPOPT starts from the path driven, with as many steps, all of one duration.
+two roads, with a limit of the lateral acceleration, too. IPOPT starts from the path driven, with as
+many steps, all of one duration.
 """
 
 from __future__ import annotations
@@ -57,7 +58,7 @@ COURSES: Final[Mapping[str, dict[str, Any]]] = {
     'floor, past a disc, aside': _floor(5.0, -2.5, 0.5, **_POST),
     'road, a ring': _RING,
     'road, a slalom': _SLALOM,
-    'ring, 0.1 m/s^2 across': {**_RING, _LATERAL: 0.1},
+    'ring, 0.15 m/s^2 across': {**_RING, _LATERAL: 0.15},
     'slalom, 0.5 m/s^2 across': {**_SLALOM, _LATERAL: 0.5},
     'slalom, 0.2 m/s^2 across': {**_SLALOM, _LATERAL: 0.2},
 }  # fmt: skip

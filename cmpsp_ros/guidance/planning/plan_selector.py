@@ -178,7 +178,7 @@ class PlanSelector:
     ) -> Candidate:
         """Improve a plan that ends earlier or later, and follow it if it is accepted."""
         planner, left = self._pool.take(), self._work_left
-        self._work_left = granted = min(left, self._work_limit // 8)
+        self._work_left = granted = max(left // 2, min(left, self._work_limit // 8))
         found = self._improve(planner, self._guess_from(plan, context), context, SCREENING)
         self._work_left += left - granted
         if accepts(found):

@@ -16,11 +16,7 @@ from cmpsp_ros.guidance.formulation.ocp_formulation import (
     terminal_constraint,
     terminal_penalty,
 )
-from cmpsp_ros.guidance.formulation.ocp_functions import (
-    LATERAL_PART,
-    WHEEL_ROUNDING,
-    GuidanceData,
-)
+from cmpsp_ros.guidance.formulation.ocp_functions import LATERAL_PART, WHEEL_ROUNDING, GuidanceData
 from cmpsp_ros.guidance.goals import Target
 from cmpsp_ros.guidance.horizon import remaining
 from cmpsp_ros.guidance.planning.candidate import SolveResult

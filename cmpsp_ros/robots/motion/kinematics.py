@@ -159,7 +159,8 @@ def lateral_acceleration(controls: Array, k: int, robot: Kinematics) -> float:
     The speed of a robot that drives sideways has no sign.
     """
     _displace(robot, _DISPLACE, controls, k, 1.0)
-    return _signed_speed(robot) * robot.scratch[0, 2]
+    across: float = _signed_speed(robot) * robot.scratch[0, 2]
+    return across
 
 
 @allocation_free

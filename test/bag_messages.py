@@ -114,14 +114,16 @@ def path(stamp, places, frame_id='odom', stamps=None):
 
 
 def cloud(stamp, points, frame_id='odom'):
-    """Moving obstacles: (id, x, y, vx, vy, radius) each."""
+    """Moving obstacles: (id, x, y, vx, vy, radius) each, and (position_stddev, velocity_stddev)."""
     field = jazzy().types['sensor_msgs/msg/PointField']
-    fields = [field(name, 8 * place, 8, 1) for place, name in enumerate(Track.FIELDS)]
-    data = b''.join(struct.pack('<5di', *values, number) for number, *values in points)
-    count = len(points)
+    size = max((len(values) for _, *values in points), default=len(Track.FIELDS))
+    names = (*Track.FIELDS, *Track.DOUBTS)[:size]
+    fields = [field(name, 8 * place, 8, 1) for place, name in enumerate(names)]
+    data = b''.join(struct.pack(f'<{size}di', *values, number) for number, *values in points)
+    count, step = len(points), 8 * size + 4
     return make(
-        CLOUD, header(stamp, frame_id), 1, count, [*fields, field('id', 40, 5, 1)], False,
-        44, 44 * count, np.frombuffer(data, np.uint8), True,
+        CLOUD, header(stamp, frame_id), 1, count, [*fields, field('id', step - 4, 5, 1)], False,
+        step, step * count, np.frombuffer(data, np.uint8), True,
     )  # fmt: skip
 
 

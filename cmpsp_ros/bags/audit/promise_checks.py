@@ -32,6 +32,8 @@ _TOLERANCE: Final = 5e-3
 _ASSUMED: Final = {'people.max_acceleration', 'safety.max_obstacle_speed'}
 _AT_REST: Final = 1e-6
 """Fraction of a command that is rounding, and no motion."""
+_LOST: Final = 0.5
+"""Doubt about a position beyond which an obstacle is out of sight [m]."""
 _CREEP: Final = 0.051
 """Speed up to which a robot counts as standing [m/s]."""
 
@@ -206,8 +208,8 @@ def _worst(
 ) -> tuple[float, str]:
     """Least clearance on a path, beyond what is allowed [m], and from what.
 
-    A robot that creeps may leave what is there, and pass what stands. `begin` is the time of the
-    beginning [ns].
+    A robot that creeps may leave what is there, and pass what stands; one that is no nearer than at
+    rest may leave what is out of sight. `begin` is the time of the beginning [ns].
     """
     times, poses = stop
     discs, radius = settings.footprint.discs, settings.robot_radius
@@ -232,6 +234,9 @@ def _worst(
             clear = np.maximum(clear, still - certain - moving.max_speed * since)
         touched = away[0] < each.radius
         spare = float(clear.min()) - (0.0 if touched else min(float(clear[0]), 0.0))
+        if not touched and reach[0] - each.radius > _LOST:
+            at_rest = np.linalg.norm(points[0] - center[:, None], axis=-1).min(axis=1) - radius
+            spare = max(spare, float((away - at_rest).min()))
         if creeps:
             there = np.linalg.norm(points - center[0], axis=-1).min(axis=1) - radius - each.radius
             kept = float(there[0]) if speed > _CREEP else min(float(there[0]), 0.0)

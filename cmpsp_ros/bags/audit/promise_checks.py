@@ -32,8 +32,8 @@ _TOLERANCE: Final = 5e-3
 _ASSUMED: Final = {'people.max_acceleration', 'safety.max_obstacle_speed'}
 _AT_REST: Final = 1e-6
 """Fraction of a command that is rounding, and no motion."""
-_LOST: Final = 0.5
-"""Doubt about a position beyond which an obstacle is out of sight [m]."""
+_LOST, _APART = 0.5, 0.95
+"""Doubt about a position beyond which an obstacle is out of sight, and distance then [m]."""
 _CREEP: Final = 0.051
 """Speed up to which a robot counts as standing [m/s]."""
 
@@ -234,7 +234,7 @@ def _worst(
             clear = np.maximum(clear, still - certain - moving.max_speed * since)
         touched = away[0] < each.radius
         spare = float(clear.min()) - (0.0 if touched else min(float(clear[0]), 0.0))
-        if not touched and reach[0] - each.radius > _LOST:
+        if reach[0] - each.radius > _LOST and away[0] - each.radius > _APART:
             at_rest = np.linalg.norm(points[0] - center[:, None], axis=-1).min(axis=1) - radius
             spare = max(spare, float((away - at_rest).min()))
         if creeps:

@@ -23,6 +23,9 @@ _ROUNDING: Final = 1e-6
 _LOST: Final = 0.5
 """Three standard deviations of a position beyond which an obstacle is out of sight [m]."""
 
+_APART: Final = 1.0
+"""Distance from where such an obstacle is expected from which the robot drives away from it [m]."""
+
 CREEP: Final = 0.05
 """Speed up to which the robot counts as standing [m/s]: faster, a contact would be one of a robot
 that moves."""
@@ -39,7 +42,7 @@ class _Sets(NamedTuple):
         seen: The same obstacles as they were seen, at rest there.
         there: Their clearance at the start [m].
         stands: Whether each stood when it was seen.
-        is_lost: Whether each is out of sight.
+        is_lost: Whether each is out of sight, far away, and does not come at the robot.
     """
 
     pose: Array
@@ -66,9 +69,9 @@ class ReachCheck:
         """Reason why a path to rest is not clear, in a sentence; '' if it is.
 
         At rest nothing is asked. A robot that is within reach already may go where it is no nearer
-        at any time, and away from what is out of sight: no nearer at any time than at rest. Where
-        something touches it or might, it may creep away from where that is seen, and past what
-        stands.
+        at any time, and away from what is out of sight, far away and does not come at it: no nearer
+        at any time than at rest. Where something touches it or might, it may creep away from where
+        that is seen, and past what stands.
 
         `controls` ``(K, r)``, `durations` ``(K,)`` [s].
         """
@@ -120,6 +123,8 @@ class ReachCheck:
             stands = np.hypot(*seen.states[:, 2:4].T) <= CREEP
             begins, there = self._clearance(start, discs), self._clearance(start, seen)
             is_lost = discs.states[:, 4] - seen.states[:, 4] > _LOST
+            toward = start.pose[:2] - seen.states[:, :2]
+            is_lost &= (there > _APART) & ((toward * seen.states[:, 2:4]).sum(axis=1) <= 0.0)
             self._known = known = _Sets(
                 start.pose, start.reachable, discs, begins, seen.at_rest(), there, stands, is_lost
             )

@@ -38,7 +38,7 @@ def test_what_could_reach_the_robot_before_the_next_command_is_caught(drive, out
 
 
 @pytest.mark.parametrize(
-    ('distance', 'outcome'), [(-0.9, PASSED), (0.9, FAILED)], ids=['behind', 'ahead']
+    ('distance', 'outcome'), [(-1.5, PASSED), (1.5, FAILED)], ids=['behind', 'ahead']
 )
 def test_a_robot_may_leave_somebody_out_of_sight(drive, outcomes, distance, outcome):
     stamp = START + 4 * SECOND

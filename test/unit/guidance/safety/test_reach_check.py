@@ -20,30 +20,48 @@ SETTINGS = GuidanceSettings(
     robot_radius=0.175,
     moving_obstacles=MovingObstacles(capacity=8),
 )
-LOST, IN_SIGHT = 0.25, 0.02
+LOST, IN_SIGHT = 0.4, 0.02
 
 
-def reason(speed, place, velocity, stddev):
-    """Why the robot may not drive straight at a speed, with one person about."""
-    person = Track(Track.SEEN + 1, 0, 0.25, *place, *velocity, stddev, 0.3)
+def start_beside(number, place, velocity, stddev):
+    """Start of a plan with one person about."""
+    person = Track(number, 0, 0.25, *place, *velocity, stddev, 0.3)
     seen = Observation(0, np.zeros(3), (person,))
-    start = Estimator(SETTINGS).update(seen, World(OpenFloor()), ROBOT.at_rest).start
+    return Estimator(SETTINGS).update(seen, World(OpenFloor()), ROBOT.at_rest).start
+
+
+def reason(speed, *person):
+    """Why the robot may not drive straight at a speed, with one person in sight or lost."""
+    start = start_beside(Track.SEEN + 1, *person)
     controls = ROBOT.controls(np.array([speed, 0.0]))[None]
     check = ReachCheck(SETTINGS, SETTINGS.robot_radius)
     return check.reason(start, controls, np.array([0.5]))
 
 
-@pytest.mark.parametrize('distance', [0.9, 1.3])
+@pytest.mark.parametrize('distance', [1.5, 1.7])
 def test_a_robot_drives_away_from_where_somebody_was_lost_sight_of(distance):
     behind, leaving = (-distance, 0.0), (-0.5, 0.0)
     assert reason(0.3, behind, leaving, LOST) == ''
     assert 'person 1 could be' in reason(-0.3, behind, leaving, LOST)
 
 
-def test_who_comes_at_it_in_sight_is_waited_for():
+@pytest.mark.parametrize('stddev', [IN_SIGHT, LOST])
+def test_who_comes_at_it_is_waited_for(stddev):
     behind, coming = (-0.5, 0.0), (0.8, 0.0)
-    assert 'person 1 could be' in reason(0.3, behind, coming, IN_SIGHT)
+    assert 'person 1 could be' in reason(0.3, behind, coming, stddev)
 
 
-def test_whom_it_touches_it_does_not_leave_at_speed():
+def test_whom_it_touches_or_has_just_left_it_does_not_leave_at_speed():
     assert 'touches the robot' in reason(0.3, (-0.4, 0.0), (0.0, 0.0), LOST)
+    assert 'person 1 could be' in reason(0.3, (-1.0, 0.0), (0.0, 0.0), LOST)
+
+
+@pytest.mark.parametrize(
+    ('number', 'stddev', 'planned'),
+    [(Track.SEEN + 1, 0.1, 0.16), (Track.SEEN + 1, 1.0, 0.2), (1, 1.0, 1.06)],
+    ids=['in sight', 'out of sight', 'told'],
+)
+def test_who_is_out_of_sight_does_not_fill_the_room_of_plans(number, stddev, planned):
+    start = start_beside(number, (2.0, 0.0), (0.0, 0.5), stddev)
+    assert start.moving.states[0, 4] == pytest.approx(0.25 + 2.0 * planned)
+    assert start.reachable.states[0, 4] == pytest.approx(0.25 + 3.0 * stddev)

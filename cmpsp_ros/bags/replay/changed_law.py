@@ -105,10 +105,8 @@ def what_if(path: Path, names: Names, change: Change, output: Path) -> WhatIf:
         with BagWriter(output) as new:
             _copy(bag, new, result)
             for node, values in bag.parameters.items():
-                new.set_parameters(node, values)
-            for node, restarts in bag.restarts.items():
-                for since, values in restarts:
-                    new.set_parameters(node, values, since)
+                if f'{node}/parameters' not in bag.topics:
+                    new.set_parameters(node, values)
             new.set_parameters(f'{PREFIX}{names.node}', change.of(inputs.values))
             _write(new, names, result)
     return result

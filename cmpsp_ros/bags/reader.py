@@ -82,6 +82,11 @@ class Bag:
             self.close()
             raise
 
+    def lacks(self, what: str) -> BagError:
+        """Error that says what was not found, and which topics there are."""
+        there = ', '.join(sorted(self.topics)) or 'no topic at all'
+        return BagError(f'{self.path}: {what}; there is {there}')
+
     def as_decided_on(self, node: str, name: str) -> str:
         """Topic that a node received; its own one of that name if it published it transformed."""
         own, heard = f'{node}/{name}', f'{node.rpartition("/")[0]}/{name}'
@@ -133,8 +138,7 @@ class Bag:
             raise BagError(f'{self.path}: the bag is closed')
         for topic in topics:
             if topic not in self.topics:
-                there = ', '.join(sorted(self.topics)) or 'no topic at all'
-                raise BagError(f'{self.path}: no topic {topic}; there is {there}')
+                raise self.lacks(f'no topic {topic}')
         chosen = [each for each in self._reader.connections if each.topic in topics]
         records = self._reader.messages(connections=chosen)
         count, promised = 0, sum(each.msgcount for each in chosen)

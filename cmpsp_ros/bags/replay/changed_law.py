@@ -15,16 +15,16 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from cmpsp_ros.bags.decision_record import DecisionRecord
-from cmpsp_ros.bags.errors import UnknownTypeError
-from cmpsp_ros.bags.messages import (
+from cmpsp_ros.bags.decision_record import (
     DECISION,
     PATH,
     TWIST,
+    DecisionRecord,
     command_message,
     decision_message,
     path_message,
 )
+from cmpsp_ros.bags.errors import UnknownTypeError
 from cmpsp_ros.bags.names import Names
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.replay.inputs import Follower, Halted, Input, Inputs, OdometryReceived

@@ -6,7 +6,7 @@ import math
 import pytest
 
 from cmpsp_ros.view import SharedState, shared_state
-from cmpsp_ros.view.shared_state import ClientState
+from cmpsp_ros.view.server import ClientState
 
 
 @pytest.fixture

@@ -29,7 +29,7 @@ from bag_messages import (
 
 from cmpsp_ros.bags import BagWriter
 from cmpsp_ros.bags.audit import CheckOutcome
-from cmpsp_ros.bags.messages import DECISION, decision_message, path_message
+from cmpsp_ros.bags.decision_record import DECISION, decision_message, path_message
 from cmpsp_ros.guidance import GuidanceLaw, Observation
 from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 

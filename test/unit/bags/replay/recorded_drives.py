@@ -19,8 +19,13 @@ from bag_messages import (
 )
 
 from cmpsp_ros.bags import Bag, BagWriter
-from cmpsp_ros.bags.decision_record import status_of
-from cmpsp_ros.bags.messages import DECISION, command_message, decision_message, path_message
+from cmpsp_ros.bags.decision_record import (
+    DECISION,
+    command_message,
+    decision_message,
+    path_message,
+    status_of,
+)
 from cmpsp_ros.guidance import GoalError, GuidanceLaw, Observation
 from cmpsp_ros.guidance.messages import Arrival, OdometryError, OdometryGate, goal_of
 from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file

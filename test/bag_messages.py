@@ -136,13 +136,21 @@ def grid(stamp, cells, origin=(0.0, 0.0), resolution=0.05, frame_id='odom'):
 
 
 def parameter_event(node, changes, stamp=0):
-    """Live changes of a node's parameters: floats and lists of floats by key."""
-    none = [np.zeros(0, kind) for kind in (np.uint8, bool, np.int64)]
-    parameters = []
-    for name, value in changes.items():
-        many = isinstance(value, list)
-        number, numbers = (0.0, np.array(value)) if many else (value, np.zeros(0))
-        fields = 8 if many else 3, False, 0, number, '', *none, numbers, []
-        held = make('rcl_interfaces/msg/ParameterValue', *fields)
-        parameters.append(make('rcl_interfaces/msg/Parameter', name, held))
-    return make(EVENT, time(stamp), node, [], parameters, [])
+    """Live changes of a node's parameters by key."""
+    return make(EVENT, time(stamp), node, [], [_parameter(*each) for each in changes.items()], [])
+
+
+def all_parameters(node, values, stamp=0):
+    """The parameters that a node began with, as it publishes them on `~/parameters`."""
+    return make(EVENT, time(stamp), node, [_parameter(*each) for each in values.items()], [], [])
+
+
+def _parameter(name, value):
+    empty = np.zeros(0, np.uint8), np.zeros(0, bool), np.zeros(0, np.int64), np.zeros(0), []
+    fields = [False, 0, 0.0, '', *empty]
+    many = isinstance(value, list)
+    first = (value or [''])[0] if many else value
+    kind = 5 * many + [bool, int, float, str].index(type(first))
+    fields[kind] = np.array(value) if many and not isinstance(first, str) else value
+    held = make('rcl_interfaces/msg/ParameterValue', kind + 1, *fields)
+    return make('rcl_interfaces/msg/Parameter', name, held)

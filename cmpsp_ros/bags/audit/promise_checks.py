@@ -15,7 +15,7 @@ import numpy as np
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.bags.audit.finding import NotJudgedError, Sample, SkippedError, check
 from cmpsp_ros.bags.audit.legs import Commands
-from cmpsp_ros.bags.audit.path_checks import effect_delay, measured
+from cmpsp_ros.bags.audit.path_checks import in_effect
 from cmpsp_ros.bags.audit.record import AuditRecord, path_gap
 from cmpsp_ros.bags.runs import lifetime
 from cmpsp_ros.bags.runs.odometry import is_within
@@ -68,13 +68,10 @@ def promise(record: AuditRecord) -> Iterator[Sample]:
         raise SkippedError('Nothing that moves is in the bag.')
     if unknown := sorted(_ASSUMED - set(record.history.given)):
         raise NotJudgedError(f'The parameters do not say {", ".join(unknown)}.')
-    decisions = {each.stamp: each for each in record.decisions}
     tracks = sorted(record.tracks, key=lambda each: (each.stamp, each.id))
     for leg in record.legs:
-        commands = leg.commands.chosen(np.all(np.isfinite(leg.commands.twists), axis=1))
+        commands, delays, poses = in_effect(record, leg)
         stamps = commands.stamps.tolist()
-        delays = [effect_delay(record.history.at(each), decisions.get(each)) for each in stamps]
-        poses = measured(leg, commands.stamps, np.array(delays))
         latest, following = {}, iter([*tracks, None])
         upcoming = next(following)
         for k, stamp in enumerate(stamps):
@@ -113,15 +110,11 @@ def unseen(record: AuditRecord) -> Iterator[Sample]:
         raise SkippedError('No sensor tracks moving obstacles.')
     if 'safety.stop_within_sight' not in record.history.given:
         raise NotJudgedError('The parameters do not say safety.stop_within_sight.')
-    decisions = {each.stamp: each for each in record.decisions}
-    ids = ((at, key) for at, each in decisions.items() for key, _ in each.tracks)
+    ids = ((each.stamp, key) for each in record.decisions for key, _ in each.tracks)
     moved = min((at for at, key in ids if isinstance(key, int)), default=math.inf)
     for leg, seeing in zip(record.legs, record.knowledge(), strict=True):
-        commands = leg.commands.chosen(np.all(np.isfinite(leg.commands.twists), axis=1))
-        stamps = commands.stamps.tolist()
-        delays = [effect_delay(record.history.at(each), decisions.get(each)) for each in stamps]
-        poses = measured(leg, commands.stamps, np.array(delays))
-        for k, stamp in enumerate(stamps):
+        commands, _, poses = in_effect(record, leg)
+        for k, stamp in enumerate(commands.stamps.tolist()):
             settings = record.history.at(stamp)
             obstacles = seeing(settings, stamp).obstacles
             grids = [each.grid for each in obstacles if isinstance(each, GridObstacle)]

@@ -22,7 +22,14 @@ import numpy as np
 
 from cmpsp_ros.guidance import GuidanceSettings, prepare
 from cmpsp_ros.mpsp import Options, from_functions, solve
-from cmpsp_ros.mpsp.jit import ProgressLine, compilations, entry_for, kernel_folder, prune, wanted_place
+from cmpsp_ros.mpsp.jit import (
+    ProgressLine,
+    compilations,
+    entry_for,
+    kernel_folder,
+    prune,
+    wanted_place,
+)
 from cmpsp_ros.mpsp.qp import CLARABEL, RICCATI_ACTIVE_SET, available
 from cmpsp_ros.mpsp.qp.active_set import correct, empty_active_set, empty_warm_start
 from cmpsp_ros.mpsp.qp.active_set import solve as solve_program

@@ -15,7 +15,7 @@ from cmpsp_ros.world.obstacles import Capsule, convex
 pytestmark = [pytest.mark.slow, pytest.mark.parametrize('number', range(10))]
 
 MARGIN, WIDTH = 0.02, 0.35
-"""Of the robot in :func:`tight_places.task` [m]."""
+"""Margin and width of the robot in :func:`tight_places.task` [m]."""
 LONGEST_WAIT = 20.0
 """Without new ground, until a goal is given up [s]."""
 

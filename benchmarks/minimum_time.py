@@ -2,7 +2,8 @@
 
 `python -m benchmarks.minimum_time` drives a differential drive with limits of wheel speed and
 acceleration from rest to rest: to five goals on open floor, past a disc to some of them, and along
-two roads. IPOPT starts from the path driven, with as many steps, all of one duration.
+two roads, with a limit of the lateral acceleration, too. IPOPT starts from the path driven, with as
+many steps, all of one duration.
 """
 
 from __future__ import annotations
@@ -32,7 +33,16 @@ _ROBOT: Final = {
 _POST: Final[dict[str, Any]] = {
     'obstacles.names': ['post'], 'obstacles.post.center': [3.0, 0.2], 'obstacles.post.radius': 0.4,
 }  # fmt: skip
-_SLALOM: Final = [0.0, 0.0, 3.0, 0.8, 6.0, -0.8, 9.0, 0.8, 12.0, -0.8, 15.0, 0.0]
+_RING: Final[dict[str, Any]] = {
+    'road.type': 'annulus', 'road.inner_radius': 9.0, 'road.outer_radius': 11.0,
+    'goal.position': [10.0, 0.0], 'initial_pose': [0.0, -9.25, 0.0],
+}  # fmt: skip
+_POINTS: Final = [0.0, 0.0, 3.0, 0.8, 6.0, -0.8, 9.0, 0.8, 12.0, -0.8, 15.0, 0.0]
+_SLALOM: Final[dict[str, Any]] = {
+    'road.type': 'corridor', 'road.points': _POINTS, 'road.half_width': [0.6],
+    'goal.position': [12.0, -0.8], 'initial_pose': [3.0, 0.8, 0.0],
+}  # fmt: skip
+_LATERAL: Final = 'robot.max_lateral_acceleration'
 
 
 def _floor(x: float, y: float, heading: float = 0.0, **changes: Any) -> dict[str, Any]:
@@ -46,14 +56,11 @@ COURSES: Final[Mapping[str, dict[str, Any]]] = {
     'floor, beside': _floor(0.5, 3.0),
     'floor, past a disc': _floor(6.0, 0.0, **_POST),
     'floor, past a disc, aside': _floor(5.0, -2.5, 0.5, **_POST),
-    'road, a ring': {
-        'road.type': 'annulus', 'road.inner_radius': 9.0, 'road.outer_radius': 11.0,
-        'goal.position': [10.0, 0.0], 'initial_pose': [0.0, -9.25, 0.0],
-    },
-    'road, a slalom': {
-        'road.type': 'corridor', 'road.points': _SLALOM, 'road.half_width': [0.6],
-        'goal.position': [12.0, -0.8], 'initial_pose': [3.0, 0.8, 0.0],
-    },
+    'road, a ring': _RING,
+    'road, a slalom': _SLALOM,
+    'ring, 0.15 m/s^2 across': {**_RING, _LATERAL: 0.15},
+    'slalom, 0.5 m/s^2 across': {**_SLALOM, _LATERAL: 0.5},
+    'slalom, 0.2 m/s^2 across': {**_SLALOM, _LATERAL: 0.2},
 }  # fmt: skip
 """Parameters of every course that differ from the defaults."""
 

@@ -114,14 +114,16 @@ def path(stamp, places, frame_id='odom', stamps=None):
 
 
 def cloud(stamp, points, frame_id='odom'):
-    """Moving obstacles: (id, x, y, vx, vy, radius) each."""
+    """Moving obstacles: (id, x, y, vx, vy, radius) each, and (position_stddev, velocity_stddev)."""
     field = jazzy().types['sensor_msgs/msg/PointField']
-    fields = [field(name, 8 * place, 8, 1) for place, name in enumerate(Track.FIELDS)]
-    data = b''.join(struct.pack('<5di', *values, number) for number, *values in points)
-    count = len(points)
+    size = max((len(values) for _, *values in points), default=len(Track.FIELDS))
+    names = (*Track.FIELDS, *Track.DOUBTS)[:size]
+    fields = [field(name, 8 * place, 8, 1) for place, name in enumerate(names)]
+    data = b''.join(struct.pack(f'<{size}di', *values, number) for number, *values in points)
+    count, step = len(points), 8 * size + 4
     return make(
-        CLOUD, header(stamp, frame_id), 1, count, [*fields, field('id', 40, 5, 1)], False,
-        44, 44 * count, np.frombuffer(data, np.uint8), True,
+        CLOUD, header(stamp, frame_id), 1, count, [*fields, field('id', step - 4, 5, 1)], False,
+        step, step * count, np.frombuffer(data, np.uint8), True,
     )  # fmt: skip
 
 
@@ -134,13 +136,21 @@ def grid(stamp, cells, origin=(0.0, 0.0), resolution=0.05, frame_id='odom'):
 
 
 def parameter_event(node, changes, stamp=0):
-    """Live changes of a node's parameters: floats and lists of floats by key."""
-    none = [np.zeros(0, kind) for kind in (np.uint8, bool, np.int64)]
-    parameters = []
-    for name, value in changes.items():
-        many = isinstance(value, list)
-        number, numbers = (0.0, np.array(value)) if many else (value, np.zeros(0))
-        fields = 8 if many else 3, False, 0, number, '', *none, numbers, []
-        held = make('rcl_interfaces/msg/ParameterValue', *fields)
-        parameters.append(make('rcl_interfaces/msg/Parameter', name, held))
-    return make(EVENT, time(stamp), node, [], parameters, [])
+    """Live changes of a node's parameters by key."""
+    return make(EVENT, time(stamp), node, [], [_parameter(*each) for each in changes.items()], [])
+
+
+def all_parameters(node, values, stamp=0):
+    """The parameters that a node began with, as it publishes them on `~/parameters`."""
+    return make(EVENT, time(stamp), node, [_parameter(*each) for each in values.items()], [], [])
+
+
+def _parameter(name, value):
+    empty = np.zeros(0, np.uint8), np.zeros(0, bool), np.zeros(0, np.int64), np.zeros(0), []
+    fields = [False, 0, 0.0, '', *empty]
+    many = isinstance(value, list)
+    first = (value or [''])[0] if many else value
+    kind = 5 * many + [bool, int, float, str].index(type(first))
+    fields[kind] = np.array(value) if many and not isinstance(first, str) else value
+    held = make('rcl_interfaces/msg/ParameterValue', kind + 1, *fields)
+    return make('rcl_interfaces/msg/Parameter', name, held)

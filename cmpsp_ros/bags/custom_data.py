@@ -14,9 +14,6 @@ import numpy as np
 PARAMETERS_KEY = 'cmpsp_ros.parameters'
 """Key in the bag's custom data: JSON text `{node: {parameter: value}}`."""
 
-RESTARTS_KEY = 'cmpsp_ros.restarts'
-"""Key in the bag's custom data: JSON text `{node: [[since [ns], {parameter: value}], ...]}`."""
-
 VERSION_KEY = 'cmpsp_ros.version'
 """Key in the bag's custom data: version of this package that wrote the bag."""
 
@@ -86,12 +83,6 @@ def parsed(custom: Mapping[str, Any], key: str) -> dict[str, Any]:
     if key == PARAMETERS_KEY:
         for node, values in mapping.items():
             expected(values, dict, f'parameters of {node}')
-    elif key == RESTARTS_KEY:
-        for node, restarts in mapping.items():
-            for each in expected(restarts, list, f'restarts of {node}'):
-                since, values = expected(each, list, f'restart of {node}')
-                expected(since, int, f'time of a restart of {node}')
-                expected(values, dict, f'parameters of {node}')
     return mapping
 
 

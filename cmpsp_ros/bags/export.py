@@ -120,8 +120,7 @@ def tables(bag: Bag) -> list[Table]:
             wide = columns(bag, topics) if callable(columns) else columns
             found.append(Table(name, wide, _read(bag, topics, wide, rows)))
     if not found:
-        there = ', '.join(sorted(bag.topics)) or 'no topic at all'
-        raise BagError(f'{bag.path}: no topic that makes a table; there is {there}')
+        raise bag.lacks('no topic that makes a table')
     return found
 
 

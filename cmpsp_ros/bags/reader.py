@@ -14,7 +14,6 @@ from rosbags.typesys.store import Typestore
 
 from cmpsp_ros.bags.custom_data import (
     PARAMETERS_KEY,
-    RESTARTS_KEY,
     SOFTWARE_KEY,
     VERSION_KEY,
     expected,
@@ -55,11 +54,10 @@ class Bag:
         topics: By full name.
         start: Stamp of the first message [ns], 0 when there is none.
         end: Stamp of the last message [ns], 0 when there is none.
-        parameters: Parameters kept with the bag, `{node: {name: value}}`, before the first change
-            in `/parameter_events`; from `~/parameters` if another program wrote the bag, else
-            empty. A parameter is missing if it was changed before the recorder learnt its value.
-        restarts: By node, the times of restarts with other parameters [ns], and these parameters;
-            in order of time.
+        parameters: Parameters, `{node: {name: value}}`, before the first change in
+            `/parameter_events`: of `~/parameters`, or kept with the bag. A parameter is missing if
+            it was changed before the recorder learnt its value.
+        restarts: By node, the times of further `~/parameters` [ns], and their parameters, in order.
         version: Version of this package that wrote the bag; empty when another program did.
         software: Versions of the other software installed where the bag was written, by name.
 
@@ -83,6 +81,11 @@ class Bag:
         except BagError:
             self.close()
             raise
+
+    def lacks(self, what: str) -> BagError:
+        """Error that says what was not found, and which topics there are."""
+        there = ', '.join(sorted(self.topics)) or 'no topic at all'
+        return BagError(f'{self.path}: {what}; there is {there}')
 
     def as_decided_on(self, node: str, name: str) -> str:
         """Topic that a node received; its own one of that name if it published it transformed."""
@@ -135,8 +138,7 @@ class Bag:
             raise BagError(f'{self.path}: the bag is closed')
         for topic in topics:
             if topic not in self.topics:
-                there = ', '.join(sorted(self.topics)) or 'no topic at all'
-                raise BagError(f'{self.path}: no topic {topic}; there is {there}')
+                raise self.lacks(f'no topic {topic}')
         chosen = [each for each in self._reader.connections if each.topic in topics]
         records = self._reader.messages(connections=chosen)
         count, promised = 0, sum(each.msgcount for each in chosen)
@@ -174,17 +176,15 @@ class Bag:
         self.version: str = expected(custom.get(VERSION_KEY, ''), str, VERSION_KEY)
         self.software: dict[str, str] = parsed(custom, SOFTWARE_KEY)
         self.parameters: dict[str, dict[str, Any]] = parsed(custom, PARAMETERS_KEY)
-        self.restarts: dict[str, list[tuple[int, dict[str, Any]]]] = {
-            node: sorted(((since, values) for since, values in each), key=lambda one: one[0])
-            for node, each in parsed(custom, RESTARTS_KEY).items()
-        }
-        if not self.parameters:
-            self._read_parameters()
+        self.restarts: dict[str, list[tuple[int, dict[str, Any]]]] = {}
+        self._read_parameters()
 
     def _read_parameters(self) -> None:
-        """Read parameters from `~/parameters`, if the recorder did not request them."""
+        """Read `~/parameters` of the nodes whose parameters were not kept apart."""
+        kept = self.parameters.keys()
         for topic, about in self.topics.items():
-            if about.msgtype != _PARAMETER_EVENT or not topic.endswith('/parameters'):
+            is_one = about.msgtype == _PARAMETER_EVENT and topic.endswith('/parameters')
+            if not is_one or topic.removesuffix('/parameters') in kept:
                 continue
             for received, message in self.messages(topic):
                 if message.node not in self.parameters:

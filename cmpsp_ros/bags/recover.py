@@ -9,7 +9,7 @@ from pathlib import Path
 
 from rosbags.rosbag2 import ReaderError
 
-from cmpsp_ros.bags.custom_data import PARAMETERS_KEY, RESTARTS_KEY, SOFTWARE_KEY, parsed
+from cmpsp_ros.bags.custom_data import PARAMETERS_KEY, SOFTWARE_KEY, parsed
 from cmpsp_ros.bags.errors import BagError, UnknownTypeError
 from cmpsp_ros.bags.storage.checks import read_metadata, salvage
 from cmpsp_ros.bags.storage.common import (
@@ -112,7 +112,7 @@ def _custom_data(path: Path, remarks: list[str]) -> dict[str, str]:
                 found = json.loads((folder / name).read_text(encoding='utf-8'))
             items = found.items() if isinstance(found, dict) else ()
             texts = {key: value for key, value in items if {type(key), type(value)} == {str}}
-            for key in (PARAMETERS_KEY, RESTARTS_KEY, SOFTWARE_KEY):
+            for key in (PARAMETERS_KEY, SOFTWARE_KEY):
                 parsed(texts, key)
         except (ReaderError, OSError, ValueError, TypeError, RecursionError) as error:
             remarks.append(f'{name}: left out: {" ".join(str(error).split())}')

@@ -77,7 +77,6 @@ class BagWriter:
         self._form = form or Form()
         self._topics: dict[str, Connection] = {}
         self._parameters: dict[str, dict[str, object]] = {}
-        self._restarts: dict[str, dict[int, dict[str, object]]] = {}
         self._custom = {
             custom_data.VERSION_KEY: custom_data.own_version(),
             custom_data.SOFTWARE_KEY: json.dumps(custom_data.software_versions()),
@@ -159,14 +158,13 @@ class BagWriter:
                 self._storage.flush()
             os.fsync(self._lock)
 
-    def set_parameters(self, node_name: str, values: Mapping[str, object], since: int = 0) -> None:
-        """Keep a node's parameters with the bag, in place of any kept for it and this time before.
+    def set_parameters(self, node_name: str, values: Mapping[str, object]) -> None:
+        """Keep the parameters of a node of which the bag has no `~/parameters`.
 
         Args:
             node_name: Full name, as in `/guidance`.
             values: Plain values and sequences of them by name, else a `BagError`; floats read back
                 bit for bit.
-            since: Time of the restart with these values [ns]; 0 for the first start.
         """
         kept = {}
         for name, value in values.items():
@@ -174,13 +172,8 @@ class BagWriter:
                 kept[name] = custom_data.plain(value)
             except TypeError as error:
                 raise BagError(f'{self.path}: parameter {name} of {node_name} {error}') from error
-        if since == 0:
-            self._parameters[node_name] = kept
-            self.set_custom({custom_data.PARAMETERS_KEY: json.dumps(self._parameters)})
-        else:
-            self._restarts.setdefault(node_name, {})[since] = kept
-            listed = {node: sorted(each.items()) for node, each in self._restarts.items()}
-            self.set_custom({custom_data.RESTARTS_KEY: json.dumps(listed)})
+        self._parameters[node_name] = kept
+        self.set_custom({custom_data.PARAMETERS_KEY: json.dumps(self._parameters)})
 
     def set_custom(self, values: Mapping[str, str]) -> None:
         """Keep texts with the bag, by key; those of another bag that this one continues."""

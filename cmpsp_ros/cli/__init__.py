@@ -15,7 +15,7 @@ import typer.core
 
 from cmpsp_ros.cli import bags, demo, live, studies
 from cmpsp_ros.cli.terminal import console, errors, exit_on, progress_bar
-from cmpsp_ros.quick_exit import quick_exit
+from cmpsp_ros.programs import quick_exit
 
 _OBJECTS_BEFORE_COLLECTION: Final = 100_000
 

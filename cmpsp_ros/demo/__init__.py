@@ -8,11 +8,9 @@ from typing import TYPE_CHECKING
 from cmpsp_ros.front_door import lazy_exports
 
 if TYPE_CHECKING:
-    from cmpsp_ros.demo.fleet import load_fleet
-    from cmpsp_ros.demo.folder import DemoError, make_folder
-    from cmpsp_ros.demo.processes import Child, use_free_domain
+    from cmpsp_ros.demo.processes import Child, DemoError, make_folder, use_free_domain
     from cmpsp_ros.demo.runner import guide, run, started
-    from cmpsp_ros.demo.scenario import Scenario, load_scenario
+    from cmpsp_ros.demo.scenario import Scenario, load_fleet, load_scenario
     from cmpsp_ros.demo.summary import Summary
 
 __getattr__, __all__ = lazy_exports(__name__, __file__)

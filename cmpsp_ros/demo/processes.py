@@ -1,4 +1,4 @@
-"""The nodes of a run as operating-system processes in their own ROS domain."""
+"""The nodes of a run as operating-system processes in their own ROS domain, and its folder."""
 
 from __future__ import annotations
 
@@ -12,12 +12,17 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from datetime import datetime
 from importlib.metadata import version
 from itertools import groupby
 from pathlib import Path
 
-from cmpsp_ros.demo.folder import DemoError
 from cmpsp_ros.nodes import MODULES
+
+
+class DemoError(RuntimeError):
+    """A run could not be started or did not end; the message says why."""
+
 
 _STOP_TIMEOUT = 10.0
 
@@ -199,3 +204,53 @@ def _die_with_parent() -> None:
     """Have the kernel stop this process when its parent is killed (Linux only)."""
     if _prctl is not None:
         _prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+
+
+_RUNS = Path('runs')
+_CONTENT = (
+    'bag',
+    'parameters.yaml',
+    'summary.json',
+    'trajectory.png',
+    'wheel_speeds.png',
+    'recorder.log',
+    'sim_node.log',
+    'guidance_node.log',
+    'viewer.log',
+)
+
+
+def make_folder(output: Path | None, *, force: bool) -> Path:
+    """Create the folder of a run.
+
+    Args:
+        output: The folder; None for `runs/<time>`, which `runs/latest` then points at.
+        force: True if an earlier run in that folder may be removed; other files there stay.
+    """
+    folder = output or _RUNS / datetime.now().astimezone().strftime('%Y-%m-%d_%H-%M-%S')
+    try:
+        if folder.exists():
+            if not force:
+                raise DemoError(
+                    f'{folder}: found an existing folder, wanted a new one; --force replaces the'
+                    ' run in it'
+                )
+            _clear(folder)
+        folder.mkdir(parents=True, exist_ok=True)
+        if output is None:
+            latest = _RUNS / 'latest'
+            latest.unlink(missing_ok=True)
+            latest.symlink_to(folder.name)
+    except OSError as error:
+        raise DemoError(f'{folder}: {error.strerror or error}') from error
+    return folder
+
+
+def _clear(folder: Path) -> None:
+    robots = [each.parent.name for each in folder.glob('*/guidance_node.log')]
+    for name in (*_CONTENT, *robots):
+        path = folder / name
+        if path.is_dir():
+            shutil.rmtree(path)
+        else:
+            path.unlink(missing_ok=True)

@@ -19,9 +19,8 @@ from matplotlib.patches import Circle
 
 from cmpsp_ros import view
 from cmpsp_ros.bags.runs import DrivenPath, Run, encounters, lifetime, read_run, seen_at
-from cmpsp_ros.demo.fleet import nearest_robot
 from cmpsp_ros.demo.scenario import Scenario
-from cmpsp_ros.demo.summary import Summary, final_time, summarise, window
+from cmpsp_ros.demo.summary import Summary, final_time, nearest_robot, summarise, window
 from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings
 from cmpsp_ros.robots.motion import REFERENCE_POINT
 from cmpsp_ros.sensing import Track

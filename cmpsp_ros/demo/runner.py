@@ -17,8 +17,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from cmpsp_ros.demo.folder import DemoError
-from cmpsp_ros.demo.processes import Child, check_all, stop_all, use_free_domain
+from cmpsp_ros.demo.processes import Child, DemoError, check_all, stop_all, use_free_domain
 from cmpsp_ros.demo.scenario import Scenario
 from cmpsp_ros.guidance import is_at_rest
 from cmpsp_ros.nodes.recording import Written

@@ -1,12 +1,15 @@
-"""The scenario of a demo, checked before anything starts."""
+"""The scenario of a demo, of one robot or several, checked before anything starts."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 from pathlib import Path
 from typing import Any, Final
+
+import numpy as np
 
 from cmpsp_ros.guidance import GuidanceSettings
 from cmpsp_ros.guidance.mission import infeasibility_warnings, shortest_time
@@ -22,6 +25,7 @@ from cmpsp_ros.parameters import (
     shapes_of,
 )
 from cmpsp_ros.parameters.files import load_robot, parse_assignment, with_files
+from cmpsp_ros.robots import placed
 from cmpsp_ros.world.obstacles import Shape
 
 _PACE: Final = 0.8
@@ -109,6 +113,43 @@ def load_scenario(
         *infeasibility_warnings(settings, settings.world, _start(values)),
     ]
     return Scenario(name, values, settings, tuple(remarks), namespace)
+
+
+def load_fleet(
+    preset: str,
+    namespaces: Sequence[str],
+    assignments: Sequence[str],
+    *,
+    lockstep: bool = False,
+    robot: str | None = None,
+) -> tuple[Scenario, ...]:
+    """Load the scenario of each robot in a file, as from `load_scenario`, and check the whole.
+
+    Raises:
+        ParameterError: A key or value is wrong, robots start too close to each other, or simulated
+            time is requested, which several simulators do not share.
+    """
+    fleet = tuple(
+        load_scenario(preset, assignments, lockstep=lockstep, robot=robot, namespace=each)
+        for each in namespaces
+    )
+    problems = [
+        Problem(f'{each.namespace}: {key}', 'true', 'false: several simulators share no clock')
+        for each in fleet
+        for key in ('lockstep', 'publish_clock')
+        if each.values[key]
+    ]
+    for one, other in combinations(fleet, 2):
+        (x, y), pose = other.values['initial_pose'][:2], np.array(one.values['initial_pose'])
+        discs = placed(one.settings.footprint.discs, pose)
+        away = float(np.hypot(*(discs - (x, y)).T).min())
+        least = one.settings.robot_radius + other.settings.circumscribed_radius
+        if away < least:
+            found, wanted = f'{away:.3g} m from {other.namespace}', f'{least:.3g} m or more'
+            problems.append(Problem(f'{one.namespace}: initial_pose', found, wanted))
+    if problems:
+        raise ParameterError(*problems)
+    return fleet
 
 
 def _give_time(given: dict[str, Any]) -> list[str]:

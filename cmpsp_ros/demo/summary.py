@@ -25,7 +25,9 @@ from cmpsp_ros.bags.runs import (
     mean_speed,
     overlaps,
     pieces,
+    robot_encounters,
 )
+from cmpsp_ros.demo.scenario import Scenario
 from cmpsp_ros.guidance import FallbackLevel, Goal, GuidanceSettings, to_nanoseconds
 
 # Part of the speed along a road by which its mean may be off.
@@ -211,6 +213,21 @@ def summarise(run: Run, settings: GuidanceSettings, preset: str) -> Summary:
         reason=_reason(run, steps),
         not_judged=f'the path is not recorded {in_words(unknown, first)}' if unknown else '',
     )
+
+
+def nearest_robot(number: int, fleet: Sequence[Scenario], runs: Sequence[Run]) -> float:
+    """Least distance of a robot from any other until its final time, also between samples [m]."""
+    own, run, apart = fleet[number], runs[number], math.inf
+    first, last = window(run, own.settings)
+    longest = longest_interval(run.driven.stamps, own.settings)
+    for path in pieces(run.driven, first, last, longest):
+        for other, its in zip(fleet, runs, strict=True):
+            others = {} if other is own else {other.namespace: its.driven}
+            timeout = own.settings.moving_obstacles.timeout
+            around = other.settings.circumscribed_radius, own.settings.bodies, timeout
+            for each in robot_encounters(path, others, *around):
+                apart = min(apart, float(each.clearance.min()))
+    return apart
 
 
 def _reason(run: Run, steps: Sequence[DecisionRecord]) -> str:

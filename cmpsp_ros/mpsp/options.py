@@ -57,7 +57,8 @@ class Options:
             on a run has diverged.
         method: How `solve` goes about it: ``cmpsp``, the paper's iteration; ``multiple_shooting``
             with exact second derivatives; ``auto`` begins with the former and goes on with the
-            latter where it has not converged after 15 iterations or ends in another way.
+            latter where it has not converged after 15 iterations, gets on slowly, or ends in
+            another way.
         scaling: Whether `solve` scales the problem; tolerances are then relative to its units.
     """
 

@@ -206,8 +206,7 @@ def chosen_topics(bag: Bag, wanted: Sequence[str]) -> list[str]:
     chosen = []
     for name in list(dict.fromkeys(wanted)) or sorted(bag.topics.keys() - _OF_OTHERS):
         if name not in bag.topics:
-            there = ', '.join(sorted(bag.topics)) or 'no topic at all'
-            raise BagError(f'{bag.path}: no topic {name}; there is {there}')
+            raise bag.lacks(f'no topic {name}')
         try:
             message_class(bag.topics[name].msgtype)
         except UnknownTypeError as error:

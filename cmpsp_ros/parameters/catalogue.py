@@ -101,6 +101,10 @@ def _parameters() -> Iterator[Parameter]:
         'braking path must be clear, too. 0: no limit, and immediate stops. A value above 0 '
         'compiles its own kernels.',
         range=NOT_NEGATIVE, **_FIXED, **guidance_only)
+    yield robot('robot.max_lateral_acceleration', _DOUBLE, 0.0, 'm/s^2',
+        'Limit of speed times turn rate: a car that does not slide, a tall robot that does not '
+        'tip. Commands keep it; bends are driven more slowly. 0: no limit.',
+        range=NOT_NEGATIVE, **_FIXED, **guidance_only)
     yield robot('robot.radius', _DOUBLE, 0.0, 'm',
         "Radius of the robot's footprint. Obstacles are enlarged and the road is narrowed by it.",
         range=NOT_NEGATIVE)

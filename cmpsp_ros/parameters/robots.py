@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import math
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import lru_cache
 from itertools import combinations
 from typing import Any, Final
@@ -17,6 +18,7 @@ from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
 from cmpsp_ros.parameters.table import Values
 
 FOOTPRINT: Final = 'robot.footprint'
+_LATERAL: Final = 'robot.max_lateral_acceleration'
 
 _CORNERS: Final = 'corners around the robot, [[x1, y1], [x2, y2], [x3, y3], ...]'
 _UNREADABLE: Final = (SyntaxError, ValueError, MemoryError, RecursionError)
@@ -31,9 +33,10 @@ def robot_of(values: Values) -> robots.Robot:
     if model in MODELS:
         return MODELS[model](values)
     try:
-        return robots.custom_robot(model, values)
+        robot = robots.custom_robot(model, values)
     except robots.ModelError as error:
         raise ParameterError(Problem('robot.model', *error.args)) from error
+    return replace(robot, max_lateral_acceleration=values[_LATERAL] or math.inf)
 
 
 def robot_problems(values: Values, robot: robots.Robot) -> Iterator[Problem]:
@@ -89,6 +92,7 @@ def _wheels(values: Values) -> dict[str, float]:
         'wheel_radius': values['robot.wheel_radius'],
         'max_wheel_speed': values['robot.max_wheel_speed'] or math.inf,
         'max_wheel_acceleration': values['robot.max_wheel_acceleration'] or math.inf,
+        'max_lateral_acceleration': values[_LATERAL] or math.inf,
     }
 
 

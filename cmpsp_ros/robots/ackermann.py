@@ -108,10 +108,10 @@ class Ackermann(Robot):
         ]
 
     def over_limit(self, controls: Array) -> str:
-        """A sentence about the steering angle."""
+        """A sentence about the steering angle, or about the lateral acceleration."""
         largest = float(np.abs(controls[:, 1]).max())
         if largest <= self.max_steering_angle:
-            return ''
+            return super().over_limit(controls)
         limit = self.max_steering_angle
         return f'The plan has a steering angle of {largest!r} rad, the limit is {limit!r} rad.'
 

@@ -6,15 +6,18 @@ import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, ClassVar, NamedTuple, Self
+from typing import Any, ClassVar, Final, NamedTuple, Self
 
 import numpy as np
 
 from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.robots.motion import kinematics
 from cmpsp_ros.robots.motion.acceleration import TimeScaling
-from cmpsp_ros.robots.motion.arcs import with_side
-from cmpsp_ros.robots.motion.kinematics import Kinematics, addresses, displacement, steering
+from cmpsp_ros.robots.motion.arcs import speeds_and_turns
+from cmpsp_ros.robots.motion.kinematics import Kinematics
+
+_ROUNDING: Final = 1e-9
+"""Part of a limit that rounding may add to it."""
 
 
 class Signal(NamedTuple):
@@ -75,6 +78,7 @@ class Robot(ABC):
         wheel_radius: Of every wheel, the paper's ``r`` [m].
         max_wheel_speed: Limit (94) of every wheel [rad/s]; infinite when there is none.
         max_wheel_acceleration: Limit of every wheel [rad/s^2]; infinite when there is none.
+        max_lateral_acceleration: Limit of speed times turn rate [m/s^2]; infinite for none.
     """
 
     n_controls: ClassVar[int] = 2
@@ -85,6 +89,7 @@ class Robot(ABC):
     wheel_radius: float = 0.035
     max_wheel_speed: float = math.inf
     max_wheel_acceleration: float = math.inf
+    max_lateral_acceleration: float = math.inf
 
     @property
     @abstractmethod
@@ -137,6 +142,7 @@ class Robot(ABC):
             n_speeds=self.n_speeds,
             max_wheel_speed=float(self.max_wheel_speed),
             max_speed=float(self.max_speed),
+            max_lateral_acceleration=float(self.max_lateral_acceleration),
             max_curvature=self.max_curvature,
             drives_sideways=self.drives_sideways,
         )
@@ -175,6 +181,11 @@ class Robot(ABC):
         return 0
 
     @property
+    def lateral_rows(self) -> int:
+        """Number of constraints of a stage on the lateral acceleration, left and right."""
+        return 2 if self.max_lateral_acceleration < math.inf else 0
+
+    @property
     def bounds(self) -> Array:
         """Upper bounds of the controls, shape ``(r,)``; the lower ones are their negatives."""
         return np.full(self.n_controls, self.max_wheel_speed)
@@ -190,8 +201,15 @@ class Robot(ABC):
         return np.zeros(self.n_controls)
 
     def slipping(self, slip: float) -> Self:
-        """The same robot with wheels that move it by a fraction ``1 - slip`` of their turning."""
-        return replace(self, wheel_radius=(1.0 - slip) * self.wheel_radius) if slip else self
+        """The same robot with wheels that move it by a fraction ``1 - slip`` of their turning.
+
+        Its limits are those of the same wheel speeds.
+        """
+        if not slip:
+            return self
+        lateral = (1.0 - slip) ** 2 * self.max_lateral_acceleration
+        radius = (1.0 - slip) * self.wheel_radius
+        return replace(self, wheel_radius=radius, max_lateral_acceleration=lateral)
 
     @abstractmethod
     def twist_limits(self) -> TwistLimits:
@@ -244,7 +262,19 @@ class Robot(ABC):
         """Steering angle of a control, shape ``(r,)``; None for a robot that has none [rad]."""
         return None
 
-    def slowed(self, controls: Array, fraction: float) -> Array:
+    def lateral_acceleration(self, controls: Array) -> Array:
+        """Speed along the path times turn rate under controls ``(..., r)``, ``(...)`` [m/s^2]."""
+        twists = speeds_and_turns(self.twist(controls))
+        return np.asarray(np.abs(twists[..., 0] * twists[..., 1]))
+
+    def slowed_in_turns(self, controls: Array, part: float = 1.0) -> Array:
+        """Controls ``(..., r)``, each slowed along its arc to a part of the lateral limit."""
+        limit = part * self.max_lateral_acceleration
+        if limit == math.inf or (across := self.lateral_acceleration(controls)).max() <= limit:
+            return controls
+        return self.slowed(controls, np.sqrt(limit / np.maximum(across, limit))[..., None])
+
+    def slowed(self, controls: Array, fraction: float | Array) -> Array:
         """Controls ``(..., r)`` that drive the same arcs at a fraction of the speed."""
         slowed = controls.copy()
         slowed[..., : self.n_speeds] *= fraction
@@ -254,12 +284,18 @@ class Robot(ABC):
         """The control, shape ``(r,)``, of a robot that comes to rest after another one."""
         return np.where(np.arange(self.n_controls) < self.n_speeds, 0.0, control)
 
-    def over_limit(self, _controls: Array) -> str:
+    def over_limit(self, controls: Array) -> str:
         """A sentence about controls ``(N, r)`` beyond a limit that is not of wheels, or nothing."""
-        return ''
+        limit = self.max_lateral_acceleration
+        if limit == math.inf:
+            return ''
+        across = float(self.lateral_acceleration(controls[0]))
+        if across <= limit * (1.0 + _ROUNDING):
+            return ''
+        return f'The plan has a lateral acceleration of {across!r} m/s^2, the limit is {limit!r}.'
 
     def limited(self, controls: Array) -> Array:
-        """A control, shape ``(r,)``, slowed down along its arc to the limits of the wheels."""
+        """A control, shape ``(r,)``, slowed down along its arc to its limits."""
         limited, speeds = controls.copy(), slice(self.n_speeds)
         fastest = float(np.abs(self.wheels[:, speeds] @ controls[speeds]).max())
         if fastest > self.max_wheel_speed:
@@ -268,7 +304,7 @@ class Robot(ABC):
             limited[speeds] = controls[speeds] / fastest * self.max_wheel_speed
         angles = slice(self.n_speeds, None)
         limited[angles] = np.clip(controls[angles], -self.bounds[angles], self.bounds[angles])
-        return limited
+        return self.slowed_in_turns(limited)
 
     def all_limited(self, controls: Array, spare: float) -> Array:
         """Controls, shape ``(N, r)``, each slowed down to the wheels' limit less some [rad/s]."""
@@ -295,40 +331,3 @@ class Robot(ABC):
         B = np.zeros((len(durations), 3, self.n_controls))
         kinematics.put_jacobians(A, B, poses, controls, durations, self.kinematics)
         return A, B
-
-
-class DerivedRobot(Robot):
-    """A model that is its motion and its steering, from which all else is derived.
-
-    Both are for a wheel radius of 1, and are given `constants` first.
-    """
-
-    @staticmethod
-    @abstractmethod
-    def motion(constants: Any, *controls: Any) -> tuple[Any, Any, Any]:
-        """Speed forward and to the left, and turn rate [m/s, m/s, rad/s]; by numpy's functions."""
-
-    @staticmethod
-    @abstractmethod
-    def steer(constants: Any, forward: float, left: float, turn_rate: float) -> tuple[float, ...]:
-        """The controls of a twist, or those that come near to it."""
-
-    def functions(self) -> IntArray:
-        """Addresses of the functions compiled from `motion` and `steer`."""
-        moves = displacement(self.motion, self.n_controls)
-        return addresses(*moves, steering(self.steer, self.n_controls))
-
-    def twist(self, controls: Array) -> Array:
-        """Twists ``(..., 2)``, or ``(..., 3)`` of a robot that moves sideways, of controls."""
-        twists = self._twists(controls)
-        return twists if self.twist_parts > 2 else twists[..., ::2]
-
-    def _twists(self, controls: Array) -> Array:
-        found = self.motion(self.constants, *np.moveaxis(controls, -1, 0))
-        return self.wheel_radius * np.stack(np.broadcast_arrays(*found), axis=-1)
-
-    def controls(self, twist: Array) -> Array:
-        """Controls ``(..., r)`` of twists, of either form."""
-        rows = with_side(twist / self.wheel_radius).reshape(-1, 3).tolist()
-        found = np.array([self.steer(self.constants, *row) for row in rows], dtype=float)
-        return found.reshape(*twist.shape[:-1], self.n_controls)

@@ -67,6 +67,11 @@ class View:
         """True if it shows that nothing is at a place."""
         return status(self.ranges, self.origin, x, y) == _FREE
 
+    def is_blind(self, x: float, y: float) -> bool:
+        """True if it has no beam in the direction of a place."""
+        direction = math.atan2(y - self.origin[1], x - self.origin[0])
+        return bool(self.ranges[math.floor(direction / _WIDTH) % N_DIRECTIONS] == math.inf)
+
 
 class ScanHistory:
     """Views of one sensor."""

@@ -6,7 +6,6 @@ import math
 from typing import Final
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.sensing.beams import Beams
@@ -31,8 +30,9 @@ _CLOSE: Final = 0.35
 _NEVER: Final = 1e3
 _AROUND: Final = 0.1
 """Distance from the disc of a mover at which hits are on it [m]."""
-_LOST, _FORGOTTEN = 2 * _NS, 6 * _NS
-"""Time without being seen after which a mover is no longer expected, and never again [ns]."""
+_LOST, _COMING, _FORGOTTEN = 2 * _NS, 5 * _NS, 6 * _NS
+"""Time without being seen after which a mover is no longer expected, nor one who came at the sensor
+where no beam is, and never again [ns]."""
 _BRIEF: Final = _NS * 35 // 100
 """Time without being seen after which what has never moved is forgotten [ns]."""
 _CONFIRMED, _SEEN_ENOUGH, _GONE = 2, 3, 3
@@ -56,6 +56,9 @@ class Tracker:
 
     def __init__(self) -> None:
         """Start with nothing seen."""
+        from scipy.optimize import linear_sum_assignment  # noqa: PLC0415 (slow; few have people)
+
+        self._assign = linear_sum_assignment
         self._histories: dict[str, ScanHistory] = {}
         self._objects: list[MovingObject] = []
         self._number, self._name = 0, 0
@@ -126,7 +129,7 @@ class Tracker:
             # Minus twice the logarithm of the likelihood: who is in doubt claims nothing.
             is_near = (costs <= _GATE) | (away <= _CLOSE * _CLOSE)
             costs = np.where(is_near, costs + 2.0 * np.log(variances), _NEVER)
-            for i, j in zip(*linear_sum_assignment(costs), strict=True):
+            for i, j in zip(*self._assign(costs), strict=True):
                 if costs[i, j] < _NEVER:
                     objects[j] = expected[i]
         return list(zip(objects, found, strict=True))
@@ -194,7 +197,9 @@ class Tracker:
         for each in self._objects:
             age = view.stamp - each.seen
             each.gone += age > 0 and view.is_through(each.x, each.y)
-            each.gone = _GONE if age > _LOST or self._is_double(each, kept) else each.gone
+            is_coming = view.is_blind(each.x, each.y) and each.comes_at(*view.origin)
+            is_late = age > (_COMING if is_coming else _LOST)
+            each.gone = _GONE if is_late or self._is_double(each, kept) else each.gone
             each.is_lost = each.is_lost or each.gone >= _GONE
             if age <= (_FORGOTTEN if each.name else _BRIEF) and (each.name or not each.is_lost):
                 kept.append(each)

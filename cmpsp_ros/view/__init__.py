@@ -53,7 +53,6 @@ if TYPE_CHECKING:
         seen,
         trail,
     )
-    from cmpsp_ros.view.server import ViewError, ViewServer
-    from cmpsp_ros.view.shared_state import SharedState
+    from cmpsp_ros.view.server import SharedState, ViewError, ViewServer
 
 __getattr__, __all__ = lazy_exports(__name__, __file__)

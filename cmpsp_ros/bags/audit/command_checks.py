@@ -115,6 +115,23 @@ def acceleration(record: AuditRecord) -> Iterator[Sample]:
 
 
 @check(
+    'lateral_acceleration', 'Commands: lateral acceleration', unit='m/s^2',
+    good='No command turns faster than its speed allows.',
+    bad='A command asks for a lateral acceleration of {worst:.4g} m/s^2.',
+)  # fmt: skip
+def lateral_acceleration(record: AuditRecord) -> Iterator[Sample]:
+    """Speed of each finite command, in any direction, times its turn rate."""
+    limit = record.settings.robot.max_lateral_acceleration
+    if not math.isfinite(limit):
+        raise SkippedError('There is no such limit (robot.max_lateral_acceleration is 0).')
+    *speeds, turn_rates = record.commands.twists.T
+    found = np.nan_to_num(np.abs(np.hypot(speeds[0], speeds[-1] * (len(speeds) > 1)) * turn_rates))
+    limits = np.full(len(found), limit)
+    excess = found / limit - (1.0 + _ROUNDING)
+    yield Sample.largest(found, limits, record.commands.stamps, excess)
+
+
+@check(
     'steering', 'Commands: steering', needs=('control_period',), unit='rad',
     good='The steering can follow each command.',
     bad='The steering angle is to be {angle:.4g} rad, {changed:.4g} rad from the one before.',

@@ -10,7 +10,7 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array, BoolArray, IntArray
 from cmpsp_ros.bags.audit.finding import NotJudgedError, Sample, SkippedError, check
-from cmpsp_ros.bags.audit.legs import Leg
+from cmpsp_ros.bags.audit.legs import Commands, Leg
 from cmpsp_ros.bags.audit.record import EDGES, AuditRecord, Sweep, path_gap
 from cmpsp_ros.bags.decision_record import DecisionRecord
 from cmpsp_ros.bags.runs.encounters import Encounter
@@ -235,13 +235,9 @@ def commanded(record: AuditRecord) -> Iterator[Sample]:
     estimated, the one measured that much later. A robot that is too close already may only be
     commanded not to get closer.
     """
-    estimates = {each.stamp: each for each in record.decisions}
     for leg, seeing in zip(record.legs, record.knowledge(), strict=True):
-        commands = leg.commands.chosen(np.all(np.isfinite(leg.commands.twists), axis=1))
-        stamps = commands.stamps.tolist()
-        delays = [effect_delay(record.history.at(each), estimates.get(each)) for each in stamps]
-        poses = measured(leg, commands.stamps, np.array(delays))
-        near = math.nan
+        commands, _, poses = in_effect(record, leg)
+        stamps, near = commands.stamps.tolist(), math.nan
         for index, (pose, twist) in enumerate(zip(poses, commands.twists, strict=True)):
             stamp = stamps[index]
             if is_within(stamp, leg.by_odometry.holes):
@@ -261,7 +257,18 @@ def commanded(record: AuditRecord) -> Iterator[Sample]:
             yield Sample(least, 0.0, stamp, -least - ROUGHNESS - _ROUNDING, words=words)
 
 
-def effect_delay(settings: GuidanceSettings, decision: DecisionRecord | None) -> float:
+def in_effect(record: AuditRecord, leg: Leg) -> tuple[Commands, Array, Array]:
+    """Finite commands of a leg, delays of their effects ``(M,)`` [s], and poses then ``(M, 3)``."""
+    decisions = {each.stamp: each for each in record.decisions}
+    commands = leg.commands.chosen(np.all(np.isfinite(leg.commands.twists), axis=1))
+    delays = [
+        _effect_delay(record.history.at(each), decisions.get(each))
+        for each in commands.stamps.tolist()
+    ]
+    return commands, np.array(delays), _measured(leg, commands.stamps, np.array(delays))
+
+
+def _effect_delay(settings: GuidanceSettings, decision: DecisionRecord | None) -> float:
     """Delay from a command to its effect, as it was estimated when the command was decided [s]."""
     if decision is not None and decision.response_delay is not None:
         return float(decision.response_delay[0])
@@ -269,7 +276,7 @@ def effect_delay(settings: GuidanceSettings, decision: DecisionRecord | None) ->
     return settings.command_delay + (0.0 if lag is None else float(lag[0]))
 
 
-def measured(leg: Leg, stamps: IntArray, delays: Array) -> Array:
+def _measured(leg: Leg, stamps: IntArray, delays: Array) -> Array:
     """Latest poses when commands take effect, `delays` [s] after their stamps, ``(M, 3)``."""
     effects = stamps + np.round(np.multiply(delays, NANOSECONDS)).astype(np.int64)
     index = np.searchsorted(leg.odometry.stamps, effects, side='right') - 1

@@ -15,7 +15,7 @@ import numpy as np
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.bags.audit.finding import NotJudgedError, Sample, SkippedError, check
 from cmpsp_ros.bags.audit.legs import Commands
-from cmpsp_ros.bags.audit.path_checks import effect_delay, measured
+from cmpsp_ros.bags.audit.path_checks import in_effect
 from cmpsp_ros.bags.audit.record import AuditRecord, path_gap
 from cmpsp_ros.bags.runs import lifetime
 from cmpsp_ros.bags.runs.odometry import is_within
@@ -32,6 +32,8 @@ _TOLERANCE: Final = 5e-3
 _ASSUMED: Final = {'people.max_acceleration', 'safety.max_obstacle_speed'}
 _AT_REST: Final = 1e-6
 """Fraction of a command that is rounding, and no motion."""
+_LOST, _APART = 0.5, 0.95
+"""Doubt about a position beyond which an obstacle is out of sight, and distance then [m]."""
 _CREEP: Final = 0.051
 """Speed up to which a robot counts as standing [m/s]."""
 
@@ -66,13 +68,10 @@ def promise(record: AuditRecord) -> Iterator[Sample]:
         raise SkippedError('Nothing that moves is in the bag.')
     if unknown := sorted(_ASSUMED - set(record.history.given)):
         raise NotJudgedError(f'The parameters do not say {", ".join(unknown)}.')
-    decisions = {each.stamp: each for each in record.decisions}
     tracks = sorted(record.tracks, key=lambda each: (each.stamp, each.id))
     for leg in record.legs:
-        commands = leg.commands.chosen(np.all(np.isfinite(leg.commands.twists), axis=1))
+        commands, delays, poses = in_effect(record, leg)
         stamps = commands.stamps.tolist()
-        delays = [effect_delay(record.history.at(each), decisions.get(each)) for each in stamps]
-        poses = measured(leg, commands.stamps, np.array(delays))
         latest, following = {}, iter([*tracks, None])
         upcoming = next(following)
         for k, stamp in enumerate(stamps):
@@ -111,15 +110,11 @@ def unseen(record: AuditRecord) -> Iterator[Sample]:
         raise SkippedError('No sensor tracks moving obstacles.')
     if 'safety.stop_within_sight' not in record.history.given:
         raise NotJudgedError('The parameters do not say safety.stop_within_sight.')
-    decisions = {each.stamp: each for each in record.decisions}
-    ids = ((at, key) for at, each in decisions.items() for key, _ in each.tracks)
+    ids = ((each.stamp, key) for each in record.decisions for key, _ in each.tracks)
     moved = min((at for at, key in ids if isinstance(key, int)), default=math.inf)
     for leg, seeing in zip(record.legs, record.knowledge(), strict=True):
-        commands = leg.commands.chosen(np.all(np.isfinite(leg.commands.twists), axis=1))
-        stamps = commands.stamps.tolist()
-        delays = [effect_delay(record.history.at(each), decisions.get(each)) for each in stamps]
-        poses = measured(leg, commands.stamps, np.array(delays))
-        for k, stamp in enumerate(stamps):
+        commands, _, poses = in_effect(record, leg)
+        for k, stamp in enumerate(commands.stamps.tolist()):
             settings = record.history.at(stamp)
             obstacles = seeing(settings, stamp).obstacles
             grids = [each.grid for each in obstacles if isinstance(each, GridObstacle)]
@@ -206,8 +201,8 @@ def _worst(
 ) -> tuple[float, str]:
     """Least clearance on a path, beyond what is allowed [m], and from what.
 
-    A robot that creeps may leave what is there, and pass what stands. `begin` is the time of the
-    beginning [ns].
+    A robot that creeps may leave what is there, and pass what stands; one that is no nearer than at
+    rest may leave what is out of sight. `begin` is the time of the beginning [ns].
     """
     times, poses = stop
     discs, radius = settings.footprint.discs, settings.robot_radius
@@ -232,6 +227,9 @@ def _worst(
             clear = np.maximum(clear, still - certain - moving.max_speed * since)
         touched = away[0] < each.radius
         spare = float(clear.min()) - (0.0 if touched else min(float(clear[0]), 0.0))
+        if reach[0] - each.radius > _LOST and away[0] - each.radius > _APART:
+            at_rest = np.linalg.norm(points[0] - center[:, None], axis=-1).min(axis=1) - radius
+            spare = max(spare, float((away - at_rest).min()))
         if creeps:
             there = np.linalg.norm(points - center[0], axis=-1).min(axis=1) - radius - each.radius
             kept = float(there[0]) if speed > _CREEP else min(float(there[0]), 0.0)

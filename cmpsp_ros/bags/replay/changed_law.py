@@ -15,16 +15,16 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from cmpsp_ros.bags.decision_record import DecisionRecord
-from cmpsp_ros.bags.errors import UnknownTypeError
-from cmpsp_ros.bags.messages import (
+from cmpsp_ros.bags.decision_record import (
     DECISION,
     PATH,
     TWIST,
+    DecisionRecord,
     command_message,
     decision_message,
     path_message,
 )
+from cmpsp_ros.bags.errors import UnknownTypeError
 from cmpsp_ros.bags.names import Names
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.replay.inputs import Follower, Halted, Input, Inputs, OdometryReceived
@@ -105,10 +105,8 @@ def what_if(path: Path, names: Names, change: Change, output: Path) -> WhatIf:
         with BagWriter(output) as new:
             _copy(bag, new, result)
             for node, values in bag.parameters.items():
-                new.set_parameters(node, values)
-            for node, restarts in bag.restarts.items():
-                for since, values in restarts:
-                    new.set_parameters(node, values, since)
+                if f'{node}/parameters' not in bag.topics:
+                    new.set_parameters(node, values)
             new.set_parameters(f'{PREFIX}{names.node}', change.of(inputs.values))
             _write(new, names, result)
     return result

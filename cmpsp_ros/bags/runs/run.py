@@ -159,8 +159,7 @@ def read_run(path: Path, namespace: str = '') -> Run:
         decisions = read_decisions(bag, decided)
         if not decisions:
             found = 'no decision in' if decided in bag.topics else 'no topic'
-            there = ', '.join(sorted(bag.topics)) or 'no topic at all'
-            raise BagError(f'{path}: {found} {decided}; there is {there}')
+            raise bag.lacks(f'{found} {decided}')
         plans = plans_in(bag, f'{namespace}/guidance/predicted_path')
         node = 'sim' if f'{namespace}/sim/truth' in bag.topics else 'guidance'
         stamps, speeds = _wheels(bag, f'{namespace}/{node}/wheel_speeds')

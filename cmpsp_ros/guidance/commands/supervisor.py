@@ -102,7 +102,7 @@ class Supervisor:
         error = errors[0] if slower is plan else context.goal.errors(slower.poses[-1])[0]
         is_clear = verdict.worst_margin >= -TOUCHING
         mission.reaches_goal = is_clear and error <= self._settings.goal_tolerance
-        reason, phases = reason + remark, self._selector.phases
+        reason, phases = reason + remark, self._selector.improver.phases
         return self.decisions.follow(
             state, seen.stamp, level, reason, slower, verdict, errors, result, phases
         )

@@ -59,13 +59,13 @@ class GuidanceProblem(OptimalControlProblem):
             outputs: A `TerminalConstraint`.
             progress: As in `GuidanceData` [m].
         """
-        steps = len(durations)
+        steps, things = len(durations), N_EDGE_CONSTRAINTS + len(space.first) - 1
         self.size = Dimensions(
             horizon=steps,
             state=3,
             control=robot.n_controls,
             output=outputs,
-            path=len(space.discs) * (N_EDGE_CONSTRAINTS + len(space.first) - 1) + robot.limit_rows,
+            path=len(space.discs) * things + robot.limit_rows + robot.lateral_rows,
         )
         self.control_upper = np.tile(robot.bounds, (steps + 1, 1))
         self.control_lower = -self.control_upper

@@ -30,6 +30,12 @@ The heavier outranks the lighter, however little of it is violated. The names ar
 obstacle.
 """
 
+_LATERAL_PENALTY: Final = 1e5
+"""Cost of exceeding the lateral acceleration in the merit function, above all of them [s^2/m].
+
+That constraint is curved, and so none that never gives way. But slower plans always keep it.
+"""
+
 BY_PRIORITY: Final = tuple(sorted(PENALTIES, key=lambda each: -PENALTIES[each]))
 """Kinds of constraints; the one relaxed last comes first."""
 
@@ -51,7 +57,8 @@ class OcpFormulation:
         settings: All settings of the guidance law.
         world: Road and static obstacles of the last question.
         penalty_path: Weight of each path constraint, shape ``(D (2 + M + S) + R,)`` [1/m]: for
-            every disc edges, static obstacles and slots of moving ones, then limits of wheels.
+            every disc edges, static obstacles and slots of moving ones, then limits of wheels and
+            of the lateral acceleration.
         heading_trust_region: Largest change of heading in one iteration, infinite for none [rad].
         remembers_control: True if the previous control is part of the state: it has a cost, or a
             limit, or there are three controls, for which code of one size is enough.
@@ -69,7 +76,9 @@ class OcpFormulation:
         self.penalty_path = np.array(
             len(settings.footprint.centers)
             * ([PENALTIES['edge']] * N_EDGE_CONSTRAINTS + [PENALTIES['obstacle']] * obstacles)
-            + [math.inf] * (settings.robot.limit_rows + changes)
+            + [math.inf] * settings.robot.limit_rows
+            + [_LATERAL_PENALTY] * settings.robot.lateral_rows
+            + [math.inf] * changes
         )
         self.heading_trust_region = settings.solver.heading_trust_region or math.inf
         has_rates = settings.weights.control_rate > 0.0 or changes > 0

@@ -5,6 +5,7 @@
                -d_inner <= e_k <= d_outer        (92)  two edges, for each disc of the robot
                r_j - |X_k - O_j| <= 0            (93)  obstacles, for each disc of the robot
                |U_k| <= largest wheel speed      (94)
+               |v_k w_k| <= largest lateral acceleration, for speed v_k and turn rate w_k
                Y_N = Y_N*                        (5)   goal
 
 with lateral error e_k, change dU_k between iterations, and controls U_k, whose weight w is 0 in the
@@ -23,7 +24,14 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.mpsp.jit import allocation_free
-from cmpsp_ros.robots.motion import Kinematics, point_of, put_gradients, roll_out
+from cmpsp_ros.robots.motion import (
+    Kinematics,
+    lateral_acceleration,
+    point_of,
+    put_gradients,
+    put_lateral_gradient,
+    roll_out,
+)
 from cmpsp_ros.world.grids import Fields
 from cmpsp_ros.world.obstacles import away_from
 from cmpsp_ros.world.roads import RoadSpace, road_functions
@@ -35,6 +43,10 @@ N_EDGE_CONSTRAINTS = 2
 
 WHEEL_ROUNDING: Final = 1e-6
 """Distance of plans from a limit of wheel speeds that is a constraint, for rounding [rad/s]."""
+
+LATERAL_PART: Final = 0.99
+"""Part of the lateral acceleration that plans use: iterations that are not at their end exceed it.
+"""
 
 
 class CostHessian(IntEnum):
@@ -82,8 +94,8 @@ class GuidanceData(NamedTuple):
         durations: Length of every step, shape ``(N,)`` [s].
         parameters: One record of `PARAMETERS`, shape ``(1,)``, which is never written to.
         robot: The robot.
-        wheel_rows: Number of path constraints that limit its wheel speeds; the last ones of a
-            stage, but for those of a control rate.
+        wheel_rows: Number of path constraints that limit its wheel speeds; those of its lateral
+            acceleration and of a control rate follow in a stage.
         road: Free space of the centres of its discs on the road.
         fields: Distance fields of obstacles without corners.
         corners: Corners of obstacles, as in `shape_functions`, shape ``(K, C, 2)`` [m].
@@ -146,6 +158,9 @@ def evaluate(data: GuidanceData, X: Array, U: Array, output_error: Array, g: Arr
                 g[k, row + N_EDGE_CONSTRAINTS + j] = _keep_away(distance, data.radii[at, j], k)
         for i in range(data.wheel_rows):
             g[k, wheels + i] = _over_limit(data, U, k, i)
+        if data.robot.max_lateral_acceleration < math.inf:
+            for i in range(2):
+                g[k, wheels + data.wheel_rows + i] = _over_lateral_limit(data, U, k, i)
         squared = 0.0
         for a in range(U.shape[1]):
             squared += U[k, a] * U[k, a]
@@ -233,6 +248,11 @@ def linearise(
             row.value = _over_limit(data, U, k, i)
             for a in range(U.shape[1]):
                 row.U[a] = _sign(i) * data.robot.wheels[U.shape[1] + i // 2, a]
+        if data.robot.max_lateral_acceleration < math.inf:
+            for i in range(2):
+                row = path[k, wheels + data.wheel_rows + i]
+                row.value = _over_lateral_limit(data, U, k, i)
+                put_lateral_gradient(row.U, _sign(i), U, k, data.robot)
     outputs = terminal.shape[0]
     errors = _terminal_error(p, X[N, 0], X[N, 1], X[N, 2], outputs)
     for j in range(outputs):
@@ -266,6 +286,15 @@ def _over_limit(data: GuidanceData, U: Array, k: int, i: int) -> float:
         return -math.inf
     speed = _wheel_speed(data, U, k, U.shape[1] + i // 2)
     return _sign(i) * speed - (data.robot.max_wheel_speed - WHEEL_ROUNDING)
+
+
+@allocation_free
+def _over_lateral_limit(data: GuidanceData, U: Array, k: int, i: int) -> float:
+    """Constraint of the lateral acceleration to one side."""
+    if k == data.durations.shape[0]:
+        return -math.inf
+    across = _sign(i) * lateral_acceleration(U, k, data.robot)
+    return across - LATERAL_PART * data.robot.max_lateral_acceleration
 
 
 @allocation_free

@@ -16,13 +16,15 @@ from cmpsp_ros.guidance.safety.validation import Validator
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.times import NANOSECONDS, to_nanoseconds
 from cmpsp_ros.guidance.world import World
-from cmpsp_ros.world.roads import Point, arc_length_to, lookahead_point
+from cmpsp_ros.world.roads import Point, arc_length_to, lookahead_point, lookahead_points
 
 # Least control periods on the way to a goal: there must be something to steer with.
 _FEWEST: Final = 5
 # Lookahead beside the robot, for the direction of the road there [m].
 _NEAR: Final = 0.01
 _ROUNDING: Final = 1e-9
+# Length of the pieces of a road of which the bends are measured [m].
+_PIECE: Final = 0.25
 # Multiple of the nominal time that is always enough.
 _AMPLE: Final = 2
 # Part of the time that the path takes with which a goal is put off.
@@ -226,7 +228,10 @@ class GoalManager:
         turn = abs(math.remainder(begin - pose[2], math.tau))
         if goal.heading is not None:
             turn += abs(math.remainder(goal.heading - end, math.tau))
-        return abs(length) / settings.pace + turn / turn_rate(settings)
+        time = abs(length) / settings.pace
+        if settings.robot.lateral_rows and search is None and road.has_center_line:
+            time = _time_in_bends(settings, start, goal, length)
+        return time + turn / turn_rate(settings)
 
     def _set_out(self, goal: Goal, begin: int, seconds: float, world: World) -> None:
         """Drive to a goal from now on, to be passed at a control instant."""
@@ -277,6 +282,19 @@ class GoalManager:
         self.final = now // period * period + to_nanoseconds(follow.horizon)
         place, direction = lookahead_point(world.road, pose, follow.arc_length, progress)
         self.target = Target(place, direction, is_line=True)
+
+
+def _time_in_bends(settings: LawSettings, start: PlanStart, goal: Goal, length: float) -> float:
+    """Nominal time along a centre line, in bends with the limit of lateral acceleration [s]."""
+    count = max(math.ceil(abs(length) / _PIECE), 2)
+    along, road = np.linspace(0.0, length, count + 1), start.world.road
+    points = lookahead_points(road, start.pose, along, goal.position, start.progress)
+    steps = np.diff(points, axis=0)
+    bends = np.abs(np.gradient(np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))))
+    # A bend is a curvature times the length of a piece.
+    limit = settings.robot.max_lateral_acceleration * abs(length) / count
+    speeds = np.minimum(settings.pace, np.sqrt(limit / np.maximum(bends, _ROUNDING)))
+    return float((np.hypot(*steps.T) / np.maximum(speeds, _ROUNDING)).sum())
 
 
 def _check_goal(settings: LawSettings, world: World, validator: Validator, goal: Goal) -> None:

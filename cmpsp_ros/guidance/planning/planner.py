@@ -16,7 +16,7 @@ from cmpsp_ros.guidance.formulation.ocp_formulation import (
     terminal_constraint,
     terminal_penalty,
 )
-from cmpsp_ros.guidance.formulation.ocp_functions import WHEEL_ROUNDING, GuidanceData
+from cmpsp_ros.guidance.formulation.ocp_functions import LATERAL_PART, WHEEL_ROUNDING, GuidanceData
 from cmpsp_ros.guidance.goals import Target
 from cmpsp_ros.guidance.horizon import remaining
 from cmpsp_ros.guidance.planning.candidate import SolveResult
@@ -168,6 +168,7 @@ class Planner:
         robot = context.start.robot
         if self._is_limited:
             guess = robot.all_limited(guess, WHEEL_ROUNDING)
+        guess = robot.slowed_in_turns(guess, LATERAL_PART)
         if self._max_change < math.inf:
             guess = within_ramp(guess, durations, previous, self._max_change, robot.time_scaling)
         self._ws.trial.U[: steps + 1] = guess
@@ -182,7 +183,7 @@ class Planner:
             work = counters.work.item() + _WORK_OF_BACK_END * limit * (steps + 1)
             if outcome == Outcome.NO_CURVATURE or work <= work_limit:
                 return self._improve_by_back_end(guess, context, data, limit)._replace(work=work)
-        return _summary(self._driver, counters, horizon)
+        return _summary(self._driver, counters, context)
 
     def _improve_by_back_end(
         self,
@@ -203,7 +204,7 @@ class Planner:
         other.ws.trial.U[: steps + 1] = guess
         other.ws.run['max_iterations'] = limit
         other.improve(self.compiled.entries, data, steps, 0)
-        return _summary(other, _Counters.of(other), context.horizon)
+        return _summary(other, _Counters.of(other), context)
 
     def _data(self, context: PlanningContext, guess: Array) -> GuidanceData | ControlRateData:
         pose, robot, world, moving, progress, previous, *_ = context.start
@@ -307,8 +308,9 @@ def _goal_of(target: Target) -> tuple[Array, float]:
     return np.array(target.position, dtype=float), heading
 
 
-def _summary(driver: Driver, counters: _Counters, horizon: Horizon) -> SolveResult:
-    ws, back_end, stages = driver.ws, driver.back_end, len(horizon.edges)
+def _summary(driver: Driver, counters: _Counters, context: PlanningContext) -> SolveResult:
+    ws, back_end, (start, horizon) = driver.ws, driver.back_end, (context.start, context.horizon)
+    stages = len(horizon.edges)
     outcome, level, iterations, active_rows, qp_iterations, work = [
         each.item() for each in counters
     ]
@@ -323,8 +325,11 @@ def _summary(driver: Driver, counters: _Counters, horizon: Horizon) -> SolveResu
     else:
         qp_iterations = back_end.solution.iterations
         reason = back_end.solution.status.value
+    controls, poses = ws.now.U[:stages].copy(), ws.now.X[:stages, :3].copy()
+    if (kept := start.robot.slowed_in_turns(controls)) is not controls:
+        controls, poses = kept, start.robot.roll_out(start.pose, kept, horizon.durations)
     return SolveResult(
-        plan=Plan(horizon, ws.now.U[:stages].copy(), ws.now.X[:stages, :3].copy()),
+        plan=Plan(horizon, controls, poses),
         solved=outcome == Outcome.SOLVED,
         elastic=bool(left),
         slack=largest,

@@ -31,6 +31,9 @@ from cmpsp_ros.world.roads import project_on_path
 
 AT_REST: Final = np.zeros(2)
 
+_ASTRAY: Final = 0.2
+"""Largest standard deviation of the position of somebody seen that plans take [m]."""
+
 _NOTHING: Final = np.empty((0, 0)), np.empty(0)
 """Controls that a robot without a delay is driven by until a new one takes effect."""
 
@@ -38,18 +41,17 @@ _NOTHING: Final = np.empty((0, 0)), np.empty(0)
 def as_expected(tracks: Sequence[MovingObject], period: float) -> tuple[MovingObject, ...]:
     """Tracks as plans take them: doubt about a velocity counts until the next control step [s].
 
-    That one plans anew. Over a long horizon, doubt that grows on would fill all space.
+    That one plans anew. Over a long horizon, doubt that grows on would fill all space, as would
+    that about the position of somebody out of sight.
     """
-    return tuple(
-        replace(
-            each,
-            position_stddev=each.position_stddev + period * each.velocity_stddev,
-            velocity_stddev=0.0,
-        )
-        if isinstance(each, Track) and each.velocity_stddev > 0.0
-        else each
-        for each in tracks
-    )
+    expected = list[MovingObject]()
+    for each in tracks:
+        if isinstance(each, Track) and each.velocity_stddev > 0.0:
+            doubt = each.position_stddev + period * each.velocity_stddev
+            doubt = min(doubt, _ASTRAY) if each.is_seen else doubt
+            each = replace(each, position_stddev=doubt, velocity_stddev=0.0)  # noqa: PLW2901
+        expected.append(each)
+    return tuple(expected)
 
 
 class Observation(NamedTuple):

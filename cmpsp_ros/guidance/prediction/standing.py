@@ -14,8 +14,8 @@ from cmpsp_ros.guidance.messages.tracks import MovingObject, Track
 from cmpsp_ros.sensing import Sighting
 from cmpsp_ros.world.grids import Cell
 
-_SLOW: Final = 0.3
-"""Speed up to which somebody whose track has ended may have stopped [m/s]."""
+_CERTAIN: Final = 3.0
+"""Standard deviations of its velocity within which somebody whose track has ended may stand."""
 _BESIDE: Final = 1.5
 """Distance from a cell that was occupied before, at which another shows nothing new [cells]."""
 
@@ -48,7 +48,7 @@ class StandingPeople:
         self._slow = {
             number: replace(each, vx=0.0, vy=0.0, position_stddev=0.0)
             for number, each in moving.items()
-            if math.hypot(each.vx, each.vy) <= _SLOW
+            if math.hypot(each.vx, each.vy) <= _CERTAIN * each.velocity_stddev
         }
         beside = {number: _occupied(each, sighting) for number, each in self._slow.items()}
         self._beside = {each.id: self._beside[each.id] for each in self.standing} | beside

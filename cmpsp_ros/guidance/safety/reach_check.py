@@ -20,6 +20,12 @@ from cmpsp_ros.world.obstacles import ROUGHNESS, MovingDiscs
 
 _ROUNDING: Final = 1e-6
 
+_LOST: Final = 0.5
+"""Three standard deviations of a position beyond which an obstacle is out of sight [m]."""
+
+_APART: Final = 1.0
+"""Distance from where such an obstacle is expected from which the robot drives away from it [m]."""
+
 CREEP: Final = 0.05
 """Speed up to which the robot counts as standing [m/s]: faster, a contact would be one of a robot
 that moves."""
@@ -36,6 +42,7 @@ class _Sets(NamedTuple):
         seen: The same obstacles as they were seen, at rest there.
         there: Their clearance at the start [m].
         stands: Whether each stood when it was seen.
+        is_lost: Whether each is out of sight, far away, and does not come at the robot.
     """
 
     pose: Array
@@ -45,6 +52,7 @@ class _Sets(NamedTuple):
     seen: MovingDiscs
     there: Array
     stands: BoolArray
+    is_lost: BoolArray
 
 
 class ReachCheck:
@@ -61,8 +69,9 @@ class ReachCheck:
         """Reason why a path to rest is not clear, in a sentence; '' if it is.
 
         At rest nothing is asked. A robot that is within reach already may go where it is no nearer
-        at any time. Where something touches it or might, it may creep away from where that is seen,
-        and past what stands.
+        at any time, and away from what is out of sight, far away and does not come at it: no nearer
+        at any time than at rest. Where something touches it or might, it may creep away from where
+        that is seen, and past what stands.
 
         `controls` ``(K, r)``, `durations` ``(K,)`` [s].
         """
@@ -85,8 +94,14 @@ class ReachCheck:
         poses = start.robot.roll_out(start.pose, controls[:count], durations)[:-1]
         times = np.cumsum(durations) - durations
         arcs = poses, twists, durations, times, self._discs
-        least, touched = sets.discs.chosen(near).along(*arcs).min(axis=0), there < 0.0
+        discs = sets.discs.chosen(near)
+        swept, touched = discs.along(*arcs), there < 0.0
+        least = swept.min(axis=0)
         short = np.where(begins < 0.0, begins - ROUGHNESS, 0.0) - least
+        if sets.is_lost[near].any():
+            at_rest = np.tile(start.pose, (count, 1)), np.zeros_like(twists), *arcs[2:]
+            nearer = (discs.along(*at_rest) - swept).max(axis=0)
+            short[sets.is_lost[near] & (nearer <= ROUGHNESS)] = 0.0
         short[touched] = np.inf
         if np.abs(self._footprint.speeds_and_turns(twists)[:, 0]).max() <= CREEP:
             kept = np.where(sets.stands[near], np.minimum(there, 0.0), there) - ROUGHNESS
@@ -107,8 +122,11 @@ class ReachCheck:
             seen = start.touchable.grown(self._radius)
             stands = np.hypot(*seen.states[:, 2:4].T) <= CREEP
             begins, there = self._clearance(start, discs), self._clearance(start, seen)
+            is_lost = discs.states[:, 4] - seen.states[:, 4] > _LOST
+            toward = start.pose[:2] - seen.states[:, :2]
+            is_lost &= (there > _APART) & ((toward * seen.states[:, 2:4]).sum(axis=1) <= 0.0)
             self._known = known = _Sets(
-                start.pose, start.reachable, discs, begins, seen.at_rest(), there, stands
+                start.pose, start.reachable, discs, begins, seen.at_rest(), there, stands, is_lost
             )
         return known
 

@@ -101,7 +101,7 @@ class Validator:
         self._radius = settings.robot_radius + self._margin
         self._between = settings.safety.between_samples
         self._slots = settings.tracked.slots
-        self._is_steered = settings.robot.steering_limits is not None
+        self._has_limits = bool(settings.robot.steering_limits or settings.robot.lateral_rows)
         self._known: tuple[World, FreeSpace, Fields] | None = None
         self._period, self._max_change = settings.control_period, settings.max_wheel_change
         self._reach = ReachCheck(settings, self._radius)
@@ -139,7 +139,7 @@ class Validator:
                 f'The plan has a wheel speed of {found.fastest!r} rad/s, the limit is {limit!r}'
                 ' rad/s.'
             )
-        if self._is_steered and (over := start.robot.over_limit(controls)):
+        if self._has_limits and (over := start.robot.over_limit(controls)):
             return _refused(over)
         if not (math.isfinite(found.committed) and math.isfinite(found.worst)):
             return _refused('The path of the plan is not finite.')

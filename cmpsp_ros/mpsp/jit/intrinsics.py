@@ -94,3 +94,23 @@ def _on_stack(context: Any, builder: Any, signature: Any, _arguments: Any) -> An
     array.meminfo = cgutils.get_null_value(array.meminfo.type)
     array.parent = cgutils.get_null_value(array.parent.type)
     return array._getvalue()  # noqa: SLF001 (numba's way)
+
+
+@intrinsic  # type: ignore[untyped-decorator]  # numba has no types
+def call_with_data(_context: Any, address: Any, arrays: Any, count: Any) -> Any:
+    """Call a function of C, of the addresses of contiguous arrays' data and a number."""
+
+    def generate(context: Any, builder: Any, signature: Any, given: Any) -> Any:
+        members = cgutils.unpack_tuple(builder, given[1])
+        data = [
+            builder.bitcast(
+                context.make_array(kind)(context, builder, each).data, cgutils.voidptr_t
+            )
+            for kind, each in zip(signature.args[1].types, members, strict=True)
+        ]
+        kinds = [each.type for each in (*data, given[2])]
+        function = ir.FunctionType(ir.VoidType(), kinds).as_pointer()
+        builder.call(builder.inttoptr(given[0], function), [*data, given[2]])
+        return context.get_dummy_value()
+
+    return types.none(address, arrays, count), generate

@@ -6,19 +6,21 @@ that of CasADi, operation by operation, so the numbers are the same.
 
 from __future__ import annotations
 
-import ctypes
 import struct
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import cache
-from itertools import pairwise
+from itertools import accumulate, pairwise
 from typing import Any, Final
 
 import llvmlite.binding as llvm
 import numpy as np
 
 from cmpsp_ros.arrays import Array
+from cmpsp_ros.mpsp.jit.compiled import allocation_free, entry_for
+from cmpsp_ros.mpsp.jit.intrinsics import call_with_data
 
 _LANES: Final = 4
+_INPUTS: Final = 4
 # Beyond this compiling takes longer than it saves.
 _LONGEST: Final = 20_000
 _ARITHMETIC: Final = {'ADD': 'fadd', 'SUB': 'fsub', 'MUL': 'fmul', 'DIV': 'fdiv'}
@@ -38,7 +40,8 @@ class StageCode:
     ) -> None:
         """Compile a CasADi function of SX with dense outputs, for at least `lanes` stages.
 
-        Outputs are vectors unless `shapes` are given, in which rows come first.
+        It has four inputs at most. Outputs are vectors unless `shapes` are given, in which rows
+        come first.
 
         Raises:
             NotImplementedError: It has an operation without machine code here, or too many.
@@ -46,17 +49,14 @@ class StageCode:
         sizes = [function.numel_out(i) for i in range(function.n_out())]
         self._ends = np.cumsum([0, *sizes]).tolist()
         self._shapes = shapes or [(size,) for size in sizes]
-        arrays = function.n_in() + function.n_out()
-        self._engine, self._call = _compiled(_Text(function, lanes).text, arrays)
+        self._none = (np.empty((0, 0)),) * (_INPUTS - function.n_in())
+        self._engine, self._address = _compiled(_Text(function, lanes).text)
 
     def __call__(self, *inputs: Array) -> list[Array]:
         """Outputs at all stages, which are their first axis, for inputs ``(stages, numbers)``."""
         stages, ends = len(inputs[0]), self._ends
         whole = np.empty(stages * ends[-1])
-        held = [np.ascontiguousarray(each, float) for each in inputs]
-        first = whole.ctypes.data
-        places = [first + 8 * stages * end for end in ends[:-1]]
-        self._call(*(each.ctypes.data for each in held), *places, stages)
+        self._run(inputs, whole, stages)
         return [
             whole[stages * a : stages * b].reshape(stages, *shape)
             for (a, b), shape in zip(pairwise(ends), self._shapes, strict=True)
@@ -64,11 +64,27 @@ class StageCode:
 
     def roll_out(self, start: Array, *inputs: Array) -> Array:
         """States ``(stages + 1, n)``, each the only output for the last one; of a single lane."""
-        stages, states = len(inputs[0]), np.empty((len(inputs[0]) + 1, len(start)))
+        stages = len(inputs[0])
+        states = np.empty((stages + 1, len(start)))
         states[0] = start
-        held = [states, *(np.ascontiguousarray(each, float) for each in inputs), states[1:]]
-        self._call(*(each.ctypes.data for each in held), stages)
+        self._run((states, *inputs), states[1:].ravel(), stages)
         return states
+
+    def _run(self, inputs: Iterable[Array], out: Array, stages: int) -> None:
+        held = (np.ascontiguousarray(each, float) for each in inputs)
+        _caller()(self._address, *held, *self._none, out, stages)
+
+
+@allocation_free
+def _call_stages(address: int, x: Array, u: Array, p: Array, w: Array, out: Array, n: int) -> None:
+    call_with_data(address, (x, u, p, w, out), n)
+
+
+@cache
+def _caller() -> Any:
+    """Entry of `_call_stages`: ctypes takes longer for an address than for the arithmetic."""
+    table = np.empty((0, 0))
+    return entry_for(_call_stages, 0, table, table, table, table, np.empty(0), 0)
 
 
 class _Text:
@@ -196,24 +212,34 @@ class _Text:
     def _whole(self) -> str:
         f, lanes = self._function, self._lanes
         sizes = [f.numel_in(i) for i in range(f.n_in())]
-        sizes += [f.numel_out(i) for i in range(f.n_out())]
-        arguments = ', '.join(f'ptr %a{i}' for i in range(len(sizes)))
+        outputs = [f.numel_out(i) for i in range(f.n_out())]
         declared = [
             f'declare double @{name}({", ".join(["double"] * count)}) nounwind readnone'
             for count, names in _LIBRARY.items()
             for name in names
         ]
+        arrays = [
+            line
+            for i, before in enumerate(accumulate(outputs[:-1], initial=0), len(sizes))
+            for line in (
+                f'%b{i} = mul i64 %n, {before}',
+                f'%a{i} = getelementptr double, ptr %out, i64 %b{i}',
+            )
+        ]
         starts = [
             line
-            for i, size in enumerate(sizes)
+            for i, size in enumerate(sizes + outputs)
             for line in (
                 f'%o{i} = mul i64 %k, {size}',
                 f'%x{i} = getelementptr double, ptr %a{i}, i64 %o{i}',
             )
         ]
+        given = ', '.join(
+            f'ptr %a{i}' if i < len(sizes) else f'ptr %none{i}' for i in range(_INPUTS)
+        )
         return '\n'.join([
             *declared,
-            f'define void @stages({arguments}, i64 %n) {{', 'entry:',
+            f'define void @stages({given}, ptr %out, i64 %n) {{', 'entry:', *arrays,
             f'%last = sub i64 %n, {lanes}', 'br label %loop', 'loop:',
             '%at = phi i64 [0, %entry], [%next, %loop]',
             '%over = icmp sgt i64 %at, %last', '%k = select i1 %over, i64 %last, i64 %at',
@@ -231,8 +257,8 @@ def _names() -> dict[int, str]:
     return {getattr(casadi, name): name[3:] for name in dir(casadi) if name.startswith('OP_')}
 
 
-def _compiled(text: str, arrays: int) -> tuple[Any, Any]:
-    """The engine that holds the machine code, and a function that calls it."""
+def _compiled(text: str) -> tuple[Any, int]:
+    """The engine that holds the machine code, and its address."""
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
     module = llvm.parse_assembly(text)
@@ -244,6 +270,4 @@ def _compiled(text: str, arrays: int) -> tuple[Any, Any]:
     )
     engine = llvm.create_mcjit_compiler(module, machine)
     engine.finalize_object()
-    kinds = [ctypes.c_void_p] * arrays
-    call = ctypes.CFUNCTYPE(None, *kinds, ctypes.c_int64)
-    return engine, call(engine.get_function_address('stages'))
+    return engine, int(engine.get_function_address('stages'))

@@ -44,10 +44,11 @@ class CMPSP:
         self._trust_radius = fitted[-1]
         idle = _idle[size, options.qp, options.hessian]
         self._driver = idle.pop() if idle else Driver(size, *fitted, (options.qp, options.hessian))
+        self.space = self._driver.space
         # To make memory takes longer than a few iterations.
         finalize(self, idle.append, self._driver)
-        self._functions = self._functions_of(problem)
-        self._loaded: Linearisation | None = None
+        self._loaded: list[Linearisation] = []
+        self._functions = _functions_of(problem, self._loaded)
         self._last: Iterate | None = None
         ws = self._driver.ws
         set_weights(ws.program, *fitted)
@@ -81,8 +82,8 @@ class CMPSP:
 
     def residual(self, at: Iterate, subproblem: Subproblem | None) -> float:
         """KKT residual of an iterate with its latest multipliers; NaN without its subproblem."""
-        self._loaded = None if subproblem is None else subproblem.linearisation
-        return residual_at(at, subproblem, self._driver.space)
+        self._loaded[:] = [] if subproblem is None else [subproblem.linearisation]
+        return residual_at(at, subproblem, self.space)
 
     def step(self, at: Iterate, subproblem: Subproblem | None = None) -> Iterate:
         """One iteration; an iterate that cannot be improved keeps its controls.
@@ -96,7 +97,7 @@ class CMPSP:
         if at is not self._last:
             self._driver.forget()
         self._driver.go_on(self._functions, subproblem.linearisation)
-        self._loaded = None
+        self._loaded.clear()
         size, ws = self._problem.size, self._driver.ws
         U, X, evaluation = at.U, at.X, at.evaluation
         if ws.run['length'][0] > 0.0:
@@ -151,34 +152,6 @@ class CMPSP:
             return Status.INFEASIBLE if at_bottom else Status.STALLED
         return None
 
-    def _functions_of(self, problem: OptimalControlProblem) -> Functions:
-        """A problem in Python as functions that fill records, which may have more room.
-
-        Their data are its derivatives at the iterate.
-        """
-        n, r = problem.size.state, problem.size.control
-
-        def predict(_: Linearisation, U: Array, X: Array) -> None:
-            X[:, :n] = problem.predict(U[:, :r])
-
-        def evaluate(_: Linearisation, X: Array, U: Array, output_error: Array, g: Array) -> float:
-            found = problem.evaluate(X[:, :n], U[:, :r])
-            output_error[:], g[:] = found.output_error, found.g
-            return found.cost
-
-        def linearise(
-            data: Linearisation,
-            _X: Array,
-            _U: Array,
-            stages: Records,
-            path: Records,
-            terminal: Records,
-        ) -> None:
-            if data is not self._loaded:
-                put_derivatives(stages, path, terminal, data)
-
-        return Functions(predict, evaluate, linearise)
-
     @property
     def _target_size(self) -> float:
         return float(np.linalg.norm(self._problem.target)) or 1.0
@@ -190,6 +163,30 @@ class CMPSP:
             miss <= self._options.output_tolerance * self._target_size
             and evaluation.g.max(initial=-np.inf) <= self._options.violation_tolerance
         )
+
+
+def _functions_of(problem: OptimalControlProblem, loaded: list[Linearisation]) -> Functions:
+    """A problem in Python as functions that fill records, which may have more room.
+
+    Their data are its derivatives at the iterate; the records have those that are `loaded`.
+    """
+    n, r = problem.size.state, problem.size.control
+
+    def predict(_: Linearisation, U: Array, X: Array) -> None:
+        X[:, :n] = problem.predict(U[:, :r])
+
+    def evaluate(_: Linearisation, X: Array, U: Array, output_error: Array, g: Array) -> float:
+        found = problem.evaluate(X[:, :n], U[:, :r])
+        output_error[:], g[:] = found.output_error, found.g
+        return found.cost
+
+    def linearise(
+        data: Linearisation, _X: Array, _U: Array, stages: Records, path: Records, terminal: Records
+    ) -> None:
+        if not (loaded and loaded[0] is data):
+            put_derivatives(stages, path, terminal, data)
+
+    return Functions(predict, evaluate, linearise)
 
 
 def _size(U: Array, evaluation: Evaluation) -> Size:

@@ -19,8 +19,14 @@ from cmpsp_ros.mpsp.jit.compiled import (
     entry_for,
 )
 from cmpsp_ros.mpsp.problem import Dimensions, Hessian
-from cmpsp_ros.mpsp.qp import RICCATI_ACTIVE_SET, Penalties, QPSolution, QPStatus, solve_qp
-from cmpsp_ros.mpsp.qp.active_set.records import Space, compiled_size, put_solution, subproblem_in
+from cmpsp_ros.mpsp.qp import RICCATI_ACTIVE_SET, QPSolution, QPStatus, solve_qp
+from cmpsp_ros.mpsp.qp.active_set.records import (
+    Space,
+    compiled_size,
+    program_in,
+    put_solution,
+    subproblem_in,
+)
 from cmpsp_ros.mpsp.qp.active_set.solver import activate, correct, solve
 from cmpsp_ros.mpsp.qp.active_set.state import (
     ActiveSet,
@@ -34,7 +40,6 @@ from cmpsp_ros.mpsp.qp.curvature import convexify
 from cmpsp_ros.mpsp.qp.dense.clarabel_backend import load_proof
 from cmpsp_ros.mpsp.qp.dense.closed_form import has_closed_form, solve_closed_form
 from cmpsp_ros.mpsp.qp.riccati.program import Outcome
-from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 from cmpsp_ros.mpsp.sqp.iteration import advance
 from cmpsp_ros.mpsp.sqp.workspace import Phase, Request, Workspace, workspace
 
@@ -81,11 +86,11 @@ class BackEnd:
         if self._warm:
             space, warm = self._space, self._warm[is_relaxed]
             outcome = Outcome(solve(space.program, space.active, warm))
-            self.solution = answer_in(space, outcome, warm, lambda: self._program(is_relaxed))
+            self.solution = answer_in(space, outcome, warm, lambda: program_in(space))
             if outcome is Outcome.SOLVED:
                 self._has_basis = True
                 return outcome
-        subproblem, penalties = self._program(is_relaxed)
+        subproblem, penalties = program_in(self._space)
         if outcome in {None, Outcome.NO_CURVATURE}:
             if not is_relaxed and has_closed_form(subproblem):
                 self.solution = solve_closed_form(subproblem)
@@ -114,13 +119,6 @@ class BackEnd:
             correct(program, active, output_error, g)
         else:
             program.stages['correction_U'] = 0.0
-
-    def _program(self, is_relaxed: bool) -> tuple[Subproblem, Penalties | None]:
-        """The program in the records, with its penalties where it is relaxed."""
-        subproblem, program = subproblem_in(self._space), self._space.program
-        path = program.path['penalty'][: subproblem.size.horizon + 1].copy()
-        weights = Penalties(program.terminal['penalty'].copy(), path)
-        return subproblem, weights if is_relaxed else None
 
 
 @allocation_free

@@ -24,34 +24,23 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.options import Options
-from cmpsp_ros.mpsp.problem import Linearisation, OptimalControlProblem
-from cmpsp_ros.mpsp.qp import (
-    RICCATI_ACTIVE_SET,
-    Penalties,
-    QPSolution,
-    QPStatus,
-    no_warm_start,
-    solve_qp,
+from cmpsp_ros.mpsp.problem import Evaluation, Linearisation, OptimalControlProblem
+from cmpsp_ros.mpsp.qp import RICCATI_ACTIVE_SET, QPStatus, solve_qp
+from cmpsp_ros.mpsp.qp.active_set.records import (
+    Space,
+    is_positive_definite,
+    program_in,
+    put_derivatives,
+    put_solution,
 )
-from cmpsp_ros.mpsp.qp.active_set.records import is_positive_definite
+from cmpsp_ros.mpsp.qp.active_set.solver import solve
+from cmpsp_ros.mpsp.qp.back_ends import answer_in
+from cmpsp_ros.mpsp.qp.riccati.program import Outcome
 from cmpsp_ros.mpsp.qp.subproblem import Subproblem
-from cmpsp_ros.mpsp.results import Iterate, residual_at
-from cmpsp_ros.mpsp.sqp.lagrangian import (
-    Curvature,
-    hold_rows,
-    lagrangian_curvature,
-    multipliers,
-    response,
-    stage_blocks,
-)
-from cmpsp_ros.mpsp.sqp.shooting_records import (
-    Direction,
-    Point,
-    not_finite,
-    relaxation_levels,
-    summary,
-    weighted_violation,
-)
+from cmpsp_ros.mpsp.results import Iterate, Step, residual_at
+from cmpsp_ros.mpsp.sqp.iteration import LEVELS, relax
+from cmpsp_ros.mpsp.sqp.lagrangian import Curvature, lagrangian_curvature, multipliers, stage_blocks
+from cmpsp_ros.mpsp.sqp.shooting_program import Direction, Point, entries_for, memory
 
 # Violation of the start above which the Hessian is that of Gauss and Newton while it is as large.
 _FAR = 0.3
@@ -69,29 +58,41 @@ class MultipleShooting:
     """The iteration from one point; it remembers funnel and proximal term between steps."""
 
     def __init__(
-        self, problem: OptimalControlProblem, options: Options, at: Iterate, *, exact: bool
+        self,
+        problem: OptimalControlProblem,
+        options: Options,
+        space: Space,
+        at: Iterate,
+        *,
+        exact: bool,
     ) -> None:
         """Take a problem that gives `next_states` and `constraint_curvature`, and a start.
 
-        Unless `exact`, the Hessian is that of Gauss and Newton as long as the violation is large.
+        `space` has the weights of the rows. Unless `exact`, the Hessian is that of Gauss and Newton
+        as long as the violation is large.
         """
-        self._problem, self._options = problem, options
-        terminal, path, _ = options.fitted(problem.size)
-        rows = Penalties(terminal, np.tile(path, (problem.size.horizon + 1, 1)))
-        self._levels = relaxation_levels(rows)
+        self._problem, self._options, self._space = problem, options, space
+        self._memory = memory(problem.size)
+        self._compiled = entries_for(*space.program.stages['B'].shape[1:])
+        relax(space.program, 0)
         self._here = self._point(at.X, at.U)
         violation = self._here.violation
         self._funnel, self.is_exact = max(1.0, 1.25 * violation), exact or violation < _FAR
         self._proximal = self._convexifying = 0.0
         self._violation, self._in_vain, self._is_cautious = 0.0, 0, False
-        self._warm = no_warm_start(problem.size)
+        self._loaded: Linearisation | None = None
+        space.warm.clear()
 
     def subproblem(self, at: Iterate) -> Subproblem:
         """Derivatives at an iterate with the exact Hessian of the cost; gaps are not in it."""
-        lin = self._problem.linearise(at.X, at.U, 'exact')
-        return self._with_bounds(lin, at.U)
+        lin, free = self._problem.linearise(at.X, at.U, 'exact'), self._problem.size.state
+        lower, upper = self._problem.control_lower - at.U, self._problem.control_upper - at.U
+        return Subproblem(lin, lower, upper, np.full(free, np.inf))
 
-    residual = staticmethod(residual_at)
+    def residual(self, at: Iterate, subproblem: Subproblem | None) -> float:
+        """KKT residual of an iterate with its latest multipliers; NaN without its subproblem."""
+        self._loaded = None if subproblem is None else subproblem.linearisation
+        return residual_at(at, subproblem, self._space)
 
     def step(self, at: Iterate, subproblem: Subproblem) -> Iterate:
         """One iteration; an iterate that cannot be improved keeps its controls."""
@@ -102,132 +103,135 @@ class MultipleShooting:
             found = found._replace(H=stage_blocks(lin.L_XX, lin.L_UX, lin.L_UU))
         size, attempt = max(1e-6, float(np.abs(found.H).max())), 0
         if not np.isfinite(size):
-            return replace(at, index=at.index + 1, previous_U=at.U, step=not_finite(at, found))
+            return replace(at, index=at.index + 1, previous_U=at.U, step=_not_finite(at, found))
+        self._load(at, point, found)
         while True:
-            way = self._direction(at, point, found, size)
-            if way.solution.status is QPStatus.SOLVED:
-                length, after, is_corrected = self._search(point, found, way)
+            way = self._direction(point, found, size)
+            if way.status is QPStatus.SOLVED:
+                length, after, is_corrected = self._search(point, way)
                 if length > 0.0 and not self._is_in_vain(way, point):
                     if attempt == 0:
                         self._adapt(length, size)
-                    return self._moved(at, after, way, found, length, is_corrected)
+                    return self._moved(at, after, way, length, is_corrected)
             attempt += 1
             if attempt == _ATTEMPTS or self._in_vain == _PATIENCE:
-                step = summary(at, way, found, 0.0)
+                step = self._summary(at, way, 0.0)
                 return replace(at, index=at.index + 1, previous_U=at.U, step=step)
             self._proximal = max(_LEAST * size, 10.0 * self._proximal)
             # No proximal term shortens a step to constraints that nearly depend on each other.
             self._is_cautious = self._options.elastic
 
+    def _load(self, at: Iterate, point: Point, found: Curvature) -> None:
+        """Put derivatives and multipliers where the program is assembled from."""
+        lin, s, p = found.linearisation, self._memory, self._space.program
+        if self._loaded is not lin:
+            put_derivatives(p.stages, p.path, p.terminal, lin)
+        p.head['trust_radius'], p.head['horizon'] = np.inf, len(lin.A)
+        n = lin.A.shape[1]
+        s.H[:], s.gradient[:, :n], s.gradient[:, n:] = found.H, lin.L_X, lin.L_U
+        _, s.path[:], s.bounds[:] = multipliers(at, lin)
+        self._set_values(point, lin)
+
+    def _set_values(self, point: Point, lin: Linearisation) -> None:
+        s = self._memory
+        np.subtract(point.ahead, point.X[1:], out=s.gaps)
+        s.output_error[:] = point.evaluation.output_error
+        s.g[:] = np.where(lin.g == -np.inf, -np.inf, point.evaluation.g)
+
     def _point(self, X: Array, U: Array) -> Point:
         with np.errstate(all='ignore'):
             value, ahead = self._problem.evaluate_with_next(X, U)
-            gaps = ahead - X[1:]
-            total = np.abs(gaps).sum() + np.abs(value.output_error).sum()
-        return Point(X, U, value, gaps, float(total + np.maximum(value.g, 0.0).sum()))
+        arrays = (X, ahead, value.output_error, value.g)
+        X, ahead, error, g = (np.ascontiguousarray(each, float) for each in arrays)
+        point = Point(X, U, Evaluation(value.cost, error, g), ahead, 0.0)
+        self._measure(point)
+        return point._replace(violation=float(self._memory.sums[0]))
 
-    def _with_bounds(self, lin: Linearisation, U: Array) -> Subproblem:
-        free = np.full(self._problem.size.state, np.inf)
-        return Subproblem(
-            lin, self._problem.control_lower - U, self._problem.control_upper - U, free
-        )
+    def _measure(self, point: Point) -> None:
+        self._compiled.measure(self._space.program, self._memory, *point.values)
 
-    def _shifted(
-        self, found: Curvature, U: Array, gaps: Array, error: Array, g: Array
-    ) -> tuple[Subproblem, Array]:
-        """Subproblem without gaps that stands for one with them, and the response ``e``.
+    def _merit(self, point: Point, above: float) -> float:
+        """Weighted violation: what a merit adds to the cost."""
+        self._measure(point)
+        _, hard, weighted, _ = self._memory.sums.tolist()
+        return float(above * hard + weighted)
 
-        `error` and `g` are terminal error and path constraints.
+    def _solve_at(self, point: Point, shift: float, held: float, level: int) -> QPStatus | None:
+        """Solve the program at a point, relaxed as far as it is asked for, or has to be.
+
+        None where it is not convex; the level that was enough is that of the program.
         """
-        lin, H, e = found.linearisation, found.H, response(found.linearisation.A, gaps)
-        n = e.shape[1]
-        change = np.einsum('kij,kj->ki', H[:, :, :n], e)
-        XX, UX, UU = map(np.ascontiguousarray, (H[:, :n, :n], H[:, n:, :n], H[:, n:, n:]))
-        lin = Linearisation(
-            lin.A, lin.B, lin.L_X + change[:, :n], lin.L_U + change[:, n:], XX, UX, UU,
-            error + lin.h_X @ e[-1], lin.h_X, lin.h_U,
-            self._changed(lin, g, np.einsum('kli,ki->kl', lin.g_X, e)), lin.g_X, lin.g_U,
-        )  # fmt: skip
-        return self._with_bounds(lin, U), e
-
-    def _changed(self, lin: Linearisation, g: Array, change: Array) -> Array:
-        """Path constraints with a change, those that apply."""
-        with np.errstate(invalid='ignore'):
-            return np.where(lin.g == -np.inf, lin.g, g + change)
-
-    def _direction(self, at: Iterate, point: Point, found: Curvature, size: float) -> Direction:
-        """Step of the program at a point, relaxed where it has no solution or caution is due."""
-        value, hessians = point.evaluation, self._hessians(at, found, size)
+        space, problem, name = self._space, self._problem, self._options.qp
+        bounds = problem.control_lower, problem.control_upper
+        self._compiled.assemble(space.program, self._memory, point.U, *bounds, shift, held)
+        self._level = level
         while True:
-            shift, convex = next(hessians)
-            qp, e = self._shifted(convex, point.U, point.gaps, value.output_error, value.g)
-            solution, weights = self._solved(qp)
-            if weights is not None or shift > _MOST * size:
+            is_hard = relax(space.program, self._level)
+            if self._level:
+                space.warm.clear()
+            if name == RICCATI_ACTIVE_SET:
+                outcome = Outcome(solve(space.program, space.active, space.warm))
+                if outcome is Outcome.SOLVED:
+                    return QPStatus.SOLVED
+                if outcome is Outcome.NO_CURVATURE:
+                    return None
+                answer = answer_in(space, outcome, space.warm, lambda: program_in(space))
+            else:
+                subproblem, penalties = program_in(space)
+                if not is_positive_definite(subproblem):
+                    return None
+                answer = solve_qp(subproblem, name, penalties)
+            if answer.status is QPStatus.SOLVED:
+                subproblem, _ = program_in(space)
+                put_solution(space, answer, subproblem.propagate(answer.dU))
+                return answer.status
+            if not (is_hard and self._options.elastic):
+                return answer.status
+            self._level += 1
+
+    def _direction(self, point: Point, found: Curvature, size: float) -> Direction:
+        """Step of the program at a point, relaxed where it has no solution or caution is due."""
+        least, status = LEVELS if self._is_cautious else 0, None
+        for shift, held in self._convexifications(size):
+            self._set_values(point, found.linearisation)
+            status = self._solve_at(point, shift, held, least)
+            if status is not None or shift > _MOST * size:
                 break
-        lin = qp.linearisation
-        dX = response(lin.A, np.einsum('kia,ka->ki', lin.B, solution.dU[:-1]))
-        slack, miss = np.zeros_like(lin.g), np.zeros_like(lin.output_error)
-        weights = weights or self._levels[0]
-        is_relaxed = weights is not self._levels[0]
-        if is_relaxed:
-            slack, miss = np.maximum(qp.path(solution.dU, dX), 0.0), qp.terminal(solution.dU, dX)
-        return Direction(
-            dX + e, solution.dU, solution, convex, shift, is_relaxed, weights, miss, slack
+        space, s, r = self._space, self._memory, self._problem.size.control
+        self._compiled.read_direction(space.program, s, self._level > 0)
+        falls, largest, left, weighted = s.sums.tolist()
+        largest = max(largest, float(np.abs(found.costates).max()))
+        new = (
+            space.program.terminal['multiplier'].copy(),
+            space.program.path['multiplier'].copy(),
+            space.program.stages['bounds'][:, :r].copy(),
         )
+        return Direction(
+            status or QPStatus.FAILED, new, shift, held, self._level,
+            falls, 1.1 * largest, left, weighted,
+        )  # fmt: skip
 
-    def _solved(self, qp: Subproblem) -> tuple[QPSolution, Penalties | None]:
-        """Solution of a program and its penalties; None where the program is not convex.
+    def _convexifications(self, size: float) -> Iterator[tuple[float, float]]:
+        """Terms on the diagonal and weights of held rows that may make the Hessian convex.
 
-        All rows are hard at first, then the lightest are relaxed, or more of them; all in caution.
+        None; with the rows held that are active, which changes no step that keeps them; and with
+        ever larger terms, from a third of the last one that was needed.
         """
-        name = self._options.qp
-        solution, weights = QPSolution.unsolved(qp.size, QPStatus.FAILED), None
-        if name != RICCATI_ACTIVE_SET and not is_positive_definite(qp):
-            return solution, None
-        for weights in self._levels[-1:] if self._is_cautious else self._levels:
-            is_hard = weights is self._levels[0]
-            warm = self._warm if is_hard else None
-            solution = solve_qp(qp, name, None if is_hard else weights, warm)
-            if solution.status is QPStatus.SOLVED:
-                break
-            if solution.status is QPStatus.FAILED and not is_positive_definite(qp):
-                return solution, None
-            if not self._options.elastic:
-                break
-        return solution, weights
-
-    def _hessians(
-        self, at: Iterate, found: Curvature, size: float
-    ) -> Iterator[tuple[float, Curvature]]:
-        """Hessians that may be positive definite, with the terms on their diagonals.
-
-        The Lagrangian's; with the rows held that are active, which changes no step that keeps
-        them; and with ever larger terms, from a third of the last one that was needed.
-        """
-        unit = np.eye(found.H.shape[1])
-        found = found._replace(H=found.H + self._proximal * unit)
-        yield self._proximal, found
-        _, rho, beta = multipliers(at, found.linearisation)
-        found = hold_rows(found, rho > 1e-8, beta != 0.0, _HELD * max(1.0, size))
-        yield self._proximal, found
+        yield self._proximal, 0.0
+        held = _HELD * max(1.0, size)
+        yield self._proximal, held
         term = max(_LEAST * size, self._convexifying / 3.0)
         while True:
             self._convexifying = term
-            yield self._proximal + term, found._replace(H=found.H + term * unit)
+            yield self._proximal + term, held
             term *= 4.0
 
-    def _search(self, point: Point, found: Curvature, way: Direction) -> tuple[float, Point, bool]:
+    def _search(self, point: Point, way: Direction) -> tuple[float, Point, bool]:
         """Step length, 0 if none is accepted; where it leads; corrected."""
-        lin, length = found.linearisation, 1.0
-        falls = -float(np.vdot(lin.L_X, way.dX) + np.vdot(lin.L_U, way.dU))
-        largest = [way.solution.terminal, way.solution.path, found.costates]
-        # Of a relaxed step no gap may weigh less than a row.
-        largest += [w[np.isfinite(w)] for w in (way.weights.terminal, way.weights.path)]
-        above = 1.1 * max(float(np.abs(each).max(initial=0.0)) for each in largest)
-        rounding = _ROUNDING * (1.0 + abs(point.evaluation.cost) + above)
-        weights = way.merit_weights(above)
-        before, left = weighted_violation(point, above, weights), way.left(weights)
-        leaves_most = way.slack > 0.9 * point.violation
+        s, length, falls = self._memory, 1.0, way.falls
+        rounding = _ROUNDING * (1.0 + abs(point.evaluation.cost) + way.above)
+        before = self._merit(point, way.above)
+        leaves_most = way.left > 0.9 * point.violation
 
         def accepts(after: Point, length: float) -> bool:
             if not after.is_finite:
@@ -241,14 +245,14 @@ class MultipleShooting:
                 elif then <= (1.0 - 1e-2 * length) * now + 1e-12 and not leaves_most:
                     self._funnel = max(0.5 * (self._funnel + then), 1e-10)
                     return True
-            gain += before - weighted_violation(after, above, weights)
-            return gain >= 1e-4 * length * (falls + before - left)
+            gain += before - self._merit(after, way.above)
+            return bool(gain >= 1e-4 * length * (falls + before - way.weighted))
 
         while length > _SHORTEST:
-            after = self._moved_point(point, length * way.dX, length * way.dU)
+            after = self._moved_point(point, length * s.dX, length * s.dU)
             if accepts(after, length):
                 return length, after, False
-            is_full = length == 1.0 and after.is_finite and not way.is_relaxed
+            is_full = length == 1.0 and after.is_finite and way.level == 0
             if is_full and after.violation >= point.violation:
                 corrected = self._corrected(point, way, after)
                 if corrected is not None and accepts(corrected, 1.0):
@@ -258,21 +262,17 @@ class MultipleShooting:
 
     def _moved_point(self, point: Point, dX: Array, dU: Array) -> Point:
         lower, upper = self._problem.control_lower, self._problem.control_upper
-        return self._point(point.X + dX, np.clip(point.U + dU, lower, upper))
+        return self._point(point.X + dX, np.minimum(np.maximum(point.U + dU, lower), upper))
 
     def _corrected(self, point: Point, way: Direction, after: Point) -> Point | None:
         """Step for the constraints' values after the full step, at unchanged derivatives."""
-        dX, dU, value, lin = way.dX, way.dU, after.evaluation, way.convex.linearisation
-        moved = np.einsum('kij,kj->ki', lin.A, dX[:-1]) + np.einsum('kia,ka->ki', lin.B, dU[:-1])
-        error = value.output_error - lin.h_X @ dX[-1] - lin.h_U @ dU[-1]
-        change = np.einsum('kli,ki->kl', lin.g_X, dX) + np.einsum('kla,ka->kl', lin.g_U, dU)
-        g, gaps = self._changed(lin, value.g, -change), after.gaps + dX[1:] - moved
-        qp, e = self._shifted(way.convex, point.U, gaps, error, g)
-        solution = solve_qp(qp, self._options.qp)
-        if solution.status is not QPStatus.SOLVED:
+        space, s = self._space, self._memory
+        n, r = s.dX.shape[1], s.dU.shape[1]
+        self._compiled.set_correction(space.program, s, *after.values)
+        if self._solve_at(point, way.shift, way.held, 0) is not QPStatus.SOLVED or self._level:
             return None
-        moved = response(lin.A, np.einsum('kia,ka->ki', lin.B, solution.dU[:-1]))
-        return self._moved_point(point, moved + e, solution.dU)
+        dX = space.program.stages['dX'][:, :n] + s.response
+        return self._moved_point(point, dX, space.program.stages['dU'][:, :r])
 
     def _closed(self, point: Point) -> tuple[Point, float]:
         """The same controls with the states they lead to, where those nearly agree; the gap."""
@@ -280,12 +280,12 @@ class MultipleShooting:
             closed = self._point(self._problem.predict(point.U), point.U)
             if closed.violation <= max(1e-6, point.violation):
                 return closed, 0.0
-        return point, float(np.abs(point.gaps).max())
+        return point, float(np.abs(point.ahead - point.X[1:]).max())
 
     def _is_in_vain(self, way: Direction, point: Point) -> bool:
         """True where relaxed steps have left the violation as it was several times running."""
-        is_free = way.is_relaxed and not self._is_cautious
-        is_idle = is_free and way.slack >= _NO_GAIN * point.violation
+        is_free = way.level > 0 and not self._is_cautious
+        is_idle = is_free and way.left >= _NO_GAIN * point.violation
         is_idle = is_idle and point.violation >= _NO_GAIN * self._violation
         self._violation = point.violation
         self._in_vain = self._in_vain + 1 if is_idle else 0
@@ -300,15 +300,33 @@ class MultipleShooting:
             self._proximal = min(max(_LEAST * size, 4.0 * self._proximal), size)
 
     def _moved(
-        self,
-        at: Iterate,
-        to: Point,
-        way: Direction,
-        found: Curvature,
-        length: float,
-        is_corrected: bool,
+        self, at: Iterate, to: Point, way: Direction, length: float, is_corrected: bool
     ) -> Iterate:
         self._here, gap = self._closed(to)
-        step = replace(summary(at, way, found, length), corrected=is_corrected)
+        step = replace(self._summary(at, way, length), corrected=is_corrected)
         there, X, value = self._here.U, self._here.X, self._here.evaluation
         return Iterate(at.index + 1, there, X, value, at.guess_size, at.U, step, gap)
+
+    def _summary(self, at: Iterate, way: Direction, length: float) -> Step:
+        """Summary of a step; multipliers move as far as the controls do."""
+        s, head = self._memory, self._space.program.head
+        terminal, path, bounds = (
+            old + length * (then - old) if length else old
+            for old, then in zip(at.multipliers, way.multipliers, strict=True)
+        )
+        change, whole = (np.linalg.norm(each, axis=1).sum() for each in (s.dU, at.U))
+        return Step(
+            way.status, way.level > 0, s.slack_terminal.copy(), s.slack_path.copy(), length,
+            terminal, path, bounds, int(np.count_nonzero(path) + np.count_nonzero(bounds)),
+            int(head['iterations'][0]), float(change / (whole or 1.0)), way.shift,
+        )  # fmt: skip
+
+
+def _not_finite(at: Iterate, found: Curvature) -> Step:
+    """Summary of a step that could not be looked for."""
+    lin = found.linearisation
+    terminal, path, bounds = multipliers(at, lin)
+    return Step(
+        QPStatus.FAILED, False, np.zeros_like(terminal), np.zeros_like(path), 0.0, terminal, path,
+        bounds, 0, 0, not_finite=lin.not_finite or 'the curvature of the constraints',
+    )  # fmt: skip

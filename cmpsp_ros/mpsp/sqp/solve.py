@@ -26,6 +26,10 @@ from cmpsp_ros.mpsp.sqp.multiple_shooting import MultipleShooting
 _PAPERS: Final = 15
 """Iterations of the paper's kind, after which ``auto`` goes on by multiple shooting."""
 
+# It goes on so before where a step is shortened although the constraints are met this well: what is
+# missing is their curvature. And after so many steps running that are no longer than that.
+_MET, _SHORT, _PATIENCE = 1e-6, 1.0 / 16.0, 4
+
 # Violation, relative to that of the guess, up to which multiple shooting begins where the paper's
 # iteration ended.
 _WORTH_KEEPING = 0.1
@@ -96,6 +100,7 @@ class _Run:
     shooting: MultipleShooting | None = None
     is_shooting: bool = False
     escapes: int = 0
+    short: int = 0
     before: Iterate | None = None
     until: int | None = None
     warm: Step | None = None
@@ -202,10 +207,17 @@ class _Run:
                 self.before = at
             self.until = at.index + _SECOND
             return self._shoot(guess, exact=True)
-        if not self.can_shoot or (status is None and at.index < _PAPERS):
+        if not self.can_shoot or (status is None and not self._is_slow()):
             return False
         self.before = at
         return self._shoot(at if _violation(at) <= _WORTH_KEEPING * _violation(guess) else guess)
+
+    def _is_slow(self) -> bool:
+        """True where the paper's iteration has had its time, or does not get on."""
+        length = 1.0 if self.at.step is None else self.at.step.length
+        self.short = self.short + 1 if length <= _SHORT else 0
+        is_flat = length < 1.0 and _violation(self.at) <= _MET
+        return self.at.index >= _PAPERS or is_flat or self.short >= _PATIENCE
 
     def _resume(self, status: Status, is_last: bool) -> bool:
         """Go back to an iterate with less violation, and on by the paper's iteration from there."""
@@ -222,7 +234,9 @@ class _Run:
         """Go on from an iterate by multiple shooting; false where the problem cannot."""
         self.can_shoot = self.can_shoot and _can_shoot(self.problem, at)
         if self.can_shoot:
-            self.shooting = MultipleShooting(self.problem, self.options, at, exact=exact)
+            self.shooting = MultipleShooting(
+                self.problem, self.options, self.papers.space, at, exact=exact
+            )
             self.is_shooting, self.at = True, replace(at, step=None)
         return self.is_shooting
 

@@ -44,7 +44,7 @@ from cmpsp_ros.parameters import (
     lacks_road,
     plausibility_warnings,
 )
-from cmpsp_ros.quick_exit import quick_exit
+from cmpsp_ros.programs import quick_exit
 
 _GUIDED = 'Another node guides this robot: {}.'
 

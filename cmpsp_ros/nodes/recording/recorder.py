@@ -31,7 +31,7 @@ from cmpsp_ros.nodes.recording.received import (
     Written,
     to_values,
 )
-from cmpsp_ros.quick_exit import quick_exit
+from cmpsp_ros.programs import quick_exit
 
 TAKE_PERIOD: Final = 0.05
 """Time between two rounds through the queues [s]."""

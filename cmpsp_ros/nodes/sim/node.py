@@ -24,7 +24,7 @@ from cmpsp_ros.nodes.common.topic import Topic
 from cmpsp_ros.nodes.sim.pace import Lockstep, RealTime
 from cmpsp_ros.nodes.sim.surroundings import Pedestrians, Scanner, Traffic
 from cmpsp_ros.parameters import TABLE, ParameterError, Values, check_simulation, plant_settings
-from cmpsp_ros.quick_exit import quick_exit
+from cmpsp_ros.programs import quick_exit
 from cmpsp_ros.robots.motion import with_side
 from cmpsp_ros.simulator import Motion, OdometrySchedule, Plant, TwistError
 

@@ -38,6 +38,7 @@ class Kinematics(NamedTuple):
         n_speeds: How many of the controls, the first, are 0 at rest; the others are angles.
         max_wheel_speed: Limit of each wheel [rad/s].
         max_speed: Largest speed along the path [m/s].
+        max_lateral_acceleration: Limit of `lateral_acceleration` [m/s^2]; infinite for none.
         max_curvature: Largest curvature of its path; infinite if it turns on the spot [1/m].
         drives_sideways: Whether it moves in every direction without turning first.
     """
@@ -50,6 +51,7 @@ class Kinematics(NamedTuple):
     n_speeds: int
     max_wheel_speed: float
     max_speed: float
+    max_lateral_acceleration: float
     max_curvature: float
     drives_sideways: bool
 
@@ -124,12 +126,17 @@ def steer(
 
 @allocation_free
 def within_limits(controls: Array, k: int, robot: Kinematics) -> None:
-    """Limit the angles of control ``k``, and slow all its wheels alike where one is too fast."""
+    """Limit the angles of control ``k``, and slow all its wheels alike to the other limits."""
     for a in range(robot.n_speeds, controls.shape[1]):
         controls[k, a] = min(max(controls[k, a], -robot.bounds[a]), robot.bounds[a])
     slowed = min(1.0, robot.max_wheel_speed / max(fastest_wheel(controls, k, robot), 1e-12))
     for a in range(robot.n_speeds):
         controls[k, a] *= slowed
+    if robot.max_lateral_acceleration < math.inf:
+        across = abs(lateral_acceleration(controls, k, robot))
+        slowed = math.sqrt(min(1.0, robot.max_lateral_acceleration / max(across, 1e-12)))
+        for a in range(robot.n_speeds):
+            controls[k, a] *= slowed
 
 
 @allocation_free
@@ -143,6 +150,39 @@ def fastest_wheel(controls: Array, k: int, robot: Kinematics) -> float:
         # `max` drops NaN, a sum propagates it.
         fastest = max(fastest, abs(speed)) + 0.0 * speed
     return fastest
+
+
+@allocation_free
+def lateral_acceleration(controls: Array, k: int, robot: Kinematics) -> float:
+    """Speed along the path times turn rate under control ``k`` [m/s^2]; the sign is that of both.
+
+    The speed of a robot that drives sideways has no sign.
+    """
+    _displace(robot, _DISPLACE, controls, k, 1.0)
+    across: float = _signed_speed(robot) * robot.scratch[0, 2]
+    return across
+
+
+@allocation_free
+def put_lateral_gradient(
+    gradient: Array, sign: float, controls: Array, k: int, robot: Kinematics
+) -> None:
+    """Fill the gradient ``(r,)`` of `lateral_acceleration` by control ``k``, times a sign."""
+    _displace(robot, _DIFFERENTIATE, controls, k, 1.0)
+    moved, speed = robot.scratch, _signed_speed(robot)
+    for a in range(controls.shape[1]):
+        faster = moved[1, a]
+        if speed != 0.0:
+            faster = (moved[0, 0] * moved[1, a] + moved[0, 1] * moved[2, a]) / speed
+        gradient[a] = sign * (faster * moved[0, 2] + speed * moved[3, a])
+
+
+@allocation_free
+def _signed_speed(robot: Kinematics) -> float:
+    """Speed along the path of the displacement in the robot's scratch, negative backward."""
+    forward, left = robot.scratch[0, 0], robot.scratch[0, 1]
+    speed = math.hypot(forward, left)
+    return speed if robot.drives_sideways else math.copysign(speed, forward)
 
 
 @allocation_free

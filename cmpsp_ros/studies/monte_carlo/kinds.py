@@ -10,9 +10,8 @@ from typing import Any, Final
 
 from cmpsp_ros.guidance import GuidanceSettings
 from cmpsp_ros.studies.monte_carlo.courses.corridors import corridor_scenario, floor_scenario
-from cmpsp_ros.studies.monte_carlo.courses.mazes import maze_scenario
 from cmpsp_ros.studies.monte_carlo.courses.ring_courses import Scenario, paper_scenario, scenario
-from cmpsp_ros.studies.monte_carlo.courses.rooms import field_scenario, room_scenario
+from cmpsp_ros.studies.monte_carlo.courses.rooms import field_scenario, maze_scenario, room_scenario
 
 PRESET: Final = 'case3'
 _SEEING: Final = {

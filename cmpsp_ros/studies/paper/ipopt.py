@@ -116,6 +116,10 @@ def reference_solution(settings: GuidanceSettings, pose: Array, start: Path) -> 
     cost: Any = constraints.off_center(X[:2, 0], 0, space) ** 2
     for k in range(steps + stopping):
         step = motion(casadi, robot, X[2, k], U[:, k], period)
+        if robot.max_lateral_acceleration < math.inf:
+            ahead, aside, turn_rate = _twist(casadi, robot, U[:, k])
+            squared = (ahead**2 + aside**2) * turn_rate**2
+            opti.subject_to(squared <= robot.max_lateral_acceleration**2)
         opti.subject_to(X[:, k + 1] == X[:, k] + step)
         here = end if k + 1 == steps else space
         off_center = constraints.off_center(X[:2, k + 1], k + 1, here)
@@ -151,6 +155,18 @@ def reference_solution(settings: GuidanceSettings, pose: Array, start: Path) -> 
 
 def motion(casadi: Any, robot: Robot, heading: Any, control: Any, duration: Any) -> Any:
     """Change of the pose under a constant control, as an expression ``(3,)``."""
+    ahead, aside, turn_rate = _twist(casadi, robot, control)
+    half = turn_rate * duration / 2.0
+    # sin(a) / a by its series, exact to rounding for every turn of a control period.
+    square = half * half
+    sinc = 1 - square / 6 * (1 - square / 20 * (1 - square / 42 * (1 - square / 72)))
+    cosine, sine = casadi.cos(heading + half), casadi.sin(heading + half)
+    x, y = ahead * cosine - aside * sine, ahead * sine + aside * cosine
+    return casadi.vertcat(x * sinc * duration, y * sinc * duration, 2.0 * half)
+
+
+def _twist(casadi: Any, robot: Robot, control: Any) -> tuple[Any, Any, Any]:
+    """Speed forward and to the left, and turn rate, as expressions."""
     aside: Any = 0.0
     if isinstance(robot, DifferentialDrive):
         ahead = (control[0] + control[1]) * robot.wheel_radius / 2.0
@@ -168,13 +184,7 @@ def motion(casadi: Any, robot: Robot, heading: Any, control: Any, duration: Any)
     else:
         name = type(robot).__name__
         raise StudyError(f'robot.model: found {name}, wanted one that the judge knows')
-    half = turn_rate * duration / 2.0
-    # sin(a) / a by its series, exact to rounding for every turn of a control period.
-    square = half * half
-    sinc = 1 - square / 6 * (1 - square / 20 * (1 - square / 42 * (1 - square / 72)))
-    cosine, sine = casadi.cos(heading + half), casadi.sin(heading + half)
-    x, y = ahead * cosine - aside * sine, ahead * sine + aside * cosine
-    return casadi.vertcat(x * sinc * duration, y * sinc * duration, 2.0 * half)
+    return ahead, aside, turn_rate
 
 
 def limit_excess(robot: Robot, controls: Array, period: float) -> float:

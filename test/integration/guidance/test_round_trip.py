@@ -41,8 +41,6 @@ def with_one_wrong_command(source, target):
                     twist.angular.z = 1.0 - twist.angular.z
                     kept = bytes(jazzy().serialize_cdr(twist, there.msgtype))
                 new.write(topic, stamp, kept)
-        for node, values in bag.parameters.items():
-            new.set_parameters(node, values)
     return target
 
 

@@ -78,12 +78,8 @@ def test_parameters_read_back_bit_for_bit(path):
         bag.set_parameters('/a', {'old': 1})
         bag.set_parameters('/a', values)
         bag.set_parameters('/b', {})
-        bag.set_parameters('/a', {'x': 3}, since=20)
-        bag.set_parameters('/a', {'x': 1}, since=3)
-        bag.set_parameters('/a', {'x': 2}, since=3)
     with Bag(path) as bag:
         read = bag.parameters
-        assert bag.restarts == {'/a': [(3, {'x': 2}), (20, {'x': 3})]}
     assert set(read) == {'/a', '/b'}
     assert read['/a'].keys() == values.keys()
     for name, value in values.items():

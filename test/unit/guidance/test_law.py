@@ -248,8 +248,8 @@ def test_a_live_change_keeps_the_planner_where_the_number_of_constraints_stays()
     other = replace(given, weights=replace(given.weights, road_center=14.0))
     moved = replace(other, obstacles=(replace(FIRST, center=(8.1, -6.0)), SECOND))
     more = replace(moved, obstacles=(*moved.obstacles, replace(SECOND, center=(-8.0, 8.0))))
-    planner = law._selector._pool.followed
+    planner = law._selector._selection.pool.followed
     for changed, is_kept in ((other, True), (moved, True), (more, False)):
         reconfigure(law, changed)
-        assert (law._selector._pool.followed is planner) == is_kept
+        assert (law._selector._selection.pool.followed is planner) == is_kept
     assert law.step(Observation(ON_TIME[10], run.pose)).level in SETTLED

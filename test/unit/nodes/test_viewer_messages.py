@@ -12,17 +12,10 @@ from sensor_msgs.msg import JointState
 from visualization_msgs.msg import Marker, MarkerArray
 
 from cmpsp_ros.nodes.guidance.outputs.markers import marker_array
-from cmpsp_ros.nodes.viewer_messages import (
-    course_of,
-    decision_of,
-    place_of,
-    plan_of,
-    speeds_of,
-    step_of,
-)
+from cmpsp_ros.nodes.viewer import course_of, decision_of, place_of, plan_of, speeds_of, step_of
 from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 from cmpsp_ros.view import SharedState
-from cmpsp_ros.view.shared_state import ClientState
+from cmpsp_ros.view.server import ClientState
 
 
 def status(reason='', **values):

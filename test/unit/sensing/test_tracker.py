@@ -98,6 +98,26 @@ def test_what_stops_is_static_until_it_goes_on():
     assert np.hypot(*(occupied(score.sighting) - walker(5.5)).T).min() > 0.5
 
 
+def turning_its_back(time):
+    return 1.0, 3.0, 0.0 if time < 2.0 else math.pi
+
+
+@pytest.mark.parametrize(
+    ('walker', 'seconds'), [(TOWARD, 5.0), (AWAY, 2.0)], ids=['toward', 'away']
+)
+def test_who_comes_at_the_back_of_the_scanner_is_expected_for_longer(walker, seconds):
+    lasting = [
+        (time, each)
+        for time, sighting in ScannedRoom(walkers=[walker], robot=turning_its_back).run(8.0)
+        for each in sighting.tracks
+        if time >= 2.0
+    ]
+    last, track = lasting[-1]
+    assert last == pytest.approx(1.9 + seconds, abs=0.11)
+    assert math.dist((track.x, track.y), walker(last)) < 3.0 * track.position_stddev
+    assert {each.name for _, each in lasting} == {'person 1'}
+
+
 def test_a_jump_of_odometry_moves_nothing():
     room = ScannedRoom(posts=POSTS, jumps=(2.0, (0.4, 0.2, 0.1)))
     assert not Score(room, 6.0).false

@@ -5,8 +5,8 @@ import math
 
 import pytest
 
-from cmpsp_ros.view import SharedState, shared_state
-from cmpsp_ros.view.shared_state import ClientState
+from cmpsp_ros.view import SharedState, server
+from cmpsp_ros.view.server import ClientState
 
 
 @pytest.fixture
@@ -51,7 +51,7 @@ def test_with_another_run_the_series_begin_again(state):
 
 
 def test_a_series_that_is_full_begins_again(state, monkeypatch):
-    monkeypatch.setattr(shared_state, 'LONGEST', 3)
+    monkeypatch.setattr(server, 'LONGEST', 3)
     for number in range(4):
         state.add('path', [float(number), 0.0])
     assert state.updates(ClientState())['series'] == {'path': [[3.0, 0.0]]}

@@ -114,6 +114,15 @@ def subproblem_in(of: Space) -> Subproblem:
     return Subproblem(linearisation, lower, upper, trust_radius)
 
 
+def program_in(of: Space) -> tuple[Subproblem, Penalties | None]:
+    """The program in records, with its penalties unless all rows are hard."""
+    subproblem, program = subproblem_in(of), of.program
+    path = program.path['penalty'][: subproblem.size.horizon + 1].copy()
+    weights = Penalties(program.terminal['penalty'].copy(), path)
+    is_hard = np.isinf(weights.terminal).all() and np.isinf(path).all()
+    return subproblem, None if is_hard else weights
+
+
 def _derivatives(
     stages: Records, path: Records, terminal: Records, size: Dimensions
 ) -> tuple[Array, ...]:

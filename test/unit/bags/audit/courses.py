@@ -13,7 +13,7 @@ import numpy as np
 from bag_messages import GRID, ODOMETRY, SECOND, TWIST, grid, make, odometry, raw, time, twist
 
 from cmpsp_ros.bags import BagWriter
-from cmpsp_ros.bags.messages import DECISION, decision_message
+from cmpsp_ros.bags.decision_record import DECISION, decision_message
 from cmpsp_ros.guidance import GuidanceLaw, Observation
 from cmpsp_ros.parameters import (
     TABLE,

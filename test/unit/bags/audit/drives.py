@@ -16,6 +16,7 @@ from bag_messages import (
     SECOND,
     STAMPED,
     TWIST,
+    all_parameters,
     cloud,
     grid,
     header,
@@ -28,7 +29,7 @@ from bag_messages import (
 
 from cmpsp_ros.bags import BagWriter
 from cmpsp_ros.bags.audit import CheckOutcome
-from cmpsp_ros.bags.messages import DECISION, decision_message, path_message
+from cmpsp_ros.bags.decision_record import DECISION, decision_message, path_message
 from cmpsp_ros.guidance import GuidanceLaw, Observation
 from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 
@@ -141,12 +142,15 @@ class Drive:
             for stamp, key, value in self.changes:
                 change = parameter_event(f'{prefix}/guidance', {key: value}, stamp)
                 bag.write('/parameter_events', stamp, raw(change))
-            if self.parameters:
+            if self.restarts:
+                bag.topic(f'{prefix}/guidance/parameters', EVENT)
+                for since, values in [(START, self.parameters), *self.restarts]:
+                    told = all_parameters(f'{prefix}/guidance', values, since)
+                    bag.write(f'{prefix}/guidance/parameters', since, raw(told))
+            elif self.parameters:
                 bag.set_parameters(f'{prefix}/guidance', self.parameters)
             if self.sim:
                 bag.set_parameters(f'{prefix}/sim', self.sim)
-            for since, parameters in self.restarts:
-                bag.set_parameters(f'{prefix}/guidance', parameters, since)
         return path
 
     def _odometry(self, each):

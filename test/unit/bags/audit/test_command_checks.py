@@ -173,6 +173,34 @@ def test_a_halt_may_be_sudden(gentle, outcomes):
 
 
 @pytest.fixture(scope='module')
+def upright():
+    """A drive that keeps a limit of lateral acceleration."""
+    return drive_case(**{'robot.max_lateral_acceleration': 1.0})
+
+
+@pytest.mark.parametrize('ours', [True, False])
+@pytest.mark.parametrize('sign', [1.0, -1.0])
+def test_a_bend_that_is_too_fast_is_caught(upright, outcomes, ours, sign):
+    drive = upright.copy() if ours else upright.without_node()
+    drive.parameters = upright.parameters
+    drive.commands[drive.at(4.0)].twist = np.array([-sign, 1.05])
+    after = outcomes(drive)['lateral_acceleration']
+    assert after.outcome is CheckOutcome.FAILED
+    assert after.worst == pytest.approx(1.05)
+    assert after.at == pytest.approx(4.0, abs=0.21)
+
+
+def test_bends_within_the_limit_pass(upright, outcomes):
+    found = outcomes(upright)['lateral_acceleration']
+    assert found.outcome is PASSED
+    assert 0.9 < found.worst <= found.limit == 1.0
+
+
+def test_without_that_limit_it_is_not_checked(gentle, outcomes):
+    assert outcomes(gentle)['lateral_acceleration'].outcome is CheckOutcome.SKIPPED
+
+
+@pytest.fixture(scope='module')
 def steered():
     """A car that changes lanes, and brakes to rest."""
     return drive_case('lane_change', rest=3.0)

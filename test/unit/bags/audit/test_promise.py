@@ -37,6 +37,18 @@ def test_what_could_reach_the_robot_before_the_next_command_is_caught(drive, out
     assert 'moving obstacle 7 could be' in found.sentence
 
 
+@pytest.mark.parametrize(
+    ('distance', 'outcome'), [(-1.5, PASSED), (1.5, FAILED)], ids=['behind', 'ahead']
+)
+def test_a_robot_may_leave_somebody_out_of_sight(drive, outcomes, distance, outcome):
+    stamp = START + 4 * SECOND
+    x, y, heading = next(each.pose for each in drive.odometry if each.stamp == stamp)
+    ahead = np.array([math.cos(heading), math.sin(heading)])
+    place, velocity = np.array([x, y]) + distance * ahead, -1.5 * np.sign(distance) * ahead
+    drive.obstacles = [(stamp, [(7, *place, *velocity, 0.3, 0.3, 0.3)])]
+    assert outcomes(drive)['promise'].outcome is outcome
+
+
 @pytest.mark.parametrize(('limit', 'outcome'), [(0.0, PASSED), (1.6, PASSED), (20.0, FAILED)])
 def test_the_limit_of_acceleration_is_that_of_the_parameters(drive, outcomes, limit, outcome):
     drive.parameters['people.max_acceleration'] = limit

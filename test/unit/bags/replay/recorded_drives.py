@@ -11,6 +11,7 @@ from bag_messages import (
     POSE,
     SECOND,
     TWIST,
+    all_parameters,
     odometry,
     parameter_event,
     pose_stamped,
@@ -18,8 +19,13 @@ from bag_messages import (
 )
 
 from cmpsp_ros.bags import Bag, BagWriter
-from cmpsp_ros.bags.decision_record import status_of
-from cmpsp_ros.bags.messages import DECISION, command_message, decision_message, path_message
+from cmpsp_ros.bags.decision_record import (
+    DECISION,
+    command_message,
+    decision_message,
+    path_message,
+    status_of,
+)
 from cmpsp_ros.guidance import GoalError, GuidanceLaw, Observation
 from cmpsp_ros.guidance.messages import Arrival, OdometryError, OdometryGate, goal_of
 from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
@@ -55,15 +61,19 @@ class Drive:
             (f'{prefix}/guidance/predicted_path', PATH),
         ):
             self.bag.topic(name, kind)
-        keys = TABLE.keys(self.values)
-        said = {key: self.values[key] for key, row in keys if 'guidance' in row.nodes}
-        self.bag.set_parameters(f'{prefix}/guidance', said)
+        self.bag.topic(f'{prefix}/guidance/parameters', EVENT)
+        self.publish_parameters()
 
     def __enter__(self):
         return self
 
     def __exit__(self, *_):
         self.bag.close()
+
+    def publish_parameters(self):
+        keys, node = TABLE.keys(self.values), f'{self.prefix}/guidance'
+        told = {key: self.values[key] for key, row in keys if 'guidance' in row.nodes}
+        self.bag.write(f'{node}/parameters', self.now, raw(all_parameters(node, told)))
 
     def activate(self):
         self.law.reset()
@@ -177,22 +187,19 @@ class Drive:
         self.law.reconfigure(self.settings, self.settings.world)
 
 
-def altered(
-    source, target, change=lambda topic, index, message: message, parameters=None, restarts=None
-):
+def altered(source, target, change=lambda topic, index, message: message, parameters=None):
     """A copy of a bag: `change` returns each message as it is to be, or None for none of it."""
     with Bag(source) as bag, BagWriter(target) as new:
         for topic, there in bag.topics.items():
+            if parameters is not None and topic.endswith('/parameters'):
+                continue
             new.topic(topic, there.msgtype)
             for index, (stamp, message) in enumerate(bag.messages(topic)):
                 kept = change(topic, index, message)
                 if kept is not None:
                     new.write(topic, stamp, raw(kept))
-        for node, values in (bag.parameters if parameters is None else parameters).items():
+        for node, values in (parameters or {}).items():
             new.set_parameters(node, values)
-        for node, lives in (restarts or {}).items():
-            for since, values in lives:
-                new.set_parameters(node, values, since)
     return target
 
 

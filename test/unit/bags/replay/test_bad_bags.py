@@ -84,7 +84,8 @@ def make(drive, alter, tmp_path, monkeypatch):
                 part.topic(topic, whole.topics[topic].msgtype)
                 for stamp, raw in whole.raw(topic) if messages else ():
                     part.write(topic, stamp, raw)
-            part.set_parameters('/guidance', whole.parameters['/guidance'])
+            if not messages:
+                part.set_parameters('/guidance', whole.parameters['/guidance'])
         replaced(tmp_path / 'part')
 
     def make(kind):

@@ -12,7 +12,7 @@ from cmpsp_ros.mpsp import Options
 from cmpsp_ros.mpsp.qp.curvature import nearest_positive_semidefinite
 from cmpsp_ros.mpsp.results import Status
 from cmpsp_ros.mpsp.sqp.solve import solve
-from cmpsp_ros.robots import DifferentialDrive
+from cmpsp_ros.robots import Ackermann, DifferentialDrive, Omnidirectional
 from cmpsp_ros.world import FreeSpace
 from cmpsp_ros.world.grids import GridObstacle, OccupancyGrid
 from cmpsp_ros.world.obstacles import Obstacle
@@ -49,6 +49,28 @@ def test_derivatives(kind):
     assert_derivatives(posed, U, atol=2e-6)
     lin = posed.linearise(posed.predict(U), U, kind)
     np.testing.assert_array_equal(lin.L_UU, np.tile(2.3 * np.eye(2), (7, 1, 1)))
+
+
+CROSSED = Omnidirectional.mecanum(0.1, 0.15, max_wheel_speed=60.0, max_lateral_acceleration=0.5)
+LIMITED = (
+    DifferentialDrive(max_lateral_acceleration=0.5),
+    CROSSED,
+    Ackermann(wheel_base=0.3, max_steering_angle=0.5, max_lateral_acceleration=0.5),
+)
+
+
+@pytest.mark.parametrize('robot', LIMITED, ids=['differential', 'mecanum', 'car'])
+@pytest.mark.parametrize('sign', [1.0, -1.0], ids=['ahead', 'back'])
+def test_derivatives_of_the_lateral_acceleration(robot, sign):
+    posed = problem(Weights(15.0, 2.0, 0.3), OBSTACLES, robot, steps=6)
+    U = np.full((7, robot.n_controls), sign * 3.0) + np.random.default_rng(0).normal(
+        size=(7, robot.n_controls)
+    )
+    U[:, robot.n_speeds :] *= 0.1
+    assert_derivatives(posed, U, atol=2e-6)
+    rows = posed.evaluate(posed.predict(U), U).g[:-1, -2:]
+    found = robot.lateral_acceleration(U[:-1])
+    np.testing.assert_allclose(rows.max(axis=1), found - 0.99 * 0.5, atol=1e-12)
 
 
 @pytest.mark.parametrize('road', [Annulus(), OpenFloor(), BENT], ids=['ring', 'floor', 'bent'])

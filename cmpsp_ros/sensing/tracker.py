@@ -6,7 +6,6 @@ import math
 from typing import Final
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.sensing.beams import Beams
@@ -57,6 +56,9 @@ class Tracker:
 
     def __init__(self) -> None:
         """Start with nothing seen."""
+        from scipy.optimize import linear_sum_assignment  # noqa: PLC0415 (slow; few have people)
+
+        self._assign = linear_sum_assignment
         self._histories: dict[str, ScanHistory] = {}
         self._objects: list[MovingObject] = []
         self._number, self._name = 0, 0
@@ -127,7 +129,7 @@ class Tracker:
             # Minus twice the logarithm of the likelihood: who is in doubt claims nothing.
             is_near = (costs <= _GATE) | (away <= _CLOSE * _CLOSE)
             costs = np.where(is_near, costs + 2.0 * np.log(variances), _NEVER)
-            for i, j in zip(*linear_sum_assignment(costs), strict=True):
+            for i, j in zip(*self._assign(costs), strict=True):
                 if costs[i, j] < _NEVER:
                     objects[j] = expected[i]
         return list(zip(objects, found, strict=True))

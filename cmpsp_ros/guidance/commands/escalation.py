@@ -20,6 +20,10 @@ _BACK: Final = 1.0
 """Length of the trail that it backs out along [m]."""
 _AHEAD: Final = 1.5
 """Length of the way ahead on which the place that does not fit is looked for [m]."""
+_NO_MOVES: Final = (
+    'The goal is unreachable: no moves to it were found among the obstacles. With a lower '
+    'robot.max_wheel_speed or a shorter control_period they need less space.'
+)
 _SAME: Final = 0.5
 """Distance of places that count as one [m]."""
 _SOONER: Final = 3
@@ -141,5 +145,8 @@ class Escalation:
     def _explain(self, state: LawState, start: PlanStart) -> None:
         """Remember why the goal is unreachable; the last step says it where the width is enough."""
         mission, last = state.mission, '' if state.last is None else state.last[1].reason
+        if (moves := mission.manoeuvres) is not None and moves.has_failed:
+            mission.unreachable = _NO_MOVES
+            return
         goal, blocked = mission.goals.target.position, mission.searched.blocked
         mission.unreachable = why_unreachable(self._settings, start, goal, blocked, last)

@@ -41,7 +41,7 @@ def reason_to_wait(
     before it. Idle steps, this one included, are those without progress since a plan could reach
     the goal.
     """
-    if not selected.result.slack_terminal:
+    if not selected.result.slack_terminal or selected.reaches_goal(context.settings):
         return '', 0
     # Patience comes back with the goal only: else it would be spent on driving to and fro.
     if context.is_gaining(selected.plan):

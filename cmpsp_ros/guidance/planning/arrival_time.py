@@ -135,18 +135,16 @@ class ArrivalTime:
             end += (period // 2 if beyond and by > 0.0 else 0) - beyond
         return replace(context, horizon=remaining(begin, period, end))
 
-    def _is_good(self, candidate: Candidate, tolerance: float = 1.0) -> bool:
+    def _is_good(self, candidate: Candidate, tolerances: float = 1.0) -> bool:
         """True if a plan meets its constraints and ends within so many tolerances of the goal.
 
         In corridors that leave hardly more than the margin all plans use some of it.
         """
-        settings, off = self.settings, candidate.heading_error or 0.0
-        is_tight = candidate.result.slack <= _OF_MARGIN * settings.safety.margin
+        is_tight = candidate.result.slack <= _OF_MARGIN * self.settings.safety.margin
         return (
             (candidate.feasible or (candidate.admissible and is_tight))
             and candidate.verdict.worst_margin >= -TOUCHING
-            and candidate.terminal_error <= tolerance * settings.goal_tolerance
-            and off <= tolerance * settings.heading_tolerance
+            and candidate.reaches_goal(self.settings, tolerances)
         )
 
     def _is_accurate(self, candidate: Candidate) -> bool:

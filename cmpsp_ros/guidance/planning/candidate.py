@@ -97,6 +97,13 @@ class Candidate(NamedTuple):
         flags = admissible, admissible and not elastic, elastic or verdict.margin < -TOUCHING
         return cls(plan, result, verdict, *flags, *target.errors(plan.poses[-1]))
 
+    def reaches_goal(self, settings: LawSettings, tolerances: float = 1.0) -> bool:
+        """True if the plan ends within so many tolerances of the goal and its heading."""
+        return (
+            self.terminal_error <= tolerances * settings.goal_tolerance
+            and (self.heading_error or 0.0) <= tolerances * settings.heading_tolerance
+        )
+
     def describe(self, validator: Validator, settings: LawSettings, start: PlanStart) -> str:
         """Sentence on it for when it is followed."""
         result, verdict, error = self.result, self.verdict, self.terminal_error

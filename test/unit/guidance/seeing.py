@@ -81,6 +81,7 @@ class Drive:
 
     Attributes:
         decisions: All of them.
+        poses: As measured for the decisions.
         pose: The last.
         clearance: Least of the driven path from all that stands there [m].
         searches: How many searches of a grid each control step has made.
@@ -92,7 +93,8 @@ class Drive:
             given = {key: value for key, value in given.items() if 'sim.obstacles' not in key}
         values = TABLE.resolve({**given, **changes})
         self.settings = settings = guidance_settings(values)
-        self.law, self.decisions, self.searches = GuidanceLaw(settings, settings.world), [], []
+        self.law = GuidanceLaw(settings, settings.world)
+        self.decisions, self.poses, self.searches = [], [], []
         plant, lidar = Plant(plant_settings(values)), laser_settings(values)
         laser, surroundings = Laser(lidar, 0), Surroundings(settings.sight, settings.robot_radius)
         laser.note(plant.motion)
@@ -131,4 +133,5 @@ class Drive:
                 plant.command(stamp, *decision.twist)
                 self.law.after_step()
                 self.decisions.append(decision)
+                self.poses.append(pose)
         self.pose = plant.pose

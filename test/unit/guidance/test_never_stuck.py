@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from models import drive
 from scenarios import MS
 from seeing import Drive
 from tight_places import CELL, TightRun, map_of, task
@@ -94,6 +95,15 @@ def test_a_wall_across_the_map_is_named():
     assert run.decisions[-1].finished
     assert 'no plan gets past obstacle map at (3.' in run.decisions[-1].reason
     assert 'which leaves 0.000 m beside the path' in run.decisions[-1].reason
+
+
+def test_a_gap_too_tight_at_the_speed_limit_is_given_up_with_a_remedy():
+    # From one control instant to the next the path may stray four times as far.
+    preset = 'parallel_parking', 'control_period=0.2'
+    last, slow = (drive(*preset, *each)[1][-1] for each in ((), ('robot.max_wheel_speed=0.3',)))
+    assert last.missed
+    assert 'no moves to it were found among the obstacles' in last.reason
+    assert (slow.finished, slow.missed) == (True, False)
 
 
 def test_it_backs_out_along_its_trail():

@@ -46,6 +46,7 @@ class TightRun:
 
     Attributes:
         decisions: All of them.
+        poses: Of the decisions, and the last.
         levels: Number of decisions of each fallback level.
         miss: Distance from the goal in the end [m].
         clearance: Least clearance of the path [m].
@@ -54,14 +55,18 @@ class TightRun:
 
     def __init__(self, given, pose, longest):
         """Drive from a pose until the law says that the run is over, or for the longest time."""
-        pose, period = np.array(pose, dtype=float), np.array([given.control_period])
+        pose, period = np.array(pose, dtype=float), given.control_period
         steps = drive(given, pose)
-        self.decisions, self.clearance = [], math.inf
+        self.decisions, self.poses, self.clearance = [], [pose], math.inf
         for each in takewhile(lambda decision: decision.stamp <= 1e9 * longest, steps):
             self.decisions.append(each)
             held = each.wheel_speeds[None]
-            swept = given.world.clearance(given, pose[None], given.robot.twist(held), period)
+            left = each.time_left if 0.0 < each.time_left < period else period
+            swept = given.world.clearance(
+                given, pose[None], given.robot.twist(held), seconds := np.array([left])
+            )
             self.clearance = min(self.clearance, float(swept.min()))
-            pose = given.robot.roll_out(pose, held, period)[-1]
+            pose = given.robot.roll_out(pose, held, seconds)[-1]
+            self.poses.append(pose)
         self.levels = Counter(each.level for each in self.decisions)
         self.miss, self.time = math.dist(pose[:2], given.goal), self.decisions[-1].stamp / 1e9

@@ -1,5 +1,8 @@
 """Fusion of sensors by the odometry of their own times, and its interpolation."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -186,3 +189,11 @@ def test_a_pose_that_is_not_newer_is_left_out():
 def test_no_instants_have_no_poses(count):
     known = history(*((100 * k, k, 0, 0) for k in range(count)))
     assert known.at(np.array([], dtype=np.int64)).shape == (0, 3)
+
+
+def test_who_tracks_nobody_loads_no_optimiser():
+    """It takes as long to load as the rest of scipy and numpy together."""
+    code = 'import sys, cmpsp_ros.guidance.law; print("scipy.optimize" in sys.modules)'
+    asked = [sys.executable, '-c', code]
+    done = subprocess.run(asked, capture_output=True, text=True, check=True, timeout=100)
+    assert done.stdout == 'False\n'

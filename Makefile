@@ -7,6 +7,7 @@ BENCH_ARGS ?=
 
 VENV := .venv
 BIN := $(VENV)/bin
+INSTALL := $(BIN)/python -m pip install --quiet --no-deps --no-compile
 
 # ROS stays on this machine unless the command line says otherwise.
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
@@ -31,7 +32,13 @@ WITHOUT := nothing
 CHECK := $(BIN)/python -m pip check --quiet
 endif
 
+# Kernels are compiled while all else is installed; several goals are made one after the other.
+ifneq ($(filter 0 1,$(words $(MAKECMDGOALS))),)
+MAKEFLAGS += --jobs=2
+endif
+
 # Stamps are written last and in one move: what was interrupted is begun again.
+NUMERICS := $(VENV)/.numerics
 ENVIRONMENT := $(VENV)/.environment
 DEVELOPMENT := $(VENV)/.development
 PACKAGE := $(VENV)/.package
@@ -39,17 +46,19 @@ KERNELS := $(VENV)/.kernels
 DEMO_KERNELS := $(KERNELS)-$(subst /,_,$(PRESET))
 SOURCES := $(shell find cmpsp_ros -name '*.py')
 MADE_FOR := $(CURDIR) with ROS from $(ROS)
+# What kernels are compiled with; the other packages have no part in them.
+NUMERICAL := numpy|scipy|numba|llvmlite|pyyaml|clarabel|cffi|pycparser
 
 # An environment is bound to its place, to its ROS and to its Python (when one is asked for).
-ifneq ($(wildcard $(ENVIRONMENT)),)
+ifneq ($(wildcard $(NUMERICS)),)
 ifneq ($(shell cat $(VENV)/.made-for 2>/dev/null),$(MADE_FOR))
-$(ENVIRONMENT): FORCE
+$(NUMERICS): FORCE
 else ifeq ($(shell $(BIN)/python -c 'print(1)' 2>/dev/null),)
-$(ENVIRONMENT): FORCE
+$(NUMERICS): FORCE
 else ifneq ($(origin PYTHON),file)
 which_python = $(shell $(1) -c 'import sys; print(sys.version_info[:2])' 2>/dev/null)
 ifneq ($(call which_python,$(BIN)/python),$(call which_python,$(PYTHON)))
-$(ENVIRONMENT): FORCE
+$(NUMERICS): FORCE
 endif
 endif
 endif
@@ -88,7 +97,7 @@ endef
 help:  ## say what can be made
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-11s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
-demo: check-ros $(DEMO_KERNELS)  ## watch the robot drive: PRESET=case3
+demo: check-ros $(PACKAGE) $(DEMO_KERNELS)  ## watch the robot drive: PRESET=case3
 	$(BIN)/cmpsp demo $(PRESET)
 
 test test-all: export ROS_PYTHON_CHECK_FIELDS := 1
@@ -172,7 +181,7 @@ check-ros:
 
 # Same pins as in the environment that is there: a new date on the files is no reason to begin again.
 # Side by side, and nothing is compiled that is not imported: that would take half of the time.
-$(ENVIRONMENT): $(REQUIREMENTS) | check-ros
+$(NUMERICS): $(REQUIREMENTS) | check-ros
 	@if [ "$$(cat $(VENV)/.made-for 2>/dev/null)" = '$(MADE_FOR)' ] && [ '$(filter FORCE,$^)' = '' ] \
 	    && cat $(REQUIREMENTS) | cmp -s - $@; then touch $@; \
 	else \
@@ -183,22 +192,22 @@ $(ENVIRONMENT): $(REQUIREMENTS) | check-ros
 	    rm -rf $(VENV); \
 	    $(PYTHON) -m venv $(VENV_OPTIONS) $(VENV); \
 	    cat $(REQUIREMENTS) > $(VENV)/.requirements; \
-	    for each in $(REQUIREMENTS); do \
-	        list=$(VENV)/$$(basename $$each); \
-	        grep -v '^$(WITHOUT)==' $$each > $$list; \
-	        $(BIN)/python -m pip install --quiet --no-deps --no-compile -r $$list & \
-	        installing="$$installing $$!"; \
-	    done; \
-	    for each in $$installing; do wait $$each; done; \
-	    $(CHECK); \
+	    for each in $(REQUIREMENTS); do grep -v '^$(WITHOUT)==' $$each > $(VENV)/$${each##*/}; done; \
+	    grep -E '^($(NUMERICAL))==' $(VENV)/runtime.txt > $(VENV)/numerics.txt; \
+	    $(INSTALL) -r $(VENV)/numerics.txt; \
 	    echo '$(MADE_FOR)' > $(VENV)/.made-for; \
 	    mv $(VENV)/.requirements $@; \
 	fi
 
+$(ENVIRONMENT): $(NUMERICS)
+	@printf '$(VENV)/%s\n' $(notdir $(REQUIREMENTS)) | xargs -P 2 -n 1 $(INSTALL) -r
+	@$(CHECK)
+	@touch $@
+
 # What only tests, linters and benchmarks need.
-$(DEVELOPMENT): $(ENVIRONMENT) requirements/development.txt
+$(DEVELOPMENT): $(ENVIRONMENT) requirements/development.txt | $(PACKAGE)
 	@rm -f $@
-	@$(BIN)/python -m pip install --quiet --no-deps --no-compile -r requirements/development.txt
+	@$(INSTALL) -r requirements/development.txt
 	@$(CHECK)
 	@touch $@
 
@@ -212,13 +221,7 @@ $(PACKAGE): $(ENVIRONMENT) setup.py setup.cfg
 	@touch $@
 
 # What is compiled here the nodes load from the user's cache: they start at once, and without the
-# memory that compiling takes.
-$(KERNELS): $(PACKAGE) $(SOURCES)
-	@echo 'Compiling what is not compiled yet: minutes, once.'
-	@$(BIN)/cmpsp warmup > $(VENV)/compile.log || { cat $(VENV)/compile.log >&2; exit 1; }
-	@touch $@
-
-# Of all this, what the demo of one preset needs.
-$(DEMO_KERNELS): $(PACKAGE) $(SOURCES) $(wildcard $(PRESET))
-	@$(BIN)/cmpsp warmup $(PRESET)
+# memory that compiling takes. Of all this a demo needs what is for its preset.
+$(KERNELS) $(DEMO_KERNELS): $(NUMERICS) $(SOURCES) $(wildcard $(PRESET))
+	@$(BIN)/python -c 'from cmpsp_ros.warmup import main; main()' $(if $(filter $(DEMO_KERNELS),$@),$(PRESET))
 	@touch $@

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 import os
 import signal
+import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor, wait
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from functools import partial
 from multiprocessing import connection, get_context, parent_process
@@ -21,12 +22,19 @@ import numpy as np
 
 from cmpsp_ros.guidance import GuidanceSettings, prepare
 from cmpsp_ros.mpsp import Options, from_functions, solve
-from cmpsp_ros.mpsp.jit import compilations, entry_for, kernel_folder, prune, wanted_place
+from cmpsp_ros.mpsp.jit import (
+    ProgressLine,
+    compilations,
+    entry_for,
+    kernel_folder,
+    prune,
+    wanted_place,
+)
 from cmpsp_ros.mpsp.qp import CLARABEL, RICCATI_ACTIVE_SET, available
 from cmpsp_ros.mpsp.qp.active_set import correct, empty_active_set, empty_warm_start
 from cmpsp_ros.mpsp.qp.active_set import solve as solve_program
 from cmpsp_ros.mpsp.qp.riccati import empty_program
-from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
+from cmpsp_ros.parameters import TABLE, ParameterError, guidance_settings, load_parameter_file
 from cmpsp_ros.parameters.files import preset_names, robots_in
 from cmpsp_ros.sensing import Beams, LocalGrid
 from cmpsp_ros.simulator import People, PeopleSettings, Walker, cast
@@ -146,6 +154,15 @@ def warm_up_all(
     finally:
         pool.shutdown(cancel_futures=True)
     return Outcome(folder, tuple(parts), tuple(prune(folder.parent, time.time())))
+
+
+def main() -> None:
+    """Compile for the presets in the command line, or everything; `make` has no `cmpsp` yet."""
+    try:
+        with closing(ProgressLine()) as line:
+            warm_up_all(line.show, sys.argv[1:])
+    except ParameterError as error:
+        sys.exit(f'error: {error}')
 
 
 def _report_to(begun: SimpleQueue[str]) -> None:

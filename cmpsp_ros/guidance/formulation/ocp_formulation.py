@@ -43,6 +43,9 @@ BY_PRIORITY: Final = tuple(sorted(PENALTIES, key=lambda each: -PENALTIES[each]))
 # of the iterations that is faster or turns faster.
 _RESERVE: Final = 1.1
 
+_FEW_CONTROLS: Final = 2
+"""Controls with which a program without previous controls has code of its own."""
+
 _MAX_ENDS: Final = 64
 """Goals whose spaces are remembered."""
 
@@ -57,8 +60,8 @@ class OcpFormulation:
             every disc edges, static obstacles and slots of moving ones, then limits of wheels and
             of the lateral acceleration.
         heading_trust_region: Largest change of heading in one iteration, infinite for none [rad].
-        remembers_control: Whether the previous control is part of the state: it has a cost, or a
-            limit.
+        remembers_control: True if the previous control is part of the state: it has a cost, or a
+            limit, or there are three controls, for which code of one size is enough.
         kind: All that the types of a planner's memory and functions depend on.
         layout: All that its memory depends on: the kind, and the weights of path constraints.
     """
@@ -78,7 +81,8 @@ class OcpFormulation:
             + [math.inf] * changes
         )
         self.heading_trust_region = settings.solver.heading_trust_region or math.inf
-        self.remembers_control = settings.weights.control_rate > 0.0 or changes > 0
+        has_rates = settings.weights.control_rate > 0.0 or changes > 0
+        self.remembers_control = has_rates or settings.robot.n_controls > _FEW_CONTROLS
         self.kind = (
             settings.robot,
             settings.solver.qp,

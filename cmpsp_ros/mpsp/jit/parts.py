@@ -215,6 +215,11 @@ class Kernel(CPUDispatcher):  # type: ignore[misc]  # numba has no types
             self.targetctx._defns[result.entry_point].append(found, result.signature.args)  # noqa: SLF001
         self.overloads[tuple(result.signature.args)] = result
 
+    def get_call_template(self, args: Any, kws: Any) -> Any:
+        """Numba's, for the same code whether a caller passes a constant or a variable."""
+        named = {name: types.unliteral(each) for name, each in kws.items()}
+        return super().get_call_template(tuple(map(types.unliteral, args)), named)
+
     def compile(self, sig: Any) -> Any:
         """Translate the function for a signature, unless that is done, or a file has it."""
         with _no_garbage_collection():

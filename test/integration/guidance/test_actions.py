@@ -155,11 +155,16 @@ def test_navigate_to_pose(drive, actions, client, record):
     assert outcome.decisions >= len(client.decisions)
 
 
+CORRIDOR = {
+    'road.type': 'corridor', 'road.half_width': '[0.6]', 'initial_pose': '[0.,0.,0.]',
+    'road.points': '[0.0,0.0,5.0,0.0]', 'road.source': 'topic', 'goal.position': '[5.,0.]',
+    'recorder_timeout': 30.0,
+}  # fmt: skip
+
+
 def test_follow_path(drive, actions, client, record):
     recording = record()
-    corridor = {'road.type': 'corridor', 'road.half_width': '[0.6]', 'initial_pose': '[0.,0.,0.]'}
-    road = {'road.source': 'topic', 'goal.position': '[5.,0.]', 'recorder_timeout': 30.0}
-    guidance = drive({**corridor, **road, 'road.points': '[0.0,0.0,5.0,0.0]'}, files=())
+    guidance = drive(CORRIDOR, files=())
 
     def follow(points, **more):
         numbers = [number for point in points for number in point]
@@ -176,6 +181,25 @@ def test_follow_path(drive, actions, client, record):
     assert (status, code) == (GoalStatus.STATUS_ABORTED, 103)
     assert 'a turn back by 180 deg' in reason
     assert follow(path, frame_id='map').result()[1] == 102
+    guidance.end()
+    outcome = recording.replayed()
+    assert outcome.decisions > 20
+
+
+def test_follow_path_as_soon_as_possible(drive, actions, client, record):
+    recording = record()
+    limits = {'robot.max_wheel_acceleration': 60.0, 'robot.max_lateral_acceleration': 0.5}
+    # With a nominal speed of 0.5 m/s the path of 6.5 m would take 13 s.
+    soonest = {'goal.when': 'soonest', 'goal.nominal_speed': 0.5}
+    guidance = drive({**CORRIDOR, **limits, **soonest}, files=())
+    points = [-0.5, 0.0, 2.0, 0.0, 4.0, 1.0, 5.0, 3.0]
+    path = path_of({'road.points': points, 'road.closed': False, 'frame_id': 'odom'})
+    goal = actions('FollowPath', 'follow_path', path=path)
+    assert goal.result() == (GoalStatus.STATUS_SUCCEEDED, 0, '')
+    assert distance(client, 5.0, 3.0) < 0.05
+    assert max(each.speed for each in goal.feedback) > 1.0
+    across = [abs(speed * turn_rate) for speed, turn_rate in client.commands]
+    assert 0.4 < max(across) <= 0.5 * (1.0 + 1e-9)
     guidance.end()
     outcome = recording.replayed()
     assert outcome.decisions > 20

@@ -28,7 +28,7 @@ from cmpsp_ros.mpsp.qp.riccati.factorisation import factorise
 from cmpsp_ros.mpsp.qp.riccati.program import Program, Records, RowKind, empty_program, locate
 from cmpsp_ros.mpsp.qp.subproblem import Penalties, QPSolution, QPStatus, Row, Subproblem
 
-SIZES: Final = ((3, 2), (5, 2), (8, 4), (16, 8), (32, 16), (64, 32))
+SIZES: Final = ((3, 2), (5, 2), (6, 3), (8, 4), (16, 8), (32, 16), (64, 32))
 """States and controls that code is compiled for; those of the guidance law first."""
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cmpsp_ros.arrays import Array, IntArray
-from cmpsp_ros.mpsp.jit.compiled import compiled
+from cmpsp_ros.mpsp.jit.compiled import allocation_free
 from cmpsp_ros.mpsp.problem import Linearisation
 
 Indices = IntArray
@@ -81,7 +81,7 @@ def condense(
     blocks = sensitivities(lin.A, lin.B)
 
     H = np.empty((q, q))
-    _hessian(H, blocks, lin.A, lin.B, lin.L_XX, lin.L_UX, lin.L_UU)
+    _hessian(H, blocks, lin.A, lin.B, lin.L_XX, lin.L_UX, lin.L_UU, np.empty((2, n, r)))
 
     S_N = np.empty((len(lin.output_error), q))
     last = np.full(len(S_N), steps)
@@ -120,15 +120,17 @@ def gradient(A: Array, B: Array, by_state: Array, by_control: Array) -> Array:
     `by_state` ``(N + 1, n)`` and `by_control` ``(N + 1, r)`` are those of each stage's term.
     """
     c: Array = np.empty(by_control.shape)
-    _gradient(c.reshape(-1), A, B, by_state, by_control)
+    _gradient(c.reshape(-1), A, B, by_state, by_control, np.empty((2, A.shape[1])))
     return c
 
 
-@compiled
+@allocation_free
 def _sensitivities(result: Array, A: Array, B: Array) -> None:
     steps, n, r = B.shape
     for j in range(steps):
-        result[j, j + 1] = B[j]
+        for a in range(n):
+            for b in range(r):
+                result[j, j + 1, a, b] = B[j, a, b]
         for k in range(j + 1, steps):
             for a in range(n):
                 for b in range(r):
@@ -138,16 +140,27 @@ def _sensitivities(result: Array, A: Array, B: Array) -> None:
                     result[j, k + 1, a, b] = total
 
 
-@compiled
+@allocation_free
 def _hessian(
-    H: Array, blocks: Array, A: Array, B: Array, L_XX: Array, L_UX: Array, L_UU: Array
+    H: Array,
+    blocks: Array,
+    A: Array,
+    B: Array,
+    L_XX: Array,
+    L_UX: Array,
+    L_UU: Array,
+    responses: Array,
 ) -> None:
-    """Column by column: the costate's response to one control, swept backward, as in (39)."""
+    """Column by column: the costate's response to one control, swept backward, as in (39).
+
+    `responses` is memory, shape ``(2, n, r)``.
+    """
     steps, n, r = B.shape
-    response = np.empty((n, r))
-    previous = np.empty((n, r))
     for l in range(steps + 1):  # noqa: E741
-        response[:, :] = 0.0
+        response, previous = responses[0], responses[1]
+        for a in range(n):
+            for b in range(r):
+                response[a, b] = 0.0
         for k in range(steps, l - 1, -1):
             # Here `response` is dp_(k+1)/dU_l, with p the costate of the gradient below.
             for a in range(r):
@@ -159,7 +172,7 @@ def _hessian(
                             total += B[k, i, a] * response[i, b]
                     H[k * r + a, l * r + b] = total
                     H[l * r + b, k * r + a] = total
-            previous[:, :] = response
+            response, previous = previous, response
             for a in range(n):
                 for b in range(r):
                     total = 0.0
@@ -170,11 +183,13 @@ def _hessian(
                     response[a, b] = total
 
 
-@compiled
-def _gradient(c: Array, A: Array, B: Array, L_X: Array, L_U: Array) -> None:
+@allocation_free
+def _gradient(c: Array, A: Array, B: Array, L_X: Array, L_U: Array, costates: Array) -> None:
+    """Sweep backward; `costates` is memory, shape ``(2, n)``."""
     steps, n, r = B.shape
-    costate = L_X[steps].copy()
-    previous = np.empty(n)
+    costate, previous = costates[0], costates[1]
+    for a in range(n):
+        costate[a] = L_X[steps, a]
     for a in range(r):
         c[steps * r + a] = L_U[steps, a]
     for k in range(steps - 1, -1, -1):
@@ -183,7 +198,7 @@ def _gradient(c: Array, A: Array, B: Array, L_X: Array, L_U: Array) -> None:
             for i in range(n):
                 total += B[k, i, a] * costate[i]
             c[k * r + a] = total
-        previous[:] = costate
+        costate, previous = previous, costate
         for a in range(n):
             total = L_X[k, a]
             for i in range(n):
@@ -191,7 +206,7 @@ def _gradient(c: Array, A: Array, B: Array, L_X: Array, L_U: Array) -> None:
             costate[a] = total
 
 
-@compiled
+@allocation_free
 def _rows(rows: Array, blocks: Array, stage: Indices, by_state: Array, by_control: Array) -> None:
     """Rows ``by_state dX_k + by_control dU_k`` written in the controls alone, by (19)."""
     stages, _, n, r = blocks.shape

@@ -13,12 +13,13 @@ sweeps and is `FAILED`.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.mpsp.jit.compiled import compiled
+from cmpsp_ros.mpsp.jit.compiled import allocation_free
 from cmpsp_ros.mpsp.qp.dense.rows import Rows
 from cmpsp_ros.mpsp.qp.subproblem import Penalties, QPSolution, QPStatus, Subproblem
 
@@ -70,7 +71,7 @@ def solve(subproblem: Subproblem, penalties: Penalties | None) -> QPSolution:
     shares, z = np.zeros(len(kept)), start.copy()
     end, sweeps = _ascend(
         z, shares, V, lower[kept], upper[kept], cap[kept],
-        SWEEP_LIMIT, TOLERANCE, SWEEPS_BETWEEN_CHECKS, FARTHEST,
+        SWEEP_LIMIT, TOLERANCE, SWEEPS_BETWEEN_CHECKS, FARTHEST, np.zeros((3, len(kept))),
     )  # fmt: skip
     if end != _CONVERGED:
         return replace(failed, status=QPStatus.INFEASIBLE) if end == _INFEASIBLE else failed
@@ -81,7 +82,7 @@ def solve(subproblem: Subproblem, penalties: Penalties | None) -> QPSolution:
     return given.solution(subproblem, dU, multipliers, sweeps)
 
 
-@compiled
+@allocation_free
 def _ascend(
     z: Array,
     multipliers: Array,
@@ -93,18 +94,18 @@ def _ascend(
     tolerance: float,
     between_checks: int,
     farthest: float,
+    memory: Array,
 ) -> tuple[int, int]:
     """Maximise the dual of ``min |z - z_0|^2 / 2, lower <= V z <= upper``, in place.
 
     `z` begins as ``z_0`` and `multipliers` as 0; these are positive at upper bounds, and at most
-    `cap` in size. Returns how it ended, and the sweeps done.
+    `cap` in size. `memory` is 0, shape ``(3, count)``. Returns how it ended, and the sweeps done.
     """
     count, q = V.shape
-    square = np.zeros(count)
+    square, earlier, direction = memory[0], memory[1], memory[2]
     for i in range(count):
         for j in range(q):
             square[i] += V[i, j] * V[i, j]
-    earlier = np.zeros(count)
     for sweep in range(limit):
         longest = 0.0
         for i in range(count):
@@ -115,7 +116,7 @@ def _ascend(
                 # Nothing moves this row: met, or violated at its full penalty.
                 if value <= upper[i] and value >= lower[i]:
                     continue
-                if not np.isfinite(cap[i]):
+                if not math.isfinite(cap[i]):
                     return _INFEASIBLE, sweep
                 multipliers[i] = cap[i] if value > upper[i] else -cap[i]
                 continue
@@ -130,22 +131,23 @@ def _ascend(
                 multipliers[i] = multiplier
                 for j in range(q):
                     z[j] -= change * V[i, j]
-                longest = max(longest, abs(change) * np.sqrt(square[i]))
+                longest = max(longest, abs(change) * math.sqrt(square[i]))
         size = 1.0
         for j in range(q):
             size += abs(z[j])
         if longest <= tolerance * size:
             return _CONVERGED, sweep + 1
         if (sweep + 1) % between_checks == 0:
-            # A row that can give proves nothing.
-            direction = np.where(np.isfinite(cap), 0.0, multipliers - earlier)
+            for i in range(count):
+                # A row that can give proves nothing.
+                change = 0.0 if math.isfinite(cap[i]) else multipliers[i] - earlier[i]
+                direction[i], earlier[i] = change, multipliers[i]
             if _proves_infeasible(direction, V, lower, upper, farthest * size):
                 return _INFEASIBLE, sweep + 1
-            earlier[:] = multipliers
     return _LIMIT, limit
 
 
-@compiled
+@allocation_free
 def _proves_infeasible(
     direction: Array, V: Array, lower: Array, upper: Array, farthest: float
 ) -> bool:
@@ -170,4 +172,4 @@ def _proves_infeasible(
         for i in range(count):
             total += direction[i] * V[i, j]
         pull += total * total
-    return bool(-support > farthest * np.sqrt(pull))
+    return bool(-support > farthest * math.sqrt(pull))

@@ -78,7 +78,8 @@ def test_values_and_limits_are_those_of_the_rows(penalties):
 def test_a_program_is_filled_up_to_a_compiled_size():
     assert compiled_size(3, 2) == (3, 2)
     assert compiled_size(1, 1) == compiled_size(4, 2) == (5, 2)
-    assert compiled_size(4, 3) == compiled_size(6, 1) == compiled_size(8, 4) == (8, 4)
+    assert compiled_size(3, 3) == compiled_size(6, 1) == (6, 3)
+    assert compiled_size(4, 4) == compiled_size(7, 1) == (8, 4)
     assert compiled_size(9, 1) == (16, 8)
     assert compiled_size(65, 1) == (65, 1)
     mine = space(Dimensions(4, 2, 1, 1, 1))

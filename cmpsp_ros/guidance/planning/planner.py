@@ -168,7 +168,8 @@ class Planner:
         robot = context.start.robot
         if self._is_limited:
             guess = robot.all_limited(guess, WHEEL_ROUNDING)
-        guess = robot.slowed_in_turns(guess, LATERAL_PART)
+        if robot.max_lateral_acceleration < math.inf:
+            guess = robot.slowed_in_turns(guess, LATERAL_PART)
         if self._max_change < math.inf:
             guess = within_ramp(guess, durations, previous, self._max_change, robot.time_scaling)
         self._ws.trial.U[: steps + 1] = guess
@@ -326,8 +327,10 @@ def _summary(driver: Driver, counters: _Counters, context: PlanningContext) -> S
         qp_iterations = back_end.solution.iterations
         reason = back_end.solution.status.value
     controls, poses = ws.now.U[:stages].copy(), ws.now.X[:stages, :3].copy()
-    if (kept := start.robot.slowed_in_turns(controls)) is not controls:
-        controls, poses = kept, start.robot.roll_out(start.pose, kept, horizon.durations)
+    if start.robot.max_lateral_acceleration < math.inf:
+        kept = start.robot.slowed_in_turns(controls)
+        if kept is not controls:
+            controls, poses = kept, start.robot.roll_out(start.pose, kept, horizon.durations)
     return SolveResult(
         plan=Plan(horizon, controls, poses),
         solved=outcome == Outcome.SOLVED,

@@ -112,6 +112,7 @@ class CMPSP:
         """Put an iterate where the iteration expects one that it has evaluated."""
         size, ws = self._problem.size, self._driver.ws
         run, there = ws.run, ws.trial
+        ws.program.head['work'] = 0
         there.U[:, : size.control], there.X[:, : size.state] = at.U, at.X
         there.output_error[:], there.g[:] = at.evaluation.output_error, at.evaluation.g
         run['trial_cost'], run['phase'] = at.evaluation.cost, Phase.EVALUATED

@@ -21,6 +21,7 @@ from cmpsp_ros.mpsp.jit.compiled import (
 from cmpsp_ros.mpsp.problem import Dimensions, Hessian
 from cmpsp_ros.mpsp.qp import RICCATI_ACTIVE_SET, QPSolution, QPStatus, solve_qp
 from cmpsp_ros.mpsp.qp.active_set.records import (
+    MOST_SWEEPS,
     Space,
     compiled_size,
     program_in,
@@ -292,6 +293,7 @@ class Driver:
         if back_end is None:
             self._addresses = np.array(_solver_addresses(n, r))
         else:
+            ws.program.head['work_limit'] = MOST_SWEEPS * (size.horizon + 1)
             self.space = Space(size, ws.program, self._active, self._warm_hard)
             warm = () if exact else (self._warm_hard, self._warm_relaxed)
             self.back_end = BackEnd(*back_end, self.space, warm)

@@ -50,28 +50,12 @@ def costates(lin: Linearisation, terminal: Array, path: Array) -> Array:
     return found
 
 
-def response(A: Array, changes: Array) -> Array:
-    """States ``dX_(k+1) = A dX_k + change_k`` from 0, shape ``(N + 1, n)``."""
-    found: Array = np.zeros((len(A) + 1, A.shape[1]))
-    found[1:] = changes
-    _forward(np.ascontiguousarray(A), found)
-    return found
-
-
 @allocation_free
 def _backward(A: Array, costates: Array) -> None:
     for k in range(A.shape[0] - 1, -1, -1):
         for i in range(A.shape[1]):
             for j in range(A.shape[2]):
                 costates[k, j] += A[k, i, j] * costates[k + 1, i]
-
-
-@allocation_free
-def _forward(A: Array, states: Array) -> None:
-    for k in range(A.shape[0]):
-        for i in range(A.shape[1]):
-            for j in range(A.shape[2]):
-                states[k + 1, i] += A[k, i, j] * states[k, j]
 
 
 def lagrangian_curvature(

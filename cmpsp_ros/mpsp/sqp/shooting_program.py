@@ -126,7 +126,7 @@ def assemble(
     """
     n, r = s.dX.shape[1], s.dU.shape[1]
     free_all(p)
-    p.head[0].is_factorised = 0
+    p.head[0].is_factorised = p.head[0].work = 0
     for k in range(p.head[0].horizon + 1):
         stage, e = p.stages[k], s.response[k]
         _respond(p, s, k, n)

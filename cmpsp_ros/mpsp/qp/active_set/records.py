@@ -32,6 +32,12 @@ SIZES: Final = ((3, 2), (5, 2), (6, 3), (8, 4), (16, 8), (32, 16), (64, 32))
 """States and controls that code is compiled for; those of the guidance law first."""
 
 
+MOST_SWEEPS: Final = 100_000
+"""Sweeps over the stages after which a program is left to Clarabel.
+
+Hard ones take up to 40,000; where rows depend on each other rounding may lead round in circles.
+"""
+
 _FIELDS: Final = tuple(field.name for field in fields(Linearisation))
 
 
@@ -60,6 +66,7 @@ def space(size: Dimensions) -> Space:
     program = empty_program(*sizes)
     for a in range(size.control, r):
         program.stages['L_UU'][:, a, a] = 1.0
+    program.head['work_limit'] = MOST_SWEEPS * (size.horizon + 1)
     return Space(size, program, empty_active_set(*sizes), empty_warm_start(*sizes))
 
 

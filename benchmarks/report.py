@@ -79,7 +79,7 @@ def _tails(results: Results) -> Figure:
         axes.loglog(longest_first, share, color=color, drawstyle='steps-pre', label=each.name)
         axes.axvline(float(np.median(each.times)), color=color, lw=0.8, ls=':')
     axes.set(xlabel='step of the closed loop [µs]; the dotted line is the median',
-             ylabel='share of steps that take as long')  # fmt: skip
+             ylabel='fraction of steps that take at least as long')  # fmt: skip
     axes.grid()
     if results.tails:
         axes.legend()
@@ -91,7 +91,7 @@ def _latency(found: Latency) -> Figure:
     times, jitter = figure.subplots(1, 2)
     for sample, name, color in (
         (found.total, 'odometry to command', _COLORS[1]),
-        (found.own, 'of that the node itself', _COLORS[2]),
+        (found.own, 'of it in the node', _COLORS[2]),
     ):
         bins = np.linspace(0.0, float(found.total.max()) * 1.02, _BINS + 1)
         times.hist(sample, bins=bins, alpha=0.7, color=color, label=name)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.sparse import block_diag, bmat, csc_array, diags
+from scipy.sparse import block_diag, bmat, csc_array
 from scipy.sparse.linalg import splu
 
 from cmpsp_ros.arrays import Array, BoolArray
@@ -72,9 +72,11 @@ def gradient(
     is_held[:, n:] = np.abs(solution.bound_multipliers) > active
     is_held[:, n:] |= problem.control_lower == problem.control_upper
     free = np.flatnonzero(~is_held.ravel())
-    H, E = csc_array(block_diag(found.H))[free][:, free], rows[:, free]
+    H, E = csc_array(block_diag([*map(csc_array, found.H)]))[free][:, free], rows[:, free]
     # A row twice over, or none of the free unknowns in it, is left to the last term.
-    system = bmat([[H, E.T], [E, diags(np.full(E.shape[0], -1e-12))]])
+    each = np.arange(E.shape[0])
+    least = csc_array((np.full(len(each), -1e-12), (each, each)))
+    system = bmat([[H, E.T], [E, least]])
     right = np.concatenate([-moved.gradient.ravel()[free], values])
     Z = np.zeros((N + 1) * (n + r))
     Z[free] = splu(csc_array(system)).solve(right)[: len(free)]

@@ -50,11 +50,13 @@ class ArrivalTime:
         settings: All settings of the guidance law.
         stride: By how much the next trial is earlier, as a fraction of the time left.
         sets_out: Whether no plan to the goal was made yet.
+        slack: Slack that plans need however much time they have: a gap is too narrow [m].
     """
 
     settings: LawSettings
     stride: float = _LONGEST
     sets_out: bool = True
+    slack: float = 0.0
 
     def choose(
         self, selector: PlanSelector, context: PlanningContext, selected: Candidate, latest: int
@@ -65,7 +67,7 @@ class ArrivalTime:
         """
         sets_out, self.sets_out = self.sets_out, False
         if sets_out:
-            self.stride = _LONGEST
+            self.stride, self.slack, first = _LONGEST, 0.0, (context, selected)
             for _ in range(_INITIAL_DELAYS):
                 if self._is_good(selected):
                     break
@@ -73,6 +75,10 @@ class ArrivalTime:
                 is_long = not selected.result.solved
                 context = self._shifted(context, -_INITIAL_DELAY if is_long else _INITIAL_DELAY)
                 selected = selector.best(context)
+            if self._lacks_space(selected, first[1]):
+                context, selected = first
+        if selected.feasible:
+            self.slack = 0.0
         if self._is_good(selected):
             return self._earlier(
                 selector, context, selected, _INITIAL_TRIALS if sets_out else _TRIALS
@@ -112,9 +118,16 @@ class ArrivalTime:
             if trial.horizon.edges[-1] > latest:
                 break
             found = selector.try_at_another_time(selected.plan, trial, self._is_accurate)
-            if self._is_accurate(found):
+            if self._is_accurate(found) or self._lacks_space(found, selected):
                 return trial, found
         return context, selected
+
+    def _lacks_space(self, later: Candidate, earlier: Candidate) -> bool:
+        """True if a plan needs slack with more time as without; then plans may have so much."""
+        before, self.slack = self.slack, later.result.slack
+        lacks = not later.feasible and self._is_accurate(later) and self._is_accurate(earlier)
+        self.slack = self.slack if lacks else before
+        return lacks
 
     def _grid(self, context: PlanningContext) -> int:
         """Smallest difference of final times [ns]: a waypoint is passed at a control instant."""
@@ -138,9 +151,11 @@ class ArrivalTime:
     def _is_good(self, candidate: Candidate, tolerances: float = 1.0) -> bool:
         """True if a plan meets its constraints and ends within so many tolerances of the goal.
 
-        In corridors that leave hardly more than the margin all plans use some of it.
+        In corridors that leave hardly more than the margin all plans use some of it, and in
+        narrower gaps as much as they need.
         """
-        is_tight = candidate.result.slack <= _OF_MARGIN * self.settings.safety.margin
+        margin = _OF_MARGIN * self.settings.safety.margin
+        is_tight = candidate.result.slack <= self.slack + margin
         return (
             (candidate.feasible or (candidate.admissible and is_tight))
             and candidate.verdict.worst_margin >= -TOUCHING

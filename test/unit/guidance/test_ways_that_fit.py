@@ -6,6 +6,7 @@ from tight_places import CELL, TightRun, map_of, task
 
 from cmpsp_ros.guidance import FallbackLevel, Safety
 from cmpsp_ros.guidance.mission import infeasibility_warnings
+from cmpsp_ros.robots import DifferentialDrive
 from cmpsp_ros.world.obstacles import Capsule, Obstacle, convex
 
 
@@ -108,3 +109,30 @@ def test_a_gap_below_the_margin_far_ahead_stops_nobody():
     assert run.levels[FallbackLevel.STOP] == 1
     # The solver has an answer at nearly every control step.
     assert sum('work of this' in each.reason for each in run.decisions) <= 5
+
+
+def room_with_gap(width, margin):
+    """A closed room 13 m long with a wall across it and a gap in the wall, the only way."""
+    low, high, half = -1.2, 1.2, width / 2.0 + CELL
+    walls = (
+        ((-1.0, low), (12.0, low)), ((-1.0, high), (12.0, high)),
+        ((-1.0, low), (-1.0, high)), ((12.0, low), (12.0, high)),
+        ((4.5, half), (4.5, high)), ((4.5, low), (4.5, -half)),
+    )  # fmt: skip
+    parts = [Capsule(f'w{k}', *each, CELL) for k, each in enumerate(walls)]
+    robot = DifferentialDrive(max_wheel_speed=20.0, max_wheel_acceleration=50.0)
+    return task((9.0, 0.0), *parts, robot=robot, safety=Safety(margin), when='soonest')
+
+
+@pytest.mark.parametrize('width', [0.5, 0.42, 0.38])
+def test_a_gap_that_takes_some_of_the_margin_is_passed_as_early_as_a_wider_one(width):
+    given = room_with_gap(width, 0.05)
+
+    run = TightRun(given, (0.0, 0.0, 0.0), 40.0)
+
+    assert run.miss < given.goal_tolerance
+    # 9 m, and half a second to gain speed and to lose it.
+    assert run.time < 9.0 / given.robot.max_speed + 0.8
+    assert run.clearance > (width - 0.35) / 2.0 - 0.005
+    assert (run.levels[FallbackLevel.ELASTIC] > 0) == (width < 0.45)
+    assert run.levels[FallbackLevel.STOP] <= 1

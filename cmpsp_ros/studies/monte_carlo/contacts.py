@@ -37,6 +37,9 @@ _APART: Final = 1.0
 _LOOKING_BACK: Final = 3.0
 """Time before a contact in which the assumptions of the promise must hold [s]."""
 
+_CONFIRMED: Final = 0.6
+"""Time in sight after which the tracker has confirmed a person who walks, at the latest [s]."""
+
 _RAYS: Final = 9
 
 
@@ -210,7 +213,10 @@ def _sight(driven: DrivenRun, step: int, person: int) -> bool | None:
 
 
 def _could_stop(driven: DrivenRun, step: int, person: int) -> bool:
-    """True if a robot that sees a person at a step from then on can be at rest in time."""
+    """True if a robot that sees a person at a step from then on can be at rest in time.
+
+    Nobody is tracked before the tracker has confirmed that they move.
+    """
     settings, scanner = driven.task.settings, driven.task.scanner
     assert scanner is not None  # noqa: S101 (people are seen by scanners alone)
     stamp, states = driven.people[step]
@@ -218,7 +224,7 @@ def _could_stop(driven: DrivenRun, step: int, person: int) -> bool:
     velocity, (x, y, u, v, radius) = _velocity(motion.twist), states[person].tolist()
     speed = math.hypot(*velocity)
     braking = speed / settings.robot.max_acceleration
-    reaction = 1.0 / scanner.rate + settings.control_period + settings.command_delay
+    reaction = _CONFIRMED + 1.0 / scanner.rate + settings.control_period + settings.command_delay
     gap = math.dist(motion.pose[:2], (x, y)) - radius - settings.robot_radius
     needed = speed * (reaction + braking / 2.0) + math.hypot(u, v) * (reaction + braking)
     return gap > needed

@@ -149,3 +149,23 @@ WALL = Capsule('wall', (1.2, 0.35), (1.2, 3.0), 0.05)
 def test_the_assumption_that_did_not_hold_is_named(walker, speed, walls, reason):
     (met,) = contacts(past(walker, speed, walls, 1.0 if walls else 50.0), ['a'])
     assert met.reason == reason
+
+
+@pytest.mark.parametrize(('distance', 'reason'), [(2.0, OUTSIDE), (3.5, ALL_HELD)])
+def test_whoever_comes_into_view_is_seen_when_the_tracker_has_confirmed_them(distance, reason):
+    """Somebody walks at the back of a robot, which turns and sees them from 1 s on."""
+    task = Study('people', scene='hall', robot='own').run(0)
+    walker = Walker('a', (-distance, 0.0), speed=1.0, gives_way=False)
+    scenario = replace(task.scenario, people=PeopleSettings((walker,), 1.0), obstacles=())
+    driven = DrivenRun(replace(task, scenario=scenario))
+    driven.walking = driven.task.people()
+    driven.walking.begin(0)
+    for number in range(200):
+        stamp = number * 20_000_000
+        pose = np.array([0.0, 0.0, math.pi if number > 50 else 0.0])
+        driven.motions.append(Motion(stamp, pose, np.zeros(2), np.array([0.2, 0.0])))
+        driven.walking.advance(stamp, np.array([[100.0, 100.0]]), 0.1)
+        driven.people.append((stamp, driven.walking.at(stamp)))
+    (met,) = contacts(driven, ['a'])
+    assert met.is_active
+    assert met.reason == reason

@@ -43,6 +43,7 @@ SOURCES = [
     *(ROOT / 'cmpsp_ros/nodes/guidance').rglob('*.py'),
     ROOT / 'cmpsp_ros/sensing/surroundings.py',
     ROOT / 'cmpsp_ros/nodes/common/health.py',
+    ROOT / 'cmpsp_ros/robots/robot.py',
 ]
 # Of the checks before a run one is an answer: that the robot is too far away.
 PRECHECK = said(ROOT / 'cmpsp_ros/guidance/mission/feasibility_precheck.py')

@@ -7,12 +7,13 @@ from collections.abc import Callable
 from typing import Final
 
 from cmpsp_ros.guidance.commands.making_way import Checks, Choice
-from cmpsp_ros.guidance.decision import Decision, FallbackLevel
-from cmpsp_ros.guidance.mission.back_out import back_out, turn_round
+from cmpsp_ros.guidance.decision import Decision, FallbackLevel, Plan
+from cmpsp_ros.guidance.mission.back_out import back_out, edge_away, turn_round
 from cmpsp_ros.guidance.mission.progress_watch import Remedy
 from cmpsp_ros.guidance.mission.unreachable import SPACING, tightest, way_left, why_unreachable
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 from cmpsp_ros.guidance.prediction.estimator import Observation, PlanStart
+from cmpsp_ros.guidance.safety.validation import TOUCHING, Validation
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.state import LawState
 
@@ -24,6 +25,10 @@ _NO_MOVES: Final = (
     'The goal is unreachable: no moves to it were found among the obstacles. With a lower '
     'robot.max_wheel_speed or a shorter control_period they need less space.'
 )
+_BACKS_OUT: Final = 'The robot backs out along the path that it has driven.'
+_EDGES: Final = 'The robot edges away from what is near before it backs out.'
+_STANDS: Final = 'The robot stands: no short move leads away from what is near.'
+_TURNS: Final = 'The robot turns on the spot to look for another way.'
 _SAME: Final = 0.5
 """Distance of places that count as one [m]."""
 _SOONER: Final = 3
@@ -53,7 +58,7 @@ class Escalation:
         if not self._patience or goals.goal is None or mission.closed_road.obstacles:
             return None
         if watch.begun_at is not None:
-            if (choice := self._move(state, context)) is not None:
+            if (choice := self._move(state, seen, context)) is not None:
                 return choice
         else:
             left = way_left(self._settings, start, context.goal)
@@ -64,8 +69,8 @@ class Escalation:
         watch.steps = 0
         while watch.remedy < Remedy.GIVE_UP:
             watch.remedy = Remedy(watch.remedy + 1)
-            found = self._remedy(state, context)
-            if isinstance(found, Choice):
+            found = self._remedy(state, seen, context)
+            if not isinstance(found, str):
                 return found
             if found:
                 seconds = allowed * self._settings.control_period
@@ -74,7 +79,9 @@ class Escalation:
                 return stop(state, seen.stamp, seen.pose, why, moving=start.moving)
         return None
 
-    def _remedy(self, state: LawState, context: PlanningContext) -> Choice | str:
+    def _remedy(
+        self, state: LawState, seen: Observation, context: PlanningContext
+    ) -> Choice | Decision | str:
         """Begin the remedy that is due: a plan, or a sentence; '' if it cannot be."""
         mission, watch = state.mission, state.mission.watch
         if watch.remedy is Remedy.OTHER_CLASS:
@@ -90,7 +97,7 @@ class Escalation:
         if watch.remedy is Remedy.TURN and not context.start.robot.turns_on_the_spot:
             return ''
         watch.begun_at = context.start.pose
-        return self._move(state, context) or ''
+        return self._move(state, seen, context) or ''
 
     def _block(self, state: LawState, context: PlanningContext) -> str:
         """Make the place ahead that does not fit expensive for the rest of the run."""
@@ -110,28 +117,67 @@ class Escalation:
         self._drop_plan(state)
         return f'another way than past {name} at ({place[0]:.2f}, {place[1]:.2f}) is searched.'
 
-    def _move(self, state: LawState, context: PlanningContext) -> Choice | None:
-        """Go on backing out or turning; None where that is over, or not clear."""
+    def _move(
+        self, state: LawState, seen: Observation, context: PlanningContext
+    ) -> Choice | Decision | None:
+        """Go on backing out or turning; None where that is over, or has not been clear for long."""
         watch, start, settings = state.mission.watch, context.start, self._settings
-        begun = watch.begun_at
+        begun, task = watch.begun_at, (settings, start, context.horizon, context.delay)
         assert begun is not None  # noqa: S101 (the caller has looked)
         if watch.remedy is Remedy.BACK_OUT:
             is_over = math.dist(start.pose[:2], begun[:2]) >= _BACK or len(watch.trail) < 2
-            plan = back_out(settings, start, context.horizon, context.delay, watch.way_back)
-            reason = 'The robot backs out along the path that it has driven.'
+            plan, reason = back_out(*task, watch.way_back), _BACKS_OUT
         else:
             is_over = abs(start.pose[2] - begun[2]) >= math.pi
-            plan = turn_round(settings, start, context.horizon, context.delay)
-            reason = 'The robot turns on the spot to look for another way.'
-        durations = context.horizon.durations
-        verdict = self._checks.validator.check(start, plan.controls, durations, context.pending)
+            plan, reason = turn_round(*task), _TURNS
         watch.steps += 1
-        if is_over or not verdict.passed or watch.steps > 2 * self._patience:
-            watch.begun_at, watch.steps = None, 0
-            self._drop_plan(state)
+        if is_over or watch.steps > 2 * self._patience:
+            self._end_move(state)
             return None
+        verdict = self._check(plan, context)
+        if not verdict.passed and watch.remedy is Remedy.BACK_OUT:
+            reason, (plan, verdict) = _EDGES, self._farthest(edge_away(*task), context)
+        if not verdict.passed:
+            return self._stand_or_end(state, seen, context, verdict.reason)
+        watch.refused = 0
         ahead = self._checks.approach.contact(plan, start, verdict.worst_margin)
         return Choice(FallbackLevel.ELASTIC, reason, plan, verdict, ahead, plan)
+
+    def _farthest(self, plans: list[Plan], context: PlanningContext) -> tuple[Plan, Validation]:
+        """The short move that ends farthest from what is near; a refused one if none does."""
+        start, clearance_at = context.start, self._checks.validator.clearance_at
+        ends = [float(clearance_at(start.world, each.poses[-1]).min()) for each in plans]
+        checked = [self._check(each, context) for each in plans]
+        better = [
+            k for k, found in enumerate(checked) if found.passed and ends[k] > ends[0] + TOUCHING
+        ]
+        best = max(better, key=ends.__getitem__, default=0)
+        if best == 0:
+            checked[0] = checked[0]._replace(passed=False, reason=_STANDS)
+        return plans[best], checked[best]
+
+    def _check(self, plan: Plan, context: PlanningContext) -> Validation:
+        durations = context.horizon.durations
+        return self._checks.validator.check(
+            context.start, plan.controls, durations, context.pending
+        )
+
+    def _stand_or_end(
+        self, state: LawState, seen: Observation, context: PlanningContext, reason: str
+    ) -> Decision | None:
+        """Stand where no move is clear, for a while: noise may have led the robot nearer."""
+        watch = state.mission.watch
+        watch.refused += 1
+        if watch.refused > self._patience // _SOONER:
+            self._end_move(state)
+            return None
+        stop = self._checks.decisions.stop
+        return stop(state, seen.stamp, seen.pose, reason, moving=context.start.moving)
+
+    def _end_move(self, state: LawState) -> None:
+        watch = state.mission.watch
+        watch.begun_at, watch.steps, watch.refused = None, 0, 0
+        self._drop_plan(state)
 
     def explain_miss(self, state: LawState, start: PlanStart) -> None:
         """Say why the goal was missed, where the robot was stuck or no way leads there."""

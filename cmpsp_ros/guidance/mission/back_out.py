@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import Final
 
@@ -19,6 +20,9 @@ _SPEED: Final = 0.3
 """Speed of a robot that backs out, at most [m/s], and half of its pace."""
 _AHEAD: Final = 0.12
 """Distance of the point of its trail that it drives to [m]."""
+_EDGE: Final = 0.1
+_RATES: Final = -0.5, -0.25, 0.0, 0.25, 0.5
+"""Speed [m/s] and turn rates [rad/s] of a robot that edges away from something."""
 _ALIGNED: Final = 0.6
 """Angle from its trail up to which it drives rather than turns on the spot [rad]."""
 
@@ -47,6 +51,18 @@ def turn_round(settings: LawSettings, start: PlanStart, horizon: Horizon, delay:
     controls = np.zeros((len(horizon.durations) + 1, robot.n_controls))
     controls[:-1] = robot.limited(robot.straight_or_turning(0.0, turn_rate(settings), 1.0))
     return _plan(settings, start, horizon, delay, controls)
+
+
+def edge_away(settings: LawSettings, start: PlanStart, horizon: Horizon, delay: int) -> list[Plan]:
+    """Plans that move for one control step and stop; the first one stands still."""
+    robot, plans = start.robot, []
+    speeds = (-_EDGE, 0.0, _EDGE) if robot.turns_on_the_spot else (-_EDGE, _EDGE)
+    for speed, rate in [(0.0, 0.0), *itertools.product(speeds, _RATES)]:
+        twist = np.array([speed, 0.0, rate] if robot.drives_sideways else [speed, rate])
+        controls = np.zeros((len(horizon.durations) + 1, robot.n_controls))
+        controls[:1] = robot.limited(robot.controls(twist))
+        plans.append(_plan(settings, start, horizon, delay, controls))
+    return plans
 
 
 def _plan(

@@ -39,6 +39,7 @@ class ProgressWatch:
         steps: Control steps without progress, since the last remedy.
         remedy: The last one tried.
         begun_at: Pose at which it began to back out or to turn; None while it does neither.
+        refused: Number of control steps in a row in which no such move was clear.
         nearest: Least length of the way to the goal so far [m].
         is_closed: True while every way leads through a place that did not fit.
         visited: Squares of the floor that it has been in.
@@ -48,6 +49,7 @@ class ProgressWatch:
     steps: int = 0
     remedy: Remedy = Remedy.NONE
     begun_at: Array | None = None
+    refused: int = 0
     nearest: float = math.inf
     is_closed: bool = False
     visited: set[tuple[int, int]] = field(default_factory=set)

@@ -78,3 +78,12 @@ def test_a_field_with_a_dead_end_costs_no_more_than_twice_the_time():
     assert found.miss < 0.1
     assert found.obstacle_clearance > 0.02
     assert found.slowness < 2.0
+
+
+@pytest.mark.slow
+def test_a_robot_wedged_among_cylinders_edges_away_and_arrives():
+    driven = drive(Study('clutter', seed=21, assignments=('goal.when=soonest',)).run(394))
+
+    assert any('edges away from what is near' in each.reason for each in driven.decisions)
+    assert outcome(driven).miss < 0.1
+    assert outcome(driven).obstacle_clearance > 0.02

@@ -330,10 +330,12 @@ class Validator:
         """Names of path constraints by their index, for messages."""
         known, slots = len(world.names), moving.slots.tolist()
         # Every disc of the robot has the same ones.
-        things = dict.fromkeys(i % (known + self._slots) for i in constraints)
+        rows = len(self._settings.footprint.centers) * (known + self._slots)
+        things = dict.fromkeys(i % (known + self._slots) for i in constraints if i < rows)
         places = [i if i < known else known + slots.index(i - known) for i in things]
         names = (*world.names, *moving.names)
-        return ', '.join(names[index] for index in places)
+        lateral = ['the lateral acceleration'] if max(constraints, default=0) >= rows else []
+        return ', '.join([*(names[index] for index in places), *lateral])
 
 
 def _name_of(number: float, start: PlanStart) -> str:

@@ -110,6 +110,9 @@ def test_a_command_beyond_it_is_refused_and_one_at_the_limit_is_not():
     verdict = Validator(settings).check(start, plan, durations)
     assert not verdict.passed
     assert 'lateral acceleration of 1.12' in verdict.reason
+    rows = len(settings.world.names)
+    said = Validator(settings).names([1, rows], settings.world)
+    assert said == f'{settings.world.names[1]}, the lateral acceleration'
     slower = settings.robot.slowed_in_turns(plan)
     np.testing.assert_allclose(settings.robot.lateral_acceleration(slower), LIMIT, rtol=1e-12)
     assert Validator(settings).check(start, slower, durations).passed

@@ -92,7 +92,7 @@ endef
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help demo test test-all test-oldest lint setup bench docs pictures dist site lock clean check-ros FORCE
+.PHONY: help demo test test-all test-oldest test-newest lint setup bench docs pictures dist site lock clean check-ros FORCE
 
 help:  ## say what can be made
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-11s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -118,6 +118,15 @@ test-oldest:  ## the same with the oldest versions, Ubuntu 24.04's: PYTHON=pytho
 	$(OLDEST)/bin/pip install --quiet -c requirements/oldest.txt -e '.[ros,solvers,report,test]'
 	$(OLDEST)/bin/cmpsp warmup
 	$(OLDEST)/bin/python -m pytest -n 2 --dist loadgroup -m 'not slow' $(PYTEST_ARGS)
+
+# Environment of its own, with whatever is newest: a Python for which there may be no ROS yet.
+test-newest: NEWEST := .cache/newest
+test-newest:  ## run the tests of mpsp and of robots with the newest versions, without ROS: PYTHON=python3.13
+	test -x $(NEWEST)/bin/python || $(PYTHON) -m venv $(NEWEST)
+	$(NEWEST)/bin/pip install --quiet -e '.[solvers,casadi]' pytest pytest-timeout pytest-xdist hypothesis
+	$(NEWEST)/bin/python -m pytest -n 2 --dist loadgroup -m 'not slow' \
+	    test/unit/mpsp/models test/unit/mpsp/test_gradient.py test/unit/mpsp/qp/dense test/unit/robots \
+	    $(PYTEST_ARGS)
 
 lint: check-ros $(DEVELOPMENT) $(PACKAGE)  ## ruff, mypy, who may import whom, and through which door
 	$(BIN)/ruff check .

@@ -5,8 +5,8 @@
 
 from __future__ import annotations
 
+import argparse
 import importlib
-import sys
 import time
 from pathlib import Path
 
@@ -82,8 +82,13 @@ def rows(example: Example) -> tuple[list[str], list[float]]:
 
 def main() -> None:
     """Solve, and write the page where all examples are asked for."""
-    asked = sys.argv[1:]
     found = [importlib.import_module(f'examples.{name}').EXAMPLE for name in NAMES] + EXAMPLES
+    known = [each.name for each in found]
+    parser = argparse.ArgumentParser(prog='python -m examples', description=main.__doc__)
+    parser.add_argument('names', nargs='*', metavar='NAME', help=', '.join(known))
+    asked = parser.parse_args().names
+    if unknown := [name for name in asked if name not in known]:
+        parser.error(f'found {", ".join(unknown)}, wanted names of {", ".join(known)}')
     lines, ratios = [], []
     for example in found:
         if not asked or example.name in asked:

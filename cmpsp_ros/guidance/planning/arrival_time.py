@@ -67,7 +67,7 @@ class ArrivalTime:
         """
         sets_out, self.sets_out = self.sets_out, False
         if sets_out:
-            self.stride, self.slack, first = _LONGEST, 0.0, (context, selected)
+            self.stride, self.slack, tried = _LONGEST, 0.0, [(context, selected)]
             for _ in range(_INITIAL_DELAYS):
                 if self._is_good(selected):
                     break
@@ -75,8 +75,12 @@ class ArrivalTime:
                 is_long = not selected.result.solved
                 context = self._shifted(context, -_INITIAL_DELAY if is_long else _INITIAL_DELAY)
                 selected = selector.best(context)
-            if self._lacks_space(selected, first[1]):
-                context, selected = first
+                tried.append((context, selected))
+            if self._lacks_space(selected, tried[0][1]):
+                context, selected = tried[0]
+            elif not selected.result.solved:
+                followed = [each for each in tried if each[1].feasible] or tried[-1:]
+                context, selected = min(followed, key=lambda each: each[1].terminal_error)
         if selected.feasible:
             self.slack = 0.0
         if self._is_good(selected):

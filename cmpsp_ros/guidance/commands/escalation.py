@@ -191,7 +191,8 @@ class Escalation:
     def _explain(self, state: LawState, start: PlanStart) -> None:
         """Remember why the goal is unreachable; the last step says it where the width is enough."""
         mission, last = state.mission, '' if state.last is None else state.last[1].reason
-        if (moves := mission.manoeuvres) is not None and moves.has_failed:
+        moves = mission.manoeuvres
+        if moves is not None and moves.has_failed and moves.target == mission.goals.target:
             mission.unreachable = _NO_MOVES
             return
         goal, blocked = mission.goals.target.position, mission.searched.blocked

@@ -33,7 +33,7 @@ obstacle.
 _LATERAL_PENALTY: Final = 1e5
 """Cost of exceeding the lateral acceleration in the merit function, above all of them [s^2/m].
 
-That constraint is curved, and so none that never gives way. But slower plans always keep it.
+The constraint is curved, so it is soft; a plan slowed down along its path always keeps it.
 """
 
 BY_PRIORITY: Final = tuple(sorted(PENALTIES, key=lambda each: -PENALTIES[each]))

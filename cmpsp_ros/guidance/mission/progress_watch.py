@@ -41,6 +41,7 @@ class ProgressWatch:
         begun_at: Pose at which it began to back out or to turn; None while it does neither.
         refused: Number of control steps in a row in which no such move was clear.
         nearest: Least length of the way to the goal so far [m].
+        stood_at: Position at which the last progress was counted (x, y) [m].
         is_closed: True while every way leads through a place that did not fit.
         visited: Squares of the floor that it has been in.
         trail: Positions driven through, the latest last (x, y) [m].
@@ -51,6 +52,7 @@ class ProgressWatch:
     begun_at: Array | None = None
     refused: int = 0
     nearest: float = math.inf
+    stood_at: tuple[float, float] = (math.inf, math.inf)
     is_closed: bool = False
     visited: set[tuple[int, int]] = field(default_factory=set)
     trail: list[tuple[float, float]] = field(default_factory=list)
@@ -69,8 +71,10 @@ class ProgressWatch:
 
         `left` is the length of the way, infinite without one [m].
         """
+        here = float(pose[0]), float(pose[1])
         place = math.floor(pose[0] / _PLACE), math.floor(pose[1] / _PLACE)
-        is_nearer = left < self.nearest - _NEARER
+        # As more is seen the way changes its length: to a robot that stands that is no progress.
+        is_nearer = left < self.nearest - _NEARER and math.dist(here, self.stood_at) > _SPACING
         self.is_closed = self.is_closed and not is_nearer
         is_new = place not in self.visited and math.isfinite(left) and not self.is_closed
         self.visited.add(place)
@@ -78,7 +82,8 @@ class ProgressWatch:
         # The first length of another way is no progress on it.
         if is_new or (is_nearer and math.isfinite(self.nearest)):
             self.reset()
-        self.nearest = min(self.nearest, left) if is_new or is_nearer else self.nearest
+        if is_new or is_nearer:
+            self.nearest, self.stood_at = min(self.nearest, left), here
 
     def reset(self) -> None:
         """Begin again: there is progress."""

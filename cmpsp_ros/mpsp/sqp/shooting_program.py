@@ -59,7 +59,7 @@ class Memory(NamedTuple):
 
 
 def memory(size: Dimensions) -> Memory:
-    """Memory for a problem of these sizes."""
+    """Arrays of an iteration, allocated once for all of a solve."""
     K, n, r, m, l = size.horizon + 1, size.state, size.control, size.output, size.path  # noqa: E741
     shapes: tuple[tuple[int, ...], ...] = (
         (K, n + r, n + r), (K, n + r), (K - 1, n), (m,), (K, l), (K, l), (K, r),

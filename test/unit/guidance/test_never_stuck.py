@@ -177,6 +177,12 @@ def test_new_ground_and_a_shorter_way_are_progress_and_circles_are_not():
     assert watch.steps == 5
     watch.count(np.array([0.1, 0.1, 0.0]), 9.9)
     assert watch.steps == 0
+    # To a robot that stands a way that becomes shorter, as more is seen, is none.
+    for k in range(5):
+        watch.count(np.array([0.11, 0.09, 0.0]), 9.8 - 0.1 * k)
+    assert watch.steps == 5
+    watch.count(np.array([0.2, 0.1, 0.0]), 9.3)
+    assert watch.steps == 0
     for k in range(200):
         angle = 0.1 * k
         watch.count(np.array([math.cos(angle), math.sin(angle), angle]), 20.0)

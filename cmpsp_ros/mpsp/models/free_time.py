@@ -1,7 +1,7 @@
 """A final time that is free, for compiled problems.
 
-As in `from_functions`, it is a state, and its change from the guess a control of stage 0, so ``S_N``
-has its sensitivity. The functions of a problem read it from the state, the same at all stages.
+As in `from_functions`, it is a state, and its change from the guess a control of stage 0, so
+``S_N`` has its sensitivity. The problem's functions read it from the state, at any stage.
 """
 
 from __future__ import annotations

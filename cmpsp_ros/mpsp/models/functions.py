@@ -113,7 +113,7 @@ def from_functions(
     lower: ArrayLike | None = None,
     upper: ArrayLike | None = None,
     derivatives: Derivatives = 'auto',
-    final_time: tuple[float, float, float] | None = None,
+    final_time: ArrayLike | None = None,
 ) -> StageProblem:
     """Set up a problem (1)-(6) from functions of one stage, for trying things out.
 
@@ -147,7 +147,8 @@ def from_functions(
         final_time: Least, guessed and largest final time where it is free. All functions then take
             the final time ``T`` after ``u``, as for a step of ``T / N``. It becomes the last state,
             and its change from the guess the last control, which is free at stage 0 and 0 later:
-            controls ``(N + 1, r + 1)``.
+            controls ``(N + 1, r + 1)``. A row of three for each of ``q`` phases makes ``T`` the
+            vector of their times, ``(q,)``, of which each stage takes the one that it belongs to.
 
     Returns:
         The problem. Its first linearisation raises `ProblemError` where a derivative is not finite.
@@ -160,14 +161,23 @@ def from_functions(
     bounds = control_bounds(lower, upper, (N + 1, r))
     output: Callable[..., Any] | None = h and (lambda _, *of: h(*of))
     if final_time is not None:
-        start, least, largest = free_final_time(final_time, start, *bounds)
-        r, bounds = r + 1, (least, largest)
-        step = _with_time(F)
-        L, residuals, g = (each and _with_time(each) for each in (L, residuals, g))
-        output = output and _with_time(output)
+        phases, is_one = len(np.atleast_2d(final_time)), np.ndim(final_time) == 1
+        start, *limits = free_final_time(final_time, start, *bounds, phases)
+        r, bounds = r + phases, (limits[0], limits[1])
+
+        def with_time(function: Callable[..., Any]) -> Callable[[int, Any, Any], Any]:
+            def of(k: int, z: Any, v: Any) -> Any:
+                T = z[-phases:] + v[-phases:]
+                return function(k, z[:-phases], v[:-phases], T[0] if is_one else T)
+
+            return of
+
+        step = with_time(F)
+        L, residuals, g = (each and with_time(each) for each in (L, residuals, g))
+        output = output and with_time(output)
 
         def F(k: int, z: Any, v: Any) -> Any:
-            return np.append(step(k, z, v), z[-1] + v[-1])
+            return np.append(step(k, z, v), z[-phases:] + v[-phases:])
 
     if derivatives not in get_args(Scheme) and derivatives != 'auto':
         wanted = ', '.join(('auto', *get_args(Scheme)))
@@ -204,11 +214,6 @@ def from_functions(
     reach = terminal_target(target, None if functions.h is None else functions.h.shape[0])
     size = Dimensions(N, n, r, len(reach), 0 if functions.g is None else functions.g.shape[0])
     return _FunctionsProblem(size, start, functions, reach, bounds)
-
-
-def _with_time(function: Callable[..., Any]) -> Callable[[int, Any, Any], Any]:
-    """A function of stage, state, control and final time, as one of those with the time in them."""
-    return lambda k, z, v: function(k, z[:-1], v[:-1], z[-1] + v[-1])
 
 
 def _probes(start: Array, lower: Array, upper: Array) -> list[Array]:

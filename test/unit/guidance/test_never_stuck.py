@@ -13,7 +13,10 @@ from tight_places import CELL, TightRun, map_of, task
 
 from cmpsp_ros.guidance import FallbackLevel, Goal, GuidanceLaw, Observation
 from cmpsp_ros.guidance.mission.progress_watch import ProgressWatch, Remedy
+from cmpsp_ros.guidance.mission.unreachable import why_unreachable
+from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.robots import DifferentialDrive
+from cmpsp_ros.sensing import SightSettings
 from cmpsp_ros.world.obstacles import Capsule
 
 LIMITED = DifferentialDrive(max_wheel_speed=20.0, max_wheel_acceleration=50.0)
@@ -113,6 +116,18 @@ def test_it_backs_out_along_its_trail():
     backing = [each for each in run.decisions if 'backs out' in each.reason]
     assert sum(each.twist[0] < -0.1 for each in backing) > 5
     assert run.clearance > 0.0
+
+
+@pytest.mark.parametrize(('width', 'may_fit'), [(0.35, True), (0.25, False)])
+def test_the_reason_says_where_a_finer_grid_may_show_that_a_gap_fits(width, may_fit):
+    given = task((6.0, 2.15), map_of(8, 4), sight=SightSettings(resolution=CELL))
+    walls = map_of(8, 4, (3, 3.1, 0, 2), (3, 3.1, 2 + width, 4))
+    start = PlanStart(np.array([1.0, 2.15, 0.0]), given.robot, given.world.seeing(walls.grid))
+
+    reason = why_unreachable(given, start, (6.0, 2.15), ((3.05, 2.0 + width / 2.0),), '')
+
+    assert 'no plan gets past obstacle seen at (3.' in reason
+    assert ('a smaller sight.resolution may' in reason) == may_fit
 
 
 def test_without_patience_it_waits_until_the_final_time():

@@ -69,7 +69,7 @@ STARTS = [
 ]
 
 
-@pytest.mark.parametrize(('number', 'start'), enumerate(STARTS))
+@pytest.mark.parametrize(('number', 'start'), [*enumerate(STARTS)])
 def test_no_guess_and_no_heading_is_a_trap(number, start):
     guess, heading = start
     given = settings(BOTH, 45.0 if number % 2 else 51.0, guess)

@@ -26,7 +26,7 @@ _TYPES: Final = {'scan': 'sensor_msgs/msg/LaserScan', 'cloud': 'sensor_msgs/msg/
 
 
 class SensorInputs:
-    """What a node with these parameters would have received; can be iterated over once.
+    """Inputs that a node with these parameters would have had; can be iterated over once.
 
     It decides as soon as all sensors have shown something, and not while one is silent.
     """

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cmpsp_ros.studies.monte_carlo import Study
-from cmpsp_ros.studies.monte_carlo.courses.rooms import CELL, SIZE, is_open
+from cmpsp_ros.studies.monte_carlo.courses.rooms import SIZE, is_open
 from cmpsp_ros.studies.monte_carlo.driving import drive, outcome
 from cmpsp_ros.studies.monte_carlo.eyes import map_of
 from cmpsp_ros.studies.monte_carlo.guesses import grid_path, shortest_length
@@ -38,13 +38,6 @@ def test_a_field_is_open_only_for_a_square_of_five_cells():
     assert is_open(cells)
     cells[7, 10] = True
     assert not is_open(cells)
-
-
-def test_fields_grow_denser():
-    counts = [len(Study('clutter').run(number).scenario.obstacles) for number in range(4)]
-    assert counts == sorted(counts)
-    x = [each.center[0] for each in Study('clutter').run(3).scenario.obstacles[2:]]
-    assert max(x) - min(x) < SIZE * CELL
 
 
 @pytest.mark.parametrize(('kind', 'number'), [('sight', 0), ('sight', 16), ('clutter', 2)])

@@ -9,7 +9,6 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.guidance.decision import Plan
-from cmpsp_ros.guidance.formulation import ocp_functions
 from cmpsp_ros.guidance.formulation.guidance_problem import guidance_data, target_of
 from cmpsp_ros.guidance.formulation.ocp_formulation import (
     OcpFormulation,
@@ -17,23 +16,25 @@ from cmpsp_ros.guidance.formulation.ocp_formulation import (
     terminal_penalty,
 )
 from cmpsp_ros.guidance.formulation.ocp_functions import LATERAL_PART, WHEEL_ROUNDING, GuidanceData
+from cmpsp_ros.guidance.formulation.rate_problem import (
+    CompiledProblem,
+    ProblemData,
+    compile_problem,
+    problem_data,
+)
 from cmpsp_ros.guidance.goals import Target
 from cmpsp_ros.guidance.horizon import remaining
 from cmpsp_ros.guidance.planning.candidate import SolveResult
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
+from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.solver_settings import UNLIMITED
 from cmpsp_ros.guidance.times import Horizon, to_nanoseconds
 from cmpsp_ros.mpsp import SLACK_TOLERANCE, Dimensions, Options
-from cmpsp_ros.mpsp.models import CONTROL_RATE, ControlRateData
 from cmpsp_ros.mpsp.qp import RICCATI_ACTIVE_SET, QPStatus
 from cmpsp_ros.mpsp.qp.riccati import Outcome
-from cmpsp_ros.mpsp.sqp import Driver, Entries, Functions
+from cmpsp_ros.mpsp.sqp import Driver
 from cmpsp_ros.robots import Robot
-from cmpsp_ros.robots.motion import within_ramp
 from cmpsp_ros.world import FreeSpace
-
-FUNCTIONS: Final = Functions(ocp_functions.predict, ocp_functions.evaluate, ocp_functions.linearise)
-"""The robot's problem, compiled."""
 
 _WORK_OF_BACK_END: Final = 10_000
 """Work of an iteration of a QP back end at a stage, in visits of a stage."""
@@ -62,20 +63,6 @@ class _Counters(NamedTuple):
         return cls(*own, head['iterations'], head['work'])
 
 
-class CompiledProblem(NamedTuple):
-    """Machine code for formulations of one kind.
-
-    Attributes:
-        kind: The kind.
-        entries: Of the problem and the iteration.
-        inner: Addresses of the functions that `CONTROL_RATE` calls; None without it.
-    """
-
-    kind: tuple[object, ...]
-    entries: Entries
-    inner: IntArray | None
-
-
 class Planner:
     """Improves control histories.
 
@@ -99,13 +86,11 @@ class Planner:
         # Whether the speed at the end of a plan may be limited.
         self._is_bounded = settings.comes_to_rest or settings.robot.steering_limits is not None
         self._period = settings.control_period
-        self._rate, self._max_change = settings.weights.control_rate, settings.max_wheel_change
+        self._max_change, self._jolt = settings.max_wheel_change, settings.max_second_difference
         # The problem, for the space, target and robot that it was made for.
         self._posed: tuple[FreeSpace, Target, Robot] | None = None
         self._problem: GuidanceData
         self._horizon: Horizon | None = None
-        # Addresses of the functions that `CONTROL_RATE` calls.
-        self._inner: IntArray | None = None
         period = to_nanoseconds(settings.control_period)
         longest = remaining(0, period, to_nanoseconds(settings.longest_horizon))
         # By the number of outputs, kept for reuse; the second are the fallback of the compiled
@@ -115,19 +100,11 @@ class Planner:
         self._target = settings.target
         self._use_driver(len(longest.durations))
         if compiled is None or compiled.kind != formulation.kind:
-            compiled = self._compile(longest)
-        self.compiled, self._inner = compiled, compiled.inner
-
-    def _compile(self, horizon: Horizon) -> CompiledProblem:
-        formulation, settings = self._formulation, self._formulation.settings
-        nothing = np.zeros((len(horizon.edges), settings.robot.n_controls))
-        context = PlanningContext.at_pose(settings, formulation.world, np.zeros(3), horizon)
-        data = self._data(context, nothing)
-        if not isinstance(data, ControlRateData):
-            return CompiledProblem(formulation.kind, FUNCTIONS.entries(data, self._ws), None)
-        inner = FUNCTIONS.addresses(data.inner, self._ws)
-        entries = CONTROL_RATE.entries(data._replace(functions=inner), self._ws)
-        return CompiledProblem(formulation.kind, entries, inner)
+            nothing = np.zeros((len(longest.edges), settings.robot.n_controls))
+            context = PlanningContext.at_pose(settings, formulation.world, np.zeros(3), longest)
+            data = self._data(context, nothing)
+            compiled = compile_problem(formulation, data, context.start, self._driver)
+        self.compiled = compiled
 
     def reformulate(self, formulation: OcpFormulation) -> None:
         """Take another formulation with the same layout, and keep memory and warm start."""
@@ -164,19 +141,19 @@ class Planner:
         over = 0
         if begun is not None:
             over = int(begun.edges.searchsorted(horizon.edges[0], side='right')) - 1
-        durations, previous = horizon.durations, context.start.previous_control
-        robot = context.start.robot
+        start, robot = context.start, context.start.robot
         if self._is_limited:
             guess = robot.all_limited(guess, WHEEL_ROUNDING)
         if robot.max_lateral_acceleration < math.inf:
             guess = robot.slowed_in_turns(guess, LATERAL_PART)
         if self._max_change < math.inf:
-            guess = within_ramp(guess, durations, previous, self._max_change, robot.time_scaling)
+            guess = start.followed(self._formulation.settings, guess, horizon.durations)
         self._ws.trial.U[: steps + 1] = guess
         self._limit[0], self._work_limit[0] = limit, work_limit
         if self._is_bounded:
             self._bound_speeds(self._driver, context)
-        data = self._data(context, guess)
+        inner = self._data(context, guess)
+        data = problem_data(self._formulation, inner, start, self.compiled)
         self._driver.improve(self.compiled.entries, data, steps, over)
         counters = self._counters
         outcome = counters.outcome.item()
@@ -187,11 +164,7 @@ class Planner:
         return _summary(self._driver, counters, context)
 
     def _improve_by_back_end(
-        self,
-        guess: Array,
-        context: PlanningContext,
-        data: GuidanceData | ControlRateData,
-        limit: int,
+        self, guess: Array, context: PlanningContext, data: ProblemData, limit: int
     ) -> SolveResult:
         """Use a QP back end, which can add curvature, where the compiled solver fails."""
         steps, outputs = len(context.horizon.durations), terminal_constraint(self._target)
@@ -207,8 +180,8 @@ class Planner:
         other.improve(self.compiled.entries, data, steps, 0)
         return _summary(other, _Counters.of(other), context)
 
-    def _data(self, context: PlanningContext, guess: Array) -> GuidanceData | ControlRateData:
-        pose, robot, world, moving, progress, previous, *_ = context.start
+    def _data(self, context: PlanningContext, guess: Array) -> GuidanceData:
+        pose, robot, world, moving, progress, *_ = context.start
         formulation, target = self._formulation, self._target
         durations = context.horizon.durations
         pose = np.ascontiguousarray(pose, dtype=np.float64)
@@ -222,12 +195,7 @@ class Planner:
                 robot, space, weights, pose, goal, durations, hessian, heading
             )
         # `_replace` takes several times as long.
-        data = GuidanceData(pose, progress, durations, *self._problem[3:])
-        if not formulation.remembers_control:
-            return data
-        previous = np.ascontiguousarray(previous, dtype=np.float64)
-        limits = self._max_change, robot.rate_limits
-        return ControlRateData(data, len(durations), self._rate, previous, *limits, self._inner)
+        return GuidanceData(pose, progress, durations, *self._problem[3:])
 
     def _use_driver(self, steps: int) -> None:
         """Use memory for so many steps at least; a new one has no warm start."""
@@ -249,7 +217,7 @@ class Planner:
         formulation = self._formulation
         settings = formulation.settings
         controls = settings.robot.n_controls
-        states = 3 + controls if formulation.remembers_control else 3
+        states = 3 + controls * (formulation.remembers_control + (formulation.jerk_rows > 0))
         penalty_path = formulation.penalty_path
         size = Dimensions(steps, states, controls, outputs, len(penalty_path))
         trust_radius = np.full(states, math.inf)
@@ -288,8 +256,22 @@ class Planner:
             largest = np.clip(np.maximum(slow, braked), 0.0, bounds[:n])
         else:
             return
+        if self._jolt < math.inf and context.ends_at_rest:
+            largest = self._slower_by_jerk(context.start, largest, 1.0 + left / self._period)
         ws.upper[: len(durations), : largest.shape[1]] = largest
         ws.lower[:] = -ws.upper
+
+    def _slower_by_jerk(self, start: PlanStart, bounds: Array, left: Array) -> Array:
+        """Bounds of speeds ``(N, n)`` from which so many periods ``(N,)`` of less jerk stop it."""
+        robot, n = start.robot, bounds.shape[1]
+        slow = (
+            0.5
+            * self._jolt
+            * np.outer(left * (left + 1.0), 1.0 / abs(robot.wheels[:, :n]).max(axis=0))
+        )
+        still = np.tile(robot.stopped(start.previous_control), (len(left), 1))
+        braked = np.abs(start.smoothed(self._formulation.settings, still)[:, :n])
+        return np.maximum(np.minimum(bounds, slow), braked)
 
     def _set_tolerances(self, driver: Driver) -> None:
         run, outputs = driver.ws.run, terminal_constraint(self._target)

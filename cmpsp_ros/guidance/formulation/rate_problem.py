@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -40,9 +41,13 @@ def problem_data(
     formulation: OcpFormulation,
     data: GuidanceData,
     start: PlanStart,
-    compiled: CompiledProblem | None,
+    compiled: CompiledProblem | None = None,
+    end_jerk: float = math.inf,
 ) -> ProblemData:
-    """Data of the whole problem from a start; those of its inner functions once it is compiled."""
+    """Data of the whole problem from a start; those of its inner functions once it is compiled.
+
+    `end_jerk` is the largest second difference of wheel speeds to rest at the end [rad/s].
+    """
     if not formulation.remembers_control:
         return data
     settings, steps = formulation.settings, len(data.durations)
@@ -51,9 +56,15 @@ def problem_data(
     if formulation.jerk_rows:
         before, wheels = np.stack([previous - start.previous_change, previous]), start.robot.wheels
         functions = None if compiled is None else compiled.innermost
-        limit = settings.max_second_difference
         inner = ControlJerkData(
-            data, steps, before, limit, wheels, formulation.first_jerk_row, functions
+            data,
+            steps,
+            before,
+            settings.max_second_difference,
+            wheels,
+            end_jerk,
+            formulation.first_jerk_row,
+            functions,
         )
     functions = None if compiled is None else compiled.inner
     limits = settings.max_wheel_change, start.robot.rate_limits
@@ -66,7 +77,7 @@ def compile_problem(
 ) -> CompiledProblem:
     """Compile the whole problem for data like these and a driver."""
     kind, ws = formulation.kind, driver.ws
-    whole = problem_data(formulation, data, start, None)
+    whole = problem_data(formulation, data, start)
     if not isinstance(whole, ControlRateData):
         return CompiledProblem(kind, FUNCTIONS.entries(whole, ws))
     inner, innermost = FUNCTIONS.addresses(data, ws), None

@@ -91,6 +91,7 @@ class Planner:
         self._posed: tuple[FreeSpace, Target, Robot] | None = None
         self._problem: GuidanceData
         self._horizon: Horizon | None = None
+        self._end_jerk = math.inf
         period = to_nanoseconds(settings.control_period)
         longest = remaining(0, period, to_nanoseconds(settings.longest_horizon))
         # By the number of outputs, kept for reuse; the second are the fallback of the compiled
@@ -150,10 +151,11 @@ class Planner:
             guess = start.followed(self._formulation.settings, guess, horizon.durations)
         self._ws.trial.U[: steps + 1] = guess
         self._limit[0], self._work_limit[0] = limit, work_limit
+        self._end_jerk = math.inf
         if self._is_bounded:
             self._bound_speeds(self._driver, context)
         inner = self._data(context, guess)
-        data = problem_data(self._formulation, inner, start, self.compiled)
+        data = problem_data(self._formulation, inner, start, self.compiled, self._end_jerk)
         self._driver.improve(self.compiled.entries, data, steps, over)
         counters = self._counters
         outcome = counters.outcome.item()
@@ -257,21 +259,19 @@ class Planner:
         else:
             return
         if self._jolt < math.inf and context.ends_at_rest:
-            largest = self._slower_by_jerk(context.start, largest, 1.0 + left / self._period)
+            self._end_jerk, largest = self._less_jerk(context.start, largest)
         ws.upper[: len(durations), : largest.shape[1]] = largest
         ws.lower[:] = -ws.upper
 
-    def _slower_by_jerk(self, start: PlanStart, bounds: Array, left: Array) -> Array:
-        """Bounds of speeds ``(N, n)`` from which so many periods ``(N,)`` of less jerk stop it."""
-        robot, n = start.robot, bounds.shape[1]
-        slow = (
-            0.5
-            * self._jolt
-            * np.outer(left * (left + 1.0), 1.0 / abs(robot.wheels[:, :n]).max(axis=0))
-        )
-        still = np.tile(robot.stopped(start.previous_control), (len(left), 1))
-        braked = np.abs(start.smoothed(self._formulation.settings, still)[:, :n])
-        return np.maximum(np.minimum(bounds, slow), braked)
+    def _less_jerk(self, start: PlanStart, bounds: Array) -> tuple[float, Array]:
+        """Largest jerk to rest, and bounds of speeds ``(N, n)`` that leave time to brake so."""
+        n, jolt, last = bounds.shape[1], self._jolt, len(bounds) - 1
+        still = np.tile(start.robot.stopped(start.previous_control), (last + 1, 1))
+        braked = start.smoothed(self._formulation.settings, still)[:, :n]
+        before = np.vstack([start.previous_control[:n], braked])[-2]
+        bounds[last] = np.minimum(bounds[last], jolt)
+        end_jerk = max(jolt, float(np.abs(before - 2.0 * braked[last]).max()))
+        return end_jerk, np.maximum(bounds, np.abs(braked))
 
     def _set_tolerances(self, driver: Driver) -> None:
         run, outputs = driver.ws.run, terminal_constraint(self._target)

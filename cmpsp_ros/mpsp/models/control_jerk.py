@@ -6,7 +6,6 @@ The control two stages before joins the state, too: it comes before the last ``r
 
 from __future__ import annotations
 
-import math
 from typing import Any, Final, NamedTuple
 
 from cmpsp_ros.arrays import Array
@@ -25,6 +24,7 @@ class ControlJerkData(NamedTuple):
         before: The two controls held before the horizon begins, the earlier first, ``(2, r)``.
         largest: Limit of each row of `rows` at the stages ``0 ... N - 1``.
         rows: Limited linear functions of the control, shape ``(q, r)``.
+        last: The same at the stage ``N``, as if the robot were at rest there; infinite for none.
         first: Index of the first of its ``2 q`` path constraints of a stage.
         functions: `Functions.addresses` of the problem without it.
     """
@@ -34,6 +34,7 @@ class ControlJerkData(NamedTuple):
     before: Array
     largest: float
     rows: Array
+    last: float
     first: int
     functions: Indices | None = None
 
@@ -53,10 +54,10 @@ def _evaluate(data: Any, X: Array, U: Array, output_error: Array, g: Array) -> f
     cost: float = call_for_float(data.functions[1], (data.inner, X, U, output_error, g))
     for k in range(data.steps + 1):
         for i in range(data.rows.shape[0]):
-            found = _second_difference(data.rows, i, U, X, k)
-            row, moves = data.first + 2 * i, k < data.steps
-            g[k, row] = found - data.largest if moves else -math.inf
-            g[k, row + 1] = -found - data.largest if moves else -math.inf
+            found = _second_difference(data, i, U, X, k)
+            largest = data.largest if k < data.steps else data.last
+            g[k, data.first + 2 * i] = found - largest
+            g[k, data.first + 2 * i + 1] = -found - largest
     return cost
 
 
@@ -71,21 +72,24 @@ def _linearise(
         for a in range(r):
             stages[k].A[n + a, n + r + a] = 1.0
         for i in range(data.rows.shape[0]):
-            found = _second_difference(data.rows, i, U, X, k)
+            found = _second_difference(data, i, U, X, k)
+            largest = data.largest if k < data.steps else data.last
             for side in range(2):
                 row, sign = path[k, data.first + 2 * i + side], 1.0 - 2.0 * side
-                row.value = sign * found - data.largest if k < data.steps else -math.inf
+                row.value = sign * found - largest
                 for a in range(r):
                     factor = sign * data.rows[i, a]
-                    row.U[a], row.X[n + r + a], row.X[n + a] = factor, -2.0 * factor, factor
+                    row.U[a] = factor if k < data.steps else 0.0
+                    row.X[n + r + a], row.X[n + a] = -2.0 * factor, factor
 
 
 @allocation_free
-def _second_difference(rows: Array, i: int, U: Array, X: Array, k: int) -> float:
+def _second_difference(data: Any, i: int, U: Array, X: Array, k: int) -> float:
     found, r = 0.0, U.shape[1]
     n = X.shape[1] - 2 * r
     for a in range(r):
-        found += rows[i, a] * (U[k, a] - 2.0 * X[k, n + r + a] + X[k, n + a])
+        now = U[k, a] if k < data.steps else 0.0
+        found += data.rows[i, a] * (now - 2.0 * X[k, n + r + a] + X[k, n + a])
     return found
 
 

@@ -36,6 +36,7 @@ from cmpsp_ros.mpsp.sqp import Driver
 from cmpsp_ros.robots import Robot
 from cmpsp_ros.world import FreeSpace
 
+_ROUNDED_UP: Final = 1.0 + 1e-9
 _WORK_OF_BACK_END: Final = 10_000
 """Work of an iteration of a QP back end at a stage, in visits of a stage."""
 _STATUS: Final[dict[int, QPStatus]] = {
@@ -163,7 +164,8 @@ class Planner:
             work = counters.work.item() + _WORK_OF_BACK_END * limit * (steps + 1)
             if outcome == Outcome.NO_CURVATURE or work <= work_limit:
                 return self._improve_by_back_end(guess, context, data, limit)._replace(work=work)
-        return _summary(self._driver, counters, context)
+        found = _summary(self._driver, counters, context)
+        return found._replace(brakes_late=_ROUNDED_UP * self._jolt < self._end_jerk < math.inf)
 
     def _improve_by_back_end(
         self, guess: Array, context: PlanningContext, data: ProblemData, limit: int
@@ -270,8 +272,8 @@ class Planner:
         braked = start.smoothed(self._formulation.settings, still)[:, :n]
         before = np.vstack([start.previous_control[:n], braked])[-2]
         bounds[last] = np.minimum(bounds[last], jolt)
-        end_jerk = max(jolt, float(np.abs(before - 2.0 * braked[last]).max()))
-        return end_jerk, np.maximum(bounds, np.abs(braked))
+        rest = braked[last], before - 2.0 * braked[last]
+        return max(jolt, float(np.abs(rest).max())), np.maximum(bounds, np.abs(braked))
 
     def _set_tolerances(self, driver: Driver) -> None:
         run, outputs = driver.ws.run, terminal_constraint(self._target)

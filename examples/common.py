@@ -104,10 +104,10 @@ def ipopt(
     stage = casadi.Function('stage', [x, u, p, T], [_column(stated['F']), cost, g, h])
     depends = casadi.which_depends(g, u, 1, True) if g.shape[0] else []
     applies = stated.get('applies', np.ones((N + 1, g.shape[0]), bool))
-    xs, us, t = casadi.SX.sym('X', n, N + 1), casadi.SX.sym('U', r, N + 1), casadi.SX.sym('t', free)
+    xs, us = casadi.SX.sym('X', n, N + 1), casadi.SX.sym('U', r, N + 1)
     rows, least, total = [xs[:, 0] - np.asarray(stated['x0'], float)], [np.zeros(n)], 0
     for k in range(N + 1):
-        ahead, value, inequalities, output = stage(xs[:, k], us[:, k], values[k], t)
+        ahead, value, inequalities, output = stage(xs[:, k], us[:, k], values[k], T)
         total += value
         if k < N:
             rows.append(xs[:, k + 1] - ahead)
@@ -118,17 +118,17 @@ def ipopt(
         wanted = [inequalities[j] for j in range(g.shape[0]) if applies[k, j] and (k or depends[j])]
         rows += wanted
         least.append(np.full(len(wanted), -np.inf))
-    times = stated['final_time'] if free else None
+    times = np.atleast_2d(stated['final_time']).T if free else np.zeros((3, 0))
     bounds = [
         np.concatenate([
             np.full(n * (N + 1), fill),
             np.broadcast_to(stated.get(name, fill), (N + 1, r)).ravel(),
-            [times[end]] if times else [],
+            times[end],
         ])
         for fill, name, end in ((-np.inf, 'lower', 0), (np.inf, 'upper', 2))
     ]  # fmt: skip
-    start = [X[:, :n].ravel(), U[:, :r].ravel(), [times[1]] if times else []]
-    unknowns = casadi.vertcat(casadi.vec(xs), casadi.vec(us), t)
+    start = [X[:, :n].ravel(), U[:, :r].ravel(), times[1]]
+    unknowns = casadi.vertcat(casadi.vec(xs), casadi.vec(us), T)
     options = {'print_time': False, 'ipopt': {'print_level': 0, 'sb': 'yes', 'tol': 1e-9}}
     if stays:
         near = ('bound_push', 'bound_frac', 'slack_bound_push', 'slack_bound_frac', 'mu_init')

@@ -56,7 +56,7 @@ def pytest_collection_modifyitems(config, items):
     for item in items:
         if _is_slow(item):
             item.add_marker(pytest.mark.slow)
-        elif item.get_closest_marker('timeout') is None:
+        elif not any(item.iter_markers('slow')) and not any(item.iter_markers('timeout')):
             item.add_marker(pytest.mark.timeout(LONGEST))
     part = config.getoption('part')
     if part is not None:

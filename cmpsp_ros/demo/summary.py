@@ -13,8 +13,10 @@ import numpy as np
 
 from cmpsp_ros.bags import BagError, DecisionRecord
 from cmpsp_ros.bags.runs import (
+    Encounter,
     Passing,
     Run,
+    driven_into,
     encounters,
     goals_driven_to,
     holes,
@@ -167,18 +169,16 @@ def summarise(run: Run, settings: GuidanceSettings, preset: str) -> Summary:
         for each in holes(run.driven.stamps, begin, end, interval)
         if overlaps((first, last), [each])
     ]
-    nearest = []
+    nearest: list[float] = []
+    met: list[Encounter] = []
     for part in pieces(run.driven, first, last, interval):
         clearance = settings.world.clearance(
             settings, part.poses[:-1], part.twists[:-1], part.durations
         )
-        met = [
-            each
-            for tracks in (run.tracks if not run.people else run.told, run.people)
-            for each in encounters(part, tracks, settings.bodies, lifetime_of)
-        ]
-        least = [float(each.clearance[~each.stands].min(initial=np.inf)) for each in met]
-        nearest += [float(clearance.min()), *least]
+        nearest.append(float(clearance.min()))
+        for tracks in (run.tracks if not run.people else run.told, run.people):
+            met += encounters(part, tracks, settings.bodies, lifetime_of)
+    nearest += [float(clearance.min()) for _, clearance in driven_into(met)]
     passings = []
     for goal in _goals_passed(run, settings):
         stamp = first + to_nanoseconds(goal.time)

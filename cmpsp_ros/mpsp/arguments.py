@@ -83,18 +83,22 @@ def control_bounds(
 
 
 def free_final_time(
-    final_time: tuple[float, float, float] | None, x0: ArrayLike, lower: Array, upper: Array
+    final_time: ArrayLike | None, x0: ArrayLike, lower: Array, upper: Array, phases: int
 ) -> tuple[Array, Array, Array]:
     """Initial state and bounds with the final time as last state, and its change as last control.
 
-    It changes at stage 0, from the guess; `final_time` is the least, guessed and largest one.
+    It changes at stage 0, from the guess; `final_time` is the least, guessed and largest one, or
+    a row of them for each of several phases.
     """
-    if final_time is None or not 0.0 < final_time[0] <= final_time[1] <= final_time[2]:
-        order = '0 < least <= guess <= largest'
-        raise ProblemError(f'final_time: found {final_time}, wanted {order}')
-    least, guess, largest = final_time
-    change = np.zeros((2, len(lower), 1))
-    change[:, 0, 0] = least - guess, largest - guess
+    given = np.nan if final_time is None else final_time
+    times = np.atleast_2d(numbers('final_time', given)).T
+    is_ordered = times.shape == (3, phases) and (times[0] > 0.0).all()
+    if not (is_ordered and (times[0] <= times[1]).all() and (times[1] <= times[2]).all()):
+        order = '0 < least <= guess <= largest' + (phases > 1) * f' for {phases} phases'
+        raise ProblemError(f'final_time: found {final_time!r}, wanted {order}')
+    least, guess, largest = times
+    change = np.zeros((2, len(lower), phases))
+    change[:, 0] = least - guess, largest - guess
     start = np.append(vector('x0', x0), guess)
     return start, np.hstack([lower, change[0]]), np.hstack([upper, change[1]])
 

@@ -13,7 +13,7 @@ from cmpsp_ros.bags.audit.finding import NotJudgedError, Sample, SkippedError, c
 from cmpsp_ros.bags.audit.legs import Commands, Leg
 from cmpsp_ros.bags.audit.record import EDGES, AuditRecord, Sweep, path_gap
 from cmpsp_ros.bags.decision_record import DecisionRecord
-from cmpsp_ros.bags.runs.encounters import Encounter
+from cmpsp_ros.bags.runs.encounters import Encounter, driven_into
 from cmpsp_ros.bags.runs.odometry import interpolated, is_within
 from cmpsp_ros.bags.runs.sensor_clearance import EXACT
 from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings
@@ -100,26 +100,10 @@ def _apart(met: Sequence[Encounter], where: str) -> Iterator[Sample]:
     stood = min(float(each.clearance[each.stands].min(initial=math.inf)) for each in met)
     if all(each.stands.all() for each in met):
         raise SkippedError('The robot stands while anything moves.')
-    depths: dict[str, float] = {}
-    for each in sorted(met, key=lambda each: int(each.stamps[0])):
-        kept = _kept(each, depths)
-        value, at = float(kept.min()), int(each.stamps[kept.argmin()])
+    for each, clearance in driven_into(met):
+        value, at = float(clearance.min()), int(each.stamps[clearance.argmin()])
         words = {'nearest': each.name, 'where': where, 'stood': stood}
         yield Sample(value, 0.0, at, -value - _ROUNDING, words=words)
-
-
-def _kept(met: Encounter, depths: dict[str, float]) -> Array:
-    """Clearance of arcs that are driven, infinite at rest, ``(K,)`` [m].
-
-    A robot that was run into at rest may leave: it is judged by how much deeper it gets. `depths`
-    has the depth of contacts that began so, by name [m], and is updated.
-    """
-    depth, kept = depths.get(met.name, 0.0), np.full(len(met.clearance), math.inf)
-    for k, (clear, stands) in enumerate(zip(met.clearance.tolist(), met.stands, strict=True)):
-        depth = 0.0 if clear >= 0.0 else min(depth, clear) if stands else depth
-        kept[k] = math.inf if stands else clear - depth
-    depths[met.name] = depth
-    return kept
 
 
 _APART: Final = {'unit': 'm', 'good': _apart_in_words, 'bad': _apart_in_words}

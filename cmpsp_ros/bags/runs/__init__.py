@@ -1,6 +1,6 @@
 """A recorded run as arrays: decisions, goals, moving obstacles and encounters."""
 
-from cmpsp_ros.bags.runs.encounters import encounters, robot_encounters
+from cmpsp_ros.bags.runs.encounters import Encounter, driven_into, encounters, robot_encounters
 from cmpsp_ros.bags.runs.odometry import (
     holes,
     in_words,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -18,6 +19,9 @@ from cmpsp_ros.world.obstacles import MovingDiscs
 
 _STANDS = 0.051
 """Speed of any point of a robot up to which it counts as standing [m/s]."""
+
+_DIGITS = 9
+"""Digits of a depth behind the point [m]; those behind are rounding errors."""
 
 
 @dataclass(frozen=True)
@@ -65,6 +69,22 @@ def encounters(
         reach = max(float(np.hypot(*points.T).max()) for points, _ in bodies)
         stands = speeds + reach * np.abs(part.twists[:-1, -1]) <= _STANDS
         yield Encounter(each.name, part.stamps[:-1], np.max(least, axis=0), stands)
+
+
+def driven_into(met: Iterable[Encounter]) -> Iterator[tuple[Encounter, Array]]:
+    """Encounters in order of time, each with its clearance while the robot drives, ``(K,)`` [m].
+
+    It is infinite at rest. A robot that was run into at rest may leave: its clearance is then how
+    much deeper it gets.
+    """
+    depths: dict[str, float] = {}
+    for each in sorted(met, key=lambda each: int(each.stamps[0])):
+        depth, kept = depths.get(each.name, 0.0), np.full(len(each.clearance), math.inf)
+        for k, (clear, stands) in enumerate(zip(each.clearance.tolist(), each.stands, strict=True)):
+            depth = 0.0 if clear >= 0.0 else min(depth, clear) if stands else depth
+            kept[k] = math.inf if stands else round(clear - depth, _DIGITS) + 0.0
+        depths[each.name] = depth
+        yield each, kept
 
 
 def read_others(bag: Bag, namespaces: Iterable[str], own: str) -> dict[str, DrivenPath]:

@@ -163,8 +163,11 @@ class GoalManager:
         `begin` [ns].
         """
         assert self.goal is not None  # noqa: S101 (only a road has none)
-        needed = max(to_nanoseconds(self._time_to(self.goal, start)), _FEWEST * self.period)
-        return begin + _AMPLE * needed
+        # Before the goal it brakes: that takes longer than the way at a moderate speed.
+        robot = start.robot
+        speed = float(np.linalg.norm(robot.twist(start.previous_control)[:-1]))
+        seconds = max(self._time_to(self.goal, start), speed / robot.braking)
+        return begin + _AMPLE * max(to_nanoseconds(seconds), _FEWEST * self.period)
 
     def postpone(self, begin: int, start: PlanStart) -> float:
         """Pass the present goal later, and all after it, where the path to it takes too long.

@@ -12,6 +12,7 @@ from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.goals import Target
 from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.settings import LawSettings
+from cmpsp_ros.guidance.world import SEEN
 from cmpsp_ros.world.roads import Point, remaining_arc_length
 
 SPACING: Final = 0.05
@@ -53,14 +54,21 @@ def why_unreachable(
             point = replace(search, wanted=0.0, margin=0.0, body=-math.inf, blocked=())
             line = point.line(start.pose[:2], goal, SPACING)
             places = [line if len(line) else np.array([goal])]
-    body, parts, least = settings.robot_radius, [], math.inf
+    body, parts, least, is_coarse = settings.robot_radius, [], math.inf, False
+    margin, cell = settings.safety.margin, settings.sight.resolution
     for each in places:
         (x, y), clear, name = tightest(settings, start, each)
         least = min(least, clear)
+        is_coarse |= name == f'obstacle {SEEN}' and margin - cell <= clear < margin
         beside = max(clear + body, 0.0)
         parts.append(f'past {name} at ({x:.2f}, {y:.2f}), which leaves {beside:.3f} m')
     reason = (
         f'The goal is unreachable: no plan gets {", nor ".join(parts)} beside the path; the'
-        f' robot needs {body:.3f} m, and {settings.safety.margin:.3f} m of margin.'
+        f' robot needs {body:.3f} m, and {margin:.3f} m of margin.'
     )
+    if is_coarse:
+        reason += (
+            f' Cells of {cell:.3g} m make what is seen up to as much larger on each side: a smaller'
+            ' sight.resolution may find space.'
+        )
     return f'{reason} {last}' if least >= 0.0 else reason

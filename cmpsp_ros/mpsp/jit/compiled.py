@@ -38,29 +38,26 @@ _P = ParamSpec('_P')
 _R = TypeVar('_R')
 
 
-def _compile(function: Callable[_P, _R], **options: Any) -> Callable[_P, _R]:
+def _compile(function: Callable[_P, _R], **more: Any) -> Callable[_P, _R]:
+    """Compile with numba, cached on disk; no fast-math, for the same bits on all processors."""
+    options = more | ALLOCATION_FREE
     kernel = Kernel(function, options, lambda made: KernelCache(made, kernel_folder()))
     return cast('Callable[_P, _R]', kernel)
 
 
-def compiled(function: Callable[_P, _R]) -> Callable[_P, _R]:
-    """Compile with numba, cached on disk; no fast-math, for the same bits on all processors."""
-    return _compile(function)
-
-
 def allocation_free(function: Callable[_P, _R]) -> Callable[_P, _R]:
     """Compile a function that makes no array, else an error, without slow reference counts."""
-    return _compile(function, **ALLOCATION_FREE)
+    return _compile(function)
 
 
 def inlined(function: Callable[_P, _R]) -> Callable[_P, _R]:
     """Compile an `allocation_free` function into its callers: passing arguments takes longer."""
-    return _compile(function, forceinline=True, **ALLOCATION_FREE)
+    return _compile(function, forceinline=True)
 
 
 def inner(function: Callable[_P, _R]) -> Callable[_P, _R]:
     """Compile an `allocation_free` function without an entry for Python."""
-    return _compile(function, no_cpython_wrapper=True, **ALLOCATION_FREE)
+    return _compile(function, no_cpython_wrapper=True)
 
 
 def entry_for(function: Callable[_P, _R], *arguments: Any) -> Callable[_P, _R]:

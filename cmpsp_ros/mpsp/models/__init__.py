@@ -12,5 +12,6 @@ if TYPE_CHECKING:
         ControlRateProblem,
         rate_rows,
     )
+    from cmpsp_ros.mpsp.models.free_time import FREE_TIME, FreeTimeData
 
 __getattr__, __all__ = lazy_exports(__name__, __file__)

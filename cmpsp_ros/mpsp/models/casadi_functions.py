@@ -45,7 +45,7 @@ def from_casadi(
     p_values: ArrayLike | None = None,
     applies: ArrayLike | None = None,
     T: Any = None,
-    final_time: tuple[float, float, float] | None = None,
+    final_time: ArrayLike | None = None,
 ) -> CasadiProblem:
     """Set up a problem (1)-(6) from CasADi expressions of one stage.
 
@@ -72,11 +72,12 @@ def from_casadi(
         p: Symbol of the data that vary with the stage, a column; None for none.
         p_values: Its values, shape ``(N + 1, size of p)`` or, for a scalar ``p``, ``(N + 1,)``.
         applies: Which path constraints apply at which stage, shape ``(N + 1, l)``; None for all.
-        T: Symbol of a final time that is free, a scalar; ``F``, ``L``, ``residuals``, ``h`` and
-            ``g`` may depend on it, as on a step of length ``T / N``. None where it is fixed.
-        final_time: Least, guessed and largest final time. It becomes the last state, and its
-            change from the guess the last control, which is free at stage 0 and 0 later: controls
-            ``(N + 1, r + 1)``.
+        T: Symbol of a final time that is free; ``F``, ``L``, ``residuals``, ``h`` and ``g`` may
+            depend on it, as on a step of length ``T / N``. None where it is fixed. A column of
+            ``q`` are those of as many phases; ``p`` says to which of them a stage belongs.
+        final_time: Least, guessed and largest final time, or a row of them for each phase. It
+            becomes the last state, and its change from the guess the last control, which is free
+            at stage 0 and 0 later: controls ``(N + 1, r + q)``.
 
     Returns:
         The problem. Its first linearisation raises `ProblemError` where a derivative is not finite.
@@ -88,11 +89,11 @@ def from_casadi(
     casadi = _casadi()
     if T is not None:
         shape = whole_number('horizon', horizon) + 1, u.shape[0]
-        x0, lower, upper = free_final_time(final_time, x0, *control_bounds(lower, upper, shape))
-        old = [x, u, T]
-        x, u = (type(each).sym(name, each.shape[0] + 1) for name, each in {'x': x, 'u': u}.items())
-        ahead = x[-1] + u[-1]
-        new = [x[:-1], u[:-1], ahead]
+        bounds, q, old = control_bounds(lower, upper, shape), T.shape[0], [x, u, T]
+        x0, lower, upper = free_final_time(final_time, x0, *bounds, q)
+        x, u = (type(each).sym(name, each.shape[0] + q) for name, each in {'x': x, 'u': u}.items())
+        ahead = x[-q:] + u[-q:]
+        new = [x[:-q], u[:-q], ahead]
         F, L, residuals, h, g = (
             None
             if each is None

@@ -8,7 +8,7 @@ from rclpy.executors import SingleThreadedExecutor
 
 from cmpsp_ros.guidance import GuidanceLaw
 from cmpsp_ros.guidance.planning import Planner
-from cmpsp_ros.mpsp.jit.compiled import compiled
+from cmpsp_ros.mpsp.jit import allocation_free
 from cmpsp_ros.nodes.guidance.node import GuidanceNode
 from cmpsp_ros.parameters import config_directory
 
@@ -45,7 +45,7 @@ def test_a_kernel_compiled_while_active_is_an_error(fault, both, client, wait_un
     wait_until(lambda: client.latest('state') == 'active', step=both)
     # No cache has it.
     number = secrets.randbits(60)
-    compiled(lambda x: x + number)(1)
+    allocation_free(lambda x: x + number)(1)
     wait_until(lambda: 'compiler' in client.latest('said'), step=both)
     fault.assert_told(client.health[-1])
 

@@ -8,8 +8,7 @@ from drives import SECOND, START
 from test_promise import SCANNER
 
 from cmpsp_ros.bags.audit import CheckOutcome
-from cmpsp_ros.bags.audit.path_checks import _kept
-from cmpsp_ros.bags.runs.encounters import Encounter
+from cmpsp_ros.bags.runs.encounters import Encounter, driven_into
 
 PASSED, FAILED, SKIPPED, NOT_JUDGED = CheckOutcome
 
@@ -45,10 +44,10 @@ def test_who_walks_into_a_robot_at_rest_is_not_driven_into(drive, outcomes):
 def test_a_robot_that_was_run_into_at_rest_may_leave_and_not_drive_on():
     clearance = np.array([0.1, -0.02, -0.015, -0.01, -0.03, 0.2, -0.01])
     stands = np.array([True, True, False, False, False, False, False])
-    met, depths = Encounter('person 0', np.arange(7), clearance, stands), {}
-    inf = math.inf
-    np.testing.assert_allclose(_kept(met, depths), [inf, inf, 0.005, 0.01, -0.01, 0.2, -0.01])
-    assert depths == {'person 0': 0.0}
+    stamps, inf = np.arange(7), math.inf
+    met = [Encounter('ann', stamps[k], clearance[k], stands[k]) for k in (slice(3, 7), slice(3))]
+    kept = np.concatenate([each for _, each in driven_into(met)])
+    np.testing.assert_array_equal(kept, [inf, inf, 0.005, 0.01, -0.01, 0.2, -0.01])
 
 
 @pytest.mark.parametrize('is_known', [False, True])

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.verify.case import Program, contestant
+from benchmarks.verify.case import contestant
 from benchmarks.verify.compare import compare
 from benchmarks.verify.references import ReferenceVerdict
 from benchmarks.verify.run import FAMILIES, cases, verify_case
@@ -125,21 +125,6 @@ def test_warm_starts_that_change_the_answer_are_found(scalar, case_of, erring, m
         'INFEASIBLE with a warm start, SOLVED cold'
     ]
     assert denied.is_mismatch
-
-
-def test_the_warm_start_comes_from_the_program_before(scalar, case_of, erring):
-    asked = []
-
-    def warm(program, before):
-        asked.append((program, before))
-        return erring().cold(program)
-
-    before = Program(scalar(limit=1.0))
-    case = case_of(scalar(), before=before)
-    assert compare(case, replace(erring(), warm=warm)).findings == ()
-    ((program, first),) = asked
-    assert program is case.program
-    assert first is before
 
 
 # Not the families of many sizes: it is compiled for each.

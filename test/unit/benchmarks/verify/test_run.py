@@ -34,11 +34,6 @@ def compared():
     return verify(30, 'daqp')
 
 
-def test_progress_counts_every_program():
-    told = []
-    assert len(verify(12, 'daqp', progress=told.append)) == sum(told) == 12
-
-
 def test_workers_come_to_the_same(compared):
     assert verify(30, 'daqp', workers=2) == compared
 

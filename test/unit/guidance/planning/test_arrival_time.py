@@ -139,9 +139,14 @@ def test_waypoints_are_passed_at_whatever_control_instants_suit():
         assert goal.name == 'goal' or stamps[at] % round(PERIOD * 1e9) == 0
 
 
-def test_a_horizon_that_takes_too_much_work_is_made_shorter():
+@pytest.mark.parametrize('ahead', [0.0, 1e-4, -0.05])
+def test_a_horizon_that_takes_too_much_work_is_made_shorter(ahead):
+    """Whichever horizon the work suffices for, it ends with the goal's heading.
+
+    While it brakes as hard as it can, only a later final time leaves any choice.
+    """
     # At a moderate speed the car would take 260 control periods.
-    run = Drive('lane_change', {'goal.when': 'soonest'})
+    run = Drive('lane_change', {'goal.when': 'soonest', 'initial_pose': [ahead, 0.0, 0.0]})
     assert run.time < 11.5
     assert FallbackLevel.STOP not in run.levels
     assert not run.decisions[-1].missed

@@ -69,10 +69,10 @@ STARTS = [
 ]
 
 
-@pytest.mark.parametrize('limit', [45.0, 51.0])
-@pytest.mark.parametrize(('guess', 'heading'), STARTS)
-def test_no_guess_and_no_heading_is_a_trap(guess, heading, limit):
-    given = settings(BOTH, limit, guess)
+@pytest.mark.parametrize(('number', 'start'), [*enumerate(STARTS)])
+def test_no_guess_and_no_heading_is_a_trap(number, start):
+    guess, heading = start
+    given = settings(BOTH, 45.0 if number % 2 else 51.0, guess)
     run = closed_loop(given, (*START[:2], math.radians(heading)))
     assert_arrives(run, given)
     assert heading or {decision.level for decision in run.moves} <= SETTLED
@@ -183,14 +183,14 @@ def test_the_reason_names_the_way():
 def test_late_odometry_uses_up_no_more_time_than_there_is():
     """Each delay costs a little of what the wheels have to spare; fresh plans win it back."""
     given, misses = settings(BOTH, 51.0, ROAD), []
-    for seed in range(20):
+    for seed in range(8):
         late = np.random.default_rng(seed).integers(0, 90, size=51) * 1_000_000
         late[[0, 50]] = 0
         stamps = [int(stamp) for stamp in np.array(ON_TIME) + late]
         run = drive(GuidanceLaw(given, given.world), given, stamps)
         assert clearance(run.path, given) >= -1e-9
         misses.append(run.miss())
-    assert np.count_nonzero(np.array(misses) > 1e-3) <= 3
+    assert np.count_nonzero(np.array(misses) > 1e-3) <= 1
     assert max(misses) < 0.1
 
 

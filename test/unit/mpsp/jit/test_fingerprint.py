@@ -10,7 +10,7 @@ from enum import IntEnum
 from typing import NamedTuple
 import numba, numpy as np
 from numba.extending import intrinsic, register_jitable
-from cmpsp_ros.mpsp.jit.compiled import allocation_free, compiled
+from cmpsp_ros.mpsp.jit import allocation_free, inlined
 
 GAIN = 2.0
 SIZES = (1, (2, np.int32(3)), {'a', 'b'})
@@ -36,11 +36,11 @@ def plus(typing_context, x):
 def helper(x):
     return x + 20
 
-@compiled
+@allocation_free
 def innermost(x):
     return x * GAIN
 
-@compiled
+@allocation_free
 def inner(x, by=3):
     return innermost(x) + by
 
@@ -49,7 +49,7 @@ def factory(n):
 
 closed = allocation_free(factory(30))
 
-@compiled
+@allocation_free
 def kernel(x):
     'What it does.'
     total = np.zeros(40, KIND)
@@ -113,7 +113,7 @@ def test_what_leaves_the_machine_code_alone(make, old, new):
         ('x * GAIN', 'GAIN / x'),
         ('by=3', 'by=4'),
         ('factory(30)', 'factory(31)'),
-        ('closed = allocation_free(', 'closed = compiled('),
+        ('closed = allocation_free(', 'closed = inlined('),
         ('zeros(40', 'zeros(41'),
         ('too large', 'too big'),
         ('kernel(x)', 'kernel(x, y=0)'),

@@ -5,15 +5,14 @@ import tarfile
 
 import pytest
 
-from cmpsp_ros.mpsp.jit import TransferError, export_kernels, import_kernels
-from cmpsp_ros.mpsp.jit.compiled import compiled
+from cmpsp_ros.mpsp.jit import TransferError, allocation_free, export_kernels, import_kernels
 
 
 @pytest.fixture
 def exported(folder, tmp_path):
     """A file with the one kernel of this folder."""
 
-    @compiled
+    @allocation_free
     def successor(x):
         return x + 1
 

@@ -5,20 +5,19 @@ import io
 import numba
 import pytest
 
-from cmpsp_ros.mpsp.jit import ProgressLine, compilations, progress, watch
+from cmpsp_ros.mpsp.jit import ProgressLine, allocation_free, compilations, progress, watch
 from cmpsp_ros.mpsp.jit.cache import WAITING
-from cmpsp_ros.mpsp.jit.compiled import compiled
 
 
 @pytest.fixture
 def kernels(folder, module):
     """Two kernels of which one calls the other, and one that cannot be compiled."""
     source = (
-        '@compiled\ndef inner(x):\n    return x * x\n'
-        '@compiled\ndef outer(x):\n    return inner(x) + 1\n'
-        '@compiled\ndef wrong(x):\n    return x.nowhere\n'
+        '@allocation_free\ndef inner(x):\n    return x * x\n'
+        '@allocation_free\ndef outer(x):\n    return inner(x) + 1\n'
+        '@allocation_free\ndef wrong(x):\n    return x.nowhere\n'
     )
-    return lambda: module(source, compiled=compiled)
+    return lambda: module(source, allocation_free=allocation_free)
 
 
 def test_outermost_kernels_are_reported_and_all_are_named(kernels):

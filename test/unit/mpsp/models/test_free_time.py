@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from cmpsp_ros.mpsp import ProblemError, Status, from_casadi, from_functions, solve
+from examples.common import ipopt
 
 N = 40
 
@@ -51,6 +52,76 @@ def test_least_time_is_bounded(make):
     solution = solve(make(final_time=(2.5, 3.0, 20.0)), np.zeros((N + 1, 2)))
     assert solution.status is Status.CONVERGED
     assert solution.iterate.X[-1, 2] == pytest.approx(2.5, abs=1e-9)
+
+
+POINTS = {10: (2.0, 1.0), 20: (4.0, -1.0)}
+PHASES = {
+    'horizon': 30, 'x0': [0.0, 0.0, 0.0, 1.0], 'target': [6.0, 0.0], 'lower': -1.0, 'upper': 1.0,
+    'final_time': [(0.5, 2.0, 10.0)] * 3,
+}  # fmt: skip
+
+
+def car_rate(x, u, h, cos, sin):
+    turn, v = x[2] + 0.5 * h * x[3] * u[1], x[3] + 0.5 * h * u[0]
+    return v * cos(turn), v * sin(turn), v * u[1], u[0]
+
+
+def car_past_points():
+    """A car past two points to a third, in the least time, as stated for `from_casadi`."""
+    x, u = casadi.SX.sym('x', 4), casadi.SX.sym('u', 2)
+    T, p, values = casadi.SX.sym('T', 3), casadi.SX.sym('p', 5), np.zeros((31, 5))
+    values[range(30), np.arange(30) // 10] = 1.0
+    for k, point in POINTS.items():
+        values[k, 3:] = point
+    h, off = casadi.dot(T, p[:3]) / 10, x[:2] - p[3:]
+    applies = np.repeat([[k in POINTS] for k in range(31)], 4, axis=1)
+    return {
+        **PHASES, 'x': x, 'u': u, 'T': T, 'p': p, 'p_values': values, 'h': x[:2],
+        'F': x + h * casadi.vertcat(*car_rate(x, u, h, casadi.cos, casadi.sin)),
+        'L': casadi.sum1(T) / 31 + 0.05 * casadi.sumsqr(u), 'g': casadi.vertcat(off, -off),
+        'applies': applies,
+    }  # fmt: skip
+
+
+def test_phases_of_free_length_past_points_beside_ipopt():
+    stated, U = car_past_points(), np.zeros((31, 5))
+    solution = solve(from_casadi(**stated), U)
+    assert solution.status is Status.CONVERGED
+    X = solution.iterate.X
+    np.testing.assert_allclose(X[[10, 20, 30], :2], [*POINTS.values(), (6.0, 0.0)], atol=1e-6)
+    # Every phase has a time of its own, none of which is the guess or at a bound.
+    assert (np.abs(np.diff(X[-1, 4:])) > 0.05).all()
+    other = ipopt(stated, U, from_casadi(**stated).predict(U))
+    assert solution.iterate.evaluation.cost == pytest.approx(other.cost, rel=1e-6)
+
+
+def test_phases_of_functions_are_those_of_casadi():
+    def at_points(k, x, _u, _T):
+        off = x[:2] - np.array(POINTS.get(k, (0.0, 0.0)))
+        return np.concatenate([off, -off]) if k in POINTS else np.full(4, -np.inf)
+
+    def F(k, x, u, T):
+        h = T[k // 10] / 10
+        return x + h * np.array(car_rate(x, u, h, np.cos, np.sin))
+
+    ours = from_functions(
+        **PHASES, controls=2, F=F, g=at_points, h=lambda x, _u, _T: x[:2],
+        L=lambda _k, _x, u, T: T.sum() / 31 + 0.05 * u @ u,
+    )  # fmt: skip
+    theirs, rng = from_casadi(**car_past_points()), np.random.default_rng(0)
+    U = rng.uniform(-0.3, 0.3, (31, 5))
+    X = theirs.predict(U)
+    np.testing.assert_allclose(ours.predict(U), X, rtol=1e-12, atol=1e-12)
+    found, wanted = (each.linearise(X, U, 'exact') for each in (ours, theirs))
+    for name in ('A', 'B', 'L_X', 'L_U', 'output_error', 'h_X', 'g', 'g_X', 'g_U'):
+        values = getattr(found, name), getattr(wanted, name)
+        np.testing.assert_allclose(*values, rtol=1e-9, atol=1e-9, err_msg=name)
+
+
+@pytest.mark.parametrize('times', [(0.5, 2.0, 10.0), [(0.5, 2.0, 10.0)] * 2, [(1.0, 0.5, 2.0)] * 3])
+def test_rows_of_times_that_do_not_fit_the_phases_are_named(times):
+    with pytest.raises(ProblemError, match=r'final_time: found .* largest for 3 phases'):
+        from_casadi(**{**car_past_points(), 'final_time': times})
 
 
 @pytest.mark.parametrize('time', [(2.0, 1.0, 3.0), (0.0, 1.0, 2.0)])

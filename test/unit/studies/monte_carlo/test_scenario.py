@@ -30,7 +30,7 @@ def distance(x, y):
 
 
 @given(seeds, numbers, st.integers(0, 6))
-@settings(max_examples=200)
+@settings(max_examples=100)
 def test_every_course_is_one_of_those_promised(seed, number, most):
     drawn = scenario(SETTINGS, seed, number, most)
     (x, y, heading), road, goal = drawn.pose, SETTINGS.road, SETTINGS.goal
@@ -90,7 +90,7 @@ def test_a_chain_across_the_road_blocks_it_though_every_bearing_has_a_gap():
 @given(
     st.lists(st.tuples(st.floats(-0.3, 0.3), st.floats(9, 11), st.floats(0.05, 0.8)), max_size=4)
 )
-@settings(max_examples=50)
+@settings(max_examples=20)
 def test_a_road_is_open_as_a_grid_says(places):
     """Flood the road, in polar coordinates, from one side of the obstacles to the other."""
     obstacles = [

@@ -92,6 +92,15 @@ def test_tight_mazes_are_crossed_as_early_as_possible(number, longest):
     assert made.clearance > 0.0
 
 
+@pytest.mark.parametrize('number', [118, 156, 169])
+def test_a_maze_is_entered_along_the_path_that_is_searched(number):
+    """Paths station by station lead through walls there, and the work went into these."""
+    study = Study('mazes', seed=6, assignments=('goal.when=soonest',))
+    made = outcome(drive(study.run(number)))
+    assert made.verdict(study.tolerance) is RunVerdict.ARRIVED
+    assert made.clearance > 0.0
+
+
 def test_the_shortest_path_is_drawn_taut_around_what_stands_there():
     wall = Capsule('wall', (2.0, -0.5), (2.0, 0.5), 0.1)
     task = Study('mapped').run(0)

@@ -101,6 +101,8 @@ demo: check-ros $(PACKAGE) $(DEMO_KERNELS)  ## watch the robot drive: PRESET=cas
 	$(BIN)/cmpsp demo $(PRESET)
 
 test test-all: export ROS_PYTHON_CHECK_FIELDS := 1
+# Rewritten assertions are kept, else each worker and each program that tests start makes them again.
+test test-all: export PYTHONDONTWRITEBYTECODE :=
 test: WHICH := -m 'not slow'
 test: setup  ## run the tests that take minutes together; more options for pytest in PYTEST_ARGS
 	$(RUN_TESTS)

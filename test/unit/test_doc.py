@@ -121,45 +121,6 @@ def test_every_page_is_in_the_menu_of_the_site():
     assert not missing
 
 
-PAGE = """Text.
-
-```python
-first = 1
-print(first)
-```
-
-```text
-1
-```
-
-```python
-def fail():
-    return first / 0
-
-fail()
-```
-"""
-
-
-def test_failing_code_names_page_and_line():
-    with pytest.raises(pytest.fail.Exception, match=r'page\.md, line 14: ZeroDivisionError'):
-        check('page.md', PAGE)
-    with pytest.raises(pytest.fail.Exception, match=r'page\.md, line 13: SyntaxError'):
-        check('page.md', PAGE.replace('def fail()', 'def fail('))
-
-
-def test_other_output_names_page_and_line():
-    with pytest.raises(AssertionError, match=r'page\.md, line 9: printed\n +1\n +instead of\n +2'):
-        check('page.md', PAGE.replace('\n1\n', '\n2\n'))
-    with pytest.raises(AssertionError, match='printed at its end'):
-        check('page.md', PAGE.replace('fail()\n```\n', 'print(2)\n```\n'))
-
-
-def test_missing_links_are_found():
-    text = '[a](a.md#b) ![c](c.png) [d](https://d.example) [e](#e)\n```text\n[f](f)\n```\n'
-    assert links_of(text) == ['a.md#b', 'c.png']
-
-
 @pytest.mark.parametrize('page', LINKING, ids=lambda page: page.relative_to(ROOT).as_posix())
 def test_fields_that_are_echoed_are_known_to_ros2cli_of_jazzy(page):
     """0.32 takes names between dots; elements of arrays came with 0.38."""

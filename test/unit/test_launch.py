@@ -4,7 +4,6 @@
 they start is run by its command lines in test/integration/test_launch_commands.py.
 """
 
-import ast
 import re
 from pathlib import Path
 
@@ -28,10 +27,6 @@ guidance = FILES[-1]
 def given(launch_file, **arguments):
     defaults = {name: default for name, (default, _) in launch_file['ARGUMENTS'].items()}
     return {**defaults, 'params_file': str(ROOT / 'config/case3.yaml'), **arguments}
-
-
-def test_there_are_two():
-    assert [file.name for file in FILES] == ['demo.launch.py', 'guidance.launch.py']
 
 
 @by_file
@@ -94,10 +89,6 @@ def test_what_cannot_work_is_refused_before_anything_is_started(launch_file, tmp
     )
     names = ['params_file', 'robot_file', 'record', 'rviz']
     assert [each.partition(':')[0] for each in found] == names
-    source = guidance.read_text(encoding='utf-8')
-    assert source.index('refusals(given)', source.index('def start')) < source.index(
-        'return nodes(given)'
-    )
 
 
 def test_an_argument_that_nobody_has_is_refused_with_the_nearest_name(launch_file):
@@ -106,9 +97,6 @@ def test_an_argument_that_nobody_has_is_refused_with_the_nearest_name(launch_fil
     near, far = loaded['unknown'](['robot_fil:=a:=b', 'x:=1'])
     assert near == 'robot_fil: found an unknown argument, did you mean robot_file?'
     assert far.startswith('x: found an unknown argument, wanted namespace, use_sim_time, ')
-    source = guidance.read_text(encoding='utf-8')
-    start = source[source.index('def start') :]
-    assert start.index('unknown(context.argv)') < start.index('return nodes(given)')
 
 
 def test_arguments_of_a_file_that_includes_these_are_none_of_theirs(launch_file):
@@ -124,11 +112,6 @@ def test_the_demo_has_no_argument_that_guidance_has_not(launch_file):
     assert demo.keys() <= robot.keys()
 
 
-def test_guidance_is_started_before_the_simulator_for_it_may_refuse():
-    source = (ROOT / 'launch/demo.launch.py').read_text(encoding='utf-8')
-    assert 'LaunchDescription([*arguments, guidance, OpaqueFunction(function=start)])' in source
-
-
 @pytest.mark.parametrize('namespace', ['', 'r1', '/r1'])
 def test_rviz_is_told_the_topics_of_a_namespace(launch_file, namespace):
     loaded = launch_file(guidance)
@@ -139,18 +122,3 @@ def test_rviz_is_told_the_topics_of_a_namespace(launch_file, namespace):
     assert set(told) == set(re.findall(r'Value: (/\S+)', layout))
     assert told['/odom'] == f'{place}/wheels/odom'
     assert told['/guidance/markers'] == f'{place}/guidance/markers'
-
-
-@by_file
-def test_it_imports_only_what_it_needs_of_launch(file):
-    imports = [
-        each
-        for each in ast.walk(ast.parse(file.read_text(encoding='utf-8')))
-        if isinstance(each, ast.ImportFrom)
-    ]
-    packages = {each.module.partition('.')[0] for each in imports}
-    assert packages - {'pathlib', 'ament_index_python'} == {'launch', 'launch_ros'}
-    source = file.read_text(encoding='utf-8')
-    for each in imports:
-        for name in each.names:
-            assert source.count(name.name) > 1

@@ -50,8 +50,9 @@ class Escalation:
     ) -> Choice | Decision | None:
         """Count a step, and take the next remedy if it is time; None to go on as planned.
 
-        Steps whose last plan reached the goal do not count, nor those before a closed road. The
-        first remedy takes the whole patience, each later one a third of it.
+        Steps whose last plan reached the goal do not count, nor those before a closed road, nor
+        those of a computer that is often late, which slows it down. The first remedy takes the
+        whole patience, each later one a third of it.
         """
         mission, start = state.mission, context.start
         watch, goals = mission.watch, mission.goals
@@ -61,8 +62,8 @@ class Escalation:
             if (choice := self._move(state, seen, context)) is not None:
                 return choice
         else:
-            left = way_left(self._settings, start, context.goal)
-            watch.count(start.pose, left, reached=reached)
+            left, is_slow = way_left(self._settings, start, context.goal), state.lateness.halvings
+            watch.count(start.pose, left, is_excused=reached or is_slow > 0)
         allowed = -(-self._patience // (_SOONER if watch.remedy else 1))
         if reached or watch.steps < allowed:
             return None

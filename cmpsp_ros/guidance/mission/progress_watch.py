@@ -66,8 +66,8 @@ class ProgressWatch:
         elif not self.trail or math.dist(self.trail[-1], here) >= _SPACING:
             self.trail = [*self.trail[1 - _LONGEST :], here]
 
-    def count(self, pose: Array, left: float, *, reached: bool = False) -> None:
-        """Count a step without progress, unless its plan has reached the goal.
+    def count(self, pose: Array, left: float, *, is_excused: bool = False) -> None:
+        """Count a step without progress, unless there is an excuse for it.
 
         `left` is the length of the way, infinite without one [m].
         """
@@ -78,7 +78,7 @@ class ProgressWatch:
         self.is_closed = self.is_closed and not is_nearer
         is_new = place not in self.visited and math.isfinite(left) and not self.is_closed
         self.visited.add(place)
-        self.steps += not reached
+        self.steps += not is_excused
         # The first length of another way is no progress on it.
         if is_new or (is_nearer and math.isfinite(self.nearest)):
             self.reset()

@@ -1,7 +1,5 @@
 """Steps with many plans, past many obstacles, and with a scanner."""
 
-import math
-
 import pytest
 from typer.testing import CliRunner
 
@@ -36,14 +34,6 @@ def found():
     return crowds.measure_obstacles(RUNS, counts=(0, 2, 64))
 
 
-def test_they_move_along_the_road():
-    now, later = (crowds.tracks_of_some(4, stamp) for stamp in (0, 1_000_000_000))
-    for one, other in zip(now, later, strict=True):
-        assert math.hypot(one.x, one.y) == pytest.approx(math.hypot(other.x, other.y))
-        assert math.dist((one.x, one.y), (other.x, other.y)) == pytest.approx(0.1, abs=1e-3)
-        assert math.hypot(one.vx, one.vy) == pytest.approx(0.1)
-
-
 def test_the_command_for_obstacles(monkeypatch):
     monkeypatch.setattr(crowds.measure_obstacles, '__defaults__', ((0, 1), lambda: None))
     done = CliRunner().invoke(app, ['bench', '--obstacles', '--runs', '1'], env={'COLUMNS': '120'})
@@ -63,11 +53,3 @@ def test_every_part_of_a_run_is_timed(seen):
     assert unknown.cells == 200 * 200
     assert unknown.step.count == unknown.field.count == unknown.search.count == 28 * 5
     assert 0.0 < unknown.field.median < unknown.step.median
-
-
-def test_the_command_for_sensors(monkeypatch, seen):
-    monkeypatch.setattr(crowds, 'measure_sensors', lambda _: seen)
-    done = CliRunner().invoke(app, ['bench', '--sensors'], env={'COLUMNS': '120'})
-    assert done.exit_code == 0, done.output
-    assert 'unknown' in done.stdout
-    assert '40000' in done.stdout

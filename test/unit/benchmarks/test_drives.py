@@ -1,21 +1,9 @@
 """Whole runs of the guidance law: presets, robots on long horizons."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from benchmarks import drives
-from benchmarks.common import BenchError
-from benchmarks.drives import (
-    Preset,
-    RobotDrive,
-    chosen,
-    of_models,
-    of_robots,
-    time_presets,
-    time_robots,
-)
+from benchmarks.drives import Preset, chosen, of_models, of_robots, time_presets, time_robots
 from cmpsp_ros.guidance.planning import Planner
 from cmpsp_ros.parameters.files import preset_names
 
@@ -59,11 +47,3 @@ def test_a_car_beside_a_differential_drive():
         assert found.times.shape == (1, 50)
         assert found.levels == {'nominal': 50}
         assert found.terminal_error < 1e-3
-
-
-def test_runs_that_differ(monkeypatch):
-    drive = RobotDrive('odd', np.ones((1, 2)), np.ones(2, int), {'nominal': 2}, 0.0)
-    repeated = iter([drive, replace(drive, work=np.array([1, 2]))])
-    monkeypatch.setattr(drives, '_drive_robot', lambda name, scenario: next(repeated))
-    with pytest.raises(BenchError, match='runs that differ'):
-        time_robots(of_robots(['jackal']), 2)

@@ -1,20 +1,10 @@
 """Growth over horizons, and one plan over long ones beside other solvers."""
 
-from dataclasses import replace
-
 import pytest
 
 from benchmarks import horizons
 from benchmarks.common import BenchError
-from benchmarks.horizons import Growth, LongHorizons, LongStep, long_task, time_long_horizons
-from benchmarks.methods.ours import CondensedDaqp
-
-
-class Lazy(CondensedDaqp):
-    name = 'lazy'
-
-    def step(self, pose, U, durations):
-        return U
+from benchmarks.horizons import Growth, LongHorizons, LongStep, time_long_horizons
 
 
 def test_the_exponent_is_fitted_to_long_horizons_only():
@@ -81,10 +71,3 @@ def test_a_peer_that_fails_says_why(monkeypatch):
     }  # fmt: skip
     assert found.missing['sqpmethod + piqp, N = 25'] == 'out of order'
     assert 'misses the goal' in found.missing['sqpmethod + hpipm, N = 25']
-
-
-def test_the_drive_is_the_same_at_every_number_of_steps():
-    short, long = long_task(50), long_task(400)
-    assert (short.steps, long.steps) == (50, 400)
-    same = replace(short.settings, control_period=long.settings.control_period)
-    assert same == long.settings

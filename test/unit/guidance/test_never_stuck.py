@@ -68,7 +68,7 @@ def test_a_door_as_wide_as_the_robot_is_given_up_once():
 
     assert run.decisions[-1].finished
     place = re.search(r'past obstacle map at \(([\d.]+), ', run.decisions[-1].reason)
-    assert 2.9 < float(place[1]) < 3.2
+    assert 2.8 < float(place[1]) < 3.2
     # Another path through the same door is no progress.
     assert run.decisions[-1].stamp - searched.stamp < 15_000 * MS
     assert run.clearance > 0.0
@@ -138,6 +138,22 @@ def test_without_patience_it_waits_until_the_final_time():
     assert not run.decisions[-1].finished
 
 
+@pytest.mark.parametrize(('late', 'gives_up'), [(0.0, True), (0.25, False)])
+def test_a_goal_is_not_given_up_for_lack_of_computing_time(late, gives_up):
+    given = one_door(0.3)
+    law, pose, decision = GuidanceLaw(given, given.world), np.array([1.0, 2.15, 0.0]), None
+    for step in range(200):
+        decision = law.step(Observation(step * 200 * MS, pose))
+        decision = law.after_step(late if step % 3 == 1 else 0.0)
+        if decision.finished:
+            break
+        held = decision.wheel_speeds[None]
+        pose = given.robot.roll_out(pose, held, np.array([given.control_period]))[-1]
+
+    assert decision.finished == gives_up
+    assert ('unreachable' in decision.reason) == gives_up
+
+
 def test_a_goal_that_comes_after_one_was_given_up_is_driven_to():
     given = one_door(0.3, hold=True)
     law, pose, decision, stamp = (
@@ -205,7 +221,7 @@ def test_new_ground_and_a_shorter_way_are_progress_and_circles_are_not():
     assert watch.steps > 100
     # A plan that reaches the goal is no progress until it is driven.
     steps = watch.steps
-    watch.count(np.array([1.0, 0.0, 0.0]), 20.0, reached=True)
+    watch.count(np.array([1.0, 0.0, 0.0]), 20.0, is_excused=True)
     assert watch.steps == steps
     # Where no way leads new ground is none.
     watch.reset()

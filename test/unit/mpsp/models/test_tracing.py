@@ -88,8 +88,10 @@ def untraced_F(k, x, u):
         lambda k, x, u: x if x[0] > 0.0 else -x,
         lambda k, x, u: np.linalg.solve(np.eye(2) + u[0] ** 2, x),
         lambda k, x, u: x * sum(u[0] ** i for i in range(k)) + u[0],
+        lambda k, x, u: x + 1e-3 * sum(u[0] for _ in range(5000)),
+        lambda k, x, u: x + (u if isinstance(u[0], float) else 2.0 * u),
     ],
-    ids=['filled', 'math', 'max', 'branch', 'solve', 'every stage another'],
+    ids=['filled', 'math', 'max', 'branch', 'solve', 'every stage another', 'long', 'type'],
 )
 def test_functions_that_need_values_are_differentiated_numerically(F):
     problem = from_functions(**stated(F=F))

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+import struct
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -24,6 +25,7 @@ from cmpsp_ros.guidance import (
     truth,
     waypoints,
 )
+from cmpsp_ros.guidance.messages import Track
 
 Waypoint = tuple[float, float, float, float]
 
@@ -175,7 +177,9 @@ _CHECKED: Final = (
 DECISION = 'diagnostic_msgs/msg/DiagnosticArray'
 TWIST = 'geometry_msgs/msg/Twist'
 PATH = 'nav_msgs/msg/Path'
+CLOUD = 'sensor_msgs/msg/PointCloud2'
 
+_FIELD = 'sensor_msgs/msg/PointField'
 _LATEST_STAMP = (2**31 - 1) * NANOSECONDS
 
 
@@ -216,6 +220,21 @@ def path_message(plan: Plan, frame_id: str, stamp: int) -> bytes:
         for (x, y, z, w), when in zip(waypoints(plan), plan.stamps(stamp), strict=True)
     ]
     return _raw(_make(PATH, _header(frame_id, stamp), poses), PATH)
+
+
+def tracks_message(tracks: Sequence[Track], frame_id: str, stamp: int) -> bytes:
+    """Tracks at a time [ns], serialised as a `CLOUD`."""
+    names = (*Track.FIELDS, *Track.DOUBTS)
+    double, whole = 8, 6
+    fields = [_make(_FIELD, name, 8 * k, double, 1) for k, name in enumerate((*names, 'z'))]
+    point = struct.Struct(f'<{len(fields)}dI')
+    fields.append(_make(_FIELD, 'id', point.size - 4, whole, 1))
+    data = b''.join(
+        point.pack(*(getattr(each, name) for name in names), 0.0, each.id) for each in tracks
+    )
+    row, raw = point.size * len(tracks), np.frombuffer(data, np.uint8)
+    layout = 1, len(tracks), fields, False, point.size, row, raw, True
+    return _raw(_make(CLOUD, _header(frame_id, stamp), *layout), CLOUD)
 
 
 def _header(frame_id: str, stamp: int) -> Any:

@@ -67,6 +67,8 @@ def prepare(settings: GuidanceSettings) -> None:
     settings = _made_short(settings)
     run_kernels(settings)
     warm_up(settings)
+    # The same code, without searches for an earlier arrival, which take seconds.
+    settings = replace(settings, when='fixed')
     _meet_trouble(settings)
     _meet_difficulties(settings)
     _compare_plans(settings)

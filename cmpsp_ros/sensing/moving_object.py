@@ -77,11 +77,6 @@ class MovingObject(MotionFilter):
         """Speed [m/s]."""
         return math.hypot(self.vx, self.vy)
 
-    def comes_at(self, x: float, y: float) -> bool:
-        """True if it moves towards a place, within 60 degrees."""
-        ahead, left = x - self.x, y - self.y
-        return ahead * self.vx + left * self.vy > 0.5 * math.hypot(ahead, left) * self.speed
-
     def settle(self, elapsed: int, *, moves: bool) -> None:
         """Count as static again after some time in sight [ns] without motion or evidence for it."""
         elapsed = min(elapsed, _STILL_AFTER // 4)

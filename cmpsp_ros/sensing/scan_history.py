@@ -26,6 +26,11 @@ _TURNED: Final = math.radians(1.0)
 """Angle by which odometry may be wrong."""
 _DENSE, _SPAN, _SLOT = _NS * 55 // 100, _NS * 16 // 10, _NS // 4
 """Ages up to which all scans are kept, and one in each slot of time [ns]."""
+_OLDEST: Final = 6 * _NS
+"""Age up to which one in each second is kept, for places that no scan has shown since [ns]."""
+_BESIDE: Final = 2.0
+"""Distance up to which these count [m]: farther away odometry may have turned too far by then."""
+_RECENT: Final = _SPAN / _NS
 _LONG_AGO: Final = 1.0
 """Age of a hit from which the thing that was hit stands still [s]."""
 _IN_A_ROW: Final = 2
@@ -93,12 +98,13 @@ class ScanHistory:
     def add(self, view: View) -> None:
         """Keep a view, and drop those that are no longer needed."""
         self._views.append(view)
-        kept, slot = [], -1
+        kept, before = [], -_NS
         for each in self._views:
             age = view.stamp - each.stamp
-            if age <= _DENSE or (age <= _SPAN and each.stamp // _SLOT != slot):
+            slot = _SLOT if age <= _SPAN else _NS
+            if age <= _DENSE or (age <= _OLDEST and each.stamp // slot != before // slot):
                 kept.append(each)
-            slot = each.stamp // _SLOT
+            before = each.stamp
         self._views = kept
 
 
@@ -154,12 +160,20 @@ def status(ranges: Array, origin: Array, at_x: float, at_y: float) -> int:
 def label(labels: IntArray, points: Array, views: Array, origins: Array, ages: Array) -> None:
     """Label points by views ``(V, N_DIRECTIONS)``, the newest first, with their ages ``(V,)`` [s].
 
-    A single view that saw nothing there between two that did has missed it.
+    A single view that saw nothing there between two that did has missed it. Older ones say only of
+    places near the sensor that were free, and then out of sight.
     """
     for i in range(points.shape[0]):
-        free, most, oldest = 0, 0, 0.0
+        free, most, oldest, recent = 0, 0, 0.0, ages.shape[0]
         for k in range(ages.shape[0]):
+            if ages[k] > _RECENT and recent > k:
+                x, y = points[i, 0] - origins[0, 0], points[i, 1] - origins[0, 1]
+                if most >= _IN_A_ROW or oldest >= _LONG_AGO or x * x + y * y > _BESIDE * _BESIDE:
+                    break
+                recent = k
             found = status(views[k], origins[k], points[i, 0], points[i, 1])
+            if found == _HIT and k >= recent:
+                break
             if found == _FREE:
                 free += 1
                 most = max(most, free)

@@ -30,9 +30,9 @@ _CLOSE: Final = 0.35
 _NEVER: Final = 1e3
 _AROUND: Final = 0.1
 """Distance from the disc of a mover at which hits are on it [m]."""
-_LOST, _COMING, _FORGOTTEN = 2 * _NS, 5 * _NS, 6 * _NS
-"""Time without being seen after which a mover is no longer expected, nor one who came at the sensor
-where no beam is, and never again [ns]."""
+_LOST, _FORGOTTEN = 2 * _NS, 6 * _NS
+"""Time without being seen after which a mover is no longer expected where beams are, and where none
+are, which is when it is forgotten [ns]."""
 _BRIEF: Final = _NS * 35 // 100
 """Time without being seen after which what has never moved is forgotten [ns]."""
 _CONFIRMED, _SEEN_ENOUGH, _GONE = 2, 3, 3
@@ -169,7 +169,7 @@ class Tracker:
         is_fast = each.speed**2 > _SIGNIFICANT * each.velocity_variance
         moves = segment.has_entered or (is_fast and (has_left or segment.entered >= _FEW))
         if each.is_moving:
-            each.origin = segment.front if has_left else each.origin
+            each.origin = segment.front if moves or has_left else each.origin
             each.settle(elapsed, moves=moves or has_left)
             return False
         each.evidence = each.evidence + 1 if moves else max(each.evidence - 1, 0)
@@ -197,8 +197,7 @@ class Tracker:
         for each in self._objects:
             age = view.stamp - each.seen
             each.gone += age > 0 and view.is_through(each.x, each.y)
-            is_coming = view.is_blind(each.x, each.y) and each.comes_at(*view.origin)
-            is_late = age > (_COMING if is_coming else _LOST)
+            is_late = age > (_FORGOTTEN if view.is_blind(each.x, each.y) else _LOST)
             each.gone = _GONE if is_late or self._is_double(each, kept) else each.gone
             each.is_lost = each.is_lost or each.gone >= _GONE
             if age <= (_FORGOTTEN if each.name else _BRIEF) and (each.name or not each.is_lost):

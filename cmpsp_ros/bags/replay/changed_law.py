@@ -16,6 +16,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from cmpsp_ros.bags.decision_record import (
+    CLOUD,
     DECISION,
     PATH,
     TWIST,
@@ -23,14 +24,17 @@ from cmpsp_ros.bags.decision_record import (
     command_message,
     decision_message,
     path_message,
+    tracks_message,
 )
 from cmpsp_ros.bags.errors import UnknownTypeError
 from cmpsp_ros.bags.names import Names
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.replay.inputs import Follower, Halted, Input, Inputs, OdometryReceived
 from cmpsp_ros.bags.replay.recording import OdometrySample
+from cmpsp_ros.bags.replay.sensor_inputs import SensorInputs
 from cmpsp_ros.bags.writer import BagWriter
 from cmpsp_ros.guidance import Decision, GuidanceSettings
+from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.parameters import TABLE, Values, guidance_settings
 from cmpsp_ros.robots.motion import with_side
 from cmpsp_ros.view import BAGS, GOAL, course, draw, show, traces
@@ -75,6 +79,7 @@ class WhatIf:
             f'{who}: {sum(counts.values())} decisions, '
             + ', '.join(f'{count} {level}' for level, count in sorted(counts.items()))
             for who, counts in zip(('recorded', 'changed'), self.levels, strict=True)
+            if counts
         )
 
     @property
@@ -89,6 +94,9 @@ class WhatIf:
 def what_if(path: Path, names: Names, change: Change, output: Path) -> WhatIf:
     """Run the changed law, and write a new bag with the recording and its decisions.
 
+    A bag without decisions needs a base of parameters: the law decides on its odometry and sensors,
+    and the tracks that it used are written as well.
+
     Raises:
         BagError: The bag lacks required data, or the new one cannot be written.
         ParameterError: The changed parameters cannot be used.
@@ -98,7 +106,8 @@ def what_if(path: Path, names: Names, change: Change, output: Path) -> WhatIf:
         return guidance_settings(change.of(values))
 
     with Bag(path) as bag:
-        inputs = Inputs(bag, names)
+        is_foreign = names.decision not in bag.topics and change.base is not None
+        inputs = SensorInputs(bag, names, change.of({})) if is_foreign else Inputs(bag, names)
         result, follower = WhatIf(settings_of(inputs.values)), Follower(settings_of)
         for event in inputs:
             _take(event, follower, result)
@@ -109,6 +118,8 @@ def what_if(path: Path, names: Names, change: Change, output: Path) -> WhatIf:
                     new.set_parameters(node, values)
             new.set_parameters(f'{PREFIX}{names.node}', change.of(inputs.values))
             _write(new, names, result)
+            if is_foreign:
+                _write_tracks(new, f'{PREFIX}{names.tracks}', result)
     return result
 
 
@@ -163,6 +174,13 @@ def _write(new: BagWriter, names: Names, result: WhatIf) -> None:
             new.write(planned, received, path)
 
 
+def _write_tracks(new: BagWriter, topic: str, result: WhatIf) -> None:
+    new.topic(topic, CLOUD)
+    for received, decision in result.decisions:
+        tracks = [each for each in decision.tracks if isinstance(each, Track)]
+        new.write(topic, received, tracks_message(tracks, result.settings.frame_id, decision.stamp))
+
+
 def draw_what_if(result: WhatIf, title: str, path: Path) -> None:
     """Draw commands over time and plans on the road, of both laws."""
     figure = Figure(figsize=(13.0, 6.5), layout='constrained')
@@ -177,12 +195,12 @@ def draw_what_if(result: WhatIf, title: str, path: Path) -> None:
 
 def _draw_commands(axes: Sequence[Axes], result: WhatIf) -> None:
     commanded = [each for each in result.recorded if each.command is not None]
-    begin = result.recorded[0].stamp
+    decided = [each for _, each in result.decisions]
+    begin = min(each[0].stamp for each in (result.recorded, decided) if each)
     before = np.array([each.stamp - begin for each in commanded]) / 1e9
-    changed = np.array([each.stamp - begin for _, each in result.decisions]) / 1e9
+    changed = np.array([each.stamp - begin for each in decided]) / 1e9
     recorded_twists = np.array([each.command for each in commanded]).reshape(-1, 3)
-    decided = [with_side(each.twist) for _, each in result.decisions]
-    twists = np.array(decided).reshape(-1, 3)
+    twists = np.array([with_side(each.twist) for each in decided]).reshape(-1, 3)
     for one, index, name in zip(axes, (0, 2), ('speed [m/s]', 'turn rate [rad/s]'), strict=True):
         one.step(before, recorded_twists[:, index], where='post', color=_RECORDED, label='recorded')
         one.step(changed, twists[:, index], where='post', color=_CHANGED, ls='--', label='changed')

@@ -30,7 +30,10 @@ class NodeParameters:
         self._restarts = list(bag.restarts.get(node, ()))
         if node not in bag.parameters:
             there = ', '.join(sorted(bag.parameters)) or 'no node'
-            raise BagError(f'{bag.path}: no parameters of {node}; there are those of {there}')
+            foreign = f'{node}/decision' not in bag.topics
+            hint = ', and no decisions: --params-file makes some' if foreign else ''
+            text = f'no parameters of {node}; there are those of {there}{hint}'
+            raise BagError(f'{bag.path}: {text}')
         self._take(bag.parameters[node])
 
     def restart(self, until: int) -> int | None:

@@ -254,12 +254,12 @@ class PlanSelector:
         return improver.polish(selection.pool.followed, selected, context)
 
     def _guesses_of(self, context: PlanningContext) -> tuple[Array, list[Array] | None]:
-        """Guess of the plan that is followed, and those of others where there was none before."""
+        """Guess of the plan that is followed, and all of a step that begins without one."""
         plan, selection = context.plan, self._selection
         if plan is None:
             selection.pool.followed.forget()
-            guess, *others = self.improver.timed('solve', selection.guesses.first, context)
-            return guess, others
+            guesses = self.improver.timed('solve', selection.guesses.first, context)
+            return guesses[0], guesses
         # Put off: rows of its warm start would be at other places.
         if len(context.horizon.edges) > len(plan.horizon.edges):
             selection.pool.followed.forget()

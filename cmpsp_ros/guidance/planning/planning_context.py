@@ -154,6 +154,14 @@ class PlanningContext:
         radii = radii[nearest, each] + settings.kept
         return Encounters(moving.names, centers[nearest, each], radii)
 
+    def leads_through(self, controls: Array) -> bool:
+        """True if controls ``(N + 1, r)`` lead the middle of the robot through an obstacle."""
+        start, durations = self.start, self.horizon.durations
+        poses = start.robot.roll_out(start.pose, controls, durations)[:-1]
+        space = FreeSpace.of(start.world.road, start.world.shapes, 0.0)
+        arcs = poses, start.robot.twist(controls[:-1]), durations
+        return bool((space.along(*arcs, start.progress)[:, 2:] < 0.0).any())
+
     def is_gaining(self, plan: Plan) -> bool:
         """True if a plan soon gets nearer to the goal: along the road, around a map or straight."""
         start, goal, edges = self.start, self.goal, plan.horizon.edges
@@ -202,13 +210,19 @@ class Guesses:
     ) -> list[Array]:
         """Guesses of the most promising other homotopy classes; else along the centre line.
 
-        The path through what is seen comes first, where it leads back.
+        The path searched on a grid comes first where it leads back through what is seen, or where
+        it is clear on a map and that of the first class leads through a wall, as in mazes.
         """
-        paths = self._paths(context, guide_paths, limit, without)
-        if context.start.world.seen is not None:
+        guesses = [each.guess for each in self._paths(context, guide_paths, limit, without)]
+        world = context.start.world
+        if world.seen is not None:
             searched = self._paths(context, searched_paths)
-            paths = [each for each in searched if each.backward is not None] + paths
-        return [path.guess for path in paths] or [context.center_line_guess]
+            guesses[:0] = [each.guess for each in searched if each.backward is not None]
+        elif guesses and world.map_search(context.settings) and context.leads_through(guesses[0]):
+            searched = self._paths(context, searched_paths)
+            clear = [each.guess for each in searched if not context.leads_through(each.guess)]
+            guesses[:0] = clear
+        return guesses or [context.center_line_guess]
 
     def turning(self, context: PlanningContext) -> list[Array]:
         """Guesses of the most promising homotopy classes that begin with a turn on the spot.

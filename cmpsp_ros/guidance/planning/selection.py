@@ -183,7 +183,7 @@ class Selection:
         Args:
             warm: The plan that is followed.
             context: The control step.
-            first: Guesses of the step that begins without a plan.
+            first: Guesses of the step that begins without a plan; the first one is improved.
             review: True if new ones are to be made.
             may_change: True if another plan may be followed from now on.
 
@@ -221,18 +221,22 @@ class Selection:
         self, known: list[Alternative], context: PlanningContext, guesses: list[Array] | None
     ) -> list[Alternative]:
         """New plans; without guesses, of homotopy classes that no plan without a flaw has yet."""
-        timed = self._improver.timed
+        timed, tried = self._improver.timed, guesses or []
         if guesses is None:
             taken = {each.homotopy_class for each in known if not each.score.flawed}
             capacity = self.limit - len(known)
             fresh = timed('solve', self.guesses.fresh, context, capacity, taken)
-            guesses = fresh[:capacity]
-        found = self._made_from(guesses, context)
+            found = self._made_from(fresh[:capacity], context)
+        else:
+            found = self._made_from(guesses[1:], context)
         every = [*known, *found]
         if not context.at_rest or not all(each.score.flawed for each in every):
             return found
         # To drive a turn may need more space than there is: a turn on the spot does not.
-        found += self._made_from(timed('solve', self.guesses.turning, context), context)
+        for guess in timed('solve', self.guesses.turning, context):
+            if not any(np.array_equal(guess, each) for each in tried):
+                found += self._made_from([guess], context)
+                tried = [*tried, guess]
         if any(each.candidate.admissible for each in every):
             return found
         # Or it may come too close at first: zero controls do not.

@@ -38,7 +38,7 @@ class StageFunction:
         """Take the function, the number of states in ``Z_k``, and the shape of the value."""
         self.name = name
         self.shape = shape
-        self._function = function
+        self.function = function
         self._states = states
 
     def __call__(self, k: int, Z: NDArray[Any]) -> NDArray[Any]:
@@ -50,7 +50,7 @@ class StageFunction:
         try:
             with np.errstate(all='ignore'):
                 # Copies: the function may work in place.
-                found = self._function(k, Z[: self._states].copy(), Z[self._states :].copy())
+                found = self.function(k, Z[: self._states].copy(), Z[self._states :].copy())
         except OverflowError:
             nan = complex(np.nan, np.nan) if np.iscomplexobj(Z) else np.nan
             return np.full(self.shape, nan)

@@ -10,7 +10,7 @@ from typing import Any, Literal, NamedTuple, Self, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cmpsp_ros.arrays import Array, BoolArray
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.arguments import (
     ProblemError,
     control_bounds,
@@ -142,8 +142,10 @@ def from_functions(
         upper: Largest controls, likewise.
         derivatives: ``complex_step`` is exact to rounding but wants functions that are analytic
             and take complex arrays: no ``abs``, ``norm``, ``arctan2``, no transpose-conjugate.
-            ``central`` differences take any. ``auto`` decides for each function apart: the
-            complex step where it agrees with differences at a few points about ``x0``.
+            ``central`` differences take any. ``auto`` lets CasADi differentiate, if it is there and
+            the functions only do arithmetic (`tracing`): exact, and hundreds of times as fast.
+            Else it takes, for each function apart, the complex step where it agrees with
+            differences at a few points about ``x0``.
         final_time: Least, guessed and largest final time where it is free. All functions then take
             the final time ``T`` after ``u``, as for a step of ``T / N``. It becomes the last state,
             and its change from the guess the last control, which is free at stage 0 and 0 later:
@@ -213,7 +215,13 @@ def from_functions(
     )
     reach = terminal_target(target, None if functions.h is None else functions.h.shape[0])
     size = Dimensions(N, n, r, len(reach), 0 if functions.g is None else functions.g.shape[0])
-    return _FunctionsProblem(size, start, functions, reach, bounds)
+    problem = _FunctionsProblem(size, start, functions, reach, bounds)
+    if derivatives != 'auto':
+        return problem
+    from cmpsp_ros.mpsp.models.tracing import traced_problem  # noqa: PLC0415 (a circle)
+
+    given = {name: each for name, each in functions._asdict().items() if each is not None}
+    return traced_problem(problem, given, start, probes, problem.fixed) or problem
 
 
 def _probes(start: Array, lower: Array, upper: Array) -> list[Array]:
@@ -245,18 +253,13 @@ class _FunctionsProblem(StageProblem):
     ) -> None:
         super().__init__(size, start, target, bounds)
         self._functions = functions
-        self._fixed = self._fixed_at_start()
-
-    def _fixed_at_start(self) -> BoolArray:
-        """Mask of the path constraints at stage 0 that no control changes, shape ``(l,)``."""
-        if self._functions.g is None:
-            return np.empty(0, dtype=bool)
-        values = [
-            self._functions.g(0, np.concatenate([self._start, probe[self.size.state :]]))
-            for probe in _probes(self._start, self.control_lower, self.control_upper)
-        ]
-        fixed: BoolArray = np.all([value == values[0] for value in values], axis=0)
-        return fixed
+        self.fixed = np.empty(0, dtype=bool)
+        if functions.g is not None:
+            Z = np.array(_probes(start, *bounds))
+            Z[:, : size.state] = start
+            values = np.array([functions.g(0, each) for each in Z])
+            # Of the path constraints at stage 0, those that no control changes.
+            self.fixed = (values == values[0]).all(axis=0)
 
     def predict(self, U: Array) -> Array:
         X = np.empty((self.size.horizon + 1, self.size.state))
@@ -280,7 +283,7 @@ class _FunctionsProblem(StageProblem):
                 cost += 0.5 * float(residuals @ residuals)
             if f.g is not None:
                 g[k] = f.g(k, Z[k])
-        g[0, self._fixed] = -np.inf
+        g[0, self.fixed] = -np.inf
         output = np.empty(0) if f.h is None else f.h(self.size.horizon, Z[-1])
         return Evaluation(cost, output - self.target, g)
 
@@ -337,9 +340,11 @@ class _FunctionsProblem(StageProblem):
 
 
 def _weighted(function: StageFunction, weights: Array) -> StageFunction:
-    """``weights' function`` as a function."""
-    result = StageFunction(
-        function.name, lambda k, x, u: weights @ function(k, np.concatenate([x, u])), 0, ()
-    )
+    """``weights' function`` as a function; where a weight is 0, values may be ``-inf``."""
+
+    def total(k: int, x: Array, u: Array) -> Any:
+        return weights @ np.where(weights == 0.0, 0.0, function(k, np.concatenate([x, u])))
+
+    result = StageFunction(function.name, total, 0, ())
     result.scheme = function.scheme
     return result

@@ -63,7 +63,7 @@ class BackEnd:
         self._warm = warm if name == RICCATI_ACTIVE_SET else ()
         if not warm:
             # Seldom needed, and never to be waited for.
-            load_proof(space)
+            load_proof(space.size)
             entry_for(activate, space.program, space.active)
         self.begin()
 

@@ -2,6 +2,7 @@
 
 import pytest
 from live import ZERO
+from rclpy.duration import Duration
 from rclpy.time import Time
 from rosgraph_msgs.msg import Clock
 
@@ -104,3 +105,20 @@ def test_a_plan_that_takes_longer_than_odometry_lives_is_followed(fault, start_a
     # Odometry that grew old while the law was busy is no reason to stop.
     assert not any('s old' in each['reason'] for each in client.decisions)
     assert any(speed > 0.0 for speed, _ in client.commands)
+
+
+def test_a_node_that_uses_simulated_time_lives_before_there_is_any(fault, start_node, client):
+    start_node('guidance_node', {'use_sim_time': True})
+    health = client.until_health(state='active', said='Waiting for odometry')
+    # Heard late it says as well that the clock stands still.
+    assert health['said'].startswith('Waiting for odometry.')
+    fault.assert_said('—', health['level'][0], 'Waiting for odometry.')
+    client.connect()
+    clock = client.node.create_publisher(Clock, '/clock', 10)
+    client.until(clock.get_subscription_count)
+    tick = Clock(clock=Time(seconds=5).to_msg())
+    clock.publish(tick)
+    clock.wait_for_all_acked(Duration(seconds=60.0))
+    client.send(5_000_000_000)
+    client.until(lambda: client.commands)
+    assert client.commands[0][0] > 0.5

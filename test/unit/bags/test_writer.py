@@ -185,14 +185,14 @@ def fill_disk(path, limit, storage='mcap'):
         capture_output=True,
         text=True,
         check=True,
-        timeout=60,
+        timeout=100,
     )
     assert done.stderr == ''
     return done.stdout.splitlines()
 
 
-# Steps of 1 kB, so that the end comes in the head, the messages and the index of a chunk.
-@pytest.mark.parametrize('limit', range(50_000, 58_000, 1000))
+# Steps of 2 kB, so that the end comes in the head, the messages and the index of a chunk.
+@pytest.mark.parametrize('limit', range(50_000, 58_000, 2000))
 def test_full_disk_leaves_a_whole_bag(path, limit):
     if resource.getrlimit(resource.RLIMIT_FSIZE)[0] != resource.RLIM_INFINITY:
         pytest.skip('file sizes are limited already')

@@ -1,12 +1,10 @@
 """Methods in their closed loops, in turn, and their longest steps."""
 
-import gc
-
 import numpy as np
 import pytest
 
 from benchmarks.common import BenchError
-from benchmarks.loops import MethodComparison, Ratios, Timed, close_loop, compare, loops, tails
+from benchmarks.loops import MethodComparison, Ratios, Timed, close_loop, compare
 from benchmarks.methods.ours import OURS, CondensedDaqp
 from benchmarks.results import COMPARED_STEPS
 
@@ -99,26 +97,3 @@ def test_ratios_are_medians_of_quotients_in_the_same_step(task):
     assert found.ratios('one', 'other') == Ratios(0.5, 0.75)
     assert found.ratios('one', 'third') is None
     assert found.ratios('third', 'one') is None
-
-
-class Watching(CondensedDaqp):
-    """Notes whether the garbage collector is on."""
-
-    def __init__(self, task, notes):
-        super().__init__(task)
-        self.notes = notes
-
-    def step(self, pose, U, durations):
-        self.notes.append((gc.isenabled(), gc.get_freeze_count() > 0))
-        return super().step(pose, U, durations)
-
-
-def test_whole_loops_with_the_collector_off(task):
-    notes, told = [], []
-    found = tails(task, [Watching(task, notes)], 3, 7, lambda: told.append(1))
-    assert [each.times.shape for each in found] == [(9,)]
-    assert [each.again.shape for each in found] == [(9,)]
-    assert len(told) == 2 * loops(7, 3) == 6
-    assert set(notes) == {(False, True)}
-    assert gc.isenabled()
-    assert gc.get_freeze_count() == 0

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from operator import attrgetter
 
 import numpy as np
 import pytest
@@ -65,19 +66,16 @@ def test_cases_of_the_paper(name):
 
 
 def test_two_runs_give_the_same_bits():
-    for given in (CASES['case 3'], settings((FIRST, SECOND), 45.0, ROAD)):
-        one, other = closed_loop(given), closed_loop(given)
-        for first, second in zip(one.decisions, other.decisions, strict=True):
-            for name, value in first._asdict().items():
-                if name == 'plan':
-                    continue
-                np.testing.assert_array_equal(value, getattr(second, name), err_msg=name)
-            if first.plan is not None:
-                for part in ('controls', 'poses'):
-                    np.testing.assert_array_equal(
-                        getattr(first.plan, part), getattr(second.plan, part)
-                    )
-                np.testing.assert_array_equal(first.plan.horizon.edges, second.plan.horizon.edges)
+    one, other = (closed_loop(CASES['case 3']) for _ in range(2))
+    for first, second in zip(one.decisions, other.decisions, strict=True):
+        for name, value in first._asdict().items():
+            if name == 'plan':
+                continue
+            np.testing.assert_array_equal(value, getattr(second, name), err_msg=name)
+        if first.plan is not None:
+            for part in ('controls', 'poses', 'horizon.edges'):
+                read = attrgetter(part)
+                np.testing.assert_array_equal(read(first.plan), read(second.plan))
 
 
 def test_a_timer_measures_and_decides_nothing():
@@ -107,7 +105,7 @@ def test_odometry_of_any_rate_gives_a_decision_a_period(rate):
 @pytest.mark.parametrize('interval', [200, 250, 290])
 def test_a_thin_pole_is_passed_whatever_the_rate_of_odometry(interval):
     """Steps get up to half a period longer than the period, and a pole fits between their ends."""
-    for place in range(12, 20):
+    for place in range(12, 20, 2):
         angle = 0.012 * place - 0.9
         pole = Obstacle('pole', (9.98 * math.cos(angle), 9.98 * math.sin(angle)), 0.05)
         given = settings((pole,), 51.0, ROAD)
@@ -128,9 +126,8 @@ def test_commands_depend_on_time_since_the_first_odometry_alone():
     assert other.decisions[3].stamp == epoch + 3 * PERIOD
 
 
-@pytest.mark.parametrize('name', CASES)
-def test_heading_wrapped_or_not(name):
-    given = CASES[name]
+def test_heading_wrapped_or_not():
+    given = CASES['case 3']
 
     class Wrapping(GuidanceLaw):
         turns = 0
@@ -162,9 +159,8 @@ def test_heading_wrapped_or_not(name):
     ],
     ids=str,
 )
-@pytest.mark.parametrize('name', ['case 1', 'case 3'])
-def test_other_settings_arrive_too(name, changes):
-    given = replace(CASES[name], **changes)
+def test_other_settings_arrive_too(changes):
+    given = replace(CASES['case 3'], **changes)
     run = closed_loop(given)
     assert_arrives(run, given)
     wanted = changes.get('robot_radius', 0.0)

@@ -98,22 +98,54 @@ def test_what_stops_is_static_until_it_goes_on():
     assert np.hypot(*(occupied(score.sighting) - walker(5.5)).T).min() > 0.5
 
 
+def test_who_walks_straight_away_after_standing_at_the_sensor_moves():
+    """Nothing is seen of the places that somebody enters behind himself."""
+
+    def walker(time):
+        return 1.0 + max(3.5 - 0.9 * time, 0.6) + 0.7 * max(time - 4.0, 0.0), 3.0
+
+    score = Score(ScannedRoom(walkers=[walker]), 9.0)
+    assert score.ids == [{0}]
+    assert score.missed == 0
+
+
+@pytest.mark.parametrize('speed', [0.5, 0.86])
+def test_who_comes_out_from_behind_the_scanner_is_known_at_once(speed):
+    """The places were free when they were last in sight, seconds ago."""
+
+    def robot(time):
+        return 4.0, 3.0, math.pi if time < 2.0 else 0.9 * max(time - 4.0, 0.0)
+
+    def walker(time):
+        away = 1.1 - speed * (time - 4.5)
+        # As through a door behind it.
+        behind = 4.0 - 0.97 * away, 3.0 + 0.26 * away
+        return behind if time > 3.0 else (100.0, 100.0)
+
+    known = [
+        time
+        for time, sighting in ScannedRoom(walkers=[walker], robot=robot).run(6.0)
+        for each in sighting.tracks
+        if time > 2.0 and math.dist((each.x, each.y), walker(time)) < 0.4
+    ]
+    # Its first hits on him are of 4.3 s.
+    assert min(known) <= 4.75
+
+
 def turning_its_back(time):
     return 1.0, 3.0, 0.0 if time < 2.0 else math.pi
 
 
-@pytest.mark.parametrize(
-    ('walker', 'seconds'), [(TOWARD, 5.0), (AWAY, 2.0)], ids=['toward', 'away']
-)
-def test_who_comes_at_the_back_of_the_scanner_is_expected_for_longer(walker, seconds):
+@pytest.mark.parametrize(('walker', 'until'), [(TOWARD, 7.9), (AWAY, 9.0)], ids=['toward', 'away'])
+def test_who_is_where_the_scanner_does_not_look_is_expected_for_longer(walker, until):
     lasting = [
         (time, each)
-        for time, sighting in ScannedRoom(walkers=[walker], robot=turning_its_back).run(8.0)
+        for time, sighting in ScannedRoom(walkers=[walker], robot=turning_its_back).run(until)
         for each in sighting.tracks
         if time >= 2.0
     ]
     last, track = lasting[-1]
-    assert last == pytest.approx(1.9 + seconds, abs=0.11)
+    assert last == pytest.approx(1.9 + 6.0, abs=0.11)
     assert math.dist((track.x, track.y), walker(last)) < 3.0 * track.position_stddev
     assert {each.name for _, each in lasting} == {'person 1'}
 

@@ -80,7 +80,7 @@ def test_samples_of_a_plan_keep_what_their_two_arcs_need():
     assert grown.at(np.zeros((4, 3))).shape == (4, 4)
 
 
-@hypothesis_settings(max_examples=400)
+@hypothesis_settings(max_examples=150)
 @given(
     limit=st.floats(1.0, 80.0),
     wheels=st.lists(st.tuples(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0)), min_size=1, max_size=5),

@@ -9,7 +9,6 @@ import pytest
 
 from cmpsp_ros.parameters import TABLE
 from cmpsp_ros.parameters.roads import ROAD_TYPES, road_of
-from cmpsp_ros.robots.motion import arc_under
 from cmpsp_ros.world.roads import kinds
 from cmpsp_ros.world.roads.road_functions import (
     arc_length_to,
@@ -17,7 +16,6 @@ from cmpsp_ros.world.roads.road_functions import (
     lateral_error,
     point_ahead,
     project,
-    sweep,
 )
 
 # What a type needs beside the defaults of its parameters.
@@ -95,19 +93,6 @@ def test_gradients_are_differences(road):
         )
         for place, column in ((0, 1), (3, 2), (5, 3)):
             np.testing.assert_allclose(found[place : place + 2], difference[:, column], atol=1e-5)
-
-
-def test_a_sweep_is_no_more_than_the_least_clearance(road):
-    random = np.random.default_rng(4)
-    for x, y, heading, progress in points_on(road):
-        twist = random.uniform([-1.0, -2.0], [1.5, 2.0])
-        arc = arc_under(np.array([[x, y, heading]]), twist[None], 0, 0.4)
-        _, *found = sweep(road.space(0.0), arc, progress, math.inf, math.inf)
-        _, poses = dense.driven((x, y, heading), [(twist[0], 0.0, twist[1])], [0.4])
-        known = from_edges(road, poses[:, :2]).min()
-        assert min(found) <= known + EDGE
-        if known > 0.0:
-            assert min(found) >= known * road.clearance_scale.min() - EDGE
 
 
 def test_a_point_ahead_is_that_far_along_the_centre_line(road):

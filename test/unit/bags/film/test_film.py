@@ -110,31 +110,6 @@ def test_a_robot_with_corners_is_a_prism(preset):
     np.testing.assert_allclose(found, np.unique(settings.footprint.corners, axis=0), atol=1e-4)
 
 
-FRAME = """
-import numpy as np
-from cmpsp_ros.bags import film
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters import load_parameter_file
-from cmpsp_ros.parameters.settings import guidance_settings
-
-settings = guidance_settings(TABLE.resolve(load_parameter_file('parking')))
-moment = film._Moment(np.zeros(3), [], 0)
-model = film.scene(settings, np.array([[0.0, 0.0], [1.0, 0.0]]), [settings.goal])
-(frame,) = film._frames(model, settings, [moment], (320, 240))
-picture = np.asarray(frame).astype(int)
-grey = np.ptp(picture, axis=-1) < 10
-blue = picture[..., 2] > picture[..., :2].max(axis=-1) + 60
-print(grey.mean() > 0.5, blue.mean() > 0.01)
-"""
-
-
-def test_a_car_stands_on_the_floor():
-    if not can_draw():
-        pytest.skip('nothing to draw with: no EGL')
-    done = subprocess.run([sys.executable, '-c', FRAME], capture_output=True, text=True, check=True)
-    assert done.stdout == 'True True\n'
-
-
 @pytest.mark.slow
 def test_stills_show_the_robot_beside_the_obstacle_and_at_the_goal(drawing, bag, tmp_path):
     path = tmp_path / 'film.png'

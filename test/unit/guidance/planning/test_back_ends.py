@@ -5,13 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from general_iteration import improve
-from scenarios import CASES, FIRST, MS, PERIOD, ROAD, START, context_of, settings, start_of
+from scenarios import CASES, FIRST, MS, ROAD, START, context_of, settings, start_of
 
 from cmpsp_ros.guidance import SolverSettings, Weights, remaining, shift, to_nanoseconds
 from cmpsp_ros.guidance.formulation import OcpFormulation
 from cmpsp_ros.guidance.planning import Planner, initial_guess
-from cmpsp_ros.mpsp.jit import address_of, allocation_free
-from cmpsp_ros.mpsp.qp.riccati import Outcome
 from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 from cmpsp_ros.parameters.files import preset_names
 from cmpsp_ros.world.obstacles import Obstacle
@@ -85,24 +83,3 @@ def test_back_ends_by_name_and_the_exact_hessian(changes):
     solver = SolverSettings(**changes)
     seen = side_by_side(replace(CASES['case 3'], solver=solver), START, steps=4)
     assert all(result.solved for result in seen)
-
-
-@allocation_free
-def gives_up(_program, _active, _warm):
-    return Outcome.ITERATION_LIMIT
-
-
-def test_what_the_compiled_solver_gives_up_is_done_by_a_back_end():
-    """Work for a single iteration of the solver, and none for the back end either."""
-    given, horizon = CASES['case 3'], remaining(0, PERIOD, 50 * PERIOD)
-    pose, held = np.array(START), np.zeros(2)
-    guess = initial_guess(given, start_of(given, pose), given.target, horizon.durations)
-    planner, context = Planner(OcpFormulation(given, given.world)), context_of(given, pose, horizon)
-    assert not planner.improve(context, guess, work_limit=60).solved
-    wanted = improve(given, pose, held, guess, horizon)
-    driver = planner._driver
-    given_up = address_of(int, gives_up, driver.ws.program, driver._active, driver._warm_hard)
-    driver._addresses[1] = given_up
-    found = planner.improve(context, guess)
-    assert_alike(found, wanted)
-    assert found.work > 10_000 * 51

@@ -21,14 +21,11 @@ from scenarios import (
     law_of,
     reconfigure,
     settings,
-    start_of,
     with_plans,
 )
 
-from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw, InitialGuess, Observation, Safety
-from cmpsp_ros.guidance.formulation import OcpFormulation
-from cmpsp_ros.guidance.planning import Planner, along_road
-from cmpsp_ros.guidance.planning.homotopy.path_search import guide_paths
+from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw, InitialGuess, Observation
+from cmpsp_ros.guidance.planning import Planner
 from cmpsp_ros.world.obstacles import Obstacle
 
 BOTH = (FIRST, SECOND)
@@ -69,10 +66,10 @@ STARTS = [
 ]
 
 
-@pytest.mark.parametrize('limit', [45.0, 51.0])
-@pytest.mark.parametrize(('guess', 'heading'), STARTS)
-def test_no_guess_and_no_heading_is_a_trap(guess, heading, limit):
-    given = settings(BOTH, limit, guess)
+@pytest.mark.parametrize(('number', 'start'), [*enumerate(STARTS)])
+def test_no_guess_and_no_heading_is_a_trap(number, start):
+    guess, heading = start
+    given = settings(BOTH, 45.0 if number % 2 else 51.0, guess)
     run = closed_loop(given, (*START[:2], math.radians(heading)))
     assert_arrives(run, given)
     assert heading or {decision.level for decision in run.moves} <= SETTLED
@@ -91,7 +88,7 @@ def test_a_poor_plan_is_left_for_a_better_one():
 
 
 @pytest.mark.parametrize(
-    ('steps', 'radius', 'limit'), [*product((3, 5, 8), (0.2, 0.4), (51.0,)), (5, 0.4, math.inf)]
+    ('steps', 'radius', 'limit'), [*product((3, 8), (0.2, 0.4), (51.0,)), (5, 0.4, math.inf)]
 )
 def test_an_obstacle_put_in_the_middle_of_the_plan_is_passed(steps, radius, limit):
     given = settings((), limit, ROAD)
@@ -146,33 +143,6 @@ def test_where_new_plans_do_not_help_they_are_made_ever_more_seldom(monkeypatch)
     assert tried[:5] == [6, 10, 18, 26, 34]
 
 
-def test_a_plan_that_may_not_be_followed_is_replaced_at_every_step(monkeypatch):
-    given = replace(settings(BOTH, 51.0, ROAD), failure_tolerance=50)
-    # It stands still all the time.
-    given = replace(given, delay_tolerance=0.0, safety=Safety(max_prediction_error=0.0))
-    law = GuidanceLaw(given, given.world)
-    run = drive(law, given, ON_TIME[:6])
-    improve, guesses = Planner.improve, []
-
-    def fail(planner, context, guess, *rest):
-        guesses.append(guess)
-        result = improve(planner, context, guess, *rest)
-        return result._replace(solved=False, reason='No.')
-
-    monkeypatch.setattr(Planner, 'improve', fail)
-    pose = run.pose
-    for k in range(6, 12):
-        guesses.clear()
-        law.step(Observation(k * PERIOD, pose))
-        durations = np.full(50 - k, 0.2)
-        start, target = start_of(given, pose), given.target
-        guess = along_road(given, start, target, durations)
-        space = OcpFormulation(given, given.world).space(given.world, guess, durations, target)
-        fresh = guide_paths(given, space, start, target, durations)[0].guess
-        assert any(np.array_equal(guess, fresh) for guess in guesses)
-        assert len(guesses) <= 4
-
-
 def test_the_reason_names_the_way():
     first = law_of(settings(BOTH, 51.0, ROAD)).step(Observation(0, np.array(START)))
     assert 'the best of 4 plans, ' in first.reason
@@ -183,14 +153,14 @@ def test_the_reason_names_the_way():
 def test_late_odometry_uses_up_no_more_time_than_there_is():
     """Each delay costs a little of what the wheels have to spare; fresh plans win it back."""
     given, misses = settings(BOTH, 51.0, ROAD), []
-    for seed in range(20):
+    for seed in range(8):
         late = np.random.default_rng(seed).integers(0, 90, size=51) * 1_000_000
         late[[0, 50]] = 0
         stamps = [int(stamp) for stamp in np.array(ON_TIME) + late]
         run = drive(GuidanceLaw(given, given.world), given, stamps)
         assert clearance(run.path, given) >= -1e-9
         misses.append(run.miss())
-    assert np.count_nonzero(np.array(misses) > 1e-3) <= 3
+    assert np.count_nonzero(np.array(misses) > 1e-3) <= 1
     assert max(misses) < 0.1
 
 
@@ -246,13 +216,6 @@ def test_where_there_is_no_room_to_drive_in_a_bow_the_robot_turns_on_the_spot_fi
     run = closed_loop(given, start)
     assert_arrives(run, given)
     assert {decision.level for decision in run.moves} <= SETTLED
-
-
-def test_no_turn_on_the_spot_is_tried_where_a_plan_has_no_flaw(monkeypatch):
-    counts = counted(monkeypatch)
-    law_of(settings(BOTH, 51.0, ROAD)).step(Observation(0, np.array(START)))
-    # Four plans, and one of them again.
-    assert counts == {50: 5}
 
 
 def test_where_hardly_any_time_is_left_a_plan_cuts_short():

@@ -53,15 +53,6 @@ def test_the_plan_is_drawn_from_the_robot_to_the_goal(fill, decision):
     assert text.text == f'{decision.level.name.lower()}: {decision.reason}'
 
 
-def test_they_are_where_and_when_the_decision_is_and_vanish_by_themselves(fill, decision):
-    for each in fill(decision):
-        assert each.header.frame_id == 'map'
-        assert (each.header.stamp.sec, each.header.stamp.nanosec) == (3, 5)
-        assert each.lifetime.sec == 1
-        assert each.pose.orientation.w == 1.0
-        assert max(each.scale.x, each.scale.z) > 0.0
-
-
 def test_every_level_has_its_colour(fill, decision):
     def color(**changes):
         plan, _, text = fill(decision._replace(**changes))
@@ -102,14 +93,6 @@ def test_each_stage_has_the_colour_of_its_own_clearance(decision):
     _, line, _ = PlanMarkers(settings).fill(made).markers
     assert line.colors == [color_of(each - 0.05) for each in room.tolist()]
     assert len(set(map(rgb, line.colors))) > 5
-
-
-def test_another_course_is_taken(law, decision):
-    message = PlanMarkers(settings_of())
-    before = list(message.fill(decision).markers[1].colors)
-    course = settings_of('case1')
-    message.take(course, course.world)
-    assert before != message.fill(decision).markers[1].colors
 
 
 def test_without_a_plan_the_line_goes_and_the_sentence_stays(law, decision, settings):

@@ -126,15 +126,15 @@ def test_noise_repeats_and_differs_from_run_to_run():
 
 def test_a_computer_that_is_late_touches_nothing_and_its_late_commands_are_not_sent():
     study, late, arrived = Study('realtime'), 0, 0
-    for number in range(30):
+    for number in range(10):
         driven = drive(study.run(number))
         made = outcome(driven)
         assert made.clearance >= 0.0, number
         assert made.exception == ''
         late += sum(each.late > 0.2 for each in driven.decisions)
         arrived += made.miss < study.tolerance
-    assert late > 100
-    assert arrived > 10
+    assert late > 30
+    assert arrived > 3
 
 
 @pytest.mark.parametrize('number', [1, 10, 12])

@@ -47,12 +47,6 @@ def test_scenes_and_robots_take_turns_and_every_fourth_turn_is_noisy():
     assert noisy.plant.odometry.position_stddev > 0.0
 
 
-def test_the_first_hall_has_four_people_who_look_at_nobody():
-    walkers = Study('people').run(0).scenario.people.walkers
-    assert len(walkers) == 4
-    assert not any(each.gives_way for each in walkers)
-
-
 def test_options_that_do_not_fit_are_named():
     with pytest.raises(StudyError, match=r"--scene: found 'attic', wanted one of hall"):
         Study('people', scene='attic').values()

@@ -16,7 +16,7 @@ KINDS = ('corridors', 'floor')
 
 @pytest.mark.parametrize('kind', KINDS)
 def test_courses_begin_and_end_clear_and_are_open(kind):
-    for number in range(40):
+    for number in range(12):
         task = Study(kind).run(number)
         given, pose = task.settings, np.array(task.scenario.pose)
         space = FreeSpace.of(given.road, given.obstacles, given.robot_radius)

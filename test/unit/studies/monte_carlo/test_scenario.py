@@ -30,7 +30,7 @@ def distance(x, y):
 
 
 @given(seeds, numbers, st.integers(0, 6))
-@settings(max_examples=200)
+@settings(max_examples=100)
 def test_every_course_is_one_of_those_promised(seed, number, most):
     drawn = scenario(SETTINGS, seed, number, most)
     (x, y, heading), road, goal = drawn.pose, SETTINGS.road, SETTINGS.goal
@@ -44,18 +44,6 @@ def test_every_course_is_one_of_those_promised(seed, number, most):
         assert math.dist(each.center, (x, y)) >= each.radius + FROM_EDGE
         assert math.dist(each.center, goal) >= each.radius + FROM_EDGE
     assert is_open(road, drawn.obstacles, GAP)
-
-
-def test_courses_are_spread_over_the_whole_road_and_have_all_counts_of_obstacles():
-    drawn = [scenario(SETTINGS, 1, number, 4) for number in range(1000)]
-    counts = np.bincount([len(each.obstacles) for each in drawn], minlength=5)
-    assert counts.min() > 150
-    bearings = [math.atan2(each.pose[1], each.pose[0]) for each in drawn]
-    assert np.histogram(bearings, 8, (-math.pi, math.pi))[0].min() > 80
-    away = np.array([distance(*each.pose[:2]) for each in drawn])
-    assert away.min() < 9.1
-    assert away.max() > 10.9
-    assert len({each.seed for each in drawn}) == 1000
 
 
 def test_both_studies_have_the_same_courses():
@@ -90,7 +78,7 @@ def test_a_chain_across_the_road_blocks_it_though_every_bearing_has_a_gap():
 @given(
     st.lists(st.tuples(st.floats(-0.3, 0.3), st.floats(9, 11), st.floats(0.05, 0.8)), max_size=4)
 )
-@settings(max_examples=50)
+@settings(max_examples=20)
 def test_a_road_is_open_as_a_grid_says(places):
     """Flood the road, in polar coordinates, from one side of the obstacles to the other."""
     obstacles = [

@@ -1,0 +1,97 @@
+"""The inputs of a law on a bag without decisions: odometry, scans or clouds, moving obstacles."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, Final
+
+from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.bags.names import Names
+from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.bags.replay.inputs import Input, OdometryReceived, RunStarted
+from cmpsp_ros.bags.replay.recording import OdometrySample
+from cmpsp_ros.guidance import GuidanceSettings
+from cmpsp_ros.guidance.messages import (
+    OdometryError,
+    OdometryReading,
+    Track,
+    TrackError,
+    Tracks,
+    tracks_of,
+)
+from cmpsp_ros.parameters import Values, guidance_settings
+from cmpsp_ros.sensing import ScanError, Surroundings, sight_of, stamp_of
+
+_TYPES: Final = {'scan': 'sensor_msgs/msg/LaserScan', 'cloud': 'sensor_msgs/msg/PointCloud2'}
+
+
+class SensorInputs:
+    """Inputs that a node with these parameters would have had; can be iterated over once.
+
+    It decides as soon as all sensors have shown something, and not while one is silent.
+    """
+
+    def __init__(self, bag: Bag, names: Names, values: Values) -> None:
+        """Look for the topics.
+
+        Raises:
+            BagError: Odometry or a sensor is missing.
+            ParameterError: The parameters cannot be used.
+        """
+        self.values = values
+        self._settings: GuidanceSettings = guidance_settings(values)
+        self._bag, self._names, self._newest = bag, names, -1
+        self._refused: dict[str, str] = {}
+        self._sensors = {
+            each.topic if each.topic.startswith('/') else f'{names.namespace}/{each.topic}': each
+            for each in self._settings.sight.sensors
+        }
+        self._check(names.odom, 'nav_msgs/msg/Odometry')
+        for topic, sensor in self._sensors.items():
+            self._check(topic, _TYPES[sensor.type])
+
+    def _check(self, topic: str, kind: str) -> None:
+        if topic not in self._bag.topics or self._bag.topics[topic].msgtype != kind:
+            raise self._bag.lacks(f'no topic {topic} of type {kind}')
+
+    def __iter__(self) -> Iterator[Input]:
+        """Iterate; raises `BagError` if the bag is damaged, or no odometry in it can be used."""
+        settings, names = self._settings, self._names
+        known = Surroundings(settings.sight, settings.robot_radius, settings.footprint)
+        told, obstacles = Tracks[Track](), settings.moving_obstacles
+        topics = [names.odom, *self._sensors]
+        if obstacles.capacity and names.moving in self._bag.topics:
+            topics.append(names.moving)
+        yield RunStarted(self.values)
+        is_used = False
+        for topic, received, message in self._bag.together(topics):
+            try:
+                if topic in self._sensors:
+                    known.add(sight_of(message, self._sensors[topic]))
+                elif topic == names.moving:
+                    told.add(tracks_of(message, settings.frame_id))
+                elif (odometry := self._odometry(received, message)) is not None:
+                    stamp, pose = odometry.stamp, odometry.pose
+                    known.update(stamp, pose)
+                    if not known.blindness(stamp):
+                        sighting, is_used = known.at(stamp, pose), True
+                        seen = () if sighting is None else sighting.tracks
+                        tracks = (*told.at(stamp, obstacles.timeout), *seen)
+                        yield OdometryReceived(odometry, None, tracks=tracks, sighting=sighting)
+            except (OdometryError, ScanError, TrackError) as error:
+                self._refused.setdefault(topic, str(error))
+        if not is_used:
+            why = '; '.join(f'{topic}: {why}' for topic, why in self._refused.items())
+            why = why or 'the sensors show nothing at the times of odometry'
+            raise BagError(f'{self._bag.path}: found nothing to decide on: {why}')
+
+    def _odometry(self, received: int, message: Any) -> OdometrySample | None:
+        """Odometry in the frame of the law; None if it is no newer than the last."""
+        pose, stamp = (
+            OdometryReading.of(message).pose_in(self._settings.frame_id),
+            stamp_of(message),
+        )
+        if stamp <= self._newest:
+            return None
+        self._newest = stamp
+        return OdometrySample(received, stamp, pose)

@@ -106,9 +106,9 @@ def _with_rows(found: Curvature, path: BoolArray, bounds: BoolArray, weight: flo
     lin, H = found.linearisation, found.H.copy()
     h_Z = np.hstack([lin.h_X, lin.h_U])
     H[-1] += weight * h_Z.T @ h_Z
-    for k in np.flatnonzero(path.any(axis=1)):
-        g_Z = np.hstack([lin.g_X[k], lin.g_U[k]])[path[k]]
-        H[k] += weight * g_Z.T @ g_Z
+    if path.any():
+        g_Z = np.where(path[:, :, None], np.concatenate([lin.g_X, lin.g_U], axis=2), 0.0)
+        H += weight * g_Z.swapaxes(1, 2) @ g_Z
     own = range(lin.A.shape[1], H.shape[1])
     H[:, own, own] += weight * bounds
     return H
@@ -131,13 +131,12 @@ def descent_curvature(
     lin, size = found.linearisation, problem.size
     _, rho, beta = multipliers(at, lin)
     scale = _ACTIVE * (1.0 + float(np.abs(found.costates).max()))
+    size_H = float(np.abs(found.H).max())
     lower, upper = problem.control_lower - at.U, problem.control_upper - at.U
     is_bound = (np.abs(beta) > scale) | (lower == upper)
-    weight = _HELD * float(np.abs(found.H).max())
-    held = with_hessian(lin, _with_rows(found, rho > scale, is_bound, weight))
+    held = with_hessian(lin, _with_rows(found, rho > scale, is_bound, _HELD * size_H))
     free = np.full(size.state, np.inf)
-    least = _CURVATURE * float(np.abs(found.H).max())
-    if is_positive_definite(Subproblem(held, lower, upper, free), least):
+    if is_positive_definite(Subproblem(held, lower, upper, free), _CURVATURE * size_H):
         return None
     qp = condense(with_hessian(lin, found.H), lower, upper)
     tight = -qp.g > -_ACTIVE

@@ -232,9 +232,9 @@ class Selection:
             found = self._made_from(fresh[:capacity], context)
         else:
             # A class that takes many times the work is closed, or too narrow.
-            works = [each.candidate.result.work for each in known if not each.score.flawed]
-            most_work = _MUCH * min(works) if works and min(works) else None
-            found = self._made_from(guesses[1:], context, most_work)
+            works = (each.candidate.result.work for each in known if not each.score.flawed)
+            most_work = _MUCH * min(works, default=0)
+            found = self._made_from(guesses[1:], context, most_work or None)
         every = [*known, *found]
         if not context.at_rest or not all(each.score.flawed for each in every):
             return found

@@ -37,6 +37,8 @@ def not_finite(name: str, array: Array, *, at_end: bool = False) -> str:
 
 def check_bounds(lower_name: str, lower: Array, upper_name: str, upper: Array) -> None:
     """Raise `ProblemError` unless a number lies between every lower bound and its upper one."""
+    if ((lower <= upper) & (lower < np.inf) & (upper > -np.inf)).all():
+        return
     for name, bound in ((lower_name, lower), (upper_name, upper)):
         bad = np.argwhere(np.isnan(bound))
         if len(bad):

@@ -100,7 +100,9 @@ class Options:
 
 
 def _not_negative(name: str, value: ArrayLike | None, length: int) -> Array:
-    array = numbers(name, _PENALTY if value is None else value)
+    if value is None:
+        return np.full(length, _PENALTY)
+    array = numbers(name, value)
     if array.shape not in {(), (length,)}:
         raise ProblemError(f'{name}: found shape {array.shape}, wanted {(length,)}')
     if not (array >= 0.0).all():

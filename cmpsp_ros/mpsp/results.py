@@ -244,6 +244,8 @@ class Violation:
 def violations(evaluation: Evaluation, terminal: float, path: float) -> tuple[Violation, ...]:
     """All constraints violated by more than absolute tolerances, the worst first."""
     error, g = evaluation.output_error, evaluation.g
+    if (np.abs(error) <= terminal).all() and (g <= path).all():
+        return ()
     last = len(g) - 1
     found = [
         Violation(last, int(i), True, float(error[i]))

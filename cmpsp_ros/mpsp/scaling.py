@@ -234,10 +234,10 @@ def _reach(lin: Linearisation, control: Array, steps: int) -> Array:
 
 def _asked_for(h_X: Array, target: Array) -> Array:
     """Value of each state that the target asks for, where an output is of one state alone."""
-    found = np.zeros(h_X.shape[1])
-    for j in np.flatnonzero(np.count_nonzero(h_X, axis=1) == 1):
-        i = int(np.flatnonzero(h_X[j])[0])
-        found[i] = max(found[i], abs(target[j] / h_X[j, i]))
+    is_alone = (h_X != 0.0) & (np.count_nonzero(h_X, axis=1, keepdims=True) == 1)
+    found: Array = np.abs(target[:, None] / np.where(is_alone, h_X, np.inf)).max(
+        axis=0, initial=0.0
+    )
     return found
 
 

@@ -121,7 +121,7 @@ def test_install_can_be_sourced(colcon_install: Path, share: Path) -> None:
     assert (share / 'hook' / 'ament_prefix_path.sh').is_file()
     script = f'. {colcon_install}/local_setup.bash && echo "$AMENT_PREFIX_PATH"'
     answer = subprocess.run(
-        ['bash', '-c', script], capture_output=True, text=True, timeout=60, check=True
+        ['bash', '-c', script], capture_output=True, text=True, timeout=250, check=True
     )
     assert str(colcon_install / PACKAGE) in answer.stdout.strip().split(os.pathsep)
 

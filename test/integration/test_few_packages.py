@@ -35,7 +35,7 @@ def run(few, code):
     command = [sys.executable, '-S', '-c', code]
     environment = {**os.environ, **few}
     return subprocess.run(
-        command, env=environment, capture_output=True, text=True, timeout=100, check=False
+        command, env=environment, capture_output=True, text=True, timeout=500, check=False
     )
 
 

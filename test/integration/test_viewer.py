@@ -39,7 +39,7 @@ class Page:
         self.address = address
 
     def updates(self):
-        with urllib.request.urlopen(f'{self.address}updates', timeout=60.0) as answer:
+        with urllib.request.urlopen(f'{self.address}updates', timeout=250.0) as answer:
             return json.load(answer)
 
     def decision(self):
@@ -256,7 +256,7 @@ def browse(tmp_path):
             f'--user-data-dir={tmp_path / "profile"}', '--enable-logging=stderr', '--dump-dom',
             page.address,
         ]  # fmt: skip
-        done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=100)
+        done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=250)
         return done.stdout, [line for line in done.stderr.splitlines() if 'CONSOLE' in line]
 
     return browse

@@ -221,23 +221,6 @@ def test_what_a_full_disk_refuses_names_the_folder(tmp_path, capfd):
         tmp_path.write_text('x')
 
 
-LITTLE_SPACE = """
-import resource, sys
-resource.setrlimit(resource.RLIMIT_FSIZE, (5000, 5000))
-from cmpsp_ros.cli import main
-main()
-"""
-
-
-def test_pictures_of_the_paper_that_do_not_fit_on_the_disk_end_it_in_a_sentence(tmp_path):
-    arguments = ['paper', '--only', 'fig5', '--output', str(tmp_path / 'paper')]
-    done = run_python(LITTLE_SPACE, *arguments)
-    assert done.returncode == 1
-    assert f'{tmp_path / "paper"}' in done.stderr
-    assert 'cannot be written: File too large' in words(done.stderr)
-    assert 'Traceback' not in done.stderr
-
-
 WITHOUT_PSUTIL = """
 import sys
 sys.modules['psutil'] = None

@@ -29,6 +29,7 @@ def test_it_converges(example):
     assert again.cost == pytest.approx(at.evaluation.cost, rel=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('example', ALL, ids=lambda example: example.name)
 def test_it_converges_from_guesses_about_its_own(example):
     problem = from_casadi(**example.stated)

@@ -52,23 +52,25 @@ class Escalation:
 
         Steps whose last plan reached the goal do not count, nor those before a closed road, nor
         those of a computer that is often late, which slows it down. The first remedy takes the
-        whole patience, each later one a third of it.
+        whole patience, each later one a third of it. On a road that is followed none is the last:
+        after them the first is tried again.
         """
         mission, start = state.mission, context.start
-        watch, goals = mission.watch, mission.goals
-        if not self._patience or goals.goal is None or mission.closed_road.obstacles:
+        watch, follows = mission.watch, mission.goals.goal is None
+        if not self._patience or mission.closed_road.obstacles:
             return None
         if watch.begun_at is not None:
             if (choice := self._move(state, seen, context)) is not None:
                 return choice
         else:
-            left, is_slow = way_left(self._settings, start, context.goal), state.lateness.halvings
-            watch.count(start.pose, left, is_excused=reached or is_slow > 0)
+            # A road that is followed has no end: whatever is driven is progress.
+            left = -watch.driven if follows else way_left(self._settings, start, context.goal)
+            watch.count(start.pose, left, is_excused=reached or state.lateness.halvings > 0)
         allowed = -(-self._patience // (_SOONER if watch.remedy else 1))
         if reached or watch.steps < allowed:
             return None
         watch.steps = 0
-        while watch.remedy < Remedy.GIVE_UP:
+        while watch.remedy < (Remedy.TURN if follows else Remedy.GIVE_UP):
             watch.remedy = Remedy(watch.remedy + 1)
             found = self._remedy(state, seen, context)
             if not isinstance(found, str):
@@ -78,6 +80,7 @@ class Escalation:
                 why = f'There was no progress for {seconds:g} s: {found}'
                 stop = self._checks.decisions.stop
                 return stop(state, seen.stamp, seen.pose, why, moving=start.moving)
+        watch.remedy = Remedy.NONE
         return None
 
     def _remedy(

@@ -45,6 +45,7 @@ class ProgressWatch:
         is_closed: True while every way leads through a place that did not fit.
         visited: Squares of the floor that it has been in.
         trail: Positions driven through, the latest last (x, y) [m].
+        driven: Length of all that was driven, but for backing out [m].
     """
 
     steps: int = 0
@@ -56,6 +57,7 @@ class ProgressWatch:
     is_closed: bool = False
     visited: set[tuple[int, int]] = field(default_factory=set)
     trail: list[tuple[float, float]] = field(default_factory=list)
+    driven: float = 0.0
 
     def drive(self, pose: Array) -> None:
         """Remember where the robot has been; backing out unwinds that."""
@@ -64,6 +66,7 @@ class ProgressWatch:
             while len(self.trail) > 1 and math.dist(self.trail[-1], here) < 2.0 * _SPACING:
                 self.trail.pop()
         elif not self.trail or math.dist(self.trail[-1], here) >= _SPACING:
+            self.driven += math.dist(self.trail[-1], here) if self.trail else 0.0
             self.trail = [*self.trail[1 - _LONGEST :], here]
 
     def count(self, pose: Array, left: float, *, is_excused: bool = False) -> None:

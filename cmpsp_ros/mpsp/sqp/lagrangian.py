@@ -97,49 +97,46 @@ def with_hessian(lin: Linearisation, H: Array) -> Linearisation:
     return replace(lin, L_XX=XX, L_UX=UX, L_UU=UU)
 
 
-def hold_rows(found: Curvature, path: BoolArray, bounds: BoolArray, weight: float) -> Curvature:
-    """Curvature with ``weight/2 |row|^2`` for terminal, path and bound rows that are held.
+def _with_rows(found: Curvature, path: BoolArray, bounds: BoolArray, weight: float) -> Array:
+    """Hessian with ``weight |row|^2`` for terminal, path and bound rows that hold.
 
     The masks are ``(N + 1, l)`` and ``(N + 1, r)``. Along the rows nothing changes; a Hessian that
     is positive there becomes positive everywhere, if the weight is large enough.
     """
     lin, H = found.linearisation, found.H.copy()
-    n = lin.A.shape[1]
-    L_Z = np.hstack([lin.L_X, lin.L_U])
     h_Z = np.hstack([lin.h_X, lin.h_U])
     H[-1] += weight * h_Z.T @ h_Z
-    L_Z[-1] += weight * lin.output_error @ h_Z
     if path.any():
         g_Z = np.where(path[:, :, None], np.concatenate([lin.g_X, lin.g_U], axis=2), 0.0)
         H += weight * g_Z.swapaxes(1, 2) @ g_Z
-        L_Z += weight * np.einsum('kl,kli->ki', np.where(path, lin.g, 0.0), g_Z)
-    own = range(n, H.shape[1])
+    own = range(lin.A.shape[1], H.shape[1])
     H[:, own, own] += weight * bounds
-    lin = replace(lin, L_X=L_Z[:, :n].copy(), L_U=L_Z[:, n:].copy())
-    return found._replace(linearisation=lin, H=H)
+    return H
 
 
-def descent_curvature(problem: OptimalControlProblem, at: Iterate) -> Array | None:
+def descent_curvature(
+    problem: OptimalControlProblem, at: Iterate, lin: Linearisation | None = None
+) -> Array | None:
     """Direction along which the cost falls by curvature alone; None at a minimum.
 
     A direction ``(N + 1, r)`` of length 1 that keeps the active constraints and along which the
     Hessian of the Lagrangian is negative: the iterate, at which the first-order conditions hold, is
     a saddle or a maximum. One Riccati sweep at a minimum, else eigenvalues of the condensed one.
+    `lin` has the exact Hessian of the cost.
 
     Raises:
         ProblemError: The problem does not give the curvature of its constraints.
     """
-    found = lagrangian_curvature(problem, at)
+    found = lagrangian_curvature(problem, at, lin)
     lin, size = found.linearisation, problem.size
     _, rho, beta = multipliers(at, lin)
     scale = _ACTIVE * (1.0 + float(np.abs(found.costates).max()))
+    size_H = float(np.abs(found.H).max())
     lower, upper = problem.control_lower - at.U, problem.control_upper - at.U
     is_bound = (np.abs(beta) > scale) | (lower == upper)
-    weight = _HELD * float(np.abs(found.H).max())
-    held = with_hessian(lin, hold_rows(found, rho > scale, is_bound, weight).H)
+    held = with_hessian(lin, _with_rows(found, rho > scale, is_bound, _HELD * size_H))
     free = np.full(size.state, np.inf)
-    least = _CURVATURE * float(np.abs(found.H).max())
-    if is_positive_definite(Subproblem(held, lower, upper, free), least):
+    if is_positive_definite(Subproblem(held, lower, upper, free), _CURVATURE * size_H):
         return None
     qp = condense(with_hessian(lin, found.H), lower, upper)
     tight = -qp.g > -_ACTIVE

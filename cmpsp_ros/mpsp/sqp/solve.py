@@ -17,6 +17,7 @@ from cmpsp_ros.mpsp.jit.watch import progress as compiling
 from cmpsp_ros.mpsp.options import Options
 from cmpsp_ros.mpsp.problem import OptimalControlProblem
 from cmpsp_ros.mpsp.qp import QPStatus
+from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 from cmpsp_ros.mpsp.results import Iterate, Record, Solution, Status, Step, violations
 from cmpsp_ros.mpsp.scaling import Scaling
 from cmpsp_ros.mpsp.sqp.cmpsp import CMPSP
@@ -145,7 +146,7 @@ class _Run:
             status, is_minimum, goes_on = self._status(residual), None, False
             is_last = at.index >= max_iterations
             if status is Status.CONVERGED:
-                direction, is_minimum = self._judge()
+                direction, is_minimum = self._judge(subproblem)
                 if direction is not None:
                     status = Status.NOT_A_MINIMUM
                     goes_on = not is_last and self._escape(direction)
@@ -240,10 +241,12 @@ class _Run:
             self.is_shooting, self.at = True, replace(at, step=None)
         return self.is_shooting
 
-    def _judge(self) -> tuple[Array | None, bool | None]:
+    def _judge(self, subproblem: Subproblem | None) -> tuple[Array | None, bool | None]:
         """Direction of negative curvature at the iterate, and whether it is a minimum."""
+        is_exact = self.is_shooting or self.options.hessian == 'exact'
+        lin = subproblem.linearisation if is_exact and subproblem is not None else None
         try:
-            direction = descent_curvature(self.problem, self.at)
+            direction = descent_curvature(self.problem, self.at, lin)
         except ProblemError:
             return None, None
         return direction, direction is None
@@ -277,7 +280,7 @@ class _Run:
             last.bound_multipliers,
             tuple(
                 each
-                for each in violations(at.evaluation, 0.0, 0.0)
+                for each in (violations(at.evaluation, 0.0, 0.0) if named else ())
                 if (each.stage, each.index, each.is_terminal) in named
             ),
             is_minimum,

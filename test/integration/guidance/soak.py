@@ -41,7 +41,7 @@ WARM = 5
 """Runs until caches and the pools of the middleware have filled."""
 
 GROWTH = 1.05
-LIMIT = 60.0
+LIMIT = 250.0
 """Longest wait for anything [s]."""
 
 

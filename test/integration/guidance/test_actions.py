@@ -92,7 +92,7 @@ def distance(client, x, y):
 def test_navigate_to_pose(drive, actions, client, record):
     recording = record()
     guidance = drive({'recorder_timeout': 30.0, 'goal.wait': 'true'})
-    client.until(lambda: len(client.decisions) > 3, 60.0)
+    client.until(lambda: len(client.decisions) > 3)
     assert {each['reason'] for each in client.decisions} == {'No goal has come yet (goal.wait).'}
     assert set(client.commands) == {(0.0, 0.0)}
 
@@ -209,7 +209,7 @@ def test_navigate_as_soon_as_possible(drive, actions, client, record):
     recording = record()
     given = {'goal.wait': 'true', 'goal.when': 'soonest', 'goal.nominal_speed': 0.8}
     guidance = drive({'recorder_timeout': 30.0, 'robot.max_wheel_acceleration': 60.0, **given})
-    client.until(lambda: client.decisions, 60.0)
+    client.until(lambda: client.decisions)
     goal = actions('NavigateToPose', 'navigate_to_pose', pose=place(5.0, -8.3))
     assert goal.result() == (GoalStatus.STATUS_SUCCEEDED, 0, '')
     assert distance(client, 5.0, -8.3) < 0.05

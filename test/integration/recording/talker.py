@@ -26,7 +26,7 @@ def publish_and_stop(recorder_pid):
     markers = node.create_publisher(MarkerArray, '/markers', LATCHED)
     # Latched before anybody listens.
     markers.publish(MarkerArray(markers=[Marker(id=7)]))
-    end = time.monotonic() + 60.0
+    end = time.monotonic() + 100.0
     while not all(each.get_subscription_count() for each in (commands, odometry, markers)):
         assert time.monotonic() < end, 'nobody listens'
         rclpy.spin_once(node, timeout_sec=0.02)

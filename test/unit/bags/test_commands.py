@@ -67,6 +67,6 @@ def test_recorder_and_export_load_no_compiled_code():
         capture_output=True,
         text=True,
         check=True,
-        timeout=60,
+        timeout=100,
     )
     assert done.stdout == 'False\n'

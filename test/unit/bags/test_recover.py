@@ -70,7 +70,7 @@ def test_killed(tmp_path, form):
         [sys.executable, '-c', KILLED, bag, repr(form), HELLO.hex()],
         env={**os.environ, 'PYTHONPATH': str(REPOSITORY)},
         check=False,
-        timeout=60,
+        timeout=100,
     )
     assert killed.returncode == -signal.SIGKILL
     with pytest.raises(BagError, match=f'the recording was cut off: .*`cmpsp recover {bag}`'):

@@ -185,7 +185,7 @@ def fill_disk(path, limit, storage='mcap'):
         capture_output=True,
         text=True,
         check=True,
-        timeout=60,
+        timeout=100,
     )
     assert done.stderr == ''
     return done.stdout.splitlines()

@@ -93,7 +93,7 @@ except KeyboardInterrupt:
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
 def test_an_interruption_while_a_node_is_started_is_not_forgotten(tmp_path, number):
     command = [sys.executable, '-c', INTERRUPTED, str(int(number)), str(tmp_path)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=100, check=True)
     assert (done.stdout, done.stderr) == ('interrupted True\n', '')
 
 
@@ -126,7 +126,7 @@ def child(tmp_path):
         process = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.DEVNULL)
         started.append(process)
         if code:
-            process.wait(20.0)
+            process.wait(100.0)
         return Child('guidance_node', process, log)
 
     yield start

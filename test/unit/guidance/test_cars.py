@@ -64,16 +64,13 @@ def test_it_turns_back_and_forth_where_it_cannot_drive_around():
 
 @pytest.mark.parametrize('heading', [1.5707963, -1.5707963])
 def test_into_a_bay_in_reverse_and_forward(heading):
-    given = f'goal.heading=[{heading}]'
-    run = drive('parking', given)
-    settings, decisions, motions, pose = run
+    settings, decisions, motions, pose = drive('parking', f'goal.heading=[{heading}]')
     assert_arrives(settings, decisions, motions, pose)
     assert_within_limits(settings, decisions, motions)
     # It stands there, too.
     assert np.hypot(*(motions[-1].pose[:2] - settings.goal)) < 1e-3
     last = [each.twist[0] for each in decisions if each.twist.any()][-30:]
     assert np.mean(last) * heading < 0.0
-    assert_the_same(run, drive('parking', given))
 
 
 def test_it_parks_in_a_gap_hardly_longer_than_the_car():

@@ -44,7 +44,7 @@ def get(server):
     connections = []
 
     def get(path, method='GET', **headers):
-        connections.append(http.client.HTTPConnection('127.0.0.1', port, timeout=10.0))
+        connections.append(http.client.HTTPConnection('127.0.0.1', port, timeout=100.0))
         connections[-1].request(method, path, headers=headers)
         answer = connections[-1].getresponse()
         return answer, answer.read()

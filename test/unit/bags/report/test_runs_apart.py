@@ -126,7 +126,7 @@ def test_a_car_is_shown_with_its_speed_and_its_steering(seen):
 def test_the_body_is_drawn_where_the_run_began_and_ended_and_goes_with_the_slider(seen):
     given = load_parameter_file('parking')
     car = seen('car', {**given, 'final_time': 2.0}, (0.4, 0.0))
-    (body,) = (each for each in traces(path([car]), 'robot') if 'meta' not in each)
+    (body,) = (each for each in traces(path([car]), 'outline of the robot') if 'meta' not in each)
     corners = np.array([body['x'], body['y']], dtype=float).T
     footprint = np.array([[0.4615, 0.155], [-0.1186, -0.155]])
     for start in (0.0, 0.8):

@@ -9,7 +9,15 @@ from endless import NOISE, drive, is_steady
 from scenarios import PERIOD, law_of
 from scenarios import drive as drive_law
 
-from cmpsp_ros.guidance import FallbackLevel, Follow, Goal, GoalError, GuidanceLaw, GuidanceSettings
+from cmpsp_ros.guidance import (
+    FallbackLevel,
+    Follow,
+    Goal,
+    GoalError,
+    GuidanceLaw,
+    GuidanceSettings,
+    Observation,
+)
 from cmpsp_ros.robots import DifferentialDrive
 from cmpsp_ros.world.obstacles import Obstacle
 from cmpsp_ros.world.roads import Annulus, arc_length_to, lookahead_point
@@ -71,3 +79,20 @@ def test_a_line_ahead_is_on_the_centre_line_in_the_direction_driven():
         assert math.cos(direction - way / 10.0) == pytest.approx(0.0, abs=1e-9)
         assert math.sin(direction - way / 10.0) == pytest.approx(math.copysign(1.0, way))
         assert arc_length_to(Annulus(), pose, (x, y)) == pytest.approx(way)
+
+
+def test_a_robot_that_is_stuck_tries_the_remedies_again_and_again():
+    given = settings(1.2, robot_radius=0.2)
+    law, pose = GuidanceLaw(given, given.world), np.array([0.0, -9.05, 0.0])
+
+    decisions = []
+    for step in range(100):
+        decisions.append(law.step(Observation(step * 200_000_000, pose)))
+        law.after_step()
+
+    reasons = [each.reason for each in decisions]
+    first = [k for k, each in enumerate(reasons) if 'There was no progress' in each]
+    assert first[0] == 16
+    assert len(first) > 1
+    assert any('turns on the spot' in each for each in reasons[first[0] : first[1]])
+    assert not any(each.finished for each in decisions)

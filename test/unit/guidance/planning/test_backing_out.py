@@ -70,6 +70,7 @@ def test_backward_to_where_nothing_was_seen_is_blind():
     assert not is_blind((0.5, 0.0, math.pi), 10.0, 4)
 
 
+@pytest.mark.slow
 def test_a_field_with_a_dead_end_costs_no_more_than_twice_the_time():
     task = replace(Study('clutter', assignments=('goal.when=soonest',)).run(29), patience=30.0)
     driven = drive(task)

@@ -48,7 +48,7 @@ def run(start):
     """Run a program, given as source; returns the words it says."""
 
     def run_program(source, *arguments):
-        said, problems = start(source, *arguments).communicate(timeout=120.0)
+        said, problems = start(source, *arguments).communicate(timeout=250.0)
         assert problems == ''
         return said.split()
 

@@ -106,7 +106,7 @@ def test_what_numba_keeps_for_others_is_loaded_as_ever(run, tmp_path):
 
 def test_two_processes_that_want_it_at_once_compile_it_once(start, folder):
     both = [start(SLOW), start(SLOW)]
-    said = sorted(each.communicate(timeout=120.0)[0] for each in both)
+    said = sorted(each.communicate(timeout=250.0)[0] for each in both)
     assert said == ['2 0\n', '2 1\n']
     assert len([*folder.glob('*.kernel')]) == 1
 

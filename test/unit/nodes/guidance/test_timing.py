@@ -154,11 +154,11 @@ def test_other_threads_go_on_as_before():
     def other():
         pid.append(threading.get_native_id())
         ready.set()
-        asked.wait(10.0)
+        asked.wait(100.0)
 
     thread = threading.Thread(target=other)
     thread.start()
-    ready.wait(10.0)
+    ready.wait(100.0)
     before = state(pid[0])
     scheduling = Scheduling(values(cpu=min(os.sched_getaffinity(0)), priority=1))
     scheduling.apply()

@@ -15,7 +15,7 @@ from cmpsp_ros.studies.monte_carlo.outcome import NAME, digest, open_results_log
 
 STUDY = Study('nominal', 1)
 RUNS = 48
-LIMIT = 60.0
+LIMIT = 250.0
 
 
 def until(condition):

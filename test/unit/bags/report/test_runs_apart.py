@@ -209,5 +209,3 @@ def test_what_only_simulator_and_sensors_know_has_looks_and_names_of_its_own(see
     assert {'seen by sensors', 'obstacle that only the simulator knows'} <= names
     # There is no road, no static obstacle, and nothing to be kept clear of.
     assert not names & {'road', 'obstacle', 'kept clear at samples', 'not seen yet'}
-
-

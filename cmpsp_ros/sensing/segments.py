@@ -31,6 +31,8 @@ _STRIDE: Final = 0.6
 """Distance of the legs of one person [m]."""
 _AROUND: Final = 0.15
 """Distance from where a mover is expected at which a hit may be on it [m]."""
+_BESIDE: Final = 0.05
+"""Distance from a mover up to which the nearest hit of a segment is on it [m]."""
 _STATIC, _ENTERED = 1, 2
 
 
@@ -129,7 +131,18 @@ def segments_of(
         nearest, is_cut = tuple(places[front].tolist()), (bool(cut_left), bool(cut_right))
         each = Segment(members, right, left, near, nearest, is_cut, entered, static, radius)
         _add_or_join(found, each, origin, movers)
-    return [each for each in found if len(each.members) >= _FEWEST and not each.is_background]
+    return [
+        each
+        for each in found
+        if len(each.members) >= _FEWEST and (not each.is_background or _is_on(movers, each))
+    ]
+
+
+def _is_on(movers: Array, segment: Segment) -> bool:
+    """True if a segment that is cut on one side is on a mover, who may stand at an edge of view."""
+    x, y = segment.front
+    away = np.hypot(movers[:, 0] - x, movers[:, 1] - y) - movers[:, 2]
+    return sum(segment.is_cut) < 2 and bool((away <= _BESIDE).any())
 
 
 def _add_or_join(found: list[Segment], segment: Segment, origin: Array, movers: Array) -> None:

@@ -132,6 +132,21 @@ def test_who_comes_out_from_behind_the_scanner_is_known_at_once(speed):
     assert min(known) <= 4.75
 
 
+def test_who_stands_at_the_edge_of_view_is_not_lost():
+    """One side of him is out of view, and what is seen has stood there for a second."""
+
+    def walker(time):
+        away = max(3.0 - time, 0.5)
+        return 4.0 - 0.5 * away, 3.0 - 0.87 * away
+
+    room = ScannedRoom(walkers=[walker], robot=lambda _time: (4.0, 3.0, 0.0))
+    tracks = [each for time, sighting in room.run(6.0) for each in sighting.tracks if time > 1.0]
+    assert len(tracks) > 10
+    assert {each.name for each in tracks} == {'person 1'}
+    assert max(each.position_stddev for each in tracks) < 0.15
+    assert np.hypot(*(occupied(room.known.at(0, np.zeros(3))) - walker(6.0)).T).min() < 0.3
+
+
 def turning_its_back(time):
     return 1.0, 3.0, 0.0 if time < 2.0 else math.pi
 

@@ -62,7 +62,7 @@ class Tape:
             elif name in _BINARY:
                 found.append(_BINARY[name](found[a], found[b]))
             else:
-                found.append(getattr(casadi, name)(found[a]))
+                found.append(getattr(casadi, name)(*(found[i] for i in (a, b) if i >= 0)))
         return found
 
 
@@ -100,6 +100,8 @@ def _no_value(self: Number, *_: Any) -> bool:
 for _name in _BINARY:
     setattr(Number, f'__{_name}__', _binary(_name, swapped=False))
     setattr(Number, f'__r{_name}__', _binary(_name, swapped=True))
+for _name in ('arctan2', 'hypot'):
+    setattr(Number, _name, _binary(_name, swapped=False))
 for _name in _UNARY:
     setattr(Number, _name, _unary(_name))
 for _name in _COMPARISONS:

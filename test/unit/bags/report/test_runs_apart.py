@@ -209,22 +209,3 @@ def test_what_only_simulator_and_sensors_know_has_looks_and_names_of_its_own(see
     assert {'seen by sensors', 'obstacle that only the simulator knows'} <= names
     # There is no road, no static obstacle, and nothing to be kept clear of.
     assert not names & {'road', 'obstacle', 'kept clear at samples', 'not seen yet'}
-
-
-def test_a_shape_at_the_border_is_shown_whole(seen):
-    low, high = 0.8, 6.0
-    wall = {
-        'obstacles.names': ['wall'],
-        'obstacles.wall.type': 'capsule',
-        'obstacles.wall.start': [1.0, low],
-        'obstacles.wall.end': [1.0, high],
-        'obstacles.wall.radius': 0.1,
-    }
-    away = {
-        'obstacles.names': ['wall', 'away'],
-        'obstacles.away.center': [1.0, 20.0],
-        'obstacles.away.radius': 0.1,
-    }
-    bottom, top = path([seen('run', {**FLOOR, **wall, **away})])['layout']['yaxis']['range']
-    assert high + 0.1 < top < 8.0
-    assert bottom < 0.0

@@ -112,7 +112,7 @@ _types_found: Final[dict[Any, Any]] = {}
 
 
 class _Outermost:
-    """What is changed while a function is translated, with all that it calls.
+    """Changes to numba and Python while a function is translated, with all that it calls.
 
     Objects stay, since numba makes many and to look through them takes a tenth. Types of arithmetic
     are found once: numba tries dozens of candidates at each ``+``.

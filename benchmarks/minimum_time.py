@@ -2,8 +2,8 @@
 
 `python -m benchmarks.minimum_time` drives a differential drive with limits of wheel speed and
 acceleration from rest to rest: to five goals on open floor, past a disc to some of them, and along
-two roads, with a limit of the lateral acceleration, too. IPOPT starts from the path driven, with as
-many steps, all of one duration.
+two roads, with limits of the lateral acceleration and of the jerk, too. IPOPT starts from the path
+driven, with as many steps, all of one duration.
 """
 
 from __future__ import annotations
@@ -42,6 +42,7 @@ _SLALOM: Final[dict[str, Any]] = {
     'road.type': 'corridor', 'road.points': _POINTS, 'road.half_width': [0.6],
     'goal.position': [12.0, -0.8], 'initial_pose': [3.0, 0.8, 0.0],
 }  # fmt: skip
+_SMOOTH: Final = {'robot.max_wheel_jerk': 100.0, 'solver.initial_iterations': 36}
 _LATERAL: Final = 'robot.max_lateral_acceleration'
 
 
@@ -61,6 +62,9 @@ COURSES: Final[Mapping[str, dict[str, Any]]] = {
     'ring, 0.15 m/s^2 across': {**_RING, _LATERAL: 0.15},
     'slalom, 0.5 m/s^2 across': {**_SLALOM, _LATERAL: 0.5},
     'slalom, 0.2 m/s^2 across': {**_SLALOM, _LATERAL: 0.2},
+    'floor, to the left, smooth': _floor(5.0, 4.0, **_SMOOTH),
+    'past a disc, smooth': _floor(6.0, 0.0, **_POST, **_SMOOTH),
+    'slalom, smooth': {**_SLALOM, **_SMOOTH},
 }  # fmt: skip
 """Parameters of every course that differ from the defaults."""
 

@@ -179,7 +179,7 @@ def targets(results: Results) -> Iterator[Target]:
         ('odometry to command over DDS: median [ms]', 1.2, lambda of: Spread.of(of.total).median),
         ('odometry to command over DDS: p99 [ms]', 4.0, lambda of: Spread.of(of.total).p99),
         ('odometry to command, first steps aside: p99 [ms]', 4.0, lambda of: of.under_way.p99),
-        ('of that the node itself: median [ms]', 0.3, lambda of: Spread.of(of.own).median),
+        ('in the node: median [ms]', 0.3, lambda of: Spread.of(of.own).median),
         (
             'from the start of the process to an active node: median [s]',
             1.5,

@@ -184,8 +184,8 @@ def _latency(results: Results) -> Rows:
         return
     for name, spread in (
         ('odometry to command', Spread.of(found.total)),
-        ('of that the node itself', Spread.of(found.own)),
-        ('of that the rest', found.rest),
+        ('in the node', Spread.of(found.own)),
+        ('outside the node', found.rest),
         ('odometry to command, first steps aside', found.under_way),
         ('from the start of the process to an active node', Spread.of(found.starts * 1e3)),
     ):

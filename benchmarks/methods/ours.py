@@ -20,8 +20,8 @@ from cmpsp_ros.guidance import (
     shift,
     to_nanoseconds,
 )
-from cmpsp_ros.guidance.formulation import OcpFormulation
-from cmpsp_ros.guidance.planning import FUNCTIONS, Planner, PlanningContext
+from cmpsp_ros.guidance.formulation import FUNCTIONS, OcpFormulation
+from cmpsp_ros.guidance.planning import Planner, PlanningContext
 from cmpsp_ros.guidance.safety import Validator
 from cmpsp_ros.mpsp import SLACK_TOLERANCE, Options
 from cmpsp_ros.mpsp.qp.riccati import Outcome

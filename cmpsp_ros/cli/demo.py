@@ -143,8 +143,8 @@ def _table(summary: Summary, scenario: Scenario) -> Table:
         table.add_row(f'at {passing.goal.time:g} s', str(passing))
     if summary.speed is not None:
         table.add_row('mean speed along the road', f'{summary.speed:.4f} m/s')
-    elif not summary.passings:
-        table.add_row('miss at the final time', f'{summary.miss:.3g} m')
+    elif summary.miss is not None and not summary.passings:
+        table.add_row('miss at the final time', f'{round(summary.miss, 6):.3g} m')
     for name, value in (
         ('least clearance, between samples too', f'{summary.clearance:+.4f} m'),
         ('largest wheel speed', f'{summary.max_wheel_speed:.2f} rad/s ({limited})'),

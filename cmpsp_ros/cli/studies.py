@@ -135,7 +135,8 @@ def study(
             outcome, changes, picture = monte_carlo.run_one(chosen, only, folder)
             say('\n'.join(changes))
             verdict = outcome.verdict(chosen.tolerance)
-            say(f'{verdict}: miss {outcome.miss:.3g} m, clearance {outcome.clearance:+.3f} m')
+            miss = f'miss {round(outcome.miss, 6):.3g} m'
+            say(f'{verdict}: {miss}, clearance {outcome.clearance:+.3f} m')
             say(f'{picture}: drawn')
             return
         try:

@@ -69,6 +69,11 @@ class LawSettings(TaskSettings):
         """Maximum wheel-speed change between commands, for any step [rad/s]; may be infinite."""
         return self.robot.max_wheel_acceleration * self.control_period
 
+    @property
+    def max_second_difference(self) -> float:
+        """Maximum change of that change between commands [rad/s]; may be infinite."""
+        return self.robot.max_wheel_jerk * self.control_period**2
+
     @cached_property
     def comes_to_rest(self) -> bool:
         """True if plans end at rest, where the limit of acceleration makes that a difference."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Final
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.guidance.decision import Decision, Plan
+from cmpsp_ros.guidance.decision import Decision, FallbackLevel, Plan
 from cmpsp_ros.guidance.messages.tracks import MovingObject
 from cmpsp_ros.guidance.mission.closed_road import ClosedRoad
 from cmpsp_ros.guidance.mission.goal_manager import GoalManager
@@ -261,7 +261,9 @@ class LawState:
     def record(self, decision: Decision, tracks: tuple[MovingObject, ...] = ()) -> Decision:
         """Record a decision, completed with slip, lag and surroundings."""
         estimator, response = self.estimator, self.estimator.response
-        estimator.note_command(decision.stamp, self.following.previous_control, decision.twist)
+        stops = decision.level == FallbackLevel.STOP
+        control = self.following.previous_control
+        estimator.note_command(decision.stamp, control, decision.twist, stops=stops)
         self.following.commanded_at = decision.stamp
         if self.sighted is not None:
             decision = decision._replace(sighting=self.sighted)

@@ -101,6 +101,11 @@ def _parameters() -> Iterator[Parameter]:
         'braking path must be clear, too. 0: no limit, and immediate stops. A value above 0 '
         'compiles its own kernels.',
         range=NOT_NEGATIVE, **_FIXED, **guidance_only)
+    yield robot('robot.max_wheel_jerk', _DOUBLE, 0.0, 'rad/s^3',
+        "Limit of the change of each wheel's acceleration, from one command to the next; needs "
+        '`robot.max_wheel_acceleration`; of `differential_drive` and `ackermann` robots. Stops do '
+        'not keep it. 0: no limit. A value above 0 compiles its own kernels.',
+        range=NOT_NEGATIVE, **_FIXED, **guidance_only)
     yield robot('robot.max_lateral_acceleration', _DOUBLE, 0.0, 'm/s^2',
         'Limit of speed times turn rate: a car that does not slide, a tall robot that does not '
         'tip. Commands keep it; bends are driven more slowly. 0: no limit.',

@@ -19,6 +19,8 @@ from cmpsp_ros.parameters.table import Values
 
 FOOTPRINT: Final = 'robot.footprint'
 _LATERAL: Final = 'robot.max_lateral_acceleration'
+_ACCELERATION: Final = 'robot.max_wheel_acceleration'
+_JERK: Final = 'robot.max_wheel_jerk'
 
 _CORNERS: Final = 'corners around the robot, [[x1, y1], [x2, y2], [x3, y3], ...]'
 _UNREADABLE: Final = (SyntaxError, ValueError, MemoryError, RecursionError)
@@ -53,6 +55,12 @@ def robot_problems(values: Values, robot: robots.Robot) -> Iterator[Problem]:
         yield Problem('robot.joint_names', describe(names), f'{wheels} names, one a wheel')
     if model == 'mecanum' and values['robot.half_wheel_base'] == 0.0:
         yield Problem('robot.half_wheel_base', '0.0 m', 'a distance above 0 for a mecanum robot')
+    for key in (_JERK, 'robot.max_steering_rate') if values[_ACCELERATION] == 0.0 else ():
+        if values[key]:
+            yield Problem(_ACCELERATION, describe(0.0), f'above 0 where {key} is')
+    if values[_JERK] and model not in {'differential_drive', 'ackermann'}:
+        wanted = f'0 for robot.model {model}: differential_drive and ackermann have the limit'
+        yield Problem(_JERK, describe(values[_JERK]), wanted)
     if model == 'ackermann':
         yield from _car_problems(values)
     if model == 'differential_drive':
@@ -68,10 +76,6 @@ def _car_problems(values: Values) -> Iterator[Problem]:
     for key in ('robot.wheel_base', 'robot.max_steering_angle'):
         if values[key] < _SINGULAR:
             yield Problem(key, describe(values[key]), f'{_SINGULAR:.0e} or more for a car')
-    rate, acceleration = values['robot.max_steering_rate'], values['robot.max_wheel_acceleration']
-    if rate and not acceleration:
-        wanted = 'above 0 where robot.max_steering_rate is'
-        yield Problem('robot.max_wheel_acceleration', describe(acceleration), wanted)
     if values['goal.hold']:
         yield Problem('goal.hold', 'true', 'false for a car: it cannot turn where it stands')
 
@@ -91,7 +95,8 @@ def _wheels(values: Values) -> dict[str, float]:
     return {
         'wheel_radius': values['robot.wheel_radius'],
         'max_wheel_speed': values['robot.max_wheel_speed'] or math.inf,
-        'max_wheel_acceleration': values['robot.max_wheel_acceleration'] or math.inf,
+        'max_wheel_acceleration': values[_ACCELERATION] or math.inf,
+        'max_wheel_jerk': values[_JERK] or math.inf,
         'max_lateral_acceleration': values[_LATERAL] or math.inf,
     }
 

@@ -78,6 +78,7 @@ class Robot(ABC):
         wheel_radius: Of every wheel, the paper's ``r`` [m].
         max_wheel_speed: Limit (94) of every wheel [rad/s]; infinite when there is none.
         max_wheel_acceleration: Limit of every wheel [rad/s^2]; infinite when there is none.
+        max_wheel_jerk: Limit of its change with time [rad/s^3]; infinite for none.
         max_lateral_acceleration: Limit of speed times turn rate [m/s^2]; infinite for none.
     """
 
@@ -89,6 +90,7 @@ class Robot(ABC):
     wheel_radius: float = 0.035
     max_wheel_speed: float = math.inf
     max_wheel_acceleration: float = math.inf
+    max_wheel_jerk: float = math.inf
     max_lateral_acceleration: float = math.inf
 
     @property

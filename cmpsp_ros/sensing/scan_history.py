@@ -164,22 +164,23 @@ def label(labels: IntArray, points: Array, views: Array, origins: Array, ages: A
     places near the sensor that were free, and then out of sight.
     """
     for i in range(points.shape[0]):
-        free, most, oldest, recent = 0, 0, 0.0, ages.shape[0]
+        free, oldest, is_recent = 0, 0.0, True
         for k in range(ages.shape[0]):
-            if ages[k] > _RECENT and recent > k:
+            if is_recent and ages[k] > _RECENT:
                 x, y = points[i, 0] - origins[0, 0], points[i, 1] - origins[0, 1]
-                if most >= _IN_A_ROW or oldest >= _LONG_AGO or x * x + y * y > _BESIDE * _BESIDE:
+                if oldest >= _LONG_AGO or x * x + y * y > _BESIDE * _BESIDE:
                     break
-                recent = k
+                is_recent = False
             found = status(views[k], origins[k], points[i, 0], points[i, 1])
-            if found == _HIT and k >= recent:
-                break
             if found == _FREE:
                 free += 1
-                most = max(most, free)
+                if free == _IN_A_ROW:
+                    break
             elif found == _HIT:
+                if not is_recent:
+                    break
                 free, oldest = 0, ages[k]
-        if most >= _IN_A_ROW:
+        if free == _IN_A_ROW:
             labels[i] = 2
         elif oldest >= _LONG_AGO:
             labels[i] = 1

@@ -93,7 +93,7 @@ LOOKS: Final = {
     'person': Look('path of a person', PERSON, width=1.0),
     'robot': Look('other robot', TEXT, width=1.2, dash='dot'),
     'trail': Look('', '', width=0.6),
-    'body': Look('robot', '', width=1.4),
+    'body': Look('outline of the robot', '', width=1.4),
 }
 """By kind, from the lowest to the uppermost."""
 

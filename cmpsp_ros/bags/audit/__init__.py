@@ -26,6 +26,7 @@ CHECKS: Final = (
     commands.finite,
     commands.wheel_limits,
     commands.acceleration,
+    commands.jerk,
     commands.lateral_acceleration,
     commands.steering,
     paths.commanded,

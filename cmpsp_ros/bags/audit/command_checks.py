@@ -115,6 +115,33 @@ def acceleration(record: AuditRecord) -> Iterator[Sample]:
 
 
 @check(
+    'jerk', 'Commands: jerk', needs=(*WHEELS[:2], 'control_period'), of_decisions=True,
+    unit='rad/s', good='The acceleration of no wheel changes faster than it may.',
+    bad='The change of a wheel is to change by {worst:.4g} rad/s from one command to the next.',
+)  # fmt: skip
+def jerk(record: AuditRecord) -> Iterator[Sample]:
+    """Second difference of the wheel speeds of each command of a plan.
+
+    Stops are exempt, and two commands after a gap. After a stop, the acceleration counts as 0.
+    """
+    limit = record.settings.max_second_difference
+    if not math.isfinite(limit):
+        raise SkippedError('The wheels have no such limit (robot.max_wheel_jerk is 0).')
+    pairs = record.pairs
+    wheels = record.settings.robot.wheel_speeds(record.commands.twists)
+    changes = np.diff(wheels, axis=0, prepend=0.0 * wheels[:1])
+    answered = record.decisions[pairs.decisions :][: pairs.count]
+    stops = np.ones(len(wheels), dtype=bool)
+    stops[pairs.commands :][: len(answered)] = [each.level == 'stop' for each in answered]
+    gaps = _unplanned(record) & ~stops
+    before = np.where(stops[:-1, None], 0.0, changes[:-1])
+    found = np.abs(changes - np.vstack([0.0 * wheels[:1], before])).max(axis=1)
+    found[stops | gaps | np.append(False, gaps[:-1])] = 0.0
+    limits = np.full(len(found), limit)
+    yield Sample.largest(found, limits, record.commands.stamps, found - limit - CHANGE_ROUNDING)
+
+
+@check(
     'lateral_acceleration', 'Commands: lateral acceleration', unit='m/s^2',
     good='No command turns faster than its speed allows.',
     bad='A command asks for a lateral acceleration of {worst:.4g} m/s^2.',

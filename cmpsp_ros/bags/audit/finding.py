@@ -62,7 +62,7 @@ class Finding:
         return self._text(self.limit)
 
     def _text(self, value: float | None) -> str:
-        return '' if value is None else f'{value:.4g} {self.unit}'.rstrip()
+        return '' if value is None else f'{round(value, 6):.4g} {self.unit}'.rstrip()
 
 
 def overall(findings: Iterable[Finding]) -> CheckOutcome:

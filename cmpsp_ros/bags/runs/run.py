@@ -247,8 +247,8 @@ class Passing:
     def __str__(self) -> str:
         """Both misses in words."""
         where = self.goal.name if self.goal.name not in ('', 'goal') else 'the goal'
-        turned = '' if self.heading_miss is None else f' and {self.heading_miss:.3g} rad'
-        return f'{self.miss:.3g} m{turned} from {where}'
+        turned = '' if self.heading_miss is None else f' and {round(self.heading_miss, 6):.3g} rad'
+        return f'{round(self.miss, 6):.3g} m{turned} from {where}'
 
 
 def mean_speed(settings: GuidanceSettings, poses: Array, seconds: float) -> float:

@@ -13,5 +13,6 @@ if TYPE_CHECKING:
         sample_space,
     )
     from cmpsp_ros.guidance.formulation.ocp_functions import N_EDGE_CONSTRAINTS, GuidanceData
+    from cmpsp_ros.guidance.formulation.rate_problem import FUNCTIONS
 
 __getattr__, __all__ = lazy_exports(__name__, __file__)

@@ -57,11 +57,14 @@ class OcpFormulation:
         settings: All settings of the guidance law.
         world: Road and static obstacles of the last question.
         penalty_path: Weight of each path constraint, shape ``(D (2 + M + S) + R,)`` [1/m]: for
-            every disc edges, static obstacles and slots of moving ones, then limits of wheels and
-            of the lateral acceleration.
+            every disc edges, static obstacles and slots of moving ones, then limits of wheels, of
+            the lateral acceleration, of jerk and of changes.
         heading_trust_region: Largest change of heading in one iteration, infinite for none [rad].
         remembers_control: True if the previous control is part of the state: it has a cost, or a
-            limit, or there are three controls, for which code of one size is enough.
+            limit, or there are three controls, for which code of one size is enough. A jerk limit
+            adds the one before it.
+        jerk_rows: Number of those that limit the jerk.
+        first_jerk_row: Index of the first of them.
         kind: All that the types of a planner's memory and functions depend on.
         layout: All that its memory depends on: the kind, and the weights of path constraints.
     """
@@ -73,13 +76,15 @@ class OcpFormulation:
         obstacles = len(world.shapes) + self._slots
         # The robot cannot exceed its own limits: they are never relaxed.
         changes = rate_rows(settings.max_wheel_change, settings.robot.rate_limits)
+        self.jerk_rows = rate_rows(settings.max_second_difference, settings.robot.wheels)
         self.penalty_path = np.array(
             len(settings.footprint.centers)
             * ([PENALTIES['edge']] * N_EDGE_CONSTRAINTS + [PENALTIES['obstacle']] * obstacles)
             + [math.inf] * settings.robot.limit_rows
             + [_LATERAL_PENALTY] * settings.robot.lateral_rows
-            + [math.inf] * changes
+            + [math.inf] * (self.jerk_rows + changes)
         )
+        self.first_jerk_row = len(self.penalty_path) - changes - self.jerk_rows
         self.heading_trust_region = settings.solver.heading_trust_region or math.inf
         has_rates = settings.weights.control_rate > 0.0 or changes > 0
         self.remembers_control = has_rates or settings.robot.n_controls > _FEW_CONTROLS
@@ -89,6 +94,7 @@ class OcpFormulation:
             settings.solver.hessian,
             settings.weights.control_rate,
             settings.max_wheel_change,
+            settings.max_second_difference,
             self.heading_trust_region,
         )
         self.layout = self.kind, self.penalty_path.tobytes()

@@ -14,7 +14,6 @@ from cmpsp_ros.guidance.mission.return_to_goal import turn_rate
 from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.times import Horizon
-from cmpsp_ros.robots.motion import within_ramp
 
 _SPEED: Final = 0.3
 """Speed of a robot that backs out, at most [m/s], and half of its pace."""
@@ -68,8 +67,7 @@ def edge_away(settings: LawSettings, start: PlanStart, horizon: Horizon, delay: 
 def _plan(
     settings: LawSettings, start: PlanStart, horizon: Horizon, delay: int, controls: Array
 ) -> Plan:
-    limits = start.previous_control, settings.max_wheel_change, start.robot.time_scaling
-    controls = within_ramp(controls, horizon.durations, *limits)
+    controls = start.followed(settings, controls, horizon.durations)
     return Plan(
         horizon, controls, start.robot.roll_out(start.pose, controls, horizon.durations), delay
     )

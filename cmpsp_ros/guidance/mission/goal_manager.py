@@ -236,7 +236,8 @@ class GoalManager:
         time = abs(length) / settings.pace
         if settings.robot.lateral_rows and search is None and road.has_center_line:
             time = _time_in_bends(settings, start, goal, length)
-        return time + turn / turn_rate(settings)
+        smooth = settings.robot.max_wheel_acceleration / settings.robot.max_wheel_jerk
+        return time + turn / turn_rate(settings) + (smooth if math.isfinite(smooth) else 0.0)
 
     def _set_out(self, goal: Goal, begin: int, seconds: float, world: World) -> None:
         """Drive to a goal from now on, to be passed at a control instant."""

@@ -2,6 +2,6 @@
 
 from cmpsp_ros.guidance.planning.candidate import SolveResult
 from cmpsp_ros.guidance.planning.initial_trajectories import along_road, initial_guess
-from cmpsp_ros.guidance.planning.planner import FUNCTIONS, Planner
+from cmpsp_ros.guidance.planning.planner import Planner
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 from cmpsp_ros.guidance.planning.reeds_shepp import manoeuvres

@@ -163,6 +163,7 @@ class ArrivalTime:
         return (
             (candidate.feasible or (candidate.admissible and is_tight))
             and candidate.verdict.worst_margin >= -TOUCHING
+            and not candidate.result.brakes_late
             and candidate.reaches_goal(self.settings, tolerances)
         )
 

@@ -51,6 +51,7 @@ class SolveResult(NamedTuple):
         active_rows: Constraints active in the last one.
         reason: Status of the last one, in words.
         work: Visits of a stage that the iterations took; 0 if they are not counted.
+        brakes_late: Whether too little time is left to come to rest within the limit of jerk.
     """
 
     plan: Plan
@@ -64,6 +65,7 @@ class SolveResult(NamedTuple):
     active_rows: int
     reason: str
     work: int = 0
+    brakes_late: bool = False
 
 
 class Candidate(NamedTuple):

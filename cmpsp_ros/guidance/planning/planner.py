@@ -9,7 +9,6 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.guidance.decision import Plan
-from cmpsp_ros.guidance.formulation import ocp_functions
 from cmpsp_ros.guidance.formulation.guidance_problem import guidance_data, target_of
 from cmpsp_ros.guidance.formulation.ocp_formulation import (
     OcpFormulation,
@@ -17,24 +16,27 @@ from cmpsp_ros.guidance.formulation.ocp_formulation import (
     terminal_penalty,
 )
 from cmpsp_ros.guidance.formulation.ocp_functions import LATERAL_PART, WHEEL_ROUNDING, GuidanceData
+from cmpsp_ros.guidance.formulation.rate_problem import (
+    CompiledProblem,
+    ProblemData,
+    compile_problem,
+    problem_data,
+)
 from cmpsp_ros.guidance.goals import Target
 from cmpsp_ros.guidance.horizon import remaining
 from cmpsp_ros.guidance.planning.candidate import SolveResult
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
+from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.solver_settings import UNLIMITED
 from cmpsp_ros.guidance.times import Horizon, to_nanoseconds
 from cmpsp_ros.mpsp import SLACK_TOLERANCE, Dimensions, Options
-from cmpsp_ros.mpsp.models import CONTROL_RATE, ControlRateData
 from cmpsp_ros.mpsp.qp import RICCATI_ACTIVE_SET, QPStatus
 from cmpsp_ros.mpsp.qp.riccati import Outcome
-from cmpsp_ros.mpsp.sqp import Driver, Entries, Functions
+from cmpsp_ros.mpsp.sqp import Driver
 from cmpsp_ros.robots import Robot
-from cmpsp_ros.robots.motion import within_ramp
 from cmpsp_ros.world import FreeSpace
 
-FUNCTIONS: Final = Functions(ocp_functions.predict, ocp_functions.evaluate, ocp_functions.linearise)
-"""The robot's problem, compiled."""
-
+_ROUNDED_UP: Final = 1.0 + 1e-9
 _WORK_OF_BACK_END: Final = 10_000
 """Work of an iteration of a QP back end at a stage, in visits of a stage."""
 _STATUS: Final[dict[int, QPStatus]] = {
@@ -62,20 +64,6 @@ class _Counters(NamedTuple):
         return cls(*own, head['iterations'], head['work'])
 
 
-class CompiledProblem(NamedTuple):
-    """Machine code for formulations of one kind.
-
-    Attributes:
-        kind: The kind.
-        entries: Of the problem and the iteration.
-        inner: Addresses of the functions that `CONTROL_RATE` calls; None without it.
-    """
-
-    kind: tuple[object, ...]
-    entries: Entries
-    inner: IntArray | None
-
-
 class Planner:
     """Improves control histories.
 
@@ -99,13 +87,12 @@ class Planner:
         # Whether the speed at the end of a plan may be limited.
         self._is_bounded = settings.comes_to_rest or settings.robot.steering_limits is not None
         self._period = settings.control_period
-        self._rate, self._max_change = settings.weights.control_rate, settings.max_wheel_change
+        self._max_change, self._jolt = settings.max_wheel_change, settings.max_second_difference
         # The problem, for the space, target and robot that it was made for.
         self._posed: tuple[FreeSpace, Target, Robot] | None = None
         self._problem: GuidanceData
         self._horizon: Horizon | None = None
-        # Addresses of the functions that `CONTROL_RATE` calls.
-        self._inner: IntArray | None = None
+        self._end_jerk = math.inf
         period = to_nanoseconds(settings.control_period)
         longest = remaining(0, period, to_nanoseconds(settings.longest_horizon))
         # By the number of outputs, kept for reuse; the second are the fallback of the compiled
@@ -115,19 +102,11 @@ class Planner:
         self._target = settings.target
         self._use_driver(len(longest.durations))
         if compiled is None or compiled.kind != formulation.kind:
-            compiled = self._compile(longest)
-        self.compiled, self._inner = compiled, compiled.inner
-
-    def _compile(self, horizon: Horizon) -> CompiledProblem:
-        formulation, settings = self._formulation, self._formulation.settings
-        nothing = np.zeros((len(horizon.edges), settings.robot.n_controls))
-        context = PlanningContext.at_pose(settings, formulation.world, np.zeros(3), horizon)
-        data = self._data(context, nothing)
-        if not isinstance(data, ControlRateData):
-            return CompiledProblem(formulation.kind, FUNCTIONS.entries(data, self._ws), None)
-        inner = FUNCTIONS.addresses(data.inner, self._ws)
-        entries = CONTROL_RATE.entries(data._replace(functions=inner), self._ws)
-        return CompiledProblem(formulation.kind, entries, inner)
+            nothing = np.zeros((len(longest.edges), settings.robot.n_controls))
+            context = PlanningContext.at_pose(settings, formulation.world, np.zeros(3), longest)
+            data = self._data(context, nothing)
+            compiled = compile_problem(formulation, data, context.start, self._driver)
+        self.compiled = compiled
 
     def reformulate(self, formulation: OcpFormulation) -> None:
         """Take another formulation with the same layout, and keep memory and warm start."""
@@ -164,19 +143,20 @@ class Planner:
         over = 0
         if begun is not None:
             over = int(begun.edges.searchsorted(horizon.edges[0], side='right')) - 1
-        durations, previous = horizon.durations, context.start.previous_control
-        robot = context.start.robot
+        start, robot = context.start, context.start.robot
         if self._is_limited:
             guess = robot.all_limited(guess, WHEEL_ROUNDING)
         if robot.max_lateral_acceleration < math.inf:
             guess = robot.slowed_in_turns(guess, LATERAL_PART)
         if self._max_change < math.inf:
-            guess = within_ramp(guess, durations, previous, self._max_change, robot.time_scaling)
+            guess = start.followed(self._formulation.settings, guess, horizon.durations)
         self._ws.trial.U[: steps + 1] = guess
         self._limit[0], self._work_limit[0] = limit, work_limit
+        self._end_jerk = math.inf
         if self._is_bounded:
             self._bound_speeds(self._driver, context)
-        data = self._data(context, guess)
+        inner = self._data(context, guess)
+        data = problem_data(self._formulation, inner, start, self.compiled, self._end_jerk)
         self._driver.improve(self.compiled.entries, data, steps, over)
         counters = self._counters
         outcome = counters.outcome.item()
@@ -184,14 +164,11 @@ class Planner:
             work = counters.work.item() + _WORK_OF_BACK_END * limit * (steps + 1)
             if outcome == Outcome.NO_CURVATURE or work <= work_limit:
                 return self._improve_by_back_end(guess, context, data, limit)._replace(work=work)
-        return _summary(self._driver, counters, context)
+        found = _summary(self._driver, counters, context)
+        return found._replace(brakes_late=_ROUNDED_UP * self._jolt < self._end_jerk < math.inf)
 
     def _improve_by_back_end(
-        self,
-        guess: Array,
-        context: PlanningContext,
-        data: GuidanceData | ControlRateData,
-        limit: int,
+        self, guess: Array, context: PlanningContext, data: ProblemData, limit: int
     ) -> SolveResult:
         """Use a QP back end, which can add curvature, where the compiled solver fails."""
         steps, outputs = len(context.horizon.durations), terminal_constraint(self._target)
@@ -207,8 +184,8 @@ class Planner:
         other.improve(self.compiled.entries, data, steps, 0)
         return _summary(other, _Counters.of(other), context)
 
-    def _data(self, context: PlanningContext, guess: Array) -> GuidanceData | ControlRateData:
-        pose, robot, world, moving, progress, previous, *_ = context.start
+    def _data(self, context: PlanningContext, guess: Array) -> GuidanceData:
+        pose, robot, world, moving, progress, *_ = context.start
         formulation, target = self._formulation, self._target
         durations = context.horizon.durations
         pose = np.ascontiguousarray(pose, dtype=np.float64)
@@ -222,12 +199,7 @@ class Planner:
                 robot, space, weights, pose, goal, durations, hessian, heading
             )
         # `_replace` takes several times as long.
-        data = GuidanceData(pose, progress, durations, *self._problem[3:])
-        if not formulation.remembers_control:
-            return data
-        previous = np.ascontiguousarray(previous, dtype=np.float64)
-        limits = self._max_change, robot.rate_limits
-        return ControlRateData(data, len(durations), self._rate, previous, *limits, self._inner)
+        return GuidanceData(pose, progress, durations, *self._problem[3:])
 
     def _use_driver(self, steps: int) -> None:
         """Use memory for so many steps at least; a new one has no warm start."""
@@ -249,7 +221,7 @@ class Planner:
         formulation = self._formulation
         settings = formulation.settings
         controls = settings.robot.n_controls
-        states = 3 + controls if formulation.remembers_control else 3
+        states = 3 + controls * (formulation.remembers_control + (formulation.jerk_rows > 0))
         penalty_path = formulation.penalty_path
         size = Dimensions(steps, states, controls, outputs, len(penalty_path))
         trust_radius = np.full(states, math.inf)
@@ -288,8 +260,20 @@ class Planner:
             largest = np.clip(np.maximum(slow, braked), 0.0, bounds[:n])
         else:
             return
+        if self._jolt < math.inf and context.ends_at_rest:
+            self._end_jerk, largest = self._less_jerk(context.start, largest)
         ws.upper[: len(durations), : largest.shape[1]] = largest
         ws.lower[:] = -ws.upper
+
+    def _less_jerk(self, start: PlanStart, bounds: Array) -> tuple[float, Array]:
+        """Largest jerk to rest, and bounds of speeds ``(N, n)`` that leave time to brake so."""
+        n, jolt, last = bounds.shape[1], self._jolt, len(bounds) - 1
+        still = np.tile(start.robot.stopped(start.previous_control), (last + 1, 1))
+        braked = start.smoothed(self._formulation.settings, still)[:, :n]
+        before = np.vstack([start.previous_control[:n], braked])[-2]
+        bounds[last] = np.minimum(bounds[last], jolt)
+        rest = braked[last], before - 2.0 * braked[last]
+        return max(jolt, float(np.abs(rest).max())), np.maximum(bounds, np.abs(braked))
 
     def _set_tolerances(self, driver: Driver) -> None:
         run, outputs = driver.ws.run, terminal_constraint(self._target)

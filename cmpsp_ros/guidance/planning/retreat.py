@@ -21,7 +21,6 @@ from cmpsp_ros.guidance.safety.validation import TOUCHING
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.times import Horizon
 from cmpsp_ros.robots import placed
-from cmpsp_ros.robots.motion import within_ramp
 from cmpsp_ros.world import FreeSpace
 from cmpsp_ros.world.obstacles import MovingDiscs
 
@@ -218,8 +217,7 @@ class RetreatPlanner:
             twist = self._twist(angle, distance, duration, looks_back=looks_back)
             controls[k] = robot.limited(robot.controls(twist))
             pose = robot.roll_out(pose, controls[k : k + 1], durations[k : k + 1])[-1]
-        limits = start.previous_control, settings.max_wheel_change, robot.time_scaling
-        return within_ramp(controls, durations, *limits)
+        return start.followed(settings, controls, durations)
 
     def _twist(self, angle: float, distance: float, duration: float, *, looks_back: bool) -> Array:
         """Twist towards a point at an angle ahead or behind; it turns to look before it drives."""

@@ -222,13 +222,14 @@ class Selection:
     ) -> list[Alternative]:
         """New plans; without guesses, of homotopy classes that no plan without a flaw has yet."""
         timed, tried = self._improver.timed, guesses or []
-        if guesses is None:
+        found: list[Alternative] = []
+        if guesses is not None:
+            found = self._made_from(guesses[1:], context)
+        elif self._improver.work_left > 0:
             taken = {each.homotopy_class for each in known if not each.score.flawed}
             capacity = self.limit - len(known)
             fresh = timed('solve', self.guesses.fresh, context, capacity, taken)
             found = self._made_from(fresh[:capacity], context)
-        else:
-            found = self._made_from(guesses[1:], context)
         every = [*known, *found]
         if not context.at_rest or not all(each.score.flawed for each in every):
             return found

@@ -25,6 +25,7 @@ from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.times import to_nanoseconds
 from cmpsp_ros.guidance.world import World
 from cmpsp_ros.robots import Robot
+from cmpsp_ros.robots.motion import smoothed, within_ramp
 from cmpsp_ros.sensing import Sighting
 from cmpsp_ros.world.obstacles import NOTHING_MOVES, MovingDiscs
 from cmpsp_ros.world.roads import project_on_path
@@ -84,6 +85,8 @@ class PlanStart(NamedTuple):
             stopped.
         among_people: Whether anything that moves was seen in this run.
         touchable: Those of `reachable`, as large as they were seen.
+        previous_change: By how much the control until then differs from the one before it, shape
+            ``(r,)``; 0 after a stop, whose braking no limit of jerk holds for.
     """
 
     pose: Array
@@ -95,6 +98,25 @@ class PlanStart(NamedTuple):
     reachable: MovingDiscs = NOTHING_MOVES
     among_people: bool = False
     touchable: MovingDiscs = NOTHING_MOVES
+    previous_change: Array = AT_REST
+
+    def followed(self, settings: LawSettings, controls: Array, durations: Array) -> Array:
+        """Controls ``(N + 1, r)`` slowed down until the wheels follow them from this start.
+
+        Each of them lasts its duration ``(N,)`` [s]. With a limit of jerk their path changes, too.
+        """
+        limits = self.previous_control, settings.max_wheel_change, self.robot.time_scaling
+        controls = within_ramp(controls, durations, *limits)
+        return self.smoothed(settings, controls)
+
+    def smoothed(self, settings: LawSettings, controls: Array) -> Array:
+        """Controls ``(N + 1, r)`` that follow these within the limit of jerk, if there is one."""
+        robot, most = self.robot, settings.max_wheel_change
+        limits = robot.max_wheel_speed, most, settings.max_second_difference
+        if limits[-1] == math.inf:
+            return controls
+        before = self.previous_control, self.previous_change
+        return smoothed(controls, *before, limits, robot.n_speeds)
 
 
 class Estimate(NamedTuple):
@@ -128,6 +150,7 @@ class Estimator:
         among_people: Whether anything that moves was seen.
         progress: Arc length of the robot along the road, NaN if not needed [m].
         delay: From a command to its effect, with the lag that is estimated [ns].
+        change: `previous_change` of plans that begin now.
     """
 
     def __init__(self, settings: LawSettings) -> None:
@@ -138,6 +161,7 @@ class Estimator:
         self.response, self.tracker = ResponseEstimate(settings), ObstacleTracker()
         self.people, self.among_people = StandingPeople(), False
         self.progress, self.delay = math.nan, 0
+        self.change = self.commands.latest
 
     def _use(self, settings: LawSettings) -> None:
         """Rebuild the model with the current slip estimate."""
@@ -193,6 +217,7 @@ class Estimator:
             reachable,
             self.among_people,
             touchable,
+            self.change,
         )
         if not (self.response.delay or self.response.lag):
             self.delay = 0
@@ -236,13 +261,16 @@ class Estimator:
         self._slip.lose()
         self.response.lose()
 
-    def note_command(self, stamp: int, control: Array, twist: Array) -> None:
+    def note_command(self, stamp: int, control: Array, twist: Array, *, stops: bool) -> None:
         """Remember a command ``(r,)`` that answers a stamp [ns], and its twist."""
+        self.change = 0.0 * control if stops else control - self.commands.latest
         self.commands.add(stamp, control, twist)
 
     def take_back(self) -> Array:
         """Forget the last command, which was never sent; the one before it, shape ``(r,)``."""
-        return self.commands.take_back()
+        latest = self.commands.take_back()
+        self.change = 0.0 * latest
+        return latest
 
     def pose_before(self, stamp: int, pose: Array, earlier: int) -> Array:
         """Pose at an earlier time [ns], to which it is driven back by the commands since."""

@@ -204,7 +204,10 @@ class Approach:
         """A plan with all its commands scaled alike, as far as the wheels can follow."""
         limit = self._settings.max_wheel_change
         paced = start.robot.time_scaling
-        scale = max(scale, least_scale(plan.controls[0], start.previous_control, limit, paced))
+        first, previous = plan.controls[0], start.previous_control
+        scale = max(scale, least_scale(first, previous, limit, paced))
+        if (jolt := self._settings.max_second_difference) < math.inf:
+            scale = max(scale, least_scale(first, previous + start.previous_change, jolt, paced))
         controls = start.robot.slowed(plan.controls, scale)
         poses = start.robot.roll_out(start.pose, controls, plan.horizon.durations)
         return plan._replace(controls=controls, poses=poses)

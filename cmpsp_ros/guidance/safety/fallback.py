@@ -16,7 +16,6 @@ from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.safety.validation import Validation, Validator
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.times import NANOSECONDS, Horizon, to_nanoseconds
-from cmpsp_ros.robots.motion import within_ramp
 
 _SPEEDS: Final = (1.0, 0.75, 0.5, 0.25, 0.125)
 _INSTANTS: Final = 5
@@ -27,7 +26,7 @@ class Fallback:
 
     def __init__(self, settings: LawSettings, validator: Validator) -> None:
         """Set up the checks of plans."""
-        self._validator, self._max_change = validator, settings.max_wheel_change
+        self._validator, self._settings = validator, settings
         self._period = to_nanoseconds(settings.control_period)
         self._margin_validator = Validator(settings, with_margin=True)
 
@@ -50,13 +49,7 @@ class Fallback:
             begin = int(horizon.edges[0])
             horizon = remaining(begin, self._period, int(plan.horizon.edges[-1]))
         controls = shift(plan.controls, plan.horizon, horizon)
-        controls = within_ramp(
-            controls,
-            horizon.durations,
-            start.previous_control,
-            self._max_change,
-            start.robot.time_scaling,
-        )
+        controls = start.followed(self._settings, controls, horizon.durations)
         verdict = self._validator.check(start, controls, horizon.durations, pending)
         if not verdict.passed:
             return None

@@ -14,6 +14,7 @@ from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.formulation.ocp_functions import N_EDGE_CONSTRAINTS
 from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.prediction.response import Response, driven
+from cmpsp_ros.guidance.safety.command_changes import reason_not_to_change
 from cmpsp_ros.guidance.safety.plan_sweep import SWEEP, PlanSweep, sweep_plan
 from cmpsp_ros.guidance.safety.reach_check import ReachCheck
 from cmpsp_ros.guidance.safety.road_braking import brakings_on_road
@@ -39,8 +40,6 @@ _SEEN: Final = f'obstacle {SEEN}'
 
 _TO_REST: Final = 4.0
 """Time constants for which a lagging wheel is watched after the last command."""
-CHANGE_ROUNDING: Final = 1e-6
-"""Excess that a solver may leave over a limit on the change of a wheel's speed [rad/s]."""
 
 
 class Validation(NamedTuple):
@@ -157,16 +156,10 @@ class Validator:
 
     def _ramp(self, start: PlanStart, controls: Array, durations: Array) -> tuple[str, Array]:
         """Reason not to send the first command, '' if none, and commands to stop after it."""
-        commands = np.vstack([start.previous_control, controls[: len(durations)]])
-        changes = start.robot.rate_limits
-        change = float(np.abs(np.diff(commands, axis=0) @ changes.T).max())
-        if not change <= self._max_change + CHANGE_ROUNDING:
-            reason = (
-                f'The plan changes a wheel by {change!r} rad/s from one command to the next, the'
-                f' limit is {self._max_change!r} rad/s.'
-            )
+        reason = reason_not_to_change(self._settings, start, controls[: len(durations)])
+        if reason:
             return reason, NO_RAMP
-        reason, still = '', start._replace(moving=NOTHING_MOVES)
+        still = start._replace(moving=NOTHING_MOVES)
         for ramp in self._ramps(start, controls, durations):
             held = np.append(durations[:1], np.full(len(ramp), self._period))
             path = np.vstack([controls[:1], ramp])

@@ -110,7 +110,7 @@ def _is_ours(folder: Path) -> bool:
 WAITING: Final = 'cmpsp_ros:wait'
 """Kind of numba's event while another process compiles a kernel that is needed."""
 
-_FORMAT: Final = 'parts, by reference'
+_FORMAT: Final = 'parts, by reference, of any size'
 """Content of files (`parts`), and how functions are called (`by_reference`)."""
 _DAY: Final = 86_400.0
 _CHECKSUM: Final = 16
@@ -170,13 +170,14 @@ class KernelCache:
         library, made = part.library, None
         if library.machine_code is not None:
             return None
-        path = self._path(sig, part.target_context)
+        path = self._path(sig, part.target_context, type(library).__name__)
         if path is None:
             return make(part)
         _acquire(path, self._dispatcher)
         try:
             if (found := _load(path, sig, part.target_context)) is not None:
                 library.machine_code = found.library.machine_code
+                library.environments = found.library.environments
             if library.machine_code is None:
                 made = make(part)
                 with suppress(OSError):  # the disk is full, or the folder has gone
@@ -196,7 +197,7 @@ class KernelCache:
 
     disable = flush = enable
 
-    def _path(self, arguments: Any, target_context: Any) -> Path | None:
+    def _path(self, arguments: Any, target_context: Any, kind: str = 'Part') -> Path | None:
         if self._folder is None:
             return None
         function = self._dispatcher.py_func
@@ -205,7 +206,8 @@ class KernelCache:
         except TypeError:  # no two processes could agree on what it is made of
             return None
         name = f'{function.__module__}.{function.__qualname__}'
-        parts += [name, _FORMAT, VERSIONS, *map(str, internals.target_description(target_context))]
+        parts += [name, kind, _FORMAT, VERSIONS]
+        parts += map(str, internals.target_description(target_context))
         digest = hashlib.sha256('\0'.join(parts).encode()).hexdigest()
         name = re.sub(r'[^\w.]+', '-', name)[-150:]
         return self._folder / f'{name}.{digest[:32]}.kernel'

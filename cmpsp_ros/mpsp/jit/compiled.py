@@ -18,7 +18,7 @@ from numba.extending import intrinsic
 
 from cmpsp_ros.mpsp.jit.by_reference import passed
 from cmpsp_ros.mpsp.jit.cache import KernelCache, kernel_folder
-from cmpsp_ros.mpsp.jit.parts import Kernel
+from cmpsp_ros.mpsp.jit.kernel import Kernel
 
 ALLOCATION_FREE: Final = {'_nrt': False, 'error_model': 'numpy'}
 """Options of numba for functions that allocate nothing.
@@ -77,14 +77,13 @@ def address_of(returned: type | None, function: Callable[..., Any], *arguments: 
     """
     kernel: Any = function
     signature = _signature(kernel, arguments)
-    address = int(kernel.address(signature))
-    kind = kernel.overloads[signature].signature.return_type
+    address, kind = kernel.address(signature)
     found, wanted = types.unliteral(kind), _RETURNED[returned]
     if isinstance(found, types.IntEnumMember):
         found = found.dtype
     if found != wanted:
         raise TypeError(f'{function.__name__}: found {found} returned, wanted {wanted}')
-    return address
+    return int(address)
 
 
 def _signature(kernel: Any, arguments: tuple[Any, ...]) -> tuple[Any, ...]:

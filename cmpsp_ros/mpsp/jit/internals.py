@@ -17,7 +17,7 @@ from numba.core.registry import cpu_target
 from numba.core.runtime import rtsys
 from numba.core.serialize import NumbaPickler
 
-from cmpsp_ros.mpsp.jit.parts import Part, environments_in, is_constant
+from cmpsp_ros.mpsp.jit.parts import Part, Sized, environments_in, is_constant
 
 
 def cache_of(dispatcher: Any) -> object:
@@ -56,7 +56,7 @@ def dump(result: Any) -> bytes | None:
         result.signature,
         environments_in(module),
         library.machine_code,
-        module.as_bitcode(),
+        b'' if isinstance(library, Sized) else module.as_bitcode(),
     )
     file = io.BytesIO()
     _Pickler(file, protocol=4).dump(kept)

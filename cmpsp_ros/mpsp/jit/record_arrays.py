@@ -93,9 +93,14 @@ class RecordLower(Lower):  # type: ignore[misc]  # numba has no types
         indices = cgutils.unpack_tuple(builder, value) if given is not kinds[0] else [value]
         data, shape, strides = self._description(kind, self.loadvar(array.name))
         fixed = [self._index(*each) for each in zip(kinds, indices, shape, strict=True)]
-        return cgutils.get_item_pointer2(
-            self.context, builder, data, shape, strides, kind.layout, fixed
-        )
+        layout = kind.layout
+        if layout == 'C' and isinstance(kind.dtype, types.Record):
+            # By bytes, since a size that is in a type cannot be left open (`sizes`).
+            layout = 'A'
+            strides[-1] = self.context.get_constant(types.intp, kind.dtype.size)
+            for i in range(kind.ndim - 1, 0, -1):
+                strides[i - 1] = builder.mul(strides[i], shape[i])
+        return cgutils.get_item_pointer2(self.context, builder, data, shape, strides, layout, fixed)
 
     def _index(self, kind: Any, index: Any, size: Any) -> Any:
         if isinstance(kind, types.IntegerLiteral) and kind.literal_value >= 0:

@@ -28,8 +28,8 @@ _BINARY: Final[dict[str, Callable[[Any, Any], Any]]] = {
     'pow': lambda a, b: a**b,
 }
 _COMPARISONS: Final = ('eq', 'ne', 'lt', 'le', 'gt', 'ge', 'bool')
-# Tapes of one function that are chosen from.
-_MOST = 4
+# Tapes of one function that are chosen from, and operations on one of them.
+_MOST, _LONGEST = 4, 5000
 
 
 class Tape:
@@ -41,6 +41,8 @@ class Tape:
 
     def add(self, name: str, a: int, b: int = -1) -> Number:
         """The result of an operation on earlier nodes."""
+        if len(self.nodes) == _LONGEST:
+            raise TypeError(f'more than {_LONGEST} operations')
         self.nodes.append((name, a, b))
         return Number(self, len(self.nodes) - 1)
 
@@ -60,7 +62,7 @@ class Tape:
             elif name in _BINARY:
                 found.append(_BINARY[name](found[a], found[b]))
             else:
-                found.append(getattr(casadi, name)(found[a]))
+                found.append(getattr(casadi, name)(*(found[i] for i in (a, b) if i >= 0)))
         return found
 
 
@@ -98,6 +100,8 @@ def _no_value(self: Number, *_: Any) -> bool:
 for _name in _BINARY:
     setattr(Number, f'__{_name}__', _binary(_name, swapped=False))
     setattr(Number, f'__r{_name}__', _binary(_name, swapped=True))
+for _name in ('arctan2', 'hypot'):
+    setattr(Number, _name, _binary(_name, swapped=False))
 for _name in _UNARY:
     setattr(Number, _name, _unary(_name))
 for _name in _COMPARISONS:
@@ -110,10 +114,8 @@ class _Stage:
 
     def __init__(self, function: StageFunction, k: int, sizes: tuple[int, int]) -> None:
         self.tape = tape = Tape()
-        x, u = (
-            np.array([tape.add('input', first + i) for i in range(size)], dtype=object)
-            for first, size in ((0, sizes[0]), (sizes[0], sizes[1]))
-        )
+        z = np.array([tape.add('input', i) for i in range(sum(sizes))], dtype=object)
+        x, u = z[: sizes[0]].copy(), z[sizes[0] :].copy()
         value = np.asarray(function.function(k, x, u), dtype=object)
         if value.shape != function.shape:
             raise TypeError(f'shape {value.shape}')
@@ -163,9 +165,8 @@ class TracedFunction:
     def finite_at(self, function: StageFunction, probes: list[Array]) -> Array:
         """The last probe at which each tape is finite."""
         for Z in probes[::-1]:
-            if all(
-                np.isfinite(function(k, Z).ravel()[self.applies[k]]).all() for k in self._stages
-            ):
+            values = [function(k, Z).ravel()[self.applies[k]] for k in self._stages]
+            if np.isfinite(np.concatenate(values)).all():
                 return Z
         raise TypeError('not finite')
 
@@ -216,21 +217,21 @@ def traced_problem(
                 applies[0] &= ~fixed
             elif not found.applies.all():
                 return None
+        traced = from_casadi(
+            horizon=N, x0=start, x=x, u=u, p=casadi.vertcat(*parameters),
+            p_values=np.hstack(values), target=problem.target if 'h' in functions else None,
+            lower=problem.control_lower, upper=problem.control_upper, applies=applies,
+            **expressions,
+        )  # fmt: skip
+        return traced if _agree(problem, traced, np.resize(probes, (N + 1, sum(sizes)))) else None
     # Any error on numbers that have no value means that the function needs their values.
     except Exception:
         return None
-    traced = from_casadi(
-        horizon=N, x0=start, x=x, u=u, p=casadi.vertcat(*parameters), p_values=np.hstack(values),
-        target=problem.target if 'h' in functions else None, lower=problem.control_lower,
-        upper=problem.control_upper, applies=applies, **expressions,
-    )  # fmt: skip
-    Z = np.resize(probes, (N + 1, sum(sizes)))
-    X, U = Z[:, : sizes[0]].copy(), Z[:, sizes[0] :].copy()
-    (ours, ahead), (theirs, other) = (each.evaluate_with_next(X, U) for each in (problem, traced))
-    pairs = (
-        (ahead, other), (ours.cost, theirs.cost), (ours.output_error, theirs.output_error),
-        (ours.g, theirs.g),
-    )  # fmt: skip
-    # Functions that depend on more than their arguments do not.
-    agrees = all(np.allclose(a, b, 1e-9, 1e-9, equal_nan=True) for a, b in pairs)
-    return traced if agrees else None
+
+
+def _agree(one: OptimalControlProblem, other: OptimalControlProblem, Z: Array) -> bool:
+    """True where two problems have the same values; impure functions have others when traced."""
+    X, U = (np.ascontiguousarray(part) for part in np.split(Z, [one.size.state], axis=1))
+    found = [each.evaluate_with_next(X, U) for each in (one, other)]
+    values = ([ahead, at.cost, at.output_error, at.g] for at, ahead in found)
+    return all(np.allclose(a, b, 1e-9, 1e-9, equal_nan=True) for a, b in zip(*values, strict=True))

@@ -63,7 +63,7 @@ class BackEnd:
         self._warm = warm if name == RICCATI_ACTIVE_SET else ()
         if not warm:
             # Seldom needed, and never to be waited for.
-            load_proof(space)
+            load_proof(space.size)
             entry_for(activate, space.program, space.active)
         self.begin()
 
@@ -275,7 +275,7 @@ class Driver:
             back_end: Name of a QP back end, and the kind of Hessian that the problem's functions
                 give; the compiled solver without.
             exact: No padding to sizes that code may have been compiled for already, with states and
-                controls that stay 0: the first answer comes a minute later, and each is faster.
+                controls that stay 0: the first answer comes ten seconds later, and each is faster.
         """
         n, r = size.state, size.control
         if not exact:

@@ -9,6 +9,7 @@ if TYPE_CHECKING:
         NO_RAMP,
         braking,
         least_scale,
+        smoothed,
         with_lag,
         within_ramp,
     )

@@ -52,6 +52,41 @@ def within_ramp(
     return commands
 
 
+def smoothed(
+    plan: Array, previous: Array, change: Array, limits: tuple[float, float, float], scaled: int
+) -> Array:
+    """Controls that follow a plan ``(N + 1, r)`` as closely as a limit of the wheels' jerk allows.
+
+    A plan that keeps the limit is its own result.
+
+    Args:
+        plan: The plan, which keeps the other limits.
+        previous: The command before it, shape ``(r,)``.
+        change: By how much that differs from the one before, shape ``(r,)``.
+        limits: Largest wheel speed, change between commands, and change of that [rad/s].
+        scaled: Number of controls, the first, that are speeds of wheels; others are the plan's.
+    """
+    followed = plan.copy()
+    fastest, most, jolt = (min(each, 1.0 / _REST) for each in limits)
+    for a in range(scaled):
+        now, step, before = float(previous[a]), float(change[a]), float(previous[a])
+        for k, wanted in enumerate(plan[:, a].tolist()):
+            late = before - now
+            ahead = wanted - before + math.copysign(_last_changes(abs(late), jolt), late)
+            ahead = min(ahead, _last_changes(max(fastest - now, 0.0), jolt), most)
+            ahead = max(ahead, -_last_changes(max(fastest + now, 0.0), jolt), -most)
+            step = min(max(ahead, step - jolt), step + jolt)
+            now, before = min(max(now + step, -fastest), fastest), wanted
+            followed[k, a] = now
+    return followed
+
+
+def _last_changes(left: float, jolt: float) -> float:
+    """Largest of the changes that sum up to a difference, each less than the last by a jolt."""
+    count = math.floor(0.5 * (math.sqrt(1.0 + 8.0 * left / jolt) - 1.0))
+    return count * jolt + (left - 0.5 * jolt * count * (count + 1)) / (count + 1)
+
+
 def braking(
     plan: Array,
     durations: Array,

@@ -281,7 +281,7 @@ def _draw_one(folder: Path, study: Study, driven: DrivenRun) -> Path:
     number = driven.task.scenario.number
     made = outcome(driven)
     title = f'{study.command(number)}\n{made.verdict(study.tolerance).value}, '
-    title += f'miss {made.miss:.3g} m, clearance {made.clearance:+.3f} m'
+    title += f'miss {round(made.miss, 6):.3g} m, clearance {made.clearance:+.3f} m'
     if made.crowd is not None:
         title = '\n'.join([title, *(each.sentence for each in made.crowd.active)])
     return pictures.draw_run(folder / f'run_{number:05d}.png', title, driven)

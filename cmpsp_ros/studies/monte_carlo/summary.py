@@ -162,7 +162,8 @@ def tables(values: Mapping[str, Any]) -> list[Table]:
     for name, key in _SPREADS.items():
         if key not in values:
             continue
-        spreads.add_row(escape(name), *(f'{values[key][each]:.4g}' for each in _QUANTILES))
+        rounded = (round(values[key][each], 6) for each in _QUANTILES)
+        spreads.add_row(escape(name), *(f'{each:.4g}' for each in rounded))
     found = [counts, spreads, *(_crowd_tables(values['people']) if 'people' in values else [])]
     if not values['failures']:
         return found
@@ -172,7 +173,7 @@ def tables(values: Mapping[str, Any]) -> list[Table]:
         judge = each['judge']['answer'] if each['judge'] else ''
         time = '' if each['trouble_time_s'] is None else f'{each["trouble_time_s"]:.1f} s: '
         failures.add_row(
-            str(each['run']), each['verdict'], f'{each["miss_m"]:.4g}',
+            str(each['run']), each['verdict'], f'{round(each["miss_m"], 6):.4g}',
             f'{each["clearance_m"]:+.4f}', judge,
             escape(each['exception'] or time + each['trouble']),
         )  # fmt: skip

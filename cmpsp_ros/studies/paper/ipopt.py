@@ -212,6 +212,12 @@ def _limit(
             changes = casadi.vertcat(changes, values[row, -1]) if rests else changes
             opti.subject_to(changes <= at_once)
             opti.subject_to(changes >= -at_once)
+            if row < robot.n_speeds and robot.max_wheel_jerk < math.inf:
+                smooth = casadi.diff(casadi.vertcat(0.0, changes, -values[row, -1], 0.0))
+                smooth = smooth if rests else smooth[: changes.numel()]
+                steady = robot.max_wheel_jerk * period**2
+                opti.subject_to(smooth <= steady)
+                opti.subject_to(smooth >= -steady)
 
 
 def _stopping_steps(settings: GuidanceSettings) -> int:

@@ -98,8 +98,7 @@ function show() {
   say('time_left', fixed(left, 1, 's'));
   say('clearance_now', signed(decision.clearance));
   say('worst_clearance', signed(decision.worst_clearance));
-  const error = decision.terminal_error;
-  say('terminal_error', isNumber(error) ? `${error.toExponential(1)} m` : '–');
+  say('terminal_error', fixed(decision.terminal_error, 3, 'm'));
   say('commanded', controls(decision.wheels, decision.steering_angle));
   say('driven', controls(latest.driven));
   loadSeen();

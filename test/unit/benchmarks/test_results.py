@@ -77,11 +77,11 @@ def test_the_page_links_what_is_there_and_executes_nothing(with_latency, tmp_pat
 def test_every_method_is_in_the_tables(results):
     found = {table.title: table for table in tables(results)}
     names = [each.name for each in results.comparison.timed]
-    for title in ('What the methods drive', 'First step over horizons [µs]'):
+    for title in ('Closed loops of the methods', 'First step over horizons [µs]'):
         assert [row[0] for row in found[title].rows] == names
     titles = list(found)
     assert titles[:2] == ['Targets', 'Robots on long horizons [ms]']
-    assert titles.index('One plan over long horizons') < titles.index('What the methods drive')
+    assert titles.index('One plan over long horizons') < titles.index('Closed loops of the methods')
     left_out = [row[0] for row in found['Not compared'].rows]
     assert set(left_out) == {
         *results.comparison.left_out, *results.missing, *results.long_horizons.missing,

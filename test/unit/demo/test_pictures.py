@@ -80,7 +80,7 @@ def test_the_legend_is_below_the_axis_and_names_what_is_there(driven, tmp_path, 
     assert ('obstacle that only the simulator knows' in named) == (preset == 'clutter')
     assert ('obstacle' in named) == (preset != 'clutter')
     assert {'start and end', 'driven', 'goal'} <= named
-    assert ('robot' in named) == (preset != 'case3')
+    assert ('outline of the robot' in named) == (preset != 'case3')
 
 
 def test_people_are_drawn_where_they_were_nearest_and_their_clearance_counts(driven, tmp_path):
@@ -117,7 +117,7 @@ def test_a_car_is_drawn_with_its_footprint_speed_and_steering(driven, tmp_path):
         np.testing.assert_allclose(curve.get_ydata(), value)
         assert mark.get_ydata()[0] == limit
     path = draw_trajectory(run, scenario.settings, tmp_path / 'path.png')
-    (body,) = (each for each in path.axes[0].lines if each.get_label() == 'robot')
+    (body,) = (each for each in path.axes[0].lines if each.get_label() == 'outline of the robot')
     corners = body.get_xydata()
     for corner in ((0.4615, 0.155), (-0.1186, -0.155)):
         assert np.nanmin(np.hypot(*(corners - corner).T)) < 1e-6

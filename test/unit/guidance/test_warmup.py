@@ -43,7 +43,8 @@ def code():
     return {(each.__module__, each.__name__, str(sig)) for each in ours for sig in each.signatures}
 
 
-given = {'solver.candidates': 1, 'robot.max_wheel_acceleration': float(sys.argv[1])}
+limits = 'robot.max_wheel_acceleration', 'robot.max_wheel_jerk'
+given = {'solver.candidates': 1, **dict(zip(limits, map(float, sys.argv[1:]), strict=True))}
 values = TABLE.resolve(load_parameter_file('case3') | given)
 prepare(guidance_settings(values))
 before = code()
@@ -116,10 +117,10 @@ def test_a_node_that_needs_no_spline_starts_without_scipy():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('acceleration', ['0', '100'])
-def test_no_code_is_missing_after_it(acceleration):
+@pytest.mark.parametrize('limits', ['0 0', '100 0', '100 400'])
+def test_no_code_is_missing_after_it(limits):
     done = subprocess.run(
-        [sys.executable, '-c', PROGRAM, acceleration], capture_output=True, text=True, check=True
+        [sys.executable, '-c', PROGRAM, *limits.split()], capture_output=True, text=True, check=True
     )
     assert done.stdout.split() == []
 

@@ -69,7 +69,7 @@ def test_what_is_driven_follows_the_rules_of_delay_and_timeout(settings, command
     assert np.allclose(plant.wheel_speeds, speeds_by_hand(settings, commands, stamp), atol=1e-9)
 
 
-@unhurried
+@hypothesis_settings(deadline=None, max_examples=30)
 @given(plant_settings, command_lists)
 def test_agrees_with_dense_numerical_integration(settings, commands):
     plant, changes = drive(settings, commands, [])

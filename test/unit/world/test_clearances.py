@@ -183,7 +183,7 @@ def test_the_sweep_finds_what_a_dense_drive_finds(road, robot, footprint):
     cart = MovingDiscs(('cart',), np.array([[*CART, GROWTH, 0.0]]), np.zeros(1, np.int64)).grown(
         radius
     )
-    for pose, controls in drives(robot, 6):
+    for pose, controls in drives(robot, 3):
         found, result = swept(model, space, pose, controls, cart)
         twists = [twist_of(robot, each) for each in controls]
         times, poses = dense.driven(pose, twists, DURATIONS)

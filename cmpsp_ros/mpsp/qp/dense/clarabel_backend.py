@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.jit.compiled import entry_for
+from cmpsp_ros.mpsp.problem import Dimensions
 from cmpsp_ros.mpsp.qp.active_set.farkas import proves
 from cmpsp_ros.mpsp.qp.active_set.fixed_bounds import free_all, recover_bound_multipliers
 from cmpsp_ros.mpsp.qp.active_set.records import (
-    Space,
     borrowed_space,
     conflict_in,
     fill,
@@ -244,10 +244,11 @@ def contradicting_rows(
     return ()
 
 
-def load_proof(space: Space) -> None:
+def load_proof(size: Dimensions) -> None:
     """Load the machine code of `contradicting_rows` for programs of these sizes."""
-    entry_for(recover_bound_multipliers, space.program, 0.0)
-    entry_for(proves, space.program, space.active, 0.0)
+    with borrowed_space(size) as space:
+        entry_for(recover_bound_multipliers, space.program, 0.0)
+        entry_for(proves, space.program, space.active, 0.0)
 
 
 def _row_lengths(program: SparseQP) -> Array:

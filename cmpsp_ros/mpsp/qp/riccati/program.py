@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import math
 from enum import IntEnum
-from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,6 +20,7 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
+from cmpsp_ros.mpsp.jit.sizes import sized
 
 
 class Outcome(IntEnum):
@@ -48,7 +48,7 @@ RecordType = np.dtype[Any]
 Records = NDArray[Any]
 
 
-@cache
+@sized
 def stage_type(n: int, r: int) -> RecordType:
     """A stage of the quadratic program (45) (54) (57), of its factorisation and of its solution.
 
@@ -74,7 +74,7 @@ def stage_type(n: int, r: int) -> RecordType:
     )  # fmt: skip
 
 
-@cache
+@sized
 def row_type(n: int, r: int) -> RecordType:
     """Linearised constraint ``value + X' dX + U' dU``, not positive (path) or 0 (terminal).
 
@@ -84,7 +84,7 @@ def row_type(n: int, r: int) -> RecordType:
     return _record(value=(), X=(n,), U=(r,), multiplier=(), penalty=(), weight=(), merit=())
 
 
-@cache
+@sized
 def head_type(n: int, r: int) -> RecordType:
     """Record of a whole program: horizon, counters, and the row that is looked at.
 

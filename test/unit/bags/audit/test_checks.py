@@ -22,6 +22,7 @@ def test_a_good_drive_passes_every_check(drive, outcomes):
         'others',
         'margin',
         'acceleration',
+        'jerk',
         'lateral_acceleration',
         'steering',
         'promise',
@@ -249,7 +250,7 @@ def test_a_bag_of_another_robot_can_be_judged_by_everything(drive, outcomes, tmp
     assert findings['commanded'].outcome is PASSED
     skipped = {name for name, each in findings.items() if each.outcome is SKIPPED}
     of_ours = {'as_decided', 'reasons', 'previous_plan', 'nominal'}
-    limits = {'acceleration', 'lateral_acceleration', 'steering'}
+    limits = {'acceleration', 'jerk', 'lateral_acceleration', 'steering'}
     of_none = {'moving', 'people', 'others', 'margin', *limits, 'promise'}
     assert skipped == {*of_none, *of_ours, 'unseen'}
 

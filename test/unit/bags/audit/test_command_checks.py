@@ -173,6 +173,42 @@ def test_a_halt_may_be_sudden(gentle, outcomes):
 
 
 @pytest.fixture(scope='module')
+def smooth():
+    """A drive that keeps a limit of jerk, until it is at rest."""
+    limits = {'robot.max_wheel_acceleration': 60.0, 'robot.max_wheel_jerk': 100.0}
+    return drive_case(rest=1.4, final_time=12.0, **limits)
+
+
+def test_a_drive_within_the_jerk_passes_and_its_stop_is_exempt(smooth, outcomes):
+    findings = outcomes(smooth)
+    assert not failed(findings)
+    assert findings['jerk'].outcome is PASSED
+    assert findings['jerk'].worst == pytest.approx(4.0, abs=1e-3)
+    speeds = [each.wheel_speeds for each in smooth.decisions]
+    assert np.abs(np.diff(speeds, n=2, axis=0)).max() > 8.0
+
+
+@pytest.mark.parametrize('seconds', [0.0, 4.0, 9.0])
+def test_a_jerk_of_a_command_is_caught(smooth, outcomes, seconds):
+    drive = smooth.copy()
+    drive.commands[drive.at(seconds)].twist += np.array([0.2, 0.0])
+    findings = outcomes(drive)
+    assert {'jerk', 'as_decided'} <= failed(findings)
+    assert 'acceleration' not in failed(findings)
+    assert findings['jerk'].at == pytest.approx(seconds, abs=0.41)
+
+
+def test_after_a_stop_the_acceleration_counts_as_none(smooth, outcomes):
+    drive, index = smooth.copy(), smooth.at(0.4)
+    level = FallbackLevel.STOP
+    drive.decisions[index] = drive.decisions[index]._replace(level=level, halted=True)
+    found = outcomes(drive)['jerk']
+    # It speeds up by more there than it may at once.
+    assert found.outcome is FAILED
+    assert found.at == pytest.approx(0.6, abs=0.01)
+
+
+@pytest.fixture(scope='module')
 def upright():
     """A drive that keeps a limit of lateral acceleration."""
     return drive_case(**{'robot.max_lateral_acceleration': 1.0})

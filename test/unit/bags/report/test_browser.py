@@ -66,6 +66,7 @@ def test_it_renders_without_complaint_and_moves_with_its_slider(drive, tmp_path,
     assert points(early, 'plan') - points(late, 'plan') == 35
 
 
+@pytest.mark.slow
 def test_it_shows_what_was_seen_by_then(drive, tmp_path, open_page):
     first = drive.decisions[0].stamp
     seen = np.zeros((40, 40), np.int8)
@@ -82,6 +83,7 @@ def test_it_shows_what_was_seen_by_then(drive, tmp_path, open_page):
     assert pictures[1] != pictures[2]
 
 
+@pytest.mark.slow
 def test_each_course_has_a_panel_in_which_its_robot_moves(drive, tmp_path, open_page):
     other = drive.copy()
     other.parameters['obstacles.b.center'] = [10.0, -2.5]

@@ -126,7 +126,7 @@ def test_a_car_is_shown_with_its_speed_and_its_steering(seen):
 def test_the_body_is_drawn_where_the_run_began_and_ended_and_goes_with_the_slider(seen):
     given = load_parameter_file('parking')
     car = seen('car', {**given, 'final_time': 2.0}, (0.4, 0.0))
-    (body,) = (each for each in traces(path([car]), 'robot') if 'meta' not in each)
+    (body,) = (each for each in traces(path([car]), 'outline of the robot') if 'meta' not in each)
     corners = np.array([body['x'], body['y']], dtype=float).T
     footprint = np.array([[0.4615, 0.155], [-0.1186, -0.155]])
     for start in (0.0, 0.8):
@@ -209,22 +209,3 @@ def test_what_only_simulator_and_sensors_know_has_looks_and_names_of_its_own(see
     assert {'seen by sensors', 'obstacle that only the simulator knows'} <= names
     # There is no road, no static obstacle, and nothing to be kept clear of.
     assert not names & {'road', 'obstacle', 'kept clear at samples', 'not seen yet'}
-
-
-def test_a_shape_at_the_border_is_shown_whole(seen):
-    low, high = 0.8, 6.0
-    wall = {
-        'obstacles.names': ['wall'],
-        'obstacles.wall.type': 'capsule',
-        'obstacles.wall.start': [1.0, low],
-        'obstacles.wall.end': [1.0, high],
-        'obstacles.wall.radius': 0.1,
-    }
-    away = {
-        'obstacles.names': ['wall', 'away'],
-        'obstacles.away.center': [1.0, 20.0],
-        'obstacles.away.radius': 0.1,
-    }
-    bottom, top = path([seen('run', {**FLOOR, **wall, **away})])['layout']['yaxis']['range']
-    assert high + 0.1 < top < 8.0
-    assert bottom < 0.0

@@ -197,7 +197,7 @@ def signed(obstacle, places):
     return np.where(inside, -least, least) - obstacle.radius
 
 
-@hypothesis_settings(max_examples=500)
+@hypothesis_settings(max_examples=200)
 @given(
     obstacles=st.lists(still, max_size=3),
     discs=st.lists(movers, max_size=3),

@@ -151,8 +151,7 @@ def assert_arrived(robots):
         assert each.decisions[-1].terminal_error < each.given.goal_tolerance
 
 
-@pytest.mark.parametrize('late', [0, 20 * MS])
-@pytest.mark.parametrize('offset', [0, 20 * MS, 100 * MS])
+@pytest.mark.parametrize(('offset', 'late'), [(0, 0), (20 * MS, 20 * MS), (100 * MS, 0)])
 def test_two_that_meet_on_a_road_pass_each_other(offset, late):
     robots = meeting(offset)
     least, _ = drive(robots, 11.0, late)
@@ -166,8 +165,7 @@ def test_without_knowing_of_each_other_they_would_collide():
     assert least < -0.2
 
 
-@pytest.mark.parametrize('count', [2, 3, 4])
-@pytest.mark.parametrize('offset', [0, 60 * MS])
+@pytest.mark.parametrize(('count', 'offset'), [(2, 60 * MS), (3, 0), (4, 60 * MS)])
 def test_ways_that_all_cross_at_one_place(count, offset):
     """All decide at once, and alike: only their plans break the symmetry."""
     robots = crossing(count, offset)
@@ -202,7 +200,7 @@ def places(rng, count):
 @pytest.mark.parametrize('late', [pytest.param(0, marks=pytest.mark.slow), 40 * MS])
 def test_random_ways_of_five_robots_keep_apart(late):
     rng, names = np.random.default_rng(5), [f'/r{number}' for number in range(5)]
-    for _ in range(6):
+    for _ in range(3):
         robots = []
         for name, start, goal in zip(names, places(rng, 5), places(rng, 5), strict=True):
             given = replace(among(FLOOR, names, RADIUS), goal=tuple(goal.tolist()), final_time=8.0)

@@ -1,4 +1,4 @@
-"""Numpy functions as expressions of CasADi, against their complex steps and differences."""
+"""Numpy functions as expressions of CasADi, against their differences."""
 
 import math
 
@@ -20,7 +20,7 @@ def stated(**changes):
     def F(k, x, u):
         ahead = TURN @ x + 0.1 * np.array([np.sin(x[1]) / (2.0 + x[0] ** 2), u[0] * TABLE[k, 1]])
         ahead[1] += 0.05 * np.exp(-(ahead[0] ** 2)) - np.sqrt(1.0 + u @ u)
-        return ahead if k < 5 else -ahead * np.arctan(x[0])
+        return ahead if k < 5 else -ahead * np.arctan2(x[0], 2.0 + u[0])
 
     def L(k, x, u):
         return 0.5 * k * u[0] ** 2 + (x @ x if k == N else 0.1 * x.sum() ** 2)
@@ -37,11 +37,11 @@ def stated(**changes):
 
 
 def test_traced_functions_are_the_same_problem():
-    traced, other = from_functions(**stated()), from_functions(**stated(derivatives='complex_step'))
+    traced, other = from_functions(**stated()), from_functions(**stated(derivatives='central'))
     assert isinstance(traced, CasadiProblem)
     assert not isinstance(other, CasadiProblem)
     U = np.random.default_rng(0).normal(size=(N + 1, 1))
-    assert_same_problem(traced, other, U, ('exact', 'projected', 'gauss_newton'), 1e-7)
+    assert_same_problem(traced, other, U, ('exact', 'projected', 'gauss_newton'), 1e-4)
     X, g = traced.predict(U), traced.evaluate(traced.predict(U), U).g
     applies = np.ones((N + 1, 4), bool)
     applies[:, 0], applies[:, 1], applies[0] = np.arange(N + 1) % 3 == 0, False, [0, 0, 1, 0]
@@ -50,7 +50,7 @@ def test_traced_functions_are_the_same_problem():
     weights = rng.normal(size=(N, 2)), rng.normal(size=2), applies * rng.normal(size=(N + 1, 4))
     found, wanted = (each.constraint_curvature(X, U, *weights) for each in (traced, other))
     for blocks in zip(found, wanted, strict=True):
-        np.testing.assert_allclose(*blocks, atol=1e-6)
+        np.testing.assert_allclose(*blocks, atol=1e-4)
 
 
 def test_a_term_of_one_stage_is_not_evaluated_at_others():
@@ -88,8 +88,10 @@ def untraced_F(k, x, u):
         lambda k, x, u: x if x[0] > 0.0 else -x,
         lambda k, x, u: np.linalg.solve(np.eye(2) + u[0] ** 2, x),
         lambda k, x, u: x * sum(u[0] ** i for i in range(k)) + u[0],
+        lambda k, x, u: x + 1e-3 * sum(u[0] for _ in range(5000)),
+        lambda k, x, u: x + (u if isinstance(u[0], float) else 2.0 * u),
     ],
-    ids=['filled', 'math', 'max', 'branch', 'solve', 'every stage another'],
+    ids=['filled', 'math', 'max', 'branch', 'solve', 'every stage another', 'long', 'type'],
 )
 def test_functions_that_need_values_are_differentiated_numerically(F):
     problem = from_functions(**stated(F=F))

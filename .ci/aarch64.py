@@ -1,0 +1,103 @@
+"""A study and a replay on an emulated aarch64, compared with this machine.
+
+``.venv/bin/python .ci/aarch64.py FOLDER``, with ``apt install debootstrap qemu-user-static``. It
+takes an hour, most of it to compile; the same command continues what was interrupted.
+"""
+
+import json
+import math
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+SOURCE = Path(__file__).resolve().parents[1]
+DEBIAN = 'http://deb.debian.org/debian'
+NO_WHEEL = ('empy',)  # which only ROS needs
+CLI = ('-m', 'cmpsp_ros.cli')
+STUDY = (*CLI, 'study', 'nominal', '--runs', '20', '--seed', '1', '--output')
+
+
+def make_root(root: Path) -> None:
+    """Unpack Debian with Python for arm64; nothing of it is run before it is complete."""
+    if (root / 'usr/bin/python3').exists():
+        return
+    choice = ['--arch=arm64', '--variant=minbase', '--include=python3,libgomp1']
+    subprocess.run(['debootstrap', '--foreign', *choice, 'bookworm', root, DEBIAN], check=True)
+    for package in sorted((root / 'var/cache/apt/archives').glob('*.deb')):
+        files = subprocess.run(
+            ['dpkg-deb', '--fsys-tarfile', package], capture_output=True, check=True
+        )
+        unpack = ['tar', '-x', '-f', '-', '-C', root, '--keep-directory-symlink']
+        subprocess.run(unpack, input=files.stdout, check=True)
+
+
+def add_wheels(folder: Path) -> None:
+    """Unpack the wheels of requirements/runtime.txt for aarch64 and Debian's Python."""
+    if folder.exists():
+        return
+    lines = (SOURCE / 'requirements/runtime.txt').read_text(encoding='utf-8').splitlines()
+    wanted = [each for each in lines if '==' in each and not each.startswith(NO_WHEEL)]
+    platforms = [f'--platform=manylinux_2_{each}_aarch64' for each in (17, 24, 26, 27, 28)]
+    choice = ['--python-version=3.11', '--only-binary=:all:', *platforms]
+    pip = [sys.executable, '-m', 'pip', 'install', '--no-deps', '--no-compile', '--quiet']
+    subprocess.run([*pip, '--target', folder, *choice, *wanted], check=True)
+
+
+def here(*arguments: str | Path) -> None:
+    """Run Python on this machine."""
+    subprocess.run([sys.executable, *arguments], cwd=SOURCE, check=False)
+
+
+def there(folder: Path, *arguments: str | Path) -> int:
+    """Exit code of Python on aarch64; files are those of the root, then those of this machine."""
+    root = folder / 'root'
+    paths = f'{SOURCE}{os.pathsep}{root / "wheels"}'
+    kept = {'PATH': '/usr/bin:/bin', 'HOME': str(folder), 'PYTHONPATH': paths}
+    kept |= {'XDG_CACHE_HOME': str(folder / 'cache'), 'PYTHONDONTWRITEBYTECODE': '1'}
+    emulator = ['qemu-aarch64-static', '-L', root, root / 'usr/bin/python3']
+    return subprocess.run([*emulator, *arguments], cwd=SOURCE, env=kept, check=False).returncode
+
+
+def difference(one: object, other: object) -> float:
+    """Largest difference of the numbers in two values of JSON; infinite where they differ else."""
+    if isinstance(one, dict) and isinstance(other, dict) and one.keys() == other.keys():
+        return max((difference(one[each], other[each]) for each in one), default=0.0)
+    if isinstance(one, list) and isinstance(other, list) and len(one) == len(other):
+        return max(map(difference, one, other), default=0.0)
+    if isinstance(one, float) and isinstance(other, float):
+        return 0.0 if one == other else abs(one - other)
+    return 0.0 if one == other else math.inf
+
+
+def runs(path: Path) -> dict[int, dict[str, object]]:
+    """Outcomes of a study by the numbers of its runs."""
+    lines = filter(None, path.read_text(encoding='utf-8').splitlines())
+    found = (each for each in map(json.loads, lines) if 'number' in each)
+    return {each['number']: each for each in found}
+
+
+def compared(folder: Path) -> str:
+    """Largest difference of each figure of the study."""
+    one, other = (runs(folder / each / 'runs.jsonl') for each in ('here', 'there'))
+    both = sorted(one.keys() & other.keys())
+    differences = {
+        key: max(difference(one[each][key], other[each][key]) for each in both)
+        for key in one[both[0]]
+    }
+    return '\n'.join([f'{len(both)} runs', *(f'{k}: {v:.1e}' for k, v in differences.items())])
+
+
+def main(folder: Path) -> int:
+    """Study and replay on both; 1 if the replay differs."""
+    make_root(folder / 'root')
+    add_wheels(folder / 'root/wheels')
+    here(*STUDY, folder / 'here')
+    there(folder, *STUDY, folder / 'there')
+    print(compared(folder))  # noqa: T201 (a program's output)
+    here(*CLI, 'demo', 'case3', '--lockstep', '--force', '--output', folder / 'case3')
+    return there(folder, *CLI, 'replay', '--tolerance', '1e-9', folder / 'case3/bag')
+
+
+if __name__ == '__main__':
+    sys.exit(main(Path(sys.argv[1]).resolve()))

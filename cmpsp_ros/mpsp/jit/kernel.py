@@ -1,0 +1,219 @@
+"""Kernels: functions that are translated to parts, and made machine code of for Python's calls."""
+
+from __future__ import annotations
+
+import gc
+import hashlib
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from types import CodeType
+from typing import Any
+
+from numba import types
+from numba.core import compiler, event
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler_lock import global_compiler_lock
+from numba.core.compiler_machinery import register_pass
+from numba.core.dispatcher import OmittedArg
+from numba.core.funcdesc import default_mangler
+from numba.core.imputils import user_function
+from numba.core.registry import CPUDispatcher
+from numba.core.targetconfig import ConfigStack
+from numba.core.typed_passes import InlineOverloads, NativeLowering, NopythonRewrites
+from numba.core.untyped_passes import (
+    FindLiterallyCalls,
+    InlineClosureLikes,
+    InlineInlinables,
+    LiteralUnroll,
+    MakeFunctionToJitFunction,
+    WithLifting,
+)
+
+from cmpsp_ros.mpsp.jit.by_reference import ReferenceLower
+from cmpsp_ros.mpsp.jit.parts import Part, Sized, environments_in, for_sizes, relink
+from cmpsp_ros.mpsp.jit.sizes import NotGeneralError, generalised, is_general
+
+_UNNEEDED = frozenset({
+    WithLifting, InlineClosureLikes, MakeFunctionToJitFunction, InlineInlinables,
+    FindLiterallyCalls, LiteralUnroll, InlineOverloads, NopythonRewrites,
+})  # fmt: skip
+"""Passes for what a function without arrays and functions of its own cannot contain."""
+
+
+@register_pass(mutates_CFG=True, analysis_only=False)
+class _Lowering(NativeLowering):  # type: ignore[misc]  # numba has no types
+    _name = 'lowering_by_reference'
+
+    @property
+    def lowering_class(self) -> Any:
+        """Class that translates a function."""
+        return ReferenceLower
+
+
+def _short_name(name: str, kinds: Iterable[Any], **more: Any) -> str:
+    """Name of a function in bitcode, with a digest of the types of its arguments."""
+    digest = hashlib.sha256(' '.join(map(str, kinds)).encode()).hexdigest()
+    return str(default_mangler(f'{name}.{digest[:16]}', (), **more))
+
+
+class _Compiler(compiler.CompilerBase):  # type: ignore[misc]  # numba has no types
+    """Translates a function to a `Part`."""
+
+    def define_pipelines(self) -> list[Any]:
+        state = self.state
+        codegen, name = state.targetctx.codegen(), state.func_id.func_qualname
+        state.library = Part(codegen, name, is_general=is_general(state.args))
+        # The names of types, which are all fields of all records, would be most of the bitcode.
+        state.targetctx.mangler = _short_name
+        flags = state.flags
+        flags.no_compile = flags.no_cpython_wrapper = flags.no_cfunc_wrapper = True
+        passes = compiler.DefaultPassBuilder.define_nopython_pipeline(state)
+        passes.add_pass_after(_Lowering, NativeLowering)
+        constants = state.func_id.code.co_consts
+        is_plain = not flags.nrt and not any(isinstance(each, CodeType) for each in constants)
+        left_out = {NativeLowering, *(_UNNEEDED if is_plain else ())}
+        passes.passes = [each for each in passes.passes if each[0] not in left_out]
+        passes.finalize()
+        return [passes]
+
+
+@contextmanager
+def _no_garbage_collection() -> Iterator[None]:
+    """Keep all objects while numba makes many that stay: to look through them takes a tenth."""
+    was_enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_enabled:
+            gc.enable()
+
+
+class _Key:
+    """By which numba finds the function that it calls for a signature."""
+
+
+class Kernel(CPUDispatcher):  # type: ignore[misc]  # numba has no types
+    """Numba's dispatcher of a function that is compiled in parts.
+
+    Args:
+        function: The function.
+        options: Numba's options.
+        cache: Called with the kernel, for the cache of its parts and machine code.
+    """
+
+    def __init__(
+        self, function: Callable[..., Any], options: dict[str, Any], cache: Callable[[Kernel], Any]
+    ) -> None:
+        super().__init__(function, {}, {'nopython': True} | options, _Compiler)
+        self._cache = cache(self)
+        self._entries: dict[Any, Any] = {}
+
+    def add_overload(self, result: Any) -> None:
+        """Keep a part for callers; Python finds no function for its signature yet."""
+        if result.entry_point is None:
+            result = result._replace(entry_point=_Key())
+            found = user_function(result.fndesc, [result.library])
+            self.targetctx._defns[result.entry_point].append(found, result.signature.args)  # noqa: SLF001
+        self.overloads[tuple(result.signature.args)] = result
+
+    def get_call_template(self, args: Any, kws: Any) -> Any:
+        """Numba's, for the same code whether a caller passes a constant or a variable."""
+        named = {name: types.unliteral(each) for name, each in kws.items()}
+        return super().get_call_template(tuple(map(types.unliteral, args)), named)
+
+    def compile(self, sig: Any) -> Any:
+        """Translate the function for a signature, unless that is done, or a file has it."""
+        with _no_garbage_collection():
+            return super().compile(sig)
+
+    def entry(self, signature: tuple[Any, ...]) -> Any:
+        """Python's function for a signature, compiled if need be."""
+        if signature not in self._entries:
+            with global_compiler_lock:
+                part = self._part_for(signature)
+                make = self._make_sized if isinstance(part.library, Sized) else self._make
+                library = self._cache.finish(signature, part, make) or _loaded(part)
+                found = self.targetctx.get_executable(library, part.fndesc, part.environment)
+                self._entries[signature] = found, library, part
+                if self._has_wrapper:
+                    self._insert([each._code for each in signature], found, part.objectmode)  # noqa: SLF001
+        return self._entries[signature][0]
+
+    def _part_for(self, signature: tuple[Any, ...]) -> Any:
+        general, sizes = generalised(signature)
+        try:
+            self.compile(general)
+        except NotGeneralError:
+            general, sizes = signature, None
+            self.compile(general)
+        part = self.overloads[general]
+        return part if sizes is None else for_sizes(part, signature, sizes)
+
+    def address(self, signature: tuple[Any, ...]) -> tuple[int, Any]:
+        """Address of the machine code for a signature, for other machine code; type returned."""
+        self.entry(signature)
+        _, library, part = self._entries[signature]
+        address = library.get_pointer_to_function(part.fndesc.llvm_func_name)
+        return int(address), part.signature.return_type
+
+    def _compile_for_args(self, *arguments: Any, **kwargs: Any) -> Any:
+        signature = tuple(map(self._type_of, arguments))
+        if generalised(signature).sizes is None:
+            super()._compile_for_args(*arguments, **kwargs)
+        return self.entry(signature)
+
+    def _type_of(self, value: Any) -> Any:
+        omitted = isinstance(value, OmittedArg)
+        return types.Omitted(value.value) if omitted else self.typeof_pyval(value)
+
+    @property
+    def _has_wrapper(self) -> bool:
+        return not self.targetoptions.get('no_cpython_wrapper')
+
+    def _make_sized(self, part: Any) -> Any:
+        """The same for one size, which counts as a compilation of its own."""
+        about = {'dispatcher': self, 'args': part.signature.args, 'return_type': None}
+        with event.trigger_event('numba:compile', about):
+            return self._make(part)
+
+    def _make(self, part: Any) -> Any:
+        """Make machine code of a part and all that it calls, with an entry for Python."""
+        name = part.fndesc.llvm_func_name
+        library = JITCodeLibrary(self.targetctx.codegen(), part.library.name)
+        library.enable_object_caching()
+        module = part.library.linked([name])
+        relink(module, 'internal', but=[name])
+        library._final_module.link_in(module)  # noqa: SLF001 (numba's way optimises it before)
+        if self._has_wrapper:
+            self._add_wrapper(library, part)
+        library.finalize()
+        part.library.machine_code = library._get_compiled_object()  # noqa: SLF001
+        _set_environments(library, environments_in(library._final_module))  # noqa: SLF001
+        return library
+
+    def _add_wrapper(self, library: Any, part: Any) -> None:
+        flags = compiler.Flags()
+        self.targetdescr.options.parse_as_flags(flags, self.targetoptions)
+        self.targetctx.refresh()
+        with ConfigStack().enter(flags):
+            context = compiler._make_subtarget(self.targetctx, flags)  # noqa: SLF001
+            context.create_cpython_wrapper(library, part.fndesc, part.environment, None)
+
+
+def _loaded(part: Any) -> Any:
+    """Machine code that is there, made ready to run."""
+    library = JITCodeLibrary(part.library.codegen, part.library.name)
+    library.enable_object_caching()
+    library._set_compiled_object(part.library.machine_code)  # noqa: SLF001
+    library._finalize_final_module()  # noqa: SLF001
+    # Numba finds them in the bitcode.
+    names = part.fndesc.llvm_func_name, part.fndesc.llvm_cpython_wrapper_name
+    library.codegen._engine._defined_symbols.update(names)  # noqa: SLF001
+    _set_environments(library, part.library.environments)
+    return library
+
+
+def _set_environments(library: Any, environments: Iterable[Any]) -> None:
+    for each in environments:
+        library.codegen.set_env(each.env_name, each)

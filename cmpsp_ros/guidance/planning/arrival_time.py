@@ -29,7 +29,7 @@ _GROWTH: Final = 2.0
 _LONGER: Final = 8.0
 """Factor from that stride to the second one."""
 _TRIALS: Final = 2
-_INITIAL_TRIALS: Final = 16
+_INITIAL_TRIALS: Final = 6
 _INITIAL_DELAYS: Final = 3
 """Trials at a control step, and at the first one to a goal; searches for it with more time."""
 _INITIAL_DELAY: Final = 0.4
@@ -98,17 +98,22 @@ class ArrivalTime:
             is_blind = drives_blind(self.settings, found.plan, context.start)
             return self._is_accurate(found) and not is_blind
 
+        is_bracketed = False
         for _ in range(trials):
             trial = self._shifted(context, -self.stride)
             if trial.horizon.edges[-1] < trial.horizon.edges[0] + _FEWEST * period:
                 break
             found = selector.try_at_another_time(selected.plan, trial, accepts)
-            if accepts(found):
-                context, selected, self.stride = trial, found, min(_GROWTH * self.stride, _LONGEST)
+            is_better = accepts(found)
+            if is_better:
+                context, selected = trial, found
             elif self.stride * context.horizon.durations.sum() * NANOSECONDS < self._grid(context):
                 break
-            else:
-                self.stride /= 2.0
+            # Between a time that is accepted and one that is not, it is sought by bisection.
+            is_bracketed = is_bracketed or not is_better
+            self.stride = (
+                self.stride / 2.0 if is_bracketed else min(_GROWTH * self.stride, _LONGEST)
+            )
         return context, selected
 
     def _later(

@@ -79,11 +79,13 @@ class Improver:
         context: PlanningContext,
         iterations: int | None = None,
         generosity: int = 1,
+        most_work: int | None = None,
     ) -> Candidate:
         """Improve a plan by as many iterations as given, or as every plan gets, and check it."""
         if iterations is None and context.plan is None:
             iterations = self._first_iterations
         work_limit = max(self.work_left, 0) * generosity
+        work_limit = work_limit if most_work is None else min(work_limit, most_work)
         began = self._timer()
         result = planner.improve(context, guess, iterations, work_limit)
         solved = self._timer()

@@ -26,6 +26,9 @@ _GRIDS: Final = {SEEN: 'what is seen', MAP: 'the map'}
 _PATIENCE: Final = 5
 """Control steps for which an alternative may have a flaw, or cost more than the plan followed."""
 
+_MUCH: Final = 16
+"""Multiple of the work of a plan without a flaw that another may take from rest."""
+
 
 class Alternative(NamedTuple):
     """A plan with the planner that improved it.
@@ -224,7 +227,10 @@ class Selection:
         timed, tried = self._improver.timed, guesses or []
         found: list[Alternative] = []
         if guesses is not None:
-            found = self._made_from(guesses[1:], context)
+            # A class that takes many times the work is closed, or too narrow.
+            works = (each.candidate.result.work for each in known if not each.score.flawed)
+            most_work = _MUCH * min(works, default=0)
+            found = self._made_from(guesses[1:], context, most_work or None)
         elif self._improver.work_left > 0:
             taken = {each.homotopy_class for each in known if not each.score.flawed}
             capacity = self.limit - len(known)
@@ -243,18 +249,25 @@ class Selection:
         # Or it may come too close at first: zero controls do not.
         return [*found, self._improved(self.pool.take(), _zero_controls(context), context)]
 
-    def _made_from(self, guesses: list[Array], context: PlanningContext) -> list[Alternative]:
+    def _made_from(
+        self, guesses: list[Array], context: PlanningContext, most_work: int | None = None
+    ) -> list[Alternative]:
         """New plans, as many as there is work left for."""
         return [
-            self._improved(self.pool.take(), guess, context)
+            self._improved(self.pool.take(), guess, context, most_work=most_work)
             for guess in guesses
             if self._improver.work_left > 0
         ]
 
     def _improved(
-        self, planner: Planner, guess: Array, context: PlanningContext, bad_steps: int = 0
+        self,
+        planner: Planner,
+        guess: Array,
+        context: PlanningContext,
+        bad_steps: int = 0,
+        most_work: int | None = None,
     ) -> Alternative:
-        candidate = self._improver.improve(planner, guess, context)
+        candidate = self._improver.improve(planner, guess, context, most_work=most_work)
         return self._scored(planner, candidate, context, bad_steps)
 
     def _scored(

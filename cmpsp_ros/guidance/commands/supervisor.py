@@ -134,7 +134,7 @@ class Supervisor:
         ahead = self._approach.contact(plan, start, verdict.worst_margin)
         if selected.is_relaxed:
             following.end_speed = math.inf
-        elif ahead is not None and selected.terminal_error <= self._settings.goal_tolerance:
+        elif ahead is not None and self._ends_there(state, selected):
             end_speed = self._approach.end_speed(plan, ahead)
             following.end_speed = min(following.end_speed, end_speed)
         if why := self._stop_reason(state, context, selected, ahead, closed):
@@ -145,6 +145,11 @@ class Supervisor:
             reason = f'{why} {reason}'
             return self.decisions.stop(state, seen.stamp, seen.pose, reason, selected.result)
         return Choice(level, reason, plan, verdict, ahead)
+
+    def _ends_there(self, state: LawState, selected: Candidate) -> bool:
+        """True if a plan leads to the goal: on a road that is followed, plans have no end."""
+        has_goal = state.mission.goals.goal is not None
+        return has_goal and selected.terminal_error <= self._settings.goal_tolerance
 
     def _fall_back(
         self,

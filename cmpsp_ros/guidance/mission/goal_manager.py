@@ -29,6 +29,8 @@ _PIECE: Final = 0.25
 _AMPLE: Final = 2
 # Part of the time that the path takes with which a goal is put off.
 _SCARCE: Final = 0.9
+# Part of the arc length within the horizon that a plan leads ahead at least.
+_LEAST_AHEAD: Final = 0.5
 
 
 class GoalManager:
@@ -252,8 +254,11 @@ class GoalManager:
         self._is_known = True
         if settings.follow is not None:
             self.goal, self.is_last = None, False
-            self.end = to_nanoseconds(settings.final_time)
+            self.end, self.final = to_nanoseconds(settings.final_time), 0
+            self._looked_from: Array | None = None
+            self._ahead = settings.follow.arc_length
             self._look_ahead(0, world, world.road.middle(), math.nan)
+            self._looked_from = None
             return
         goals = settings.goals
         if self._received is not None:
@@ -279,12 +284,23 @@ class GoalManager:
         self._is_known = True
 
     def _look_ahead(self, now: int, world: World, pose: Array, progress: float) -> None:
-        """Aim at the line across the road that is to be reached at the end of the horizon."""
+        """Aim at the line across the road that is to be reached at the end of the horizon.
+
+        The line moves at most at the speed asked for. If it kept its distance from the robot, plans
+        that drive fast at first and slowly in the end would be as good as steady ones, for ever.
+        """
         follow = self._settings.follow
         assert follow is not None  # noqa: S101 (the caller has looked)
-        period = self.period
-        self.final = now // period * period + to_nanoseconds(follow.horizon)
-        place, direction = lookahead_point(world.road, pose, follow.arc_length, progress)
+        before, self.final = self.final, now // self.period * self.period
+        self.final += to_nanoseconds(follow.horizon)
+        if self._looked_from is not None:
+            x, y, heading = self._looked_from.tolist()
+            driven = -arc_length_to(world.road, pose, (x, y), heading, progress)
+            moved = follow.speed * (self.final - before) / NANOSECONDS
+            share = (self._ahead - driven + moved) / follow.arc_length
+            self._ahead = min(max(share, _LEAST_AHEAD), 1.0) * follow.arc_length
+        self._looked_from = pose
+        place, direction = lookahead_point(world.road, pose, self._ahead, progress)
         self.target = Target(place, direction, is_line=True)
 
 

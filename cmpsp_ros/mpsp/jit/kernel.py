@@ -4,22 +4,30 @@ from __future__ import annotations
 
 import gc
 import hashlib
+import operator
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from types import CodeType
-from typing import Any
+from functools import partial
+from types import BuiltinFunctionType, CodeType
+from typing import Any, Final
 
 from numba import types
 from numba.core import compiler, event
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler_lock import global_compiler_lock
-from numba.core.compiler_machinery import register_pass
+from numba.core.compiler_machinery import PassManager, _pass_registry, register_pass
 from numba.core.dispatcher import OmittedArg
 from numba.core.funcdesc import default_mangler
 from numba.core.imputils import user_function
 from numba.core.registry import CPUDispatcher
 from numba.core.targetconfig import ConfigStack
-from numba.core.typed_passes import InlineOverloads, NativeLowering, NopythonRewrites
+from numba.core.typed_passes import (
+    AnnotateTypes,
+    InlineOverloads,
+    IRLegalization,
+    NativeLowering,
+    NopythonRewrites,
+)
 from numba.core.untyped_passes import (
     FindLiterallyCalls,
     InlineClosureLikes,
@@ -35,9 +43,10 @@ from cmpsp_ros.mpsp.jit.sizes import NotGeneralError, generalised, is_general
 
 _UNNEEDED = frozenset({
     WithLifting, InlineClosureLikes, MakeFunctionToJitFunction, InlineInlinables,
-    FindLiterallyCalls, LiteralUnroll, InlineOverloads, NopythonRewrites,
+    FindLiterallyCalls, LiteralUnroll, InlineOverloads, NopythonRewrites, IRLegalization,
+    AnnotateTypes,
 })  # fmt: skip
-"""Passes for what a function without arrays and functions of its own cannot contain."""
+"""Passes for what a function without arrays and functions of its own cannot contain or need."""
 
 
 @register_pass(mutates_CFG=True, analysis_only=False)
@@ -48,6 +57,19 @@ class _Lowering(NativeLowering):  # type: ignore[misc]  # numba has no types
     def lowering_class(self) -> Any:
         """Class that translates a function."""
         return ReferenceLower
+
+
+class _Passes(PassManager):  # type: ignore[misc]  # numba has no types
+    """Passes without the analysis of lifetimes after each, which none here needs."""
+
+    def run(self, state: Any) -> None:
+        """Run them in order."""
+        for kind, _ in self.passes:
+            each = _pass_registry.get(kind).pass_inst
+            each.analysis = self._analysis
+            each.run_initialization(state)
+            each.run_pass(state)
+            each.run_finalizer(state)
 
 
 def _short_name(name: str, kinds: Iterable[Any], **more: Any) -> str:
@@ -73,20 +95,63 @@ class _Compiler(compiler.CompilerBase):  # type: ignore[misc]  # numba has no ty
         is_plain = not flags.nrt and not any(isinstance(each, CodeType) for each in constants)
         left_out = {NativeLowering, *(_UNNEEDED if is_plain else ())}
         passes.passes = [each for each in passes.passes if each[0] not in left_out]
+        if is_plain:
+            passes.__class__ = _Passes
         passes.finalize()
         return [passes]
 
 
-@contextmanager
-def _no_garbage_collection() -> Iterator[None]:
-    """Keep all objects while numba makes many that stay: to look through them takes a tenth."""
-    was_enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if was_enabled:
-            gc.enable()
+_OPERATORS: Final = frozenset(
+    getattr(operator, name)
+    for name in (
+        'add', 'iadd', 'sub', 'isub', 'mul', 'imul', 'truediv', 'floordiv', 'mod', 'neg', 'not_',
+        'lt', 'le', 'gt', 'ge', 'eq', 'ne', 'getitem',
+    )
+)  # fmt: skip
+_types_found: Final[dict[Any, Any]] = {}
+
+
+class _Outermost:
+    """Changes to numba and Python while a function is translated, with all that it calls.
+
+    Objects stay, since numba makes many and to look through them takes a tenth. Types of arithmetic
+    are found once: numba tries dozens of candidates at each ``+``.
+    """
+
+    depth = 0
+
+    @classmethod
+    @contextmanager
+    def entered(cls, context: Any) -> Iterator[None]:
+        """Enter for numba's typing context, unless that is done."""
+        was_enabled = gc.isenabled()
+        cls.depth += 1
+        if cls.depth == 1:
+            gc.disable()
+            context.resolve_function_type = partial(_function_type, context)
+        try:
+            yield
+        finally:
+            cls.depth -= 1
+            if cls.depth == 0:
+                del context.resolve_function_type
+                if was_enabled:
+                    gc.enable()
+
+
+def _function_type(context: Any, function: Any, kinds: tuple[Any, ...], named: Any) -> Any:
+    """Numba's `resolve_function_type`, remembered for operators on numbers and arrays."""
+    plain = types.Number, types.Boolean, types.Array, types.UniTuple
+    key = getattr(function, 'typing_key', function)
+    is_operator = isinstance(key, BuiltinFunctionType) and key in _OPERATORS
+    if named or not is_operator or not all(isinstance(each, plain) for each in kinds):
+        return type(context).resolve_function_type(context, function, kinds, named)
+    if (key, kinds) not in _types_found:
+        found = type(context).resolve_function_type(context, function, kinds, named)
+        if found is None:
+            return None
+        _types_found[key, kinds] = found
+    return _types_found[key, kinds]
 
 
 class _Key:
@@ -124,7 +189,7 @@ class Kernel(CPUDispatcher):  # type: ignore[misc]  # numba has no types
 
     def compile(self, sig: Any) -> Any:
         """Translate the function for a signature, unless that is done, or a file has it."""
-        with _no_garbage_collection():
+        with global_compiler_lock, _Outermost.entered(self.typingctx):
             return super().compile(sig)
 
     def entry(self, signature: tuple[Any, ...]) -> Any:

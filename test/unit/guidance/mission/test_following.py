@@ -8,6 +8,7 @@ import pytest
 from endless import NOISE, drive, is_steady
 from scenarios import PERIOD, law_of
 from scenarios import drive as drive_law
+from seeing import Drive
 
 from cmpsp_ros.guidance import (
     FallbackLevel,
@@ -96,3 +97,31 @@ def test_a_robot_that_is_stuck_tries_the_remedies_again_and_again():
     assert len(first) > 1
     assert any('turns on the spot' in each for each in reasons[first[0] : first[1]])
     assert not any(each.finished for each in decisions)
+
+
+def test_a_car_that_sees_drives_no_faster_than_asked():
+    angles = np.linspace(0.0, math.tau, 16, endpoint=False)
+    oval = np.column_stack([9.0 * np.cos(angles), 6.0 * np.sin(angles)])
+    changes = {
+        'control_period': 0.1,
+        'follow.speed': 2.0,
+        'follow.horizon': 3.0,
+        'initial_pose': [9.0, 0.0, math.pi / 2.0],
+        'robot.joint_names': ['rear_axle'],
+        'robot.max_steering_angle': 0.42,
+        'robot.max_steering_rate': 3.2,
+        'robot.max_wheel_acceleration': 2.5,
+        'robot.max_wheel_speed': 5.0,
+        'robot.model': 'ackermann',
+        'robot.wheel_base': 0.33,
+        'robot.wheel_radius': 1.0,
+        'road.closed': True,
+        'road.half_width': [1.15],
+        'road.points': oval.ravel().tolist(),
+        'sim.obstacles.names': [],
+    }
+
+    speeds = [each.twist[0] for each in Drive(end=6.0, **changes).decisions]
+
+    assert max(speeds) < 2.1
+    assert np.mean(speeds[20:]) == pytest.approx(2.0, rel=0.02)

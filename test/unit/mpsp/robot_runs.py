@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from cmpsp_ros.guidance import Weights
-from cmpsp_ros.guidance.formulation import GuidanceProblem
-from cmpsp_ros.guidance.planning import FUNCTIONS
+from cmpsp_ros.guidance.formulation import FUNCTIONS, GuidanceProblem
 from cmpsp_ros.mpsp import SLACK_TOLERANCE, Options
 from cmpsp_ros.mpsp.qp import QPStatus
 from cmpsp_ros.mpsp.qp.riccati import Outcome

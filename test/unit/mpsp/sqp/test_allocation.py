@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 from robot_runs import driver_for, improve, robot_options, robot_problem
 
-from cmpsp_ros.guidance.formulation import ocp_functions
-from cmpsp_ros.guidance.planning import FUNCTIONS
+from cmpsp_ros.guidance.formulation import FUNCTIONS, ocp_functions
 from cmpsp_ros.mpsp import sqp
 from cmpsp_ros.mpsp.jit import allocation_free
 from cmpsp_ros.mpsp.qp import active_set, riccati

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from robot_runs import assert_same, driver_for, improve, iterates, robot_options, robot_problem
 
+from cmpsp_ros.guidance.formulation import FUNCTIONS
 from cmpsp_ros.guidance.formulation.guidance_problem import with_parameters
 from cmpsp_ros.guidance.formulation.ocp_functions import CostHessian
-from cmpsp_ros.guidance.planning import FUNCTIONS
 from cmpsp_ros.mpsp import SLACK_TOLERANCE
 from cmpsp_ros.mpsp.models import CONTROL_RATE, ControlRateData, ControlRateProblem
 from cmpsp_ros.mpsp.qp import QPStatus

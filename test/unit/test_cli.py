@@ -125,7 +125,7 @@ def test_a_good_run_is_exit_code_0_with_its_figures(invoke, outcome, tmp_path):
     assert scenario.name == 'case2'
     assert scenario.lockstep
     assert (scenario.settings.final_time, scenario.values['odom_rate']) == (11.0, 100.0)
-    for said in ('case3: 50 steps', '1e-09 m', '+0.0100 m', '50 nominal', '1.00 / 2.00 / 3.00 ms'):
+    for said in ('case3: 50 steps', ' 0 m', '+0.0100 m', '50 nominal', '1.00 / 2.00 / 3.00 ms'):
         assert said in words(result.stdout)
 
 

@@ -59,7 +59,7 @@ def why_unreachable(
     for each in places:
         (x, y), clear, name = tightest(settings, start, each)
         least = min(least, clear)
-        is_coarse |= name == f'obstacle {SEEN}' and margin - cell <= clear < margin
+        is_coarse |= name == f'obstacle {SEEN}' and -cell <= clear < margin
         beside = max(clear + body, 0.0)
         parts.append(f'past {name} at ({x:.2f}, {y:.2f}), which leaves {beside:.3f} m')
     reason = (

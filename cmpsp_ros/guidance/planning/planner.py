@@ -156,7 +156,9 @@ class Planner:
         if self._is_bounded:
             self._bound_speeds(self._driver, context)
         inner = self._data(context, guess)
-        data = problem_data(self._formulation, inner, start, self.compiled, self._end_jerk)
+        data: ProblemData = inner
+        if self._formulation.remembers_control:
+            data = problem_data(self._formulation, inner, start, self.compiled, self._end_jerk)
         self._driver.improve(self.compiled.entries, data, steps, over)
         counters = self._counters
         outcome = counters.outcome.item()

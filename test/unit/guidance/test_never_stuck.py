@@ -119,7 +119,7 @@ def test_it_backs_out_along_its_trail():
     assert run.clearance > 0.0
 
 
-@pytest.mark.parametrize(('width', 'may_fit'), [(0.35, True), (0.25, False)])
+@pytest.mark.parametrize(('width', 'may_fit'), [(0.35, True), (0.2, False)])
 def test_the_reason_says_where_a_finer_grid_may_show_that_a_gap_fits(width, may_fit):
     given = task((6.0, 2.15), map_of(8, 4), sight=SightSettings(resolution=CELL))
     walls = map_of(8, 4, (3, 3.1, 0, 2), (3, 3.1, 2 + width, 4))

@@ -70,7 +70,10 @@ class Example:
         solution = self.solve()
         print(solution.sentence)  # noqa: T201 (a program's output)
         figure, axes = plt.subplots(1, 2, figsize=(9.0, 3.2), layout='constrained')
-        self.draw(axes, solution.iterate.X, solution.iterate.U)
+        X, U = solution.iterate.X, solution.iterate.U.copy()
+        # The last control is held to the end; after it there is none.
+        U[-1] = U[-2]
+        self.draw(axes, X, U)
         IMAGES.mkdir(parents=True, exist_ok=True)
         figure.savefig(IMAGES / f'{self.name}.png', dpi=100)
         plt.close(figure)

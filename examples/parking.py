@@ -21,8 +21,8 @@ def draw(axes, X, U):
     axes[0].plot(X[:, 0], X[:, 1])
     axes[0].quiver(X[::4, 0], X[::4, 1], np.cos(X[::4, 2]), np.sin(X[::4, 2]), width=0.004)
     axes[0].set(xlabel='x [m]', ylabel='y [m]', aspect='equal')
-    time = np.linspace(0.0, X[-1, 3], N + 1)[:-1]
-    axes[1].step(time, U[:-1, :2], where='post', label=['speed [m/s]', 'steering [rad]'])
+    time = np.linspace(0.0, X[-1, 3], N + 1)
+    axes[1].step(time, U[:, :2], where='post', label=['speed [m/s]', 'steering [rad]'])
     axes[1].set(xlabel='time [s]')
     axes[1].legend()
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
 
@@ -11,6 +11,8 @@ from cmpsp_ros.arrays import Array, BoolArray, IntArray
 from cmpsp_ros.setting import NOT_NEGATIVE, POSITIVE, Range, setting
 
 Pose = tuple[float, float, float]
+
+_MESSAGES: Final = {'scan': 'LaserScan', 'cloud': 'PointCloud2'}
 
 
 class ScanError(ValueError):
@@ -41,6 +43,15 @@ class Sensor:
     type: Literal['scan', 'cloud'] = setting('scan', '',
         'Messages of this sensor: `scan` for LaserScan, `cloud` for PointCloud2.', live=False)
     # fmt: on
+
+    @property
+    def message_type(self) -> str:
+        """Type of its messages, as ROS and bags write it."""
+        return f'sensor_msgs/msg/{_MESSAGES[self.type]}'
+
+    def topic_in(self, namespace: str) -> str:
+        """Full name of its topic, for a node in a namespace."""
+        return self.topic if self.topic.startswith('/') else f'{namespace}/{self.topic}'
 
     def check_frame(self, message: Any) -> None:
         """Raise `ScanError` for a message in another frame."""

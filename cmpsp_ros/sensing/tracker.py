@@ -46,9 +46,6 @@ _EDGE: Final = 10.0
 """Angle that a view all around may lack, in steps."""
 _SAME: Final = 0.2
 """Distance of two tracks of the same object [m]."""
-_LONG: Final = 2.5
-_ODOMETRY: Final = 0.1, 20
-"""Fraction and number of hits, in long walls that seem to have moved, from which odometry has."""
 
 
 class Tracker:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any, Final
+from typing import Any
 
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.names import Names
@@ -20,9 +20,7 @@ from cmpsp_ros.guidance.messages import (
     tracks_of,
 )
 from cmpsp_ros.parameters import Values, guidance_settings
-from cmpsp_ros.sensing import ScanError, Surroundings, sight_of, stamp_of
-
-_TYPES: Final = {'scan': 'sensor_msgs/msg/LaserScan', 'cloud': 'sensor_msgs/msg/PointCloud2'}
+from cmpsp_ros.sensing import ScanError, Sensor, Surroundings, sight_of, stamp_of
 
 
 class SensorInputs:
@@ -42,13 +40,12 @@ class SensorInputs:
         self._settings: GuidanceSettings = guidance_settings(values)
         self._bag, self._names, self._newest = bag, names, -1
         self._refused: dict[str, str] = {}
-        self._sensors = {
-            each.topic if each.topic.startswith('/') else f'{names.namespace}/{each.topic}': each
-            for each in self._settings.sight.sensors
-        }
         self._check(names.odom, 'nav_msgs/msg/Odometry')
-        for topic, sensor in self._sensors.items():
-            self._check(topic, _TYPES[sensor.type])
+        self._sensors: dict[str, list[Sensor]] = {}
+        for each in self._settings.sight.sensors:
+            topic = each.topic_in(names.namespace)
+            self._check(topic, each.message_type)
+            self._sensors.setdefault(topic, []).append(each)
 
     def _check(self, topic: str, kind: str) -> None:
         if topic not in self._bag.topics or self._bag.topics[topic].msgtype != kind:
@@ -65,12 +62,15 @@ class SensorInputs:
         yield RunStarted(self.values)
         is_used = False
         for topic, received, message in self._bag.together(topics):
+            for sensor in self._sensors.get(topic, ()):
+                try:
+                    known.add(sight_of(message, sensor))
+                except ScanError as error:
+                    self._refused.setdefault(topic, str(error))
             try:
-                if topic in self._sensors:
-                    known.add(sight_of(message, self._sensors[topic]))
-                elif topic == names.moving:
+                if topic == names.moving:
                     told.add(tracks_of(message, settings.frame_id))
-                elif (odometry := self._odometry(received, message)) is not None:
+                elif topic == names.odom and (odometry := self._odometry(received, message)):
                     stamp, pose = odometry.stamp, odometry.pose
                     known.update(stamp, pose)
                     if not known.blindness(stamp):
@@ -78,7 +78,7 @@ class SensorInputs:
                         seen = () if sighting is None else sighting.tracks
                         tracks = (*told.at(stamp, obstacles.timeout), *seen)
                         yield OdometryReceived(odometry, None, tracks=tracks, sighting=sighting)
-            except (OdometryError, ScanError, TrackError) as error:
+            except (OdometryError, TrackError) as error:
                 self._refused.setdefault(topic, str(error))
         if not is_used:
             why = '; '.join(f'{topic}: {why}' for topic, why in self._refused.items())
@@ -87,10 +87,8 @@ class SensorInputs:
 
     def _odometry(self, received: int, message: Any) -> OdometrySample | None:
         """Odometry in the frame of the law; None if it is no newer than the last."""
-        pose, stamp = (
-            OdometryReading.of(message).pose_in(self._settings.frame_id),
-            stamp_of(message),
-        )
+        pose = OdometryReading.of(message).pose_in(self._settings.frame_id)
+        stamp = stamp_of(message)
         if stamp <= self._newest:
             return None
         self._newest = stamp

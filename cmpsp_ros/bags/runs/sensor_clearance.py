@@ -25,7 +25,6 @@ Window = tuple[float, float]
 EXACT: Final = 0.05
 """Error of ranges, odometry and cells together [m]."""
 
-_MESSAGES: Final = {'scan': 'sensor_msgs/msg/LaserScan', 'cloud': 'sensor_msgs/msg/PointCloud2'}
 _GRID: Final = 'nav_msgs/msg/OccupancyGrid'
 
 _RESTS: Final = 0.01
@@ -220,8 +219,8 @@ def _scans(
     namespace = topic.rpartition('/')[0].rpartition('/')[0]
     sensors: dict[str, list[Sensor]] = {}
     for each in settings.sight.sensors:
-        name = each.topic if each.topic.startswith('/') else f'{namespace}/{each.topic}'
-        if name in bag.topics and bag.topics[name].msgtype == _MESSAGES[each.type]:
+        name = each.topic_in(namespace)
+        if name in bag.topics and bag.topics[name].msgtype == each.message_type:
             sensors.setdefault(name, []).append(each)
     for name, received, message in bag.together(list(sensors)) if sensors else ():
         for sensor in sensors[name] if window[0] <= received < window[1] else ():

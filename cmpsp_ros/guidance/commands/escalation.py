@@ -63,7 +63,7 @@ class Escalation:
             if (choice := self._move(state, seen, context)) is not None:
                 return choice
         else:
-            # A road that is followed has no end: whatever is driven is progress.
+            # A road that is followed has no end: every distance driven is progress.
             left = -watch.driven if follows else way_left(self._settings, start, context.goal)
             watch.count(start.pose, left, is_excused=reached or state.lateness.halvings > 0)
         allowed = -(-self._patience // (_SOONER if watch.remedy else 1))

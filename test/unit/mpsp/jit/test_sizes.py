@@ -65,7 +65,7 @@ def test_compiled_code_does_what_the_function_does_in_python(n, r, monkeypatch):
     assert not np.array_equal(found.stages, before)
 
 
-def test_another_size_is_translated_no_more():
+def test_another_size_is_translated_no_more(environment):
     @allocation_free
     def largest(p):
         total = 0.0
@@ -83,7 +83,7 @@ def test_another_size_is_translated_no_more():
     assert names == [['largest', 'largest'], ['largest']]
 
 
-def test_functions_that_only_fit_one_size_are_translated_for_each():
+def test_functions_that_only_fit_one_size_are_translated_for_each(environment):
     @allocation_free
     def total(p):
         found = 0.0

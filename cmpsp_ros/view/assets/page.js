@@ -368,4 +368,6 @@ function drawStrip(id, lines, marks) {
   for (const left of [whole, 0]) pen.fillText(`${(whole - left).toFixed(0)} s`, Math.max(to([left, 0])[0], 56), height - 6);
 }
 
+// A picture is as large as the window was: it would be stretched, the last one for good.
+addEventListener('resize', () => { drawCourse(); drawStrips(); });
 ask();

@@ -28,21 +28,13 @@ from cmpsp_ros.world.roads import arc_length_to
 
 
 class Task(NamedTuple):
-    """The task of one control step.
+    """The task of one control step."""
 
-    Attributes:
-        is_new: Whether the goal is another one than before.
-        is_over: Whether the last goal's time has passed.
-        horizon: The horizon of plans; that of the last plan where it goes on.
-        goes_on: Whether a new command would come too late to change anything.
-        note: Why the final time was postponed, in a sentence; else empty.
-    """
-
-    is_new: bool
-    is_over: bool
-    horizon: Horizon
-    goes_on: bool
-    note: str
+    is_new: bool  # whether the goal is another one than before
+    is_over: bool  # whether the last goal's time has passed
+    horizon: Horizon  # the horizon of plans; that of the last plan where it goes on
+    goes_on: bool  # whether a new command would come too late to change anything
+    note: str  # why the final time was postponed, in a sentence; else empty
 
 
 class GuidanceLaw:

@@ -24,21 +24,14 @@ MAP: Final = 'map'
 
 
 class Searched(NamedTuple):
-    """Inputs of the last search for a path across a grid, besides the known map.
+    """Inputs of the last search for a path across a grid, besides the known map."""
 
-    Attributes:
-        seen: Grid seen then; None for none.
-        kept: The path before, while that is open; of a map none.
-        hysteresis: Relative improvement required of another path while the present one is open.
-        blocked: Places that did not fit in this run (x, y) [m].
-        is_another: True if the path found differs from the one before.
-    """
-
-    seen: GridObstacle | None = None
-    kept: KeptLine | None = None
+    seen: GridObstacle | None = None  # grid seen then; None for none
+    kept: KeptLine | None = None  # the path before, while that is open; of a map none
+    # relative improvement required of another path while the present one is open
     hysteresis: float = 0.1
-    blocked: tuple[tuple[float, float], ...] = ()
-    is_another: bool = False
+    blocked: tuple[tuple[float, float], ...] = ()  # places that did not fit in this run (x, y) [m]
+    is_another: bool = False  # true if the path found differs from the one before
 
 
 NOT_SEARCHED: Final = Searched()

@@ -30,21 +30,13 @@ _ROUNDING: Final = 1e-9
 
 @dataclass(frozen=True)
 class Course:
-    """Road, obstacles and footprint.
+    """Road, obstacles and footprint."""
 
-    Attributes:
-        road: The road; open floor where it is invalid.
-        knows_road: Whether it is valid, and no placeholder.
-        obstacles: Static obstacles, including the map; none where one is invalid.
-        footprint: The robot's corners, and the discs that cover it.
-        radius: Radius of each of these discs [m]; `radius_name` is its description.
-    """
-
-    road: Road
-    knows_road: bool
-    obstacles: tuple[Shape, ...]
-    footprint: Footprint
-    radius: float
+    road: Road  # the road; open floor where it is invalid
+    knows_road: bool  # whether it is valid, and no placeholder
+    obstacles: tuple[Shape, ...]  # static obstacles, including the map; none where one is invalid
+    footprint: Footprint  # the robot's corners, and the discs that cover it
+    radius: float  # radius of each of these discs [m]; `radius_name` is its description
     radius_name: str
 
     @classmethod

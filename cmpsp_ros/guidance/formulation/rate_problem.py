@@ -22,18 +22,13 @@ ProblemData = GuidanceData | ControlRateData
 
 
 class CompiledProblem(NamedTuple):
-    """Machine code for formulations of one kind.
-
-    Attributes:
-        kind: The kind.
-        entries: Of the problem and the iteration.
-        inner: Addresses of the functions that `CONTROL_RATE` calls; None without it.
-        innermost: Addresses of those that `CONTROL_JERK` calls; None without it.
-    """
+    """Machine code for formulations of one kind."""
 
     kind: tuple[object, ...]
-    entries: Entries
+    entries: Entries  # of the problem and the iteration
+    # addresses of the functions that `CONTROL_RATE` calls; None without it
     inner: IntArray | None = None
+    # addresses of those that `CONTROL_JERK` calls; None without it
     innermost: IntArray | None = None
 
 

@@ -41,21 +41,14 @@ _SOON = 3 * NANOSECONDS
 
 @dataclass
 class ClosedRoad:
-    """Obstacles that close the road to the present goal, as far as it has been checked.
+    """Obstacles that close the road to the present goal, as far as it has been checked."""
 
-    Attributes:
-        obstacles: Names of the obstacles between which there is no passage.
-        goal: Goal to which the road was checked (x, y) [m]; None for not at all.
-        wait_reason: Reason to wait before them, a sentence; '' if none.
-        nearest: Least distance from them so far [m].
-        nearest_at: Time of that [ns].
-    """
-
+    # names of the obstacles between which there is no passage
     obstacles: frozenset[str] = frozenset()
-    goal: Point | None = None
-    wait_reason: str = ''
-    nearest: float = math.inf
-    nearest_at: int = 0
+    goal: Point | None = None  # goal to which the road was checked (x, y) [m]; None for not at all
+    wait_reason: str = ''  # reason to wait before them, a sentence; '' if none
+    nearest: float = math.inf  # least distance from them so far [m]
+    nearest_at: int = 0  # time of that [ns]
 
     def look(self, settings: LawSettings, start: PlanStart, target: Target) -> None:
         """Look whether the road is closed for the robot without its margin; once for each goal."""

@@ -69,27 +69,16 @@ class SolveResult(NamedTuple):
 
 
 class Candidate(NamedTuple):
-    """A plan that may be followed.
-
-    Attributes:
-        plan: The plan.
-        result: Result of its iterations.
-        verdict: Validation on it and on the path to its beginning.
-        admissible: Whether it may be followed at all.
-        feasible: Whether it meets every constraint, too.
-        is_relaxed: Whether some constraint is not met, now or in the linearised plan.
-        terminal_error: Distance of its end from the goal [m].
-        heading_error: Error of its last heading [rad]; None where any will do.
-    """
+    """A plan that may be followed."""
 
     plan: Plan
     result: SolveResult
-    verdict: Validation
-    admissible: bool
-    feasible: bool
-    is_relaxed: bool
-    terminal_error: float
-    heading_error: float | None
+    verdict: Validation  # validation on it and on the path to its beginning
+    admissible: bool  # whether it may be followed at all
+    feasible: bool  # whether it meets every constraint, too
+    is_relaxed: bool  # whether some constraint is not met, now or in the linearised plan
+    terminal_error: float  # distance of its end from the goal [m]
+    heading_error: float | None  # error of its last heading [rad]; None where any will do
 
     @classmethod
     def of(cls, result: SolveResult, verdict: Validation, target: Target) -> Candidate:
@@ -136,32 +125,20 @@ class Candidate(NamedTuple):
 
 
 class Score(NamedTuple):
-    """Criteria by which plans are compared, in this order; violations in that of `BY_PRIORITY`.
+    """Criteria by which plans are compared, in this order; violations in that of `BY_PRIORITY`."""
 
-    Attributes:
-        admissible: Whether the plan may be followed at all.
-        obstacle: Depth in an obstacle or the margin kept from it [m]; 0 for none.
-        edge: Distance off the road or in the margin kept from its edges [m]; 0 for none.
-        terminal_error: Distance of its end from the goal [m]; 0 within the tolerance.
-        elastic: Whether its last iteration needed slack.
-        slack: Amount of slack, where nothing else is measured [m]; otherwise 0.
-        turns: Number of times it winds around itself.
-        blind: Whether it drives backward to where nothing has been seen.
-        reserve: Fraction of the time left that it could do without, were its wheels always at
-            their limit; at most `_ENOUGH`.
-        cost: Cost (95) of its path and its controls, without the proximal term.
-    """
-
-    admissible: bool = True
-    obstacle: float = 0.0
-    edge: float = 0.0
-    terminal_error: float = 0.0
-    elastic: bool = False
-    slack: float = 0.0
-    turns: int = 0
-    blind: bool = False
+    admissible: bool = True  # whether the plan may be followed at all
+    obstacle: float = 0.0  # depth in an obstacle or the margin kept from it [m]; 0 for none
+    edge: float = 0.0  # distance off the road or in the margin kept from its edges [m]; 0 for none
+    terminal_error: float = 0.0  # distance of its end from the goal [m]; 0 within the tolerance
+    elastic: bool = False  # whether its last iteration needed slack
+    slack: float = 0.0  # amount of slack, where nothing else is measured [m]; otherwise 0
+    turns: int = 0  # number of times it winds around itself
+    blind: bool = False  # whether it drives backward to where nothing has been seen
+    # fraction of the time left that it could do without, were its wheels always at their limit; at
+    # most `_ENOUGH`
     reserve: float = 0.0
-    cost: float = 0.0
+    cost: float = 0.0  # cost (95) of its path and its controls, without the proximal term
 
     @property
     def flawed(self) -> bool:

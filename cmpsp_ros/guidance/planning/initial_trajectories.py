@@ -37,17 +37,11 @@ _BACKWARD: Final = 0.5
 
 
 class Pursuit(NamedTuple):
-    """A robot in pursuit of points.
-
-    Attributes:
-        robot: Its kinematics.
-        max_turn: Largest turn in a step [rad].
-        free_turn_rate: Turn rate of a robot that drives sideways; NaN for any [rad/s].
-    """
+    """A robot in pursuit of points."""
 
     robot: Kinematics
-    max_turn: float
-    free_turn_rate: float
+    max_turn: float  # largest turn in a step [rad]
+    free_turn_rate: float  # turn rate of a robot that drives sideways; NaN for any [rad/s]
 
 
 def initial_guess(

@@ -43,17 +43,11 @@ _SOON: Final = NANOSECONDS
 
 @dataclass(frozen=True)
 class Encounters:
-    """Moving discs at the time and place of the robot's closest approach.
-
-    Attributes:
-        names: Their names in messages.
-        centers: Shape ``(M, 2)`` [m].
-        radii: Radii with all that is kept from them, shape ``(M,)`` [m].
-    """
+    """Moving discs at the time and place of the robot's closest approach."""
 
     names: tuple[str, ...]
-    centers: Array
-    radii: Array
+    centers: Array  # shape ``(M, 2)`` [m]
+    radii: Array  # radii with all that is kept from them, shape ``(M,)`` [m]
 
     def taken_from(self, space: FreeSpace) -> FreeSpace:
         """A space without them, if there are any, as at one instant."""

@@ -63,23 +63,14 @@ class Surroundings(NamedTuple):
 
 
 class Tree(NamedTuple):
-    """Poses found so far, and what is kept of each.
+    """Poses found so far, and what is kept of each."""
 
-    Attributes:
-        poses: Shape ``(K, 3)`` [m, m, rad].
-        numbers: Cost, node before, move that led here, and next in the bucket, ``(K, 4)``.
-        cells: Cell of each node ``(K, 4)``: two of the position, heading, direction.
-        table: Node of each cell by its hash, `_NONE` for none.
-        buckets: First node by the least cost of a path through it.
-        counts: Number of nodes, the bucket that is worked on, and the expansions so far.
-    """
-
-    poses: Array
-    numbers: IntArray
-    cells: IntArray
-    table: IntArray
-    buckets: IntArray
-    counts: IntArray
+    poses: Array  # shape ``(K, 3)`` [m, m, rad]
+    numbers: IntArray  # cost, node before, move that led here, and next in the bucket, ``(K, 4)``
+    cells: IntArray  # cell of each node ``(K, 4)``: two of the position, heading, direction
+    table: IntArray  # node of each cell by its hash, `_NONE` for none
+    buckets: IntArray  # first node by the least cost of a path through it
+    counts: IntArray  # number of nodes, the bucket that is worked on, and the expansions so far
 
     @classmethod
     def at(cls, goal: Array) -> Tree:

@@ -120,21 +120,14 @@ class PlanStart(NamedTuple):
 
 
 class Estimate(NamedTuple):
-    """The present state, and the one at which a command given now takes effect.
-
-    Attributes:
-        here: The present state.
-        start: The initial state of a plan.
-        under_way: Controls in effect from here to there, ``(K, r)``, each for so long ``(K,)`` [s].
-        delay: From a command to its effect, with the lag that is estimated [ns].
-        model_changed: Whether the slip is another one now.
-    """
+    """The present state, and the one at which a command given now takes effect."""
 
     here: PlanStart
-    start: PlanStart
+    start: PlanStart  # the initial state of a plan
+    # controls in effect from here to there, ``(K, r)``, each for so long ``(K,)`` [s]
     under_way: tuple[Array, Array]
-    delay: int
-    model_changed: bool
+    delay: int  # from a command to its effect, with the lag that is estimated [ns]
+    model_changed: bool  # whether the slip is another one now
 
 
 class Estimator:

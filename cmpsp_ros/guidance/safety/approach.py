@@ -47,17 +47,11 @@ _UNSEEN: Final = 'unseen'
 
 
 class Contact(NamedTuple):
-    """First obstacle that a plan leads into.
-
-    Attributes:
-        name: Its name.
-        distance: Lower bound of the distance to it along the plan [m].
-        speed: Maximum speed with which the robot can still stop before it [m/s].
-    """
+    """First obstacle that a plan leads into."""
 
     name: str
-    distance: float
-    speed: float
+    distance: float  # lower bound of the distance to it along the plan [m]
+    speed: float  # maximum speed with which the robot can still stop before it [m/s]
 
     def __str__(self) -> str:
         if self.name == _UNSEEN:

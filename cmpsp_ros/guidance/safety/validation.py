@@ -43,27 +43,17 @@ _TO_REST: Final = 4.0
 
 
 class Validation(NamedTuple):
-    """Outcome of a trajectory check.
+    """Outcome of a trajectory check."""
 
-    Attributes:
-        passed: True if the first command may be sent.
-        reason: Reason of a failure; '' when passed.
-        margin: Minimum clearance over the first control period [m].
-        worst_margin: Minimum clearance over the whole plan [m].
-        nearest: Name of the obstacle nearest to the whole plan.
-        edge_margin: Minimum clearance of the whole plan from the road's edges [m].
-        obstacle_margin: The same from obstacles, moving ones too; infinite without any [m].
-        ramp: Commands by which the robot can stop after the first one, shape ``(K, r)``;
-            none where it stops at once.
-    """
-
-    passed: bool
-    reason: str
-    margin: float
-    worst_margin: float
-    nearest: str
-    edge_margin: float
-    obstacle_margin: float
+    passed: bool  # true if the first command may be sent
+    reason: str  # reason of a failure; '' when passed
+    margin: float  # minimum clearance over the first control period [m]
+    worst_margin: float  # minimum clearance over the whole plan [m]
+    nearest: str  # name of the obstacle nearest to the whole plan
+    edge_margin: float  # minimum clearance of the whole plan from the road's edges [m]
+    obstacle_margin: float  # the same from obstacles, moving ones too; infinite without any [m]
+    # commands by which the robot can stop after the first one, shape ``(K, r)``; none where it
+    # stops at once
     ramp: Array = NO_RAMP
 
     def followed_by(self, later: Validation) -> Validation:

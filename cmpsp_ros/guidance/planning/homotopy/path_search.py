@@ -67,23 +67,16 @@ _SMOOTHINGS: Final = 6
 
 
 class GuidePath(NamedTuple):
-    """A path past the obstacles ahead, one for a homotopy class.
+    """A path past the obstacles ahead, one for a homotopy class."""
 
-    Attributes:
-        homotopy_class: Side on which it passes each obstacle.
-        guess: Controls that follow it, shape ``(N + 1, r)``.
-        frame: Its road coordinates.
-        profile: Lateral positions at their stations, shape ``(K,)`` [m].
-        cost: Squared distance to the centre line along it, and a penalty on the length by which it
-            is too long even as the shortest path [m^3].
-        backward: Length of its beginning to drive backward [m]; None if it leads ahead.
-    """
-
-    homotopy_class: HomotopyClass
-    guess: Array
-    frame: RoadFrame
-    profile: Array
+    homotopy_class: HomotopyClass  # side on which it passes each obstacle
+    guess: Array  # controls that follow it, shape ``(N + 1, r)``
+    frame: RoadFrame  # its road coordinates
+    profile: Array  # lateral positions at their stations, shape ``(K,)`` [m]
+    # squared distance to the centre line along it, and a penalty on the length by which it is too
+    # long even as the shortest path [m^3]
     cost: float
+    # length of its beginning to drive backward [m]; None if it leads ahead
     backward: float | None = None
 
 

@@ -33,39 +33,23 @@ _RELAXATION: Final = 1.6
 
 
 class RoadFrame(NamedTuple):
-    """Stations along the path from a pose to a goal.
+    """Stations along the path from a pose to a goal."""
 
-    Attributes:
-        stations: Evenly spaced from 0, shape ``(K,)`` [rad or m].
-        step: Distance of two stations [rad or m].
-        length: Length of the path [m].
-        middle: Lateral position of the centre line [m].
-        ends: Lateral positions of the pose and of the goal [m].
-        left: 1 if lateral positions grow to the left, -1 if to the right.
-        polar: Whether they are polar coordinates.
-        x: Centre of polar coordinates [m].
-        y: Centre of polar coordinates [m].
-        begin: Bearing of the pose from there [rad].
-        side: 1 anticlockwise, -1 clockwise.
-        points: Points of the line at the stations, shape ``(K, 2)`` [m]; none in polar coordinates.
-        directions: Unit vectors along it there, shape ``(K, 2)``.
-        curvature: Curvature of the line, positive to the left, shape ``(K,)`` [1/m].
-    """
-
-    stations: Array
-    step: float
-    length: float
-    middle: float
-    ends: tuple[float, float]
-    left: float
-    polar: bool
-    x: float
-    y: float
-    begin: float
-    side: float
+    stations: Array  # evenly spaced from 0, shape ``(K,)`` [rad or m]
+    step: float  # distance of two stations [rad or m]
+    length: float  # length of the path [m]
+    middle: float  # lateral position of the centre line [m]
+    ends: tuple[float, float]  # lateral positions of the pose and of the goal [m]
+    left: float  # 1 if lateral positions grow to the left, -1 if to the right
+    polar: bool  # whether they are polar coordinates
+    x: float  # centre of polar coordinates [m]
+    y: float  # centre of polar coordinates [m]
+    begin: float  # bearing of the pose from there [rad]
+    side: float  # 1 anticlockwise, -1 clockwise
+    # points of the line at the stations, shape ``(K, 2)`` [m]; none in polar coordinates
     points: Array
-    directions: Array
-    curvature: Array
+    directions: Array  # unit vectors along it there, shape ``(K, 2)``
+    curvature: Array  # curvature of the line, positive to the left, shape ``(K,)`` [1/m]
 
     @property
     def spacing(self) -> float:

@@ -37,18 +37,12 @@ class TrackError(ValueError):
 
 @dataclass(frozen=True, order=True)
 class PeerTrajectory:
-    """Plan of another robot.
+    """Plan of another robot."""
 
-    Attributes:
-        id: Its namespace, as in `/r2`.
-        stamp: Time at which the plan was made [ns].
-        stamps: Increasing times [ns].
-        places: Positions then (x, y) [m], at least one; it stays at the last.
-    """
-
-    id: str
-    stamp: int
-    stamps: tuple[int, ...]
+    id: str  # its namespace, as in `/r2`
+    stamp: int  # time at which the plan was made [ns]
+    stamps: tuple[int, ...]  # increasing times [ns]
+    # positions then (x, y) [m], at least one; it stays at the last
     places: tuple[tuple[float, float], ...]
 
     @classmethod

@@ -37,34 +37,21 @@ _TOUCH: Final = 1e-3
 
 
 class SolveResult(NamedTuple):
-    """A plan after its iterations.
-
-    Attributes:
-        plan: The plan.
-        solved: Whether the subproblem of the last iteration was solved.
-        elastic: Whether slack was needed in it.
-        slack: Largest violation that the slack stands for [m].
-        slack_where: Indices of the path constraints with slack, outer and inner edge first.
-        slack_terminal: Whether the terminal constraint has slack.
-        iterations: Iterations done.
-        qp_iterations: Iterations of the QP back end in the last one.
-        active_rows: Constraints active in the last one.
-        reason: Status of the last one, in words.
-        work: Visits of a stage that the iterations took; 0 if they are not counted.
-        brakes_late: Whether too little time is left to come to rest within the limit of jerk.
-    """
+    """A plan after its iterations."""
 
     plan: Plan
-    solved: bool
-    elastic: bool
-    slack: float
+    solved: bool  # whether the subproblem of the last iteration was solved
+    elastic: bool  # whether slack was needed in it
+    slack: float  # largest violation that the slack stands for [m]
+    # indices of the path constraints with slack, outer and inner edge first
     slack_where: tuple[int, ...]
-    slack_terminal: bool
-    iterations: int
-    qp_iterations: int
-    active_rows: int
-    reason: str
-    work: int = 0
+    slack_terminal: bool  # whether the terminal constraint has slack
+    iterations: int  # iterations done
+    qp_iterations: int  # iterations of the QP back end in the last one
+    active_rows: int  # constraints active in the last one
+    reason: str  # status of the last one, in words
+    work: int = 0  # visits of a stage that the iterations took; 0 if they are not counted
+    # whether too little time is left to come to rest within the limit of jerk
     brakes_late: bool = False
 
 

@@ -63,33 +63,20 @@ _NONE: Final = Encounters((), np.empty((0, 2)), np.empty(0))
 
 @dataclass
 class PlanningContext:
-    """A control step that plans are made for.
-
-    Attributes:
-        settings: All settings of the guidance law.
-        start: Beginning of the plans.
-        goal: Goal of the robot.
-        horizon: Horizon of the plans.
-        plan: The plan followed until now, if any.
-        pending: Validation on the path to the start, if there is one.
-        halvings: Number of times that the work of the step is halved.
-        delay: Time from a command to its effect [ns].
-        end_speed: Largest speed of a car at the end of a plan; infinite for none [m/s].
-        ends_at_rest: Whether the command after the last may be that of rest.
-        moves: Moves to the goal that have been searched for; empty for none.
-    """
+    """A control step that plans are made for."""
 
     settings: LawSettings
-    start: PlanStart
-    goal: Target
-    horizon: Horizon
-    plan: Plan | None = None
-    pending: Validation | None = None
-    halvings: int = 0
-    delay: int = 0
+    start: PlanStart  # beginning of the plans
+    goal: Target  # goal of the robot
+    horizon: Horizon  # horizon of the plans
+    plan: Plan | None = None  # the plan followed until now, if any
+    pending: Validation | None = None  # validation on the path to the start, if there is one
+    halvings: int = 0  # number of times that the work of the step is halved
+    delay: int = 0  # time from a command to its effect [ns]
+    # largest speed of a car at the end of a plan; infinite for none [m/s]
     end_speed: float = math.inf
-    ends_at_rest: bool = False
-    moves: Path = ()
+    ends_at_rest: bool = False  # whether the command after the last may be that of rest
+    moves: Path = ()  # moves to the goal that have been searched for; empty for none
 
     @classmethod
     def at_pose(

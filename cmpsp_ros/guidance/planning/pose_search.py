@@ -40,15 +40,7 @@ _MIXER: Final = 0x9E3779B1
 
 
 class Surroundings(NamedTuple):
-    """Space to keep to, for compiled code; see `FreeSpace`.
-
-    Attributes:
-        depth: Depth in what is kept from things that the start or the goal has, and every pose may
-            have [m].
-        radius: Turning radius; of a robot that turns on the spot, a length [m].
-        turns_on_the_spot: Whether it does.
-        stroke: Length of a move, and the turn of one that is no straight line [rad].
-    """
+    """Space to keep to, for compiled code; see `FreeSpace`."""
 
     road: RoadSpace
     fields: Fields
@@ -56,10 +48,11 @@ class Surroundings(NamedTuple):
     first: IntArray
     radii: Array
     discs: Array
+    # depth in what is kept from things that the start or the goal has, and every pose may have [m]
     depth: float
-    radius: float
-    turns_on_the_spot: bool
-    stroke: float
+    radius: float  # turning radius; of a robot that turns on the spot, a length [m]
+    turns_on_the_spot: bool  # whether it does
+    stroke: float  # length of a move, and the turn of one that is no straight line [rad]
 
 
 class Tree(NamedTuple):

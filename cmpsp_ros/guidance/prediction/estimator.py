@@ -72,32 +72,22 @@ class Observation(NamedTuple):
 
 
 class PlanStart(NamedTuple):
-    """The initial state of a plan, and the models that predict it on from there.
+    """The initial state of a plan, and the models that predict it on from there."""
 
-    Attributes:
-        pose: Pose, shape ``(3,)`` [m, m, rad].
-        robot: Kinematics, with the slip that is estimated.
-        world: Road and static obstacles.
-        moving: Moving obstacles, from then on, as large as plans take them.
-        progress: Arc length along the road of a place near the pose, NaN if not needed [m].
-        previous_control: Control commanded until then, shape ``(r,)``.
-        reachable: All places that the same obstacles may reach, and then those of people who have
-            stopped.
-        among_people: Whether anything that moves was seen in this run.
-        touchable: Those of `reachable`, as large as they were seen.
-        previous_change: By how much the control until then differs from the one before it, shape
-            ``(r,)``; 0 after a stop, whose braking no limit of jerk holds for.
-    """
-
-    pose: Array
-    robot: Robot
-    world: World
+    pose: Array  # pose, shape ``(3,)`` [m, m, rad]
+    robot: Robot  # kinematics, with the slip that is estimated
+    world: World  # road and static obstacles
+    # moving obstacles, from then on, as large as plans take them
     moving: MovingDiscs = NOTHING_MOVES
+    # arc length along the road of a place near the pose, NaN if not needed [m]
     progress: float = math.nan
-    previous_control: Array = AT_REST
+    previous_control: Array = AT_REST  # control commanded until then, shape ``(r,)``
+    # all places that the same obstacles may reach, and then those of people who have stopped
     reachable: MovingDiscs = NOTHING_MOVES
-    among_people: bool = False
-    touchable: MovingDiscs = NOTHING_MOVES
+    among_people: bool = False  # whether anything that moves was seen in this run
+    touchable: MovingDiscs = NOTHING_MOVES  # those of `reachable`, as large as they were seen
+    # by how much the control until then differs from the one before it, shape ``(r,)``; 0 after a
+    # stop, whose braking no limit of jerk holds for
     previous_change: Array = AT_REST
 
     def followed(self, settings: LawSettings, controls: Array, durations: Array) -> Array:

@@ -49,15 +49,11 @@ _ASTRAY = 1e-5
 
 
 class DistanceField(NamedTuple):
-    """Distances at the nodes of a grid.
+    """Distances at the nodes of a grid."""
 
-    Attributes:
-        frame: One record of `FRAME`, shape ``(1,)``. It is shared and never written to.
-        distances: From the occupied cells, negative inside them, shape ``(rows, columns)``, at
-            least four each [m].
-    """
-
-    frame: Records
+    frame: Records  # One record of `FRAME`, shape ``(1,)``. It is shared and never written to.
+    # from the occupied cells, negative inside them, shape ``(rows, columns)``, at least four each
+    # [m]
     distances: Array
 
 

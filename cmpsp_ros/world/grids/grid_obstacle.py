@@ -21,17 +21,11 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True, eq=False)
 class GridObstacle(Shape):
-    """Occupied cells of a grid.
+    """Occupied cells of a grid."""
 
-    Attributes:
-        name: The user's name for it, used in messages.
-        grid: The grid.
-        unknown_is_free: True if unknown cells are free, and all beyond the grid; else they are
-            occupied.
-    """
-
-    name: str
-    grid: OccupancyGrid
+    name: str  # the user's name for it, used in messages
+    grid: OccupancyGrid  # the grid
+    # true if unknown cells are free, and all beyond the grid; else they are occupied
     unknown_is_free: bool = False
 
     corners: ClassVar[tuple[Point, ...]] = ()

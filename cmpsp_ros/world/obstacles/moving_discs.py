@@ -29,20 +29,15 @@ class MovingDiscs:
 
     They go on at constant velocity, but for those whose ways are known: they go straight from one
     place to the next, and stand before the first and after the last.
-
-    Attributes:
-        names: Names in messages.
-        states: Centre, velocity and radius of each, growth of the radius and its acceleration,
-            shape ``(M, 7)`` [m, m, m/s, m/s, m, m/s, m/s^2]: the radius is that of all places where
-            the disc may be.
-        slots: Index of each one's rows of a plan's constraints, -1 for none, shape ``(M,)``.
-        ways: Times from now on and places (t, x, y) by the index of a disc, each of shape
-            ``(J, 3)`` [s, m, m]; the velocity in `states` does not count there.
     """
 
-    names: tuple[str, ...]
+    names: tuple[str, ...]  # names in messages
+    # centre, velocity and radius of each, growth of the radius and its acceleration, shape ``(M,
+    # 7)`` [m, m, m/s, m/s, m, m/s, m/s^2]: the radius is that of all places where the disc may be
     states: Array
-    slots: Indices
+    slots: Indices  # index of each one's rows of a plan's constraints, -1 for none, shape ``(M,)``
+    # times from now on and places (t, x, y) by the index of a disc, each of shape ``(J, 3)`` [s, m,
+    # m]; the velocity in `states` does not count there
     ways: Mapping[int, Array] = field(default_factory=dict)
 
     def __len__(self) -> int:

@@ -29,21 +29,14 @@ class RoadSpace(NamedTuple):
     """The part of a road where the robot's centre may be.
 
     The first edge is the outer one of an annulus and the left one of a corridor.
-
-    Attributes:
-        functions: Addresses of the road's functions, see `addresses`.
-        numbers: Their data on the road, in their own order; shared, never written to.
-        table: More data, in rows.
-        found: Their output, shape ``(7,)``.
-        kept: For both edges, for all stages or for each of them, shape ``(K, 2)`` [m]: of an
-            annulus the greatest and the least distance from the centre, of a corridor the
-            clearance to keep.
     """
 
-    functions: IntArray
-    numbers: Array
-    table: Array
-    found: Array
+    functions: IntArray  # addresses of the road's functions, see `addresses`
+    numbers: Array  # their data on the road, in their own order; shared, never written to
+    table: Array  # more data, in rows
+    found: Array  # their output, shape ``(7,)``
+    # for both edges, for all stages or for each of them, shape ``(K, 2)`` [m]: of an annulus the
+    # greatest and the least distance from the centre, of a corridor the clearance to keep
     kept: Array
 
     def with_some(self, samples: BoolArray, of: RoadSpace) -> RoadSpace:

@@ -149,8 +149,8 @@ class Following:
     def brake(self, stamp: int, period: int, robot: Robot) -> None:
         """Give the next command of the ramp; one at rest or without a ramp stops at once.
 
-        A stop by the clock and the next odometry may come at once, `stamp` [ns] and less than half
-        a `period` [ns] apart: that is one command.
+        A stop by the clock and the next odometry may be less than half a `period` apart [ns]: that
+        is one command.
         """
         if not len(self.ramp):
             self.previous_control = robot.stopped(self.previous_control)

@@ -82,11 +82,7 @@ class World:
 
     @property
     def annulus(self) -> Annulus:
-        """The road, where it is one between two circles.
-
-        Raises:
-            ValueError: It is another.
-        """
+        """The road between two circles; ValueError for another one."""
         if not isinstance(self.road, Annulus):
             found = type(self.road).__name__.lower()
             raise ValueError(f'road.type: found {found}, wanted annulus')  # noqa: TRY004

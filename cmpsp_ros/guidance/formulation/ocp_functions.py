@@ -109,7 +109,7 @@ class GuidanceData(NamedTuple):
 def predict(data: GuidanceData, U: Array, X: Array) -> None:
     """Fill X ``(N + 1, n)`` by the dynamics (1): exact arcs under zero-order hold.
 
-    This array and U ``(N + 1, r)``, and all below, may be longer than the horizon.
+    X, U ``(N + 1, r)``, and all arrays below, may be longer than the horizon.
     """
     for i in range(3):
         X[0, i] = data.pose[i]

@@ -39,7 +39,7 @@ def problem_data(
     compiled: CompiledProblem | None = None,
     end_jerk: float = math.inf,
 ) -> ProblemData:
-    """Data of the whole problem from a start; those of its inner functions once it is compiled.
+    """Data of the whole problem from a start; of its inner functions only once it is compiled.
 
     `end_jerk` is the largest second difference of wheel speeds to rest at the end [rad/s].
     """

@@ -58,9 +58,7 @@ class OdometryReading(NamedTuple):
 
 
 def goal_of(message: Any, frame_id: str) -> tuple[int, Goal]:
-    """Time stamp [ns] and goal of a PoseStamped; the time to pass it is not known yet.
-
-    An orientation of zeros means any heading.
+    """Time stamp [ns] and goal of a PoseStamped without its time; zeros mean any orientation.
 
     Raises:
         GoalError: It is in another frame, is not finite, or has an orientation that is none.

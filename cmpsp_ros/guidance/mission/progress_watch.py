@@ -61,10 +61,7 @@ class ProgressWatch:
             self.trail = [*self.trail[1 - _LONGEST :], here]
 
     def count(self, pose: Array, left: float, *, is_excused: bool = False) -> None:
-        """Count a step without progress, unless there is an excuse for it.
-
-        `left` is the length of the way, infinite without one [m].
-        """
+        """Count a step without progress, unless excused; `left` of the way [m], inf without one."""
         here = float(pose[0]), float(pose[1])
         place = math.floor(pose[0] / _PLACE), math.floor(pose[1] / _PLACE)
         # As more is seen the way changes its length: to a robot that stands that is no progress.

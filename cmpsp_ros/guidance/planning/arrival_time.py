@@ -44,13 +44,19 @@ _OF_TOLERANCE: Final = 0.2
 
 @dataclass
 class ArrivalTime:
-    """Search for the earliest final time."""
+    """Search for the earliest final time.
+
+    Attributes:
+        settings: All settings of the guidance law.
+        stride: By how much the next trial is earlier, as a fraction of the time left.
+        sets_out: Whether no plan to the goal was made yet.
+        slack: Slack that plans need however much time they have: a gap is too narrow [m].
+    """
 
     settings: LawSettings
-    # by how much the next trial is earlier, as a fraction of the time left
     stride: float = _LONGEST
-    sets_out: bool = True  # whether no plan to the goal was made yet
-    slack: float = 0.0  # slack that plans need however much time they have: a gap is too narrow [m]
+    sets_out: bool = True
+    slack: float = 0.0
 
     def choose(
         self, selector: PlanSelector, context: PlanningContext, selected: Candidate, latest: int

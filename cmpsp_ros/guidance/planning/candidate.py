@@ -208,8 +208,8 @@ class Ranking:
     def _reserve(self, plan: Plan) -> float:
         """Fraction of the time left that a plan could do without at full speed; 1 if unlimited.
 
-        With wheel speeds w: 1 - sum_k max_i |w_ki| dt_k / (w_max T). A disturbance costs time, and
-        nothing in the cost keeps any.
+        With wheel speeds w: 1 - sum_k max_i |w_ki| dt_k / (w_max T). Nothing in the cost keeps any
+        time.
         """
         edges, robot = plan.horizon.edges, self._settings.robot.kinematics
         needed = _turned(plan.controls, plan.horizon.durations, robot)

@@ -162,10 +162,7 @@ class PlanningContext:
 
 
 class Guesses:
-    """Makes initial control histories, each of shape ``(N + 1, r)``.
-
-    At most as many as its limit are compared; with a limit of one no homotopy class is searched.
-    """
+    """Makes at most `limit` initial control histories ``(N + 1, r)``; of one class if that is 1."""
 
     def __init__(self, formulation: OcpFormulation, limit: int) -> None:
         """Take the common part of all plans, and the limit."""
@@ -208,8 +205,8 @@ class Guesses:
     def turning(self, context: PlanningContext) -> list[Array]:
         """Guesses of the most promising homotopy classes that begin with a turn on the spot.
 
-        A searched path is among them: a guide path may lead to where a robot could not follow it. A
-        robot that drives sideways needs none, and a car turns back and forth instead.
+        A searched path is among them. A robot that drives sideways needs none; a car has
+        manoeuvres.
         """
         settings, start, durations = context.settings, context.start, context.horizon.durations
         if start.robot.drives_sideways:

@@ -1,8 +1,8 @@
 """Search of poses for the moves of a robot that has no space to turn: hybrid A*, from the goal.
 
-Where it is tight is at the goal, so that the search begins there: few poses are clear, and from
-the first that has a clear path of Reeds and Shepp to the robot the moves are known. Dolgov et al.,
-Path planning for autonomous vehicles in unknown semi-structured environments, 2010.
+It is tight at the goal: few poses there are clear, and from the first with a clear path of Reeds
+and Shepp to the robot the moves are known. Dolgov et al., Path planning for autonomous vehicles in
+unknown semi-structured environments, 2010.
 
 Lengths are in turning radii, costs are in units of 1/400 of one.
 """
@@ -114,10 +114,7 @@ def expand(tree: Tree, around: Surroundings, start: Array, count: int) -> int:
 
 @allocation_free
 def is_clear(around: Surroundings, pose: Array, segments: Array) -> bool:
-    """True if a path is clear; segments are turns and lengths ``(K, 2)``.
-
-    The pose is left where the path ends.
-    """
+    """True if a path of turns and lengths ``(K, 2)`` is clear; the pose is left at its end."""
     for k in range(segments.shape[0]):
         turn, length = int(segments[k, 0]), segments[k, 1]
         pieces = math.ceil(_CHECKS * abs(length) / around.stroke)

@@ -31,13 +31,21 @@ _MUCH: Final = 16
 
 
 class Alternative(NamedTuple):
-    """A plan with the planner that improved it."""
+    """A plan with the planner that improved it.
 
-    planner: Planner  # its own planner, which knows its active constraints
-    candidate: Candidate  # the plan, improved and checked
+    Attributes:
+        planner: Its own planner, which knows its active constraints.
+        candidate: The plan, improved and checked.
+        score: Its score.
+        homotopy_class: Side on which it passes each obstacle.
+        bad_steps: Control steps in a row in which it had a flaw, or cost more than the plan
+            followed.
+    """
+
+    planner: Planner
+    candidate: Candidate
     score: Score
-    homotopy_class: HomotopyClass  # side on which it passes each obstacle
-    # control steps in a row in which it had a flaw, or cost more than the plan followed
+    homotopy_class: HomotopyClass
     bad_steps: int = 0
 
 

@@ -42,8 +42,7 @@ _NOTHING: Final = np.empty((0, 0)), np.empty(0)
 def as_expected(tracks: Sequence[MovingObject], period: float) -> tuple[MovingObject, ...]:
     """Tracks as plans take them: doubt about a velocity counts until the next control step [s].
 
-    That one plans anew. Over a long horizon, doubt that grows on would fill all space, as would
-    that about the position of somebody out of sight.
+    That one plans anew; doubt that grew on along a horizon would fill all space.
     """
     expected = list[MovingObject]()
     for each in tracks:
@@ -163,13 +162,10 @@ class Estimator:
         return self.commands.latest
 
     def update(self, seen: Observation, world: World, previous_control: Array) -> Estimate:
-        """Take in an observation at the beginning of a control step.
+        """Take in an observation at the beginning of a control step; `previous_control` ``(r,)``.
 
-        A plan begins where the robot will be when a command given now takes effect. One whose
-        wheels lag by ``T`` moves as one whose wheels obey at once, so much later: until then they
-        keep the speeds that they have when the command reaches them.
-
-        `previous_control` ``(r,)``.
+        A plan begins where the robot will be when a command given now takes effect. Wheels that lag
+        by ``T`` move as ones that obey at once, so much later, and keep their speeds until then.
         """
         stamp, pose, road = seen.stamp, seen.pose, world.road
         moving = reachable = touchable = NOTHING_MOVES

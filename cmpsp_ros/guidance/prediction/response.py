@@ -57,10 +57,9 @@ def driven(effective: Array, commands: Array, held: Array, lag: float) -> tuple[
 def settle(
     effective: Array, instant: float, times: Array, commands: Array, delay: float, lag: float
 ) -> None:
-    """The control in effect at an instant.
+    """Leave the control in effect at an instant [s] in `effective` ``(r,)``.
 
-    `effective` ``(r,)``, `instant` [s], `times` ``(K,)`` [s], `commands` ``(K + 1, r)``,
-    `delay` [s], `lag` [s].
+    `times` ``(K,)``, `delay` and `lag` are in [s], `commands` are ``(K + 1, r)``.
     """
     for a in range(commands.shape[1]):
         effective[a] = commands[0, a]
@@ -90,9 +89,9 @@ def put_misfits(
 ) -> None:
     """Squared distance between odometry and where each response leads in a control period.
 
-    `misfits` ``(C,)`` [m^2], `delays` ``(C,)`` [s], `times` ``(K,)`` [s], `commands` ``(K + 1,
-    r)``, `duration` [s], `before` ``(3,)`` [m, m, rad], `after` ``(3,)`` [m, m, rad],
-    `half_track` [m/rad], `poses` ``(2, 3)``, `control` ``(1, r)``, `effective` ``(r,)``.
+    Fills `misfits` ``(C,)`` [m^2] for `delays` and `lags` ``(C,)`` [s]; `times` ``(K,)`` [s] and
+    `commands` ``(K + 1, r)`` as of `settle`; poses `before` and `after` ``(3,)``. Memory: `poses`
+    ``(2, 3)``, `control` ``(1, r)``, `effective` ``(r,)``.
     """
     count = times.shape[0]
     for c in range(misfits.shape[0]):

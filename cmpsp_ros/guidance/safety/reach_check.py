@@ -1,8 +1,7 @@
 """Passive motion safety: nothing that moves can reach the robot before it is at rest.
 
 Each command and the stop after it are clear of every place that a moving obstacle may reach by
-then. So from any command the stop is clear, and it is what remains where no other command is: by
-induction nothing touches the robot while it moves.
+then. By induction, nothing touches the robot while it moves.
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
 """Road coordinates from a pose to a goal, and paths in them as lateral positions at stations.
 
 Between two circles, among discs, they are polar and exact: a station is the angle from the pose
-[rad], a lateral position the distance from the centre [m]. Elsewhere they follow a line, which on
-open floor is straight: a station is the arc length [m], a lateral position the distance to the left
-of the line [m].
+[rad], a lateral position the distance from the centre [m]. Elsewhere they follow a line, straight
+on open floor: a station is the arc length, a lateral position the distance to its left [m].
 """
 
 from __future__ import annotations
@@ -185,8 +184,8 @@ def wrapped(angle: float) -> float:
 def elastic_band(frame: RoadFrame, low: Array, high: Array, ends: tuple[float, float]) -> Array:
     """Elastic bands between bounds, attracted by the centre line, by projected over-relaxation.
 
-    Bounds and lateral positions have one row a path, shape ``(W, K)`` [m]; all paths have the same
-    ends [m].
+    Bounds and lateral positions have one row a path, shape ``(W, K)`` [m]; all have the same
+    `ends`.
     """
     profiles: Array = np.clip(np.full_like(low, frame.middle), low, high)
     profiles[:, 0], profiles[:, -1] = ends

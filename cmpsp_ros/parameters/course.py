@@ -58,10 +58,7 @@ class Course:
     def place_problems(
         self, key: str, point: Point, heading: float | None = None
     ) -> Iterator[Problem]:
-        """Problems if the robot, without its margin, cannot be at the point of a key [m].
-
-        The heading there may be any [rad].
-        """
+        """Problems if the robot, without its margin, cannot be at the point of a key [m], [rad]."""
         road = self.road if self.knows_road else OpenFloor()
         space = FreeSpace.of(road, self.obstacles, self.radius, self.footprint.discs)
         if self.footprint.corners and heading is None:
@@ -78,10 +75,7 @@ class Course:
 
 
 def course_problems(values: Values, given: Collection[str]) -> Iterator[Problem]:
-    """Problems if the course is incomplete: it needs a road, and a goal or a speed to follow it.
-
-    Keys that are not given by the user are defaults.
-    """
+    """Problems if the course is incomplete: it needs a road, and a goal or a speed, as `given`."""
     if not any(key.startswith('road.') for key in given):
         types = f'{", ".join(ROAD_TYPES[:-1])} or {ROAD_TYPES[-1]}'
         wanted = f'the road of the course: {types}, with what belongs to it'

@@ -31,11 +31,7 @@ class Sighting:
 
 
 class Surroundings:
-    """Fuses sightings of sensors, each by the odometry of its own time.
-
-    The order in which messages arrive makes no difference, as long as they arrive before the
-    odometry that is decided on.
-    """
+    """Fuses sightings of sensors, each by the odometry of its own time, in any order of arrival."""
 
     def __init__(
         self, settings: SightSettings, robot_radius: float, footprint: Footprint | None = None

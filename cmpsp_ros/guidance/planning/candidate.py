@@ -122,8 +122,7 @@ class Score(NamedTuple):
     slack: float = 0.0  # amount of slack, where nothing else is measured [m]; otherwise 0
     turns: int = 0  # number of times it winds around itself
     blind: bool = False  # whether it drives backward to where nothing has been seen
-    # fraction of the time left that it could do without, were its wheels always at their limit; at
-    # most `_ENOUGH`
+    # fraction of the time left that it could do without at full speed; at most `_ENOUGH`
     reserve: float = 0.0
     cost: float = 0.0  # cost (95) of its path and its controls, without the proximal term
 

@@ -85,8 +85,7 @@ class PlanStart(NamedTuple):
     reachable: MovingDiscs = NOTHING_MOVES
     among_people: bool = False  # whether anything that moves was seen in this run
     touchable: MovingDiscs = NOTHING_MOVES  # those of `reachable`, as large as they were seen
-    # by how much the control until then differs from the one before it, shape ``(r,)``; 0 after a
-    # stop, whose braking no limit of jerk holds for
+    # difference of that control from the one before ``(r,)``; 0 after a stop, free in jerk
     previous_change: Array = AT_REST
 
     def followed(self, settings: LawSettings, controls: Array, durations: Array) -> Array:

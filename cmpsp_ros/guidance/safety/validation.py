@@ -52,8 +52,7 @@ class Validation(NamedTuple):
     nearest: str  # name of the obstacle nearest to the whole plan
     edge_margin: float  # minimum clearance of the whole plan from the road's edges [m]
     obstacle_margin: float  # the same from obstacles, moving ones too; infinite without any [m]
-    # commands by which the robot can stop after the first one, shape ``(K, r)``; none where it
-    # stops at once
+    # commands ``(K, r)`` to stop after the first one; none where it stops at once
     ramp: Array = NO_RAMP
 
     def followed_by(self, later: Validation) -> Validation:
@@ -169,7 +168,7 @@ class Validator:
             yield from brakings_on_road(start, controls[0], held, *limits)
 
     def braking_from(self, start: PlanStart) -> Array:
-        """Commands ``(K, r)`` to rest along the present curvature; none where they are not clear."""
+        """Commands ``(K, r)`` to rest along the present curvature; none if they are not clear."""
         if self._max_change == math.inf:
             return NO_RAMP
         held = np.stack([start.previous_control, start.previous_control])

@@ -102,7 +102,7 @@ def steer(
 ) -> None:
     """Fill control ``k`` with that of a twist [m/s, m/s, rad/s]; see `within_limits`.
 
-    The curvature [1/m] is that of the path, for robots that are steered and not turned.
+    The curvature of the path [1/m] is for robots that are steered and not turned.
     """
     given = robot.values, robot.scratch, forward, left, turn_rate, curvature
     call(robot.functions[_STEER], given)
@@ -140,10 +140,7 @@ def fastest_wheel(controls: Array, k: int, robot: Kinematics) -> float:
 
 @allocation_free
 def lateral_acceleration(controls: Array, k: int, robot: Kinematics) -> float:
-    """Speed along the path times turn rate under control ``k`` [m/s^2]; the sign is that of both.
-
-    The speed of a robot that drives sideways has no sign.
-    """
+    """Speed along the path times turn rate under control ``k`` [m/s^2], of the sign of both."""
     _displace(robot, _DISPLACE, controls, k, 1.0)
     across: float = _signed_speed(robot) * robot.scratch[0, 2]
     return across

@@ -42,16 +42,12 @@ class Samples(NamedTuple):
     sine: Array  # see `cosine`
     curvature: Array  # positive to the left [1/m]
     curvature_slope: Array  # its derivative by the length [1/m^2]
-    # to the left and the right, with first and second derivatives by the length, shape ``(2, 3,
-    # Z)`` [m, 1, 1/m]
+    # left and right, with first and second derivatives by the length, ``(2, 3, Z)`` [m, 1, 1/m]
     widths: Array
 
 
 def fit(points: Array, left: Array, right: Array, *, closed: bool) -> CenterLine:
-    """The smooth line through points ``(P, 2)`` with widths ``(P,)`` to the left and right [m].
-
-    Neighbours among the points differ.
-    """
+    """The smooth line through points ``(P, 2)`` with widths ``(P,)`` to the left and right [m]."""
     from scipy.interpolate import CubicSpline  # noqa: PLC0415 (half a second for roads of this kind)
 
     if closed:

@@ -17,8 +17,7 @@ PARAMETERS_KEY = 'cmpsp_ros.parameters'
 VERSION_KEY = 'cmpsp_ros.version'
 """Key in the bag's custom data: version of this package that wrote the bag."""
 
-SOFTWARE_KEY = 'cmpsp_ros.software'
-"""Key in the bag's custom data: JSON text `{name: version}`."""
+SOFTWARE_KEY = 'cmpsp_ros.software'  # key in the bag's custom data: JSON text `{name: version}`
 
 # Versions that determine the last bits of a decision, and the writer of the file.
 _PACKAGES = ('numpy', 'scipy', 'numba', 'llvmlite', 'clarabel', 'rosbags', 'rclpy')

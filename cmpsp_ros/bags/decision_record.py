@@ -29,8 +29,7 @@ from cmpsp_ros.guidance.messages import Track
 
 Waypoint = tuple[float, float, float, float]
 
-_LATEST = 1 << 62
-"""In the year 2116 [ns]; later times fit no array of stamps."""
+_LATEST = 1 << 62  # in the year 2116 [ns]; later times fit no array of stamps
 
 
 def status_of(message: Any) -> Any:

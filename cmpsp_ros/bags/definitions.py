@@ -14,9 +14,8 @@ from rosbags.typesys.store import Typestore
 from cmpsp_ros.bags.storage.limits import MAX_SEQUENCE
 
 _MAX_TEXT = 1 << 15
+# Elements of all arrays of messages and strings: rosbags writes a line of code for each.
 _MAX_ELEMENTS = 10_000
-"""Elements of all arrays of messages and strings: rosbags writes a line of code for each."""
-
 _TYPE_NAME = re.compile(r'[A-Za-z][A-Za-z0-9_]*/(msg|srv|action)/[A-Za-z][A-Za-z0-9_]*')
 
 

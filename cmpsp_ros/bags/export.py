@@ -21,8 +21,7 @@ Kind = Literal['int', 'float', 'bool', 'text']
 Cell = int | float | bool | str | None
 Row = tuple[Cell, ...]
 
-_BATCH = 10_000
-"""Rows held at a time."""
+_BATCH = 10_000  # rows held at a time
 
 
 @dataclass(frozen=True)

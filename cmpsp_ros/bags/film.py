@@ -27,15 +27,10 @@ from cmpsp_ros.world.obstacles import Shape
 
 Point = tuple[float, float]
 
-BELOW: Final = -10.0
-"""Height of what is not to be seen [m]."""
-
-HEIGHT: Final = 0.12
-"""Height of obstacles [m]."""
-
+BELOW: Final = -10.0  # height of what is not to be seen [m]
+HEIGHT: Final = 0.12  # height of obstacles [m]
+# Height of people up to their shoulders, and of tracks of own sensors [m].
 _STATURE, _TRACK = 0.4, 0.02
-"""Height of people up to their shoulders, and of tracks of own sensors [m]."""
-
 _PURPLE: Final = '0.62 0.2 0.5 1'
 _DOUBT: Final = '0.62 0.2 0.5 0.25'
 _DARK: Final = '0.35 0.1 0.28 1'

@@ -37,8 +37,7 @@ Storage = McapStorage | SqliteStorage
 
 _METADATA_VERSION = 9
 
-_TOPIC_METADATA_SIZE = 1536
-"""Size of a topic in the metadata, with a few publishers [bytes]."""
+_TOPIC_METADATA_SIZE = 1536  # size of a topic in the metadata, with a few publishers [bytes]
 
 
 class _File(NamedTuple):

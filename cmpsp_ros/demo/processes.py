@@ -26,11 +26,8 @@ class DemoError(RuntimeError):
 
 _STOP_TIMEOUT = 10.0
 
-_LEAST_SPACE = 4096
-"""On a disk with less free space a log may lack its end [bytes]."""
-
-_COMPILES = 'Compiling kernels'
-"""Text that `ProgressLine` shows every few seconds."""
+_LEAST_SPACE = 4096  # on a disk with less free space a log may lack its end [bytes]
+_COMPILES = 'Compiling kernels'  # text that `ProgressLine` shows every few seconds
 _DOMAINS = range(1, 101)
 _RCLPY_OF_FAST_DDS_3 = 8
 _PROFILES = 'FASTRTPS_DEFAULT_PROFILES_FILE'

@@ -27,12 +27,9 @@ if TYPE_CHECKING:
     from cmpsp_ros.demo.summary import Summary
     from cmpsp_ros.nodes import GuidanceStatus, LifecycleClient
 
-START_TIMEOUT: Final = 30.0
-"""Time in which a node of one robot changes its state [s]."""
-
+START_TIMEOUT: Final = 30.0  # time in which a node of one robot changes its state [s]
 _STALL_TIMEOUT: Final = 15.0
-_PATIENCE: Final = 2.0
-"""Time after which it is said what a run waits for [s]."""
+_PATIENCE: Final = 2.0  # time after which it is said what a run waits for [s]
 
 
 def guide(
@@ -112,11 +109,9 @@ _DELIVERY_TIMEOUT, _ASK_AGAIN = 15.0, 0.1
 
 _RECORDER = 'recorder'
 
-_RESULTS = 'cmpsp_ros.demo.results'
-"""Module that is imported while the nodes get ready."""
-
+_RESULTS = 'cmpsp_ros.demo.results'  # module that is imported while the nodes get ready
+# Topics that a simulator publishes again and again.
 _PUBLISHED = ('/odom', '/sim/truth', '/sim/wheel_speeds')
-"""Topics that a simulator publishes again and again."""
 
 
 def run(

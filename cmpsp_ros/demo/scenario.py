@@ -28,8 +28,8 @@ from cmpsp_ros.parameters.files import load_robot, parse_assignment, with_files
 from cmpsp_ros.robots import placed
 from cmpsp_ros.world.obstacles import Shape
 
+# Part of its top speed at which a robot that was chosen goes the shortest way; as in case 3.
 _PACE: Final = 0.8
-"""Part of its top speed at which a robot that was chosen goes the shortest way; as in case 3."""
 
 
 @dataclass(frozen=True)

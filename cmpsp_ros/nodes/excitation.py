@@ -23,18 +23,10 @@ from cmpsp_ros.nodes.common.topics import COMMAND, GUIDANCE_ODOM
 
 Commands = tuple[Array, Array]
 
-PERIOD = 0.05
-"""Time between two commands [s]."""
-
-ODOMETRY_TIMEOUT = 0.5
-"""Age of odometry at which the robot is stopped [s]."""
-
-WAIT = 10.0
-"""Longest wait for odometry and for a subscriber to commands [s]."""
-
-REST = 1.0
-"""Time for which the robot is recorded before and after the drive [s]."""
-
+PERIOD = 0.05  # time between two commands [s]
+ODOMETRY_TIMEOUT = 0.5  # age of odometry at which the robot is stopped [s]
+WAIT = 10.0  # longest wait for odometry and for a subscriber to commands [s]
+REST = 1.0  # time for which the robot is recorded before and after the drive [s]
 _TYPES = {'geometry_msgs/msg/Twist': Twist, 'geometry_msgs/msg/TwistStamped': TwistStamped}
 
 

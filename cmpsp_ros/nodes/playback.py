@@ -26,14 +26,11 @@ from cmpsp_ros.nodes.common.runtime import run
 from cmpsp_ros.nodes.common.topic import message_class, steady_timer
 from cmpsp_ros.nodes.common.topics import CLOCK
 
+# Time between two messages of the clock, two looks at the bag, and two at the keyboard [s].
 _CLOCK_PERIOD, _PERIOD, _KEY_PERIOD = 0.01, 0.002, 0.05
-"""Time between two messages of the clock, two looks at the bag, and two at the keyboard [s]."""
-
-_BATCH = 1000
-"""Messages published before the services are looked after again."""
-
+_BATCH = 1000  # messages published before the services are looked after again
+# Topics about nodes that are not there: played only when asked for by name.
 _OF_OTHERS = frozenset(('/rosout', '/parameter_events'))
-"""Topics about nodes that are not there: played only when asked for by name."""
 
 
 @dataclass(frozen=True)

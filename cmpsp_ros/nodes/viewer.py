@@ -31,12 +31,8 @@ from cmpsp_ros.world.grids import GridError
 
 HOST, PORT = '127.0.0.1', 8765
 
-_PORTS = 10
-"""Ports that are tried."""
-
-_TRAIL_STEP = 0.01
-"""Way after which a point is added to the path driven [m]."""
-
+_PORTS = 10  # ports that are tried
+_TRAIL_STEP = 0.01  # way after which a point is added to the path driven [m]
 _ASK_PERIOD = 0.5
 _ASKED = (
     'robot.radius',
@@ -163,8 +159,7 @@ class Viewer(Node):
             self._state.show('robot', dict(named))
 
 
-SERIES: Final = ('path', 'steps')
-"""Series kept row by row: (x, y); and `step_of` each decision."""
+SERIES: Final = ('path', 'steps')  # series kept row by row: (x, y); and `step_of` each decision
 _SHOWN: Final = {**DECISION_KEYS, 'step_ms': Key(float)}
 _MOST_MARKERS: Final = 500
 _MOST_POINTS: Final = 2000

@@ -23,15 +23,11 @@ from cmpsp_ros.world.roads import Road
 
 Look = dict[str, Any]
 
-PER_ARC = 8
-"""Points drawn on each arc."""
-
-_POINT = 0.75
-"""Points in a pixel of plotly."""
-
+PER_ARC = 8  # points drawn on each arc
+_POINT = 0.75  # points in a pixel of plotly
+# Matplotlib's names for plotly's.
 _SYMBOLS = {'circle': 'o', 'star': '*', 'square': 's'}
 _DASHES = {'solid': '-', 'dash': '--', 'dot': ':', 'dashdot': '-.'}
-"""Matplotlib's names for plotly's."""
 
 
 def legend_below(figure: Figure | SubFigure, *keys: Sequence[Any], **options: Any) -> None:

@@ -17,8 +17,7 @@ from cmpsp_ros.guidance import Goal
 from cmpsp_ros.view.scene import GOAL, SEEN, UNSEEN, Lines, Part
 from cmpsp_ros.world.grids import Cell, OccupancyGrid
 
-_MOST: Final = 256
-"""Pixels along a side at most."""
+_MOST: Final = 256  # pixels along a side at most
 
 # Free, unknown and occupied cells by rank: the highest in a pixel is drawn.
 _RANKS: Final = np.zeros(len(Cell), dtype=np.uint8)
@@ -57,9 +56,7 @@ def grid_picture(grid: OccupancyGrid) -> dict[str, Any]:
 
 Trace = dict[str, Any]
 
-_DIGITS: Final = 6
-"""Digits after the point: a micrometre, a microsecond."""
-
+_DIGITS: Final = 6  # digits after the point: a micrometre, a microsecond
 _NONE: Final = np.zeros(0)
 
 

@@ -49,15 +49,10 @@ def bag_color(index: int) -> str:
 
 Lines = tuple[Array, ...]
 
-SIGMAS: Final = 2.0
-"""Standard deviations within which a moving obstacle is shown."""
-
-_WHOLE_MAP: Final = 20.0
-"""Side up to which a map is shown as a whole [m]."""
-
+SIGMAS: Final = 2.0  # standard deviations within which a moving obstacle is shown
+_WHOLE_MAP: Final = 20.0  # side up to which a map is shown as a whole [m]
+# Distance of a shape from the border of a picture that is made larger for it [m].
 _BESIDE: Final = 0.1
-"""Distance of a shape from the border of a picture that is made larger for it [m]."""
-
 _MOST_CELLS: Final = 20_000
 
 

@@ -227,8 +227,7 @@ def _asset(name: str) -> bytes:
     return (files('cmpsp_ros.view') / 'assets' / name).read_bytes()
 
 
-LONGEST: Final = 20_000
-"""Rows of a series; one that is full begins again."""
+LONGEST: Final = 20_000  # rows of a series; one that is full begins again
 
 
 @dataclass(frozen=True)

@@ -21,21 +21,14 @@ from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings
 from cmpsp_ros.guidance.messages import motion_limits
 from cmpsp_ros.guidance.safety import CHANGE_ROUNDING
 
+# Part of a wheel speed or steering angle that is lost on the way to a twist and back.
 _ROUNDING: Final = 1e-9
-"""Part of a wheel speed or steering angle that is lost on the way to a twist and back."""
-
-LATE: Final = 1.5
-"""Control periods after which the next command is missing."""
-
+LATE: Final = 1.5  # control periods after which the next command is missing
+# Part of the time for which a command holds after which the robot has to obey it.
 _SETTLED: Final = 2.0 / 3.0
-"""Part of the time for which a command holds after which the robot has to obey it."""
-
+# Control periods for which a command has to hold before obedience can be judged.
 _BRIEF: Final = 0.5
-"""Control periods for which a command has to hold before obedience can be judged."""
-
-_OBEYED: Final = 0.1
-"""Part of the largest wheel speed by which a wheel may differ from its command."""
-
+_OBEYED: Final = 0.1  # part of the largest wheel speed by which a wheel may differ from its command
 _SIGMAS: Final = 3.0 * math.sqrt(2.0)
 
 WHEELS: Final = ('robot.wheel_radius', 'robot.half_track', 'robot.max_wheel_speed')

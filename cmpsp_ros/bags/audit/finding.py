@@ -16,9 +16,7 @@ from cmpsp_ros.parameters import road_keys
 if TYPE_CHECKING:
     from cmpsp_ros.bags.audit.record import AuditRecord
 
-OUT_OF_REACH: Final = 1e3
-"""Clearance from which on nothing is within reach [m]."""
-
+OUT_OF_REACH: Final = 1e3  # clearance from which on nothing is within reach [m]
 NOTHING_NEAR: Final = 'No road edge and no obstacle is within reach.'
 
 

@@ -31,8 +31,8 @@ Flags = BoolArray
 
 _TWIST, _STAMPED = 'geometry_msgs/msg/Twist', 'geometry_msgs/msg/TwistStamped'
 
+# Difference up to which a command is what a decision says [m/s, rad/s]: it is computed anew.
 _SAME = 1e-9
-"""Difference up to which a command is what a decision says [m/s, rad/s]: it is computed anew."""
 
 
 @dataclass(frozen=True)

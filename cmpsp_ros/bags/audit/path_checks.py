@@ -21,12 +21,9 @@ from cmpsp_ros.robots.motion import arc_ends
 from cmpsp_ros.world.obstacles import ROUGHNESS
 from cmpsp_ros.world.roads import project_on_path
 
-_ROUNDING: Final = 1e-6
-"""Rounding error of a clearance [m]."""
-
+_ROUNDING: Final = 1e-6  # rounding error of a clearance [m]
+# Violation that a linearised constraint may have at a sample [m]; see `guidance.audit`.
 _SAMPLE_TOLERANCE: Final = 1e-3
-"""Violation that a linearised constraint may have at a sample [m]; see `guidance.audit`."""
-
 _ROAD: Final = ('road',)
 
 

@@ -32,11 +32,8 @@ from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings, to_nanoseconds
 from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.world.roads import FAR
 
-_NEAR = 3.0
-"""Distance from the robot within which people are judged [m]."""
-
-EDGES = 2
-"""The first columns of a clearance are the road's edges."""
+_NEAR = 3.0  # distance from the robot within which people are judged [m]
+EDGES = 2  # the first columns of a clearance are the road's edges
 
 
 @dataclass(frozen=True)

@@ -28,11 +28,10 @@ from cmpsp_ros.guidance import (
 )
 from cmpsp_ros.robots.motion import speeds_and_turns
 
+# Time that may lie between a node's clock and its timers, and a recorder's [s].
 _SLACK: Final = 0.15
-"""Time that may lie between a node's clock and its timers, and a recorder's [s]."""
-
+# Difference from which times of reception are taken for those of another clock [s].
 _SAME_CLOCK: Final = 10.0
-"""Difference from which times of reception are taken for those of another clock [s]."""
 
 
 def _odometry_gap(record: AuditRecord, _worst: Sample) -> str:

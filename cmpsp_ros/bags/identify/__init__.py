@@ -31,11 +31,8 @@ def identify(
     return identification(drives, known)
 
 
-RADIUS: Final = 1.0
-"""Radius of the circle around the start that is never left [m]."""
-
-_PLANNED: Final = 0.7
-"""Part of the circle that the commands keep to without delay or lag."""
+RADIUS: Final = 1.0  # radius of the circle around the start that is never left [m]
+_PLANNED: Final = 0.7  # part of the circle that the commands keep to without delay or lag
 
 # Duration [s], and speed and turn rate as parts of their limits. No two are alike, so that no delay
 # looks like another. Only one axis changes at a time: the limits of wheels hold for both together.

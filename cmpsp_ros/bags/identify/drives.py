@@ -28,17 +28,11 @@ _ODOMETRY: Final = 'nav_msgs/msg/Odometry'
 _TWIST: Final = 'geometry_msgs/msg/Twist'
 _STAMPED: Final = 'geometry_msgs/msg/TwistStamped'
 
-_SHORTEST: Final = 3.0
-"""Shortest drive that is used [s]."""
-
-_BACKWARDS: Final = 1.0
-"""Smallest step back of odometry's clock that begins another drive [s]."""
-
-_FASTEST: Final = 1e3
-"""Commands above it are ignored, as NaN is [m/s] or [rad/s]."""
-
+_SHORTEST: Final = 3.0  # shortest drive that is used [s]
+_BACKWARDS: Final = 1.0  # smallest step back of odometry's clock that begins another drive [s]
+_FASTEST: Final = 1e3  # commands above it are ignored, as NaN is [m/s] or [rad/s]
+# Speeds above which a robot counts as moving before its first command [m/s, rad/s].
 _MOVING: Final = (0.05, 0.1)
-"""Speeds above which a robot counts as moving before its first command [m/s, rad/s]."""
 
 
 @dataclass(frozen=True)

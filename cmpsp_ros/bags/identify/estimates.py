@@ -20,8 +20,8 @@ _BLOCK: Final = 0.5
 _BISECTIONS: Final = 5
 _BETTER: Final = 0.1
 
+# Least half widths: of delay with lag [s], of either by itself [s], and of scales.
 _TICK, _TRADE, _CALIBRATION = 1e-3, 2e-3, 2e-3
-"""Least half widths: of delay with lag [s], of either by itself [s], and of scales."""
 
 
 @dataclass(frozen=True)
@@ -127,15 +127,13 @@ def _inflation(found: Fit, places: list[int]) -> Array:
 AXES: Final = (('linear', 'm/s', 'position', 'm'), ('angular', 'rad/s', 'heading', 'rad'))
 """Names of the axes with units of their speeds, and of their poses."""
 
+# Standard deviations of a median's rank: more than elsewhere, for neighbours are late together.
 _RANK: Final = 3.0
-"""Standard deviations of a median's rank: more than elsewhere, for neighbours are late together."""
-
+# Width of an interval above which a figure is unknown: of times [s], and of scales by value.
 _WIDEST: Final = 0.3
-"""Width of an interval above which a figure is unknown: of times [s], and of scales by value."""
 
 
-_STEADY: Final = 0.2
-"""Part of the highest acceleration below which noise is measured."""
+_STEADY: Final = 0.2  # part of the highest acceleration below which noise is measured
 
 
 @dataclass(frozen=True)

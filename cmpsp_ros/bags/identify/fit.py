@@ -29,23 +29,15 @@ from cmpsp_ros.bags.identify.model import (
 SUM, LAG, RATIO, SCALE, LIMIT = 0, 1, 2, 3, 5
 """Places of parameters: delay with lag, lag, ratio, two scales, and limits that were found."""
 
+# Sizes of the parameters, to scale steps of the fit.
 _SIZES: Final = np.array([0.01, 0.01, 0.1, 0.1, 0.1, 0.1])
-"""Sizes of the parameters, to scale steps of the fit."""
-
+# Standard deviations beyond which a step is a jump of odometry, and does not count.
 _JUMP: Final = 6.0
-"""Standard deviations beyond which a step is a jump of odometry, and does not count."""
-
-_MOTOR: Final = 0.02
-"""Time constant of a motor behind the lag: standard deviation of its prior [s]."""
-
-_LONGEST: Final = 1.2
-"""Longest delay that is looked for [s]."""
-
-_EVIDENCE: Final = 30.0
-"""Least fall of the sum of squares for which a limit is accepted."""
-
+_MOTOR: Final = 0.02  # time constant of a motor behind the lag: standard deviation of its prior [s]
+_LONGEST: Final = 1.2  # longest delay that is looked for [s]
+_EVIDENCE: Final = 30.0  # least fall of the sum of squares for which a limit is accepted
+# Part of what is reached without a limit, below which the limit must be.
 _BELOW: Final = {'max_acceleration': 0.8, 'max_speed': 0.97}
-"""Part of what is reached without a limit, below which the limit must be."""
 
 
 @dataclass(frozen=True)

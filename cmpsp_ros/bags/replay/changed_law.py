@@ -39,9 +39,7 @@ from cmpsp_ros.parameters import TABLE, Values, guidance_settings
 from cmpsp_ros.robots.motion import with_side
 from cmpsp_ros.view import BAGS, GOAL, course, draw, show, traces
 
-PREFIX = '/what_if'
-"""Before the names of topics of the changed law."""
-
+PREFIX = '/what_if'  # before the names of topics of the changed law
 _PLANS_DRAWN = 4
 _MARGIN = 0.5
 

@@ -10,8 +10,7 @@ from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.parameters import TABLE, ParameterError, Values, is_of_ros
 
-EVENTS = '/parameter_events'
-"""Topic of the changes."""
+EVENTS = '/parameter_events'  # topic of the changes
 
 
 class NodeParameters:

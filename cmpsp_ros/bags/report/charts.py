@@ -18,8 +18,7 @@ from cmpsp_ros.view import GRID, LEVEL_COLORS, LIMIT, TEXT, bag_color, number, n
 Figure = dict[str, Any]
 
 _BINS = 40
-_GAP = 0.12
-"""Part of a panel's height that is left free below it."""
+_GAP = 0.12  # part of a panel's height that is left free below it
 
 
 def levels(views: Sequence[View]) -> Figure:

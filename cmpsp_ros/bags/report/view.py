@@ -27,14 +27,9 @@ from cmpsp_ros.world.grids import OccupancyGrid
 from cmpsp_ros.world.obstacles import Shape
 from cmpsp_ros.world.roads import FAR
 
-MOST_POINTS = 4000
-"""Points of a curve that are drawn; a screen shows no more."""
-
-MOST_PLANS = 600
-"""Plans that are kept for the slider."""
-
-_MOST_GRIDS = 200
-"""Grids that are kept for the slider."""
+MOST_POINTS = 4000  # points of a curve that are drawn; a screen shows no more
+MOST_PLANS = 600  # plans that are kept for the slider
+_MOST_GRIDS = 200  # grids that are kept for the slider
 
 
 @dataclass(frozen=True)

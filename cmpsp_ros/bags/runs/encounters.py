@@ -17,11 +17,8 @@ from cmpsp_ros.robots import Bodies
 from cmpsp_ros.robots.motion import with_side
 from cmpsp_ros.world.obstacles import MovingDiscs
 
-_STANDS = 0.051
-"""Speed of any point of a robot up to which it counts as standing [m/s]."""
-
-_DIGITS = 9
-"""Digits of a depth behind the point [m]; those behind are rounding errors."""
+_STANDS = 0.051  # speed of any point of a robot up to which it counts as standing [m/s]
+_DIGITS = 9  # digits of a depth behind the point [m]; those behind are rounding errors
 
 
 @dataclass(frozen=True)

@@ -17,8 +17,7 @@ from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings
 from cmpsp_ros.guidance.messages import OdometryError, OdometryReading
 from cmpsp_ros.sensing import stamp_of
 
-_LOST: Final = 3.0
-"""Median intervals between two messages from which on some are missing."""
+_LOST: Final = 3.0  # median intervals between two messages from which on some are missing
 
 
 class Hole(NamedTuple):

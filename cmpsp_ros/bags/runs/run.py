@@ -20,8 +20,7 @@ from cmpsp_ros.robots.motion import arc_ends, plain
 from cmpsp_ros.sensing import stamp_of
 from cmpsp_ros.world.roads import arc_length_to
 
-_PERIODS = 1.5
-"""Control periods for which what own sensors have seen counts."""
+_PERIODS = 1.5  # control periods for which what own sensors have seen counts
 
 
 def read_tracks(bag: Bag, topic: str, frame_id: str | None) -> tuple[Track, ...]:

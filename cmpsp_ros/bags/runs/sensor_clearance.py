@@ -22,19 +22,12 @@ from cmpsp_ros.world.grids import Cell, GridError, GridObstacle, OccupancyGrid
 
 Window = tuple[float, float]
 
-EXACT: Final = 0.05
-"""Error of ranges, odometry and cells together [m]."""
-
+EXACT: Final = 0.05  # error of ranges, odometry and cells together [m]
 _GRID: Final = 'nav_msgs/msg/OccupancyGrid'
 
-_RESTS: Final = 0.01
-"""Largest motion of a robot at rest [m, rad]."""
-
-_AROUND: Final = 20.0
-"""Side of the square around the robot in which spots are kept, at most [m]."""
-
-_BLOCK: Final = 600
-"""Scans that are held at once, to be looked at in both directions of time."""
+_RESTS: Final = 0.01  # largest motion of a robot at rest [m, rad]
+_AROUND: Final = 20.0  # side of the square around the robot in which spots are kept, at most [m]
+_BLOCK: Final = 600  # scans that are held at once, to be looked at in both directions of time
 
 
 @dataclass(frozen=True, eq=False)

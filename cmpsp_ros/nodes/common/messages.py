@@ -16,9 +16,7 @@ from cmpsp_ros.guidance import NANOSECONDS
 from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.parameters import ParameterError, Problem, Values, describe
 
-BASE: Final = 'base_link'
-"""Frame of a robot whose odometry does not name it."""
-
+BASE: Final = 'base_link'  # frame of a robot whose odometry does not name it
 ROAD: Final = 'road'
 _MAX_POINTS: Final = 10_000
 

@@ -14,8 +14,7 @@ from cmpsp_ros.parameters import TABLE, Values, config_directory
 from cmpsp_ros.parameters import Parameter as Row
 from cmpsp_ros.parameters.files import with_files
 
-_UNBOUNDED = 1e9
-"""Beyond what any parameter may hold."""
+_UNBOUNDED = 1e9  # beyond what any parameter may hold
 
 
 def declare(node: Node, which: str) -> Values:

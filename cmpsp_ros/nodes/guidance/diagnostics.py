@@ -20,11 +20,8 @@ if TYPE_CHECKING:
 
 _REMEMBERED_STEPS = 1000
 
-_ENOUGH_STEPS = 10
-"""Steps after which their usual delay is known."""
-
-_UNKNOWN_DELAY = 0.1
-"""Control periods by which commands may be later than `command_delay` says."""
+_ENOUGH_STEPS = 10  # steps after which their usual delay is known
+_UNKNOWN_DELAY = 0.1  # control periods by which commands may be later than `command_delay` says
 
 
 def report_on(

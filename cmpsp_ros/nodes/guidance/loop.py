@@ -30,11 +30,10 @@ from cmpsp_ros.parameters import Values
 
 _WATCH_PERIOD = 0.025
 
+# Control periods after a command until which the braking path that was audited with it holds.
 _LATEST_RAMP = 1.5
-"""Control periods after a command until which the braking path that was audited with it holds."""
-
+# Wait for odometry of the final time before the clock stops the robot [ns].
 _LATEST_ODOMETRY = 5_000_000
-"""Wait for odometry of the final time before the clock stops the robot [ns]."""
 
 
 class GuidanceLoop:

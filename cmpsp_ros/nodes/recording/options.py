@@ -19,9 +19,8 @@ from cmpsp_ros.nodes.common.topics import TOPICS
 ALWAYS: Final = ('/clock', '/parameter_events')
 """Recorded with any choice of topics: without them a run cannot be replayed."""
 
+# Type of `~/parameters` of any node, which is always recorded, too.
 _PARAMETER_EVENT: Final = 'rcl_interfaces/msg/ParameterEvent'
-"""Type of `~/parameters` of any node, which is always recorded, too."""
-
 _NAMES: Final = Parameter.Type.STRING_ARRAY
 
 # fmt: off

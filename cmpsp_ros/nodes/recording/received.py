@@ -23,9 +23,8 @@ CLOCK: Final = '/clock'
 PATIENCE: Final = 4_000_000_000
 """Maximum wait of a message for the next `/clock` [ns]; what is lost comes again within 3 s."""
 
+# Time after which a message that the middleware has received is in its queue [ns].
 _CROSSING = 2_000_000
-"""Time after which a message that the middleware has received is in its queue [ns]."""
-
 _MAX_TICKS = 200_000
 
 _LOST = rclpy_implementation.rcl_subscription_event_type_t.RCL_SUBSCRIPTION_MESSAGE_LOST

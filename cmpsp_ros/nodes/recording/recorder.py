@@ -33,8 +33,7 @@ from cmpsp_ros.nodes.recording.received import (
 )
 from cmpsp_ros.programs import quick_exit
 
-TAKE_PERIOD: Final = 0.05
-"""Time between two rounds through the queues [s]."""
+TAKE_PERIOD: Final = 0.05  # time between two rounds through the queues [s]
 
 FLUSH_PERIOD: Final = 0.5
 """Time between two flushes [s]; what came after the last is lost when the process is killed."""

@@ -16,14 +16,9 @@ if TYPE_CHECKING:
 
 _NS = 1_000_000_000
 
-REPEAT_PERIOD = 0.1
-"""Wall time after which odometry that is not answered is published again [s]."""
-
-CATCH_UP = 50
-"""Most odometry instants published in one go: commands must be heard between them."""
-
-LATE = 0.1
-"""Wall time by which odometry may be late before a word is said [s]."""
+REPEAT_PERIOD = 0.1  # wall time after which odometry that is not answered is published again [s]
+CATCH_UP = 50  # most odometry instants published in one go: commands must be heard between them
+LATE = 0.1  # wall time by which odometry may be late before a word is said [s]
 
 
 class RealTime:

@@ -23,10 +23,8 @@ _LAGS = 0.05, 0.2
 _OFFSETS = -0.05, 0.05
 _TOLD_ERRORS = -0.1, 0.1
 _BUSY = 0.0, 0.01
-_STEP = 0.002, 0.008
-"""Time of a control step on an idle computer [s]."""
-_MESSAGE = 0.0005, 0.003
-"""Time that a message takes [s]."""
+_STEP = 0.002, 0.008  # time of a control step on an idle computer [s]
+_MESSAGE = 0.0005, 0.003  # time that a message takes [s]
 _POSITION_STDDEV, _HEADING_STDDEV = 0.001, 0.001
 _WATCHDOG = 0.5
 _TO_REST = 1.5

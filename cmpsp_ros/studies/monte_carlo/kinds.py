@@ -67,8 +67,7 @@ NOISY: Final = {
 }
 """Faults of sensors and odometry in a share of the runs among people."""
 
-OWN: Final = 'own'
-"""Robot that is no other but the study's own, at 1 m/s."""
+OWN: Final = 'own'  # robot that is no other but the study's own, at 1 m/s
 
 ROBOTS: Final[Mapping[str, Mapping[str, Any]]] = MappingProxyType(
     {

@@ -20,9 +20,7 @@ from cmpsp_ros.studies.monte_carlo.outcome import RunVerdict, StudyOutcome
 
 _DPI: Final = 150
 _SMALLEST_MISS: Final = 1e-16
-_EVERY: Final = 2.0
-"""Time between two marks on paths among people [s]."""
-
+_EVERY: Final = 2.0  # time between two marks on paths among people [s]
 _ROAD, _EDGE, _RIM = '0.93', '0.55', '0.3'
 _LOOKS: Final = {
     RunVerdict.ARRIVED: ('tab:blue', 0.5),

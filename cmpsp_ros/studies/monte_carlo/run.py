@@ -37,12 +37,8 @@ from cmpsp_ros.studies.monte_carlo.study import RunTask, Study
 from cmpsp_ros.studies.monte_carlo.summary import figures, write_parquet
 from cmpsp_ros.warmup import new_pool
 
-PICTURES: Final = 12
-"""Failures of which a picture is drawn."""
-
-CHUNK: Final = 8
-"""Runs handed to a process at a time."""
-
+PICTURES: Final = 12  # failures of which a picture is drawn
+CHUNK: Final = 8  # runs handed to a process at a time
 _ANSWER_TIMEOUT: Final = 10.0
 _CONTINUES: Final = 'is kept, and the same command continues'
 

@@ -37,17 +37,13 @@ from cmpsp_ros.studies.monte_carlo.kinds import KINDS, NOISY, OWN, ROBOTS, Study
 
 MOST_OBSTACLES: Final = 4
 
-_NOISY_TURN: Final = 4
-"""Turns through all scenes and robots, of which the last has noise."""
-
+_NOISY_TURN: Final = 4  # turns through all scenes and robots, of which the last has noise
+# Parameters of presets that every run draws for itself.
 _DRAWN: Final = ('obstacles.', 'sim.obstacles.', 'road.points', 'road.half_width')
-"""Parameters of presets that every run draws for itself."""
-
+# Time [s], and multiple of that for the straight way, after which a run among people ends.
 _PATIENCE: Final = 30.0, 2.0
-"""Time [s], and multiple of that for the straight way, after which a run among people ends."""
-
+# Mean speed that is asked for with a map, along the shortest path, of the nominal one.
 _PACE: Final = 0.95
-"""Mean speed that is asked for with a map, along the shortest path, of the nominal one."""
 
 # The paper's first guess is made for the paper's start, and fewer iterations go with it.
 _ALWAYS: Final = {

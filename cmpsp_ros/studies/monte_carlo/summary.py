@@ -19,17 +19,14 @@ from cmpsp_ros.studies.monte_carlo.outcome import RunVerdict, StudyOutcome
 from cmpsp_ros.studies.monte_carlo.study import Study
 
 _LEVELS = ('nominal', 'elastic', 'previous_plan', 'stop')
-_NEARLY = 0.03
-"""Error of a delay that is told nearly right [s]."""
+_NEARLY = 0.03  # error of a delay that is told nearly right [s]
 _SPREADS = {
     'miss [m], goal in reach': 'miss_in_reach_m',
     'clearance [m]': 'clearance_m',
     'time [s]': 'time_s',
     'mean speed, by the shortest path, of the nominal': 'pace',
 }
-_WITHIN = 0.05
-"""Part of the least cost that a run may cost more."""
-
+_WITHIN = 0.05  # part of the least cost that a run may cost more
 _QUANTILES = {'least': 0.0, '1 %': 0.01, 'median': 0.5, '99 %': 0.99, 'largest': 1.0}
 
 

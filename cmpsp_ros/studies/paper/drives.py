@@ -17,8 +17,7 @@ from cmpsp_ros.studies.closed_loop import drive
 from cmpsp_ros.studies.paper.experiments import Experiment
 from cmpsp_ros.view import along
 
-ARRIVED = 1e-6
-"""Distance from the goal up to which a run counts as having met it [m]."""
+ARRIVED = 1e-6  # distance from the goal up to which a run counts as having met it [m]
 
 TOUCHED = -1e-6
 """Clearance down to which an active constraint counts as met [m]: rounding of a linearisation."""

@@ -28,8 +28,7 @@ _END: Final[Look] = {'color': 'white', 'mec': 'black'}
 _BESIDE = 0.35
 _DPI = 200
 
-_PERIOD: Final = 9.0
-"""Length of a dash and its gap, in line widths."""
+_PERIOD: Final = 9.0  # length of a dash and its gap, in line widths
 
 
 def save(figure: Figure, folder: FilePath, name: str) -> None:

@@ -50,9 +50,7 @@ from cmpsp_ros.sensing import (
 from cmpsp_ros.world.grids import Cell
 
 _THROTTLE = 2.0
-_FIRST = 2
-"""Number of the first tracker; the tracks of own sensors have 1."""
-
+_FIRST = 2  # number of the first tracker; the tracks of own sensors have 1
 _MESSAGES = {'scan': LaserScan, 'cloud': PointCloud2}
 
 # Values of a nav_msgs/OccupancyGrid by `Cell`.

@@ -42,8 +42,7 @@ except ImportError:  # tf2 is not among the wheels
 
 _DEPTH = 500
 
-_MOTION = 100_000_000
-"""Time over which a frame's motion is measured [ns]."""
+_MOTION = 100_000_000  # time over which a frame's motion is measured [ns]
 
 
 class TransformInput(Listener):

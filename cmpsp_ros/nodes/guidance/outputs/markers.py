@@ -34,16 +34,11 @@ _PASSED = ColorRGBA(r=0.1, g=0.6, b=0.25, a=0.25)
 _ARROW = 0.5
 _WHITE = ColorRGBA(r=1.0, g=1.0, b=1.0, a=1.0)
 
-PLENTY: Final = 0.3
-"""Clearance beyond `safety.margin` from which on nothing is near [m]."""
-
-_LIFETIME: Final = 5.0
-"""Control periods for which markers stay when no more come."""
-
+PLENTY: Final = 0.3  # clearance beyond `safety.margin` from which on nothing is near [m]
+_LIFETIME: Final = 5.0  # control periods for which markers stay when no more come
 _WIDTH: Final = 0.06
 _RING: Final = 0.02
-_AHEAD: Final = 1.0
-"""Time ahead for which positions of moving obstacles are shown [s]."""
+_AHEAD: Final = 1.0  # time ahead for which positions of moving obstacles are shown [s]
 
 
 class _Markers:

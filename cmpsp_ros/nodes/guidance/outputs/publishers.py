@@ -135,8 +135,8 @@ ONLOOKERS = RECORDERS | {'viewer', 'foxglove_bridge'}
 """Names of nodes that hear commands and obey none; those of the command line begin with `_`."""
 
 _UNKNOWN = '_NODE_NAME_UNKNOWN_'
+# Time in which a recorder that is known here finds the publishers of odometry, too [s].
 _SETTLING_TIME = 0.5
-"""Time in which a recorder that is known here finds the publishers of odometry, too [s]."""
 
 
 class Listeners:

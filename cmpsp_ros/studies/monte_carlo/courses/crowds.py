@@ -22,9 +22,7 @@ _Random = np.random.Generator
 _THIN: Final = 0.05
 _SPEEDS, _HALL_SPEEDS = (0.3, 1.6), (0.3, 1.2)
 _RADIUS: Final = 0.25
-_FROM_START: Final = 2.0
-"""Least distance of people from the robot's start [m]."""
-
+_FROM_START: Final = 2.0  # least distance of people from the robot's start [m]
 _FROM_WALL, _BESIDE = 0.1, 0.7
 _ATTEMPTS: Final = 200
 

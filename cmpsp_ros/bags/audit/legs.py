@@ -37,19 +37,12 @@ _SAME = 1e-9
 
 @dataclass(frozen=True)
 class Commands:
-    """Velocity commands in the order in which they were received.
+    """Velocity commands in the order in which they were received."""
 
-    Attributes:
-        received: Time of reception [ns], shape ``(C,)``.
-        stamps: Stamp of the odometry that each is based on [ns], ``(C,)``; see `timed`.
-        twists: Shape ``(C, 2)`` or ``(C, 3)``; see `Robot`.
-        stamped: True if the messages carried these stamps themselves.
-    """
-
-    received: IntArray
-    stamps: IntArray
-    twists: Array
-    stamped: bool
+    received: IntArray  # time of reception [ns], shape ``(C,)``
+    stamps: IntArray  # stamp of the odometry that each is based on [ns], ``(C,)``; see `timed`
+    twists: Array  # shape ``(C, 2)`` or ``(C, 3)``; see `Robot`
+    stamped: bool  # true if the messages carried these stamps themselves
 
     def chosen(self, index: Flags) -> Commands:
         """Some of the commands."""
@@ -169,23 +162,14 @@ class KnownPath:
 
 @dataclass(frozen=True)
 class Leg:
-    """Part of a recording in which time does not jump back.
+    """Part of a recording in which time does not jump back."""
 
-    Attributes:
-        odometry: In order of time.
-        truth: The true poses, in order of time; None without a simulator.
-        commands: In order of time.
-        runs: In order of time; none before the first command.
-        window: Reception of its first odometry, and of that of the next leg [ns].
-        settings: In force at first.
-    """
-
-    odometry: OdometrySeries
-    truth: OdometrySeries | None
-    commands: Commands
-    runs: tuple[RunSpan, ...]
-    window: tuple[float, float]
-    settings: GuidanceSettings
+    odometry: OdometrySeries  # in order of time
+    truth: OdometrySeries | None  # the true poses, in order of time; None without a simulator
+    commands: Commands  # in order of time
+    runs: tuple[RunSpan, ...]  # in order of time; none before the first command
+    window: tuple[float, float]  # reception of its first odometry, and of that of the next leg [ns]
+    settings: GuidanceSettings  # in force at first
 
     @cached_property
     def path(self) -> DrivenPath:

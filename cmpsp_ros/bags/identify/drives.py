@@ -37,20 +37,13 @@ _MOVING: Final = (0.05, 0.1)
 
 @dataclass(frozen=True)
 class Series:
-    """Steps of a drive along one axis, 0 ahead or 1 turning, and the command there.
-
-    Attributes:
-        stamps: Stamps of odometry, ``(N + 1,)`` [s].
-        steps: Change between messages, ``(N,)`` [m] or [rad].
-        changes: Times of the changes of the command, ``(C,)`` [s].
-        commands: Commands from then on, ``(C,)`` [m/s] or [rad/s].
-    """
+    """Steps of a drive along one axis, 0 ahead or 1 turning, and the command there."""
 
     axis: int
-    stamps: Array
-    steps: Array
-    changes: Array
-    commands: Array
+    stamps: Array  # stamps of odometry, ``(N + 1,)`` [s]
+    steps: Array  # change between messages, ``(N,)`` [m] or [rad]
+    changes: Array  # times of the changes of the command, ``(C,)`` [s]
+    commands: Array  # commands from then on, ``(C,)`` [m/s] or [rad/s]
 
     @property
     def command(self) -> tuple[Array, Array]:
@@ -66,27 +59,17 @@ class Series:
 
 @dataclass(frozen=True)
 class Drive:
-    """A drive without a jump in time; all times are odometry's stamps since its first one.
+    """A drive without a jump in time; all times are odometry's stamps since its first one."""
 
-    Attributes:
-        label: Bag and topics.
-        stamped: True if commands were TwistStamped.
-        stamps: Stamps of odometry, ``(N + 1,)`` [s].
-        steps: Change between messages: distance ahead and turn, ``(N, 2)`` [m, rad].
-        ages: Time of reception of each odometry message minus its stamp, ``(N + 1,)`` [s].
-        times: When commands were received, less the median of `ages`, ``(C,)`` [s].
-        commands: Speed and turn rate, ``(C, 2)`` [m/s, rad/s].
-        answer: Median of `times` minus the stamp of the odometry that the command answers [s]; None
-            if the bag does not have it.
-    """
-
-    label: str
-    stamped: bool
-    stamps: Array
-    steps: Array
-    ages: Array
-    times: Array
-    commands: Array
+    label: str  # bag and topics
+    stamped: bool  # true if commands were TwistStamped
+    stamps: Array  # stamps of odometry, ``(N + 1,)`` [s]
+    steps: Array  # change between messages: distance ahead and turn, ``(N, 2)`` [m, rad]
+    ages: Array  # time of reception of each odometry message minus its stamp, ``(N + 1,)`` [s]
+    times: Array  # when commands were received, less the median of `ages`, ``(C,)`` [s]
+    commands: Array  # speed and turn rate, ``(C, 2)`` [m/s, rad/s]
+    # Median of `times` minus the stamp of the odometry that the command answers [s]; None if the
+    # bag does not have it.
     answer: float | None
 
     @property

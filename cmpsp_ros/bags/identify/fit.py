@@ -42,27 +42,18 @@ _BELOW: Final = {'max_acceleration': 0.8, 'max_speed': 0.97}
 
 @dataclass(frozen=True)
 class Fit:
-    """A model with the parameters that fit best.
+    """A model with the parameters that fit best."""
 
-    Attributes:
-        series: Steps and commands, of each drive and axis.
-        timeout: Time after which the robot stops without a command [s].
-        p: Parameters.
-        noises: Noise of odometry ahead and turning.
-        factors: Factors of the covariance of the steps of each series.
-        limits: Limits that are among the parameters: axis, and field of `Response`.
-        residuals: Whitened, and that of the prior of a motor.
-        jacobian: Their derivatives.
-    """
-
-    series: Sequence[Series]
-    timeout: float
-    p: Array
-    noises: tuple[Noise, Noise]
-    factors: Sequence[Array]
+    series: Sequence[Series]  # steps and commands, of each drive and axis
+    timeout: float  # time after which the robot stops without a command [s]
+    p: Array  # parameters
+    noises: tuple[Noise, Noise]  # noise of odometry ahead and turning
+    factors: Sequence[Array]  # factors of the covariance of the steps of each series
+    # Limits that are among the parameters: axis, and field of `Response`.
     limits: tuple[tuple[int, str], ...] = ()
+    # Whitened, and that of the prior of a motor.
     residuals: Array = field(default_factory=lambda: np.empty(0))
-    jacobian: Array = field(default_factory=lambda: np.empty((0, 0)))
+    jacobian: Array = field(default_factory=lambda: np.empty((0, 0)))  # their derivatives
 
     @property
     def axes(self) -> list[int]:

@@ -14,15 +14,10 @@ EVENTS = '/parameter_events'  # topic of the changes
 
 
 class NodeParameters:
-    """The complete set of parameters of one node, from its start on.
+    """The complete set of parameters of one node, from its start on."""
 
-    Attributes:
-        values: Values after all changes applied so far.
-        given: Keys that were recorded; the others are defaults.
-    """
-
-    values: Values
-    given: frozenset[str]
+    values: Values  # values after all changes applied so far
+    given: frozenset[str]  # keys that were recorded; the others are defaults
 
     def __init__(self, bag: Bag, node: str) -> None:
         self._path, self._node = bag.path, node

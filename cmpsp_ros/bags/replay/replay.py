@@ -113,22 +113,15 @@ def _waypoint_pairs(recorded: DecisionRecord, decision: Decision) -> Pairs:
 
 @dataclass
 class ReplayOutcome:
-    """Counts of decisions compared, and of fields that differ; software of the recording by name.
-
-    Attributes:
-        stops: Stops that odometry does not show; their reason is taken as recorded.
-        commands, plans: Decisions whose command or plan was recorded and compared too.
-        skipped: Decisions before the first run in the bag, which cannot be replayed.
-        differing: Decisions that differ.
-    """
+    """Counts of decisions compared, and of fields that differ; recording software by name."""
 
     software: Mapping[str, str]
     decisions: int = 0
-    stops: int = 0
-    commands: int = 0
-    plans: int = 0
-    skipped: int = 0
-    differing: int = 0
+    stops: int = 0  # stops that odometry does not show; their reason is taken as recorded
+    commands: int = 0  # decisions whose command was recorded and compared too
+    plans: int = 0  # decisions whose plan was recorded and compared too
+    skipped: int = 0  # decisions before the first run in the bag, which cannot be replayed
+    differing: int = 0  # decisions that differ
     differences: int = 0
     first: Difference | None = None
 

@@ -45,22 +45,18 @@ class Band:
 
 @dataclass(frozen=True)
 class View:
-    """One bag in a report.
-
-    Attributes:
-        decisions: All decisions, those whose command came too late to be sent among them.
-        plans: Some of the plans, in order of time; none if they were not recorded.
-        grids: Some of the grids that sensors had shown, with their times [ns].
-        version: Version of this package that recorded it, or empty.
-    """
+    """One bag in a report."""
 
     label: str
     record: AuditRecord
+    # All decisions, those whose command came too late to be sent among them.
     decisions: tuple[DecisionRecord, ...]
     findings: tuple[Finding, ...]
+    # Some of the plans, in order of time; none if they were not recorded.
     plans: tuple[Planned, ...]
+    # Some of the grids that sensors had shown, with their times [ns].
     grids: tuple[tuple[int, OccupancyGrid], ...]
-    version: str
+    version: str  # version of this package that recorded it, or empty
 
     @property
     def settings(self) -> GuidanceSettings:

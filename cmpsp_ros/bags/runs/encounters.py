@@ -23,18 +23,12 @@ _DIGITS = 9  # digits of a depth behind the point [m]; those behind are rounding
 
 @dataclass(frozen=True)
 class Encounter:
-    """Part of a path, with its distance from one moving obstacle or other robot.
+    """Part of a path, with its distance from one moving obstacle or other robot."""
 
-    Attributes:
-        name: Name in messages.
-        stamps: Beginning of each arc [ns], shape ``(K,)``.
-        clearance: Distance from it, less the robot's radius, shape ``(K,)`` [m].
-        stands: True if the robot stood or crept, shape ``(K,)``: a collision is then not its own.
-    """
-
-    name: str
-    stamps: IntArray
-    clearance: Array
+    name: str  # name in messages
+    stamps: IntArray  # beginning of each arc [ns], shape ``(K,)``
+    clearance: Array  # distance from it, less the robot's radius, shape ``(K,)`` [m]
+    # True if the robot stood or crept, shape ``(K,)``: a collision is then not its own.
     stands: BoolArray
 
 

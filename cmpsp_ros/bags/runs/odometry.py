@@ -96,19 +96,12 @@ _TYPE = 'nav_msgs/msg/Odometry'
 
 @dataclass(frozen=True)
 class OdometrySeries:
-    """Odometry in the order in which it was received.
+    """Odometry in the order in which it was received."""
 
-    Attributes:
-        received: Time of reception [ns], shape ``(K,)``.
-        stamps: Time stamps [ns], shape ``(K,)``.
-        poses: Shape ``(K, 3)`` [m, m, rad].
-        spreads: Stated standard deviations of position and heading, ``(K, 2)`` [m, rad].
-    """
-
-    received: IntArray
-    stamps: IntArray
-    poses: Array
-    spreads: Array
+    received: IntArray  # time of reception [ns], shape ``(K,)``
+    stamps: IntArray  # time stamps [ns], shape ``(K,)``
+    poses: Array  # shape ``(K, 3)`` [m, m, rad]
+    spreads: Array  # stated standard deviations of position and heading, ``(K, 2)`` [m, rad]
 
     def legs(self, backwards: float) -> list[OdometrySeries]:
         """Parts in which time does not jump back by more than so much [s], or is out of order."""

@@ -88,17 +88,11 @@ class Planned:
 
 @dataclass(frozen=True)
 class DrivenPath:
-    """The driven path, as arcs of constant wheel speeds.
+    """The driven path, as arcs of constant wheel speeds."""
 
-    Attributes:
-        stamps: Beginning of each arc, and the end of the last [ns], shape ``(K + 1,)``.
-        poses: Pose at each, shape ``(K + 1, 3)`` [m, m, rad].
-        twists: Twist after each, shape ``(K + 1, 2)`` or ``(K + 1, 3)``; see `Robot`.
-    """
-
-    stamps: IntArray
-    poses: Array
-    twists: Array
+    stamps: IntArray  # beginning of each arc, and the end of the last [ns], shape ``(K + 1,)``
+    poses: Array  # pose at each, shape ``(K + 1, 3)`` [m, m, rad]
+    twists: Array  # twist after each, shape ``(K + 1, 2)`` or ``(K + 1, 3)``; see `Robot`
 
     @property
     def durations(self) -> Array:
@@ -128,22 +122,15 @@ class DrivenPath:
 
 @dataclass(frozen=True)
 class Run:
-    """A recorded run; plans are empty if they were not recorded.
-
-    Attributes:
-        tracks: Moving obstacles as received, by id and time.
-        people: The simulator's people as they truly were, by number and time.
-        wheel_stamps: Stamps of the wheel speeds [ns], shape ``(W,)``.
-        wheel_speeds: Driven or, without a simulator, commanded, ``(W, wheels)`` [rad/s].
-    """
+    """A recorded run; plans are empty if they were not recorded."""
 
     decisions: tuple[DecisionRecord, ...]
     plans: tuple[Planned, ...]
     driven: DrivenPath
-    tracks: tuple[Track, ...]
-    people: tuple[Track, ...]
-    wheel_stamps: IntArray
-    wheel_speeds: Array
+    tracks: tuple[Track, ...]  # moving obstacles as received, by id and time
+    people: tuple[Track, ...]  # the simulator's people as they truly were, by number and time
+    wheel_stamps: IntArray  # stamps of the wheel speeds [ns], shape ``(W,)``
+    wheel_speeds: Array  # driven or, without a simulator, commanded, ``(W, wheels)`` [rad/s]
 
     @property
     def told(self) -> tuple[Track, ...]:

@@ -32,22 +32,15 @@ _BLOCK: Final = 600  # scans that are held at once, to be looked at in both dire
 
 @dataclass(frozen=True, eq=False)
 class SensorClearance:
-    """Distance of a robot from the sightings of its sensors.
+    """Distance of a robot from the sightings of its sensors."""
 
-    Attributes:
-        stamps: Times of poses, in order, shape ``(K,)`` [ns].
-        poses: The poses, shape ``(K, 3)`` [m, m, rad].
-        clearance: Distance of the robot's outline at each from the nearest spot that a beam met and
-            no later beam (before: no earlier one) passed, negative inside, shape ``(K,)`` [m].
-        looks: Times of the messages that showed anything, in order, shape ``(L,)`` [ns].
-        tolerance: Error of the clearance [m].
-    """
-
-    stamps: IntArray
-    poses: Array
+    stamps: IntArray  # times of poses, in order, shape ``(K,)`` [ns]
+    poses: Array  # the poses, shape ``(K, 3)`` [m, m, rad]
+    # Distance of the robot's outline at each from the nearest spot that a beam met and no later
+    # beam (before: no earlier one) passed, negative inside, shape ``(K,)`` [m].
     clearance: Array
-    looks: IntArray
-    tolerance: float
+    looks: IntArray  # times of the messages that showed anything, in order, shape ``(L,)`` [ns]
+    tolerance: float  # error of the clearance [m]
 
     def blind(self, looks: IntArray, settings: GuidanceSettings) -> tuple[Hole, ...]:
         """Times of driving on with nothing seen for longer than `sight.timeout`.

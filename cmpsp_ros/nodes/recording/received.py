@@ -33,15 +33,11 @@ _COUNT, _NEWEST = ' messages', ' newest'
 
 
 class Received(NamedTuple):
-    """A received message, serialised.
+    """A received message, serialised."""
 
-    Attributes:
-        received: Time of reception by the middleware, by the system clock [ns].
-        published: Time of publication, by the clock of the publisher's system [ns]; the time of
-            reception if the middleware does not know it.
-    """
-
-    received: int
+    received: int  # time of reception by the middleware, by the system clock [ns]
+    # Time of publication, by the clock of the publisher's system [ns]; the time of reception if the
+    # middleware does not know it.
     published: int
     topic: str
     raw: bytes

@@ -34,20 +34,15 @@ _EDGES = 2
 
 @dataclass
 class DrivenRun:
-    """A completed run: motions, the last at rest, and decisions up to the final time [ns].
-
-    Attributes:
-        exception: Type and text of an exception of the law; empty if there was none.
-        walking: Those who walk about, if any.
-        people: Instants [ns], and the states of all people from then on, as of `People.at`.
-    """
+    """A completed run: motions, the last at rest, and decisions up to the final time [ns]."""
 
     task: RunTask
     motions: list[Motion] = field(default_factory=list)
     decisions: list[Decision] = field(default_factory=list)
-    exception: str = ''
+    exception: str = ''  # type and text of an exception of the law; empty if there was none
     end: int = 0
-    walking: People | None = None
+    walking: People | None = None  # those who walk about, if any
+    # Instants [ns], and the states of all people from then on, as of `People.at`.
     people: list[tuple[int, Array]] = field(default_factory=list)
 
     @property

@@ -32,23 +32,14 @@ _TO_REST = 1.5
 
 @dataclass(frozen=True)
 class ForeignRobot:
-    """Properties of the robot, drawn for a run.
+    """Properties of the robot, drawn for a run."""
 
-    Attributes:
-        rate: Rate of its loop and its odometry [Hz].
-        lag: Time constant of speed and turn rate [s].
-        clock_offset: Lead of its clock over the computer's [s].
-        told_error: Error of the `command_delay` given to the law [s].
-        busy: Mean delay of a control step by other work [s].
-        seed: Seed of latencies and noise.
-    """
-
-    rate: float
-    lag: float
-    clock_offset: float
-    told_error: float
-    busy: float
-    seed: int
+    rate: float  # rate of its loop and its odometry [Hz]
+    lag: float  # time constant of speed and turn rate [s]
+    clock_offset: float  # lead of its clock over the computer's [s]
+    told_error: float  # error of the `command_delay` given to the law [s]
+    busy: float  # mean delay of a control step by other work [s]
+    seed: int  # seed of latencies and noise
 
     @classmethod
     def draw(cls, seed: int, number: int) -> ForeignRobot:

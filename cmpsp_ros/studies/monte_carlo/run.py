@@ -51,23 +51,17 @@ Progress = Callable[[str, int], Callable[[int], None]]
 
 @dataclass(frozen=True)
 class Order:
-    """A request for a study of so many runs, with all results in a folder.
-
-    Attributes:
-        workers: Processes that share the runs; 1 is this one.
-        scheduler: Address of a Dask scheduler whose workers share them instead, if any, as in
-            ``tcp://10.0.0.1:8786``; they need this package.
-        judge: True if IPOPT is run on failed runs.
-        costs: Number of runs that arrived whose cost is compared with IPOPT's.
-    """
+    """A request for a study of so many runs, with all results in a folder."""
 
     study: Study
     runs: int
     folder: Path
-    workers: int = 1
+    workers: int = 1  # processes that share the runs; 1 is this one
+    # Address of a Dask scheduler whose workers share them instead, if any, as in
+    # ``tcp://10.0.0.1:8786``; they need this package.
     scheduler: str = ''
-    judge: bool = False
-    costs: int = 0
+    judge: bool = False  # true if IPOPT is run on failed runs
+    costs: int = 0  # number of runs that arrived whose cost is compared with IPOPT's
 
 
 def run_study(order: Order, progress: Progress) -> dict[str, Any]:

@@ -25,17 +25,11 @@ TOUCHED = -1e-6
 
 @dataclass(frozen=True)
 class Path:
-    """A path driven under zero-order hold, and its controls.
+    """A path driven under zero-order hold, and its controls."""
 
-    Attributes:
-        settings: Settings of the law, or of the controller used instead.
-        poses: At each control instant and at the end, shape ``(N + 1, 3)`` [m, m, rad].
-        controls: Shape ``(N, r)``; of the paper's robot the speeds of its right and left wheel
-            [rad/s].
-    """
-
-    settings: GuidanceSettings
-    poses: Array
+    settings: GuidanceSettings  # settings of the law, or of the controller used instead
+    poses: Array  # at each control instant and at the end, shape ``(N + 1, 3)`` [m, m, rad]
+    # Shape ``(N, r)``; of the paper's robot the speeds of its right and left wheel [rad/s].
     controls: Array
 
     @classmethod

@@ -32,25 +32,15 @@ _OPTIONS: dict[str, Any] = {'print_level': 0, 'sb': 'yes', 'max_iter': 500}
 
 @dataclass(frozen=True)
 class ReferenceSolution:
-    """Result of IPOPT.
+    """Result of IPOPT."""
 
-    Attributes:
-        feasible: True if it ended at a point that satisfies every constraint.
-        status: IPOPT's status.
-        cost: First term of (95) there.
-        controls: Shape ``(N, r)``, of a differential drive its wheel speeds [rad/s].
-        braking: Controls that bring the robot to rest afterwards, shape ``(K, r)``.
-        excess: Maximum violation of a limit of the robot; 0 or less where all are kept.
-        time: Final time [s].
-    """
-
-    feasible: bool
-    status: str
-    cost: float
-    controls: Array
-    braking: Array
-    excess: float
-    time: float
+    feasible: bool  # true if it ended at a point that satisfies every constraint
+    status: str  # IPOPT's status
+    cost: float  # first term of (95) there
+    controls: Array  # shape ``(N, r)``, of a differential drive its wheel speeds [rad/s]
+    braking: Array  # controls that bring the robot to rest afterwards, shape ``(K, r)``
+    excess: float  # maximum violation of a limit of the robot; 0 or less where all are kept
+    time: float  # final time [s]
 
 
 class Limits(NamedTuple):

@@ -73,10 +73,7 @@ def plain(value: object) -> object:
 
 
 def parsed(custom: Mapping[str, Any], key: str) -> dict[str, Any]:
-    """Read JSON text in custom data: a mapping, empty if none.
-
-    Raises `TypeError`, `ValueError` or `RecursionError` for anything else.
-    """
+    """Read a JSON mapping in custom data; raises TypeError, ValueError or RecursionError."""
     found = json.loads(expected(custom.get(key, '{}'), str, key))
     mapping: dict[str, Any] = expected(found, dict, key)
     if key == PARAMETERS_KEY:

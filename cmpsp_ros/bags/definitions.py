@@ -28,13 +28,9 @@ def jazzy() -> Typestore:
 
 
 def types_of(connection: Connection) -> Typestore:
-    """The deserialiser for the messages of a topic.
+    """Deserialiser for the messages of a topic; a definition that is known here is not parsed.
 
-    A definition in the bag is parsed only if it differs from the one known here.
-
-    Raises:
-        ReaderError: There is no definition, or an unsupported one.
-        Exception: Any error of rosbags' parser on a damaged definition.
+    Raises ReaderError without a usable definition, or any error of rosbags' parser.
     """
     if _is_known(connection):
         return jazzy()

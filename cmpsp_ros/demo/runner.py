@@ -39,14 +39,9 @@ def guide(
     notice: Callable[[Scenario, GuidanceStatus], None],
     apart: float = 0.0,
 ) -> None:
-    """Activate the robots, and follow them up to the decisions after their final times.
+    """Activate the robots, `apart` seconds from each other, and follow them to their ends.
 
-    Args:
-        observer: From `started`.
-        children: From `started`, too.
-        robots: Robots of the run.
-        notice: Called with each decision.
-        apart: Time between the starts of two robots [s].
+    Observer and children are those of `started`; `notice` is called with each decision.
     """
     named = {each.namespace: each for each in robots}
     heard: dict[str, float] = {}
@@ -120,16 +115,11 @@ def run(
     progress: Callable[[float], None],
     view_port: int | None = None,
 ) -> tuple[Summary, ...]:
-    """Make one run of a robot, or of several at once, and keep all its results.
+    """Make one run of a robot, or of several with namespaces, and keep its results in a folder.
 
-    Args:
-        robots: Their scenarios; several robots have a namespace each.
-        folder: Existing folder for bag, pictures, figures and logs.
-        progress: Called with the time of the run so far [s].
-        view_port: Port of a page that shows the first robot live; None: no page.
-
-    Returns:
-        Figures of each, as in `summary.json`; a `BagError` if the recording does not cover the run.
+    Progress is called with the time of the run so far [s]; a page on `view_port` shows the
+    first robot. Returns the figures of each; raises BagError if the recording does not cover
+    the run.
     """
     path = folder / 'parameters.yaml'
     if len(robots) > 1:
@@ -178,11 +168,8 @@ def started(
 ) -> Iterator[tuple[LifecycleClient, Sequence[Child]]]:
     """Start and configure the nodes of one robot or several; all are stopped at the end.
 
-    Args:
-        robots: Their scenarios; several robots have a namespace each.
-        folder: Existing folder with the file `parameters.yaml`, for bag and logs.
-        view_port: Port of a page that shows the first robot live; None: no page.
-        record: True if there is a bag.
+    The folder has `parameters.yaml`, and gets bag and logs; a page on `view_port` shows the
+    first robot.
     """
     children: list[Child] = []
     try:
@@ -258,8 +245,8 @@ def _wait_for_the_end(
 ) -> None:
     """Wait until every decision received is in the bag, with its command and inputs.
 
-    On a busy machine the middleware resends lost messages only after seconds. The simulator
-    continues: once a message that it publishes from now on is in the bag, all earlier ones are.
+    The simulator continues: once a message that it publishes from now on is in the bag, all
+    earlier ones are.
     """
     now = time.time_ns()
     decided = {

@@ -37,7 +37,6 @@ class Excitation(Node):
     """
 
     def __init__(self, bag: Path, odom: str, cmd_vel: str, commands: Commands) -> None:
-        """Create the node, with the arguments of `drive`; StartupError without a bag."""
         super().__init__('excitation')
         self.problem = 'interrupted, and the robot was stopped'
         self._ends, self._twists = (each.tolist() for each in commands)
@@ -127,7 +126,7 @@ class Excitation(Node):
 
 
 def drive(bag: Path, odom: str, cmd_vel: str, commands: Commands) -> str:
-    """Wait for odometry and a robot, drive it, and record it; why that was cut short, if it was.
+    """Drive and record a robot; why that was cut short, if it was.
 
     `commands` are when each phase ends [s], and its twist [m/s, rad/s].
     """

@@ -27,12 +27,9 @@ _OPACITY: Final = bytes([0, 255, 255])
 
 
 def grid_picture(grid: OccupancyGrid) -> dict[str, Any]:
-    """Picture of a grid along the axes, bounded in size, with its position [m].
+    """Picture of a grid along the axes: ``x``, ``y``, ``width``, ``height`` [m] and data URL.
 
     Free and remembered cells are transparent. Of several in a pixel an occupied one is shown.
-
-    Returns:
-        Left edge ``x``, upper edge ``y``, ``width``, ``height``, and ``source``, a data URL.
     """
     high, wide = grid.cells.shape
     step = math.ceil(max(high, wide) / _MOST)

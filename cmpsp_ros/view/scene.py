@@ -181,10 +181,7 @@ def trail(settings: GuidanceSettings, poses: Array) -> Part:
 
 
 def frame(points: Sequence[Array], shapes: Iterable[Shape], room: float) -> tuple[Array, Array]:
-    """Lower left and upper right corner of a picture ``(2,)``, `room` around the points [m].
-
-    Obstacles but a map are in it as a whole, or not at all.
-    """
+    """Corners of a picture ``(2,)``, `room` around points [m]; obstacles are in it whole or not."""
     every = np.vstack(points)
     low, high = every.min(axis=0) - room, every.max(axis=0) + room
     lines = [line for each in shapes if each.corners for line in each.outlines(each.radius)]

@@ -93,10 +93,7 @@ def wheel_limits(record: AuditRecord) -> Iterator[Sample]:
     bad='A wheel is to change by {worst:.4g} rad/s from one command to the next.',
 )  # fmt: skip
 def acceleration(record: AuditRecord) -> Iterator[Sample]:
-    """Change of the wheel speeds from each command to the next, and to the first from rest.
-
-    A halt is exempt: it answers faults that no plan can foresee.
-    """
+    """Change of the wheel speeds from each command to the next, and from rest; halts are exempt."""
     limit = record.settings.max_wheel_change
     if not math.isfinite(limit):
         raise SkippedError('The wheels have no such limit (robot.max_wheel_acceleration is 0).')
@@ -177,7 +174,6 @@ def steering(record: AuditRecord) -> Iterator[Sample]:
 
 
 def _undecided(record: AuditRecord, worst: Sample) -> str:
-    """Commands whose decisions are not in the bag, if the others are as decided."""
     alone = record.commands.moving.copy()
     alone[record.pairs.commands :][: record.pairs.count] = False
     is_gap = worst.passes and alone.any()
@@ -236,7 +232,6 @@ def obeyed(record: AuditRecord) -> Iterator[Sample]:
 
 
 def _held(leg: Leg, settings: GuidanceSettings) -> tuple[IntArray, IntArray, Array]:
-    """The last part of the time for which each command holds, and the command."""
     stamps, twists = leg.commands.stamps, leg.commands.twists
     effects = stamps + round(settings.command_delay * NANOSECONDS)
     begins, ends = effects[:-1], effects[1:]

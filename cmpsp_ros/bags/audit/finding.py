@@ -21,11 +21,7 @@ NOTHING_NEAR: Final = 'No road edge and no obstacle is within reach.'
 
 
 class CheckOutcome(Enum):
-    """Outcome of a check.
-
-    A check is skipped where it does not apply, and not judged where it applies and data that it
-    needs are missing.
-    """
+    """Outcome of a check: skipped where it does not apply, not judged where data are missing."""
 
     PASSED = 'passed'
     FAILED = 'failed'

@@ -97,8 +97,8 @@ def read_commands(bag: Bag, topic: str) -> Commands:
 def pair(commands: Commands, decided: Array) -> Pairs:
     """Find for each command the decision ``(D, 2)`` or ``(D, 3)`` that it was sent for.
 
-    Both were sent one for one. If there are more of one kind, the recording missed some of the
-    other at its beginning or its end, whichever makes more of them agree.
+    If there are more of one kind, the recording missed some of the other at one end: at that
+    where more then agree.
     """
     surplus = len(commands.twists) - len(decided)
     ends = [
@@ -119,10 +119,9 @@ def agreeing(commands: Commands, decided: Array, pairs: Pairs) -> Flags:
 def timed(
     commands: Commands, odometry: OdometrySeries, pairs: Pairs, decisions: Sequence[DecisionRecord]
 ) -> Commands:
-    """Commands with the stamps of the odometry that they are based on.
+    """Commands with the stamps of the odometry that they are based on: as stamped, or as decided.
 
-    A stamped command contains it, a decision contains it for its command, and for any other it is
-    the latest odometry received by then.
+    Any other is based on the latest odometry received by then.
     """
     if commands.stamped:
         return commands
@@ -184,10 +183,7 @@ class Leg:
 
     @cached_property
     def by_odometry(self) -> KnownPath:
-        """The path by odometry.
-
-        With a true path recorded, the covariance of odometry is not counted as contact.
-        """
+        """The path by odometry; beside a true path its covariance does not count as contact."""
         off, stamps = 0.0, self.path.stamps
         for part in () if self.true is None else self.true.pieces:
             both = (stamps >= part.stamps[0]) & (stamps <= part.stamps[-1])
@@ -268,7 +264,7 @@ def _runs(
 
 
 def _begin_of(first: DecisionRecord, settings: GuidanceSettings) -> int:
-    """Time 0 [ns] of a run of which decisions before this one were not recorded, if any."""
+    """Time 0 [ns] of a run whose first decisions may be missing."""
     elapsed: float = first.step * settings.control_period
     goal, left = first.goal, first.time_left
     if first.step and goal is not None and 0.0 < left < math.inf:

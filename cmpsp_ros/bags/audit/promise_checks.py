@@ -142,10 +142,7 @@ def _is_out_of_sight(
 
 
 def _brakes(settings: GuidanceSettings, commands: Commands, k: int) -> bool:
-    """True if a wheel could not brake harder, and so no stop could come to rest earlier.
-
-    Which way the robot turns meanwhile is that of the stop promised with the command before.
-    """
+    """True if a wheel could not brake harder: no stop could come to rest earlier."""
     robot, change = settings.robot, settings.max_wheel_change
     if k == 0 or change == math.inf:
         return False

@@ -95,9 +95,9 @@ class AuditRecord:
 
     @cached_property
     def sweeps(self) -> tuple[Sweep, ...]:
-        """The path by odometry since the beginning of each leg's first run, with its clearance.
+        """Path by odometry since each leg's first run, with its clearance from the obstacles known.
 
-        Clearance is from the obstacles known to guidance, infinite inside holes.
+        Clearance is infinite inside holes.
         """
         epochs = tuple(replace(each, hidden=()) for each in self.history.epochs)
         told = replace(self.history, epochs=epochs)
@@ -235,7 +235,6 @@ class AuditRecord:
 
     @cached_property
     def _by_time(self) -> tuple[list[Track], ...]:
-        """All that moves as it was seen, and people as they truly were."""
         return sorted(self.tracks, key=_stamp), sorted(self.people, key=_stamp)
 
     @property

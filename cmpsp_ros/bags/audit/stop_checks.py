@@ -35,7 +35,6 @@ _SAME_CLOCK: Final = 10.0
 
 
 def _odometry_gap(record: AuditRecord, _worst: Sample) -> str:
-    """When odometry is not recorded and there was some."""
     stamps = []
     for leg in record.legs:
         for each in _lost(record, leg):
@@ -51,10 +50,7 @@ def _odometry_gap(record: AuditRecord, _worst: Sample) -> str:
     gaps=(_odometry_gap,),
 )  # fmt: skip
 def rate(record: AuditRecord) -> Iterator[Sample]:
-    """Time from each command of a run to the next.
-
-    During losses of odometry, and after a stop, none is expected.
-    """
+    """Time from each command of a run to the next, but without odometry and after a stop."""
     limit = LATE * record.settings.control_period
     worst = 0.0
     yield Sample.upper(worst, limit, record.start)

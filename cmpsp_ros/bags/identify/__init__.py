@@ -54,10 +54,9 @@ _PHASES: Final = np.array(
 
 
 def excitation(max_speed: float, max_turn: float) -> tuple[Array, Array]:
-    """Commands of a drive with limits [m/s, rad/s] that leave no robot too near to the circle.
+    """Ends of the phases of a drive, ``(P,)`` [s], and their twists, ``(P, 2)`` [m/s, rad/s].
 
-    Returns:
-        When each phase ends, ``(P,)`` [s], and its twist, ``(P, 2)`` [m/s, rad/s].
+    Raises BagError if limits [m/s, rad/s] would lead too near to the circle.
     """
     twists = _PHASES[:, 1:] * (max_speed, max_turn)
     pose, farthest = np.zeros((1, 3)), 0.0

@@ -41,10 +41,7 @@ class Interval:
 
 
 def delay_and_lag(found: Fit) -> tuple[Fit, Interval, Interval, Interval]:
-    """Intervals of delay, lag and both together [s], after the fit where they were found.
-
-    The profile may come upon a better fit.
-    """
+    """Intervals of delay, lag and both together [s], after the fit, or a better one."""
     points = _profile(found)
     better = min(points, key=lambda one: one.misfit)
     if better.misfit < found.misfit - _BETTER:
@@ -239,7 +236,6 @@ def _odometry(found: Fit, drives: Sequence[Drive]) -> Iterator[tuple[str, Estima
 
 
 def _median(values: Array) -> Interval:
-    """The median, with an interval by its rank."""
     ordered, middle = np.sort(values), len(values) / 2.0
     away = _RANK * math.sqrt(middle / 2.0)
     low, high = max(math.floor(middle - away), 0), min(math.ceil(middle + away), len(values) - 1)

@@ -124,9 +124,7 @@ class Fit:
     def steps(self, axis: int, steady: float = 1.0) -> Steps:
         """Residuals of the steps along an axis, with flags of apparent jumps.
 
-        Args:
-            axis: The axis.
-            steady: Part of the highest acceleration above which steps count as jumps, too.
+        Steps above a `steady` part of the highest acceleration count as jumps, too.
         """
         found = []
         for each, residuals, factor in zip(

@@ -42,13 +42,10 @@ class Response:
     max_acceleration: float = math.inf
 
     def travel(self, changes: Array, commands: Array, stamps: Array) -> tuple[Array, Array]:
-        """Distance since the first change, and speed, at some instants, both ``(N,)``.
+        """Distance since the first change, and speed, at instants ``stamps`` [s], both ``(N,)``.
 
-        Args:
-            changes: Times of the changes of the command, ascending, ``(C,)`` [s].
-            commands: Commands from then on, ``(C,)`` [m/s] or [rad/s]; before the first change the
-                robot moves steadily at the first one.
-            stamps: Instants, ``(N,)`` [s].
+        Commands ``(C,)`` [m/s] or [rad/s] hold from ascending ``changes`` ``(C,)`` [s] on;
+        before the first one the robot moves steadily at the first.
         """
         first = max(self.lag / (1.0 + self.ratio), _SHORTEST)
         second = max(self.ratio * first, 0.1 * _SHORTEST)

@@ -31,10 +31,7 @@ class NodeParameters:
         self._take(bag.parameters[node])
 
     def restart(self, until: int) -> int | None:
-        """Take the parameters of the next restart until a time [ns]; returns when it was [ns].
-
-        None if there was no restart by then, or none with other parameters than before.
-        """
+        """Take the parameters of the next restart until a time [ns]; returns its time, or None."""
         if not self._restarts or self._restarts[0][0] > until:
             return None
         since, given = self._restarts.pop(0)

@@ -199,7 +199,6 @@ class Recording:
         return replace(decision, command=self._command_of(decision), path=path)
 
     def _command_of(self, decision: DecisionRecord) -> tuple[float, float, float] | None:
-        """The command sent just before a decision was published."""
         if decision.late or not self._commands or self._commands[0][0] > decision.received + _LATE:
             return None
         return self._commands.popleft()[1]

@@ -85,7 +85,6 @@ class Comparison:
 
 
 def _pairs(recorded: DecisionRecord, decision: Decision) -> Pairs:
-    """Every field, as recorded and as decided, in text."""
     now = decision_to_key_values(decision)
     for key in _COMPARED:
         yield key, recorded.entries.get(key), now.get(key)
@@ -160,11 +159,7 @@ class ReplayOutcome:
 
 
 def replay(path: Path, names: Names, tolerance: float | None = None) -> ReplayOutcome:
-    """Replay a bag, and compare, with a tolerance as in `Comparison`.
-
-    Raises:
-        BagError: Not a bag, or data needed for a replay are missing.
-    """
+    """Replay a bag and compare, with a tolerance as in `Comparison`; raises BagError."""
 
     def settings_of(values: Values) -> GuidanceSettings:
         try:
@@ -197,7 +192,6 @@ def replay(path: Path, names: Names, tolerance: float | None = None) -> ReplayOu
 
 
 def _take(event: Input, follower: Follower, comparison: Comparison, outcome: ReplayOutcome) -> None:
-    """Feed an input to the law, and compare the decision on it, if there is one."""
     number = outcome.decisions + 1
     match event:
         case OdometryReceived(odometry, None):

@@ -57,10 +57,7 @@ _DASHES = 'solid', 'dash', 'dashdot', 'dot'
 
 
 def controls(views: Sequence[View]) -> Figure:
-    """Commanded wheel speeds or other controls with their limits; driven ones can be switched on.
-
-    Each quantity has a panel.
-    """
+    """Controls as commanded with their limits, one panel each; driven ones can be switched on."""
     titles = quantities(views)
     traces = []
     for index, view in enumerate(views):

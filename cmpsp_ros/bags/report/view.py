@@ -162,10 +162,7 @@ class View:
 
     @cached_property
     def clearance(self) -> tuple[Array, dict[str, Array]]:
-        """Time [s] and clearance from everything there is, by its kind [m], each ``(K,)``.
-
-        Both static and moving obstacles count.
-        """
+        """Time [s], and clearance from all things by their kind [m], each ``(K,)``."""
         sweeps = self.record.sweeps
         times = np.concatenate([self._seconds(each.stamps) for each in sweeps])
         road = np.concatenate([each.clearance[:, :EDGES].min(axis=1) for each in sweeps])

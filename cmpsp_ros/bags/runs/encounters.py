@@ -37,8 +37,7 @@ def encounters(
 ) -> Iterator[Encounter]:
     """Every part of a path with the moving obstacles of that time, at constant velocity.
 
-    An obstacle that is not seen again is dropped after its lifetime [s]; `bodies` as in
-    `GuidanceSettings.bodies`.
+    An obstacle is dropped after its lifetime [s]; `bodies` as in `GuidanceSettings.bodies`.
     """
     begin, end = int(path.stamps[0]), int(path.stamps[-1])
     for index, each in enumerate(tracks):
@@ -65,8 +64,8 @@ def encounters(
 def driven_into(met: Iterable[Encounter]) -> Iterator[tuple[Encounter, Array]]:
     """Encounters in order of time, each with its clearance while the robot drives, ``(K,)`` [m].
 
-    It is infinite at rest. A robot that was run into at rest may leave: its clearance is then how
-    much deeper it gets.
+    It is infinite at rest. One that was run into at rest may leave: it counts how much deeper
+    it gets.
     """
     depths: dict[str, float] = {}
     for each in sorted(met, key=lambda each: int(each.stamps[0])):
@@ -95,10 +94,7 @@ def robot_encounters(
     bodies: Bodies,
     timeout: float,
 ) -> Iterator[Encounter]:
-    """Every part of a path with the positions of each other robot, of a radius [m], at that time.
-
-    The last motion of another robot is extrapolated for `timeout` [s].
-    """
+    """Parts of a path with other robots of a radius [m], extrapolated for `timeout` [s]."""
     grown = [(points, own + radius) for points, own in bodies]
     for namespace, other in others.items():
         for each in encounters(path, _tracks(other), grown, lambda _: timeout):
@@ -106,7 +102,6 @@ def robot_encounters(
 
 
 def _tracks(driven: DrivenPath) -> list[Track]:
-    """A path as straight lines from each of its poses to the next, of a point."""
     velocities = np.diff(driven.poses[:, :2], axis=0) / driven.durations[:, None]
     rows = zip(
         driven.stamps.tolist(),

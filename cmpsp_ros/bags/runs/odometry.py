@@ -87,7 +87,6 @@ _MOST_NAMED: Final = 3
 
 
 def _long(stamps: IntArray, longest: int) -> NDArray[np.intp]:
-    """Indices of the intervals that are too long."""
     return np.flatnonzero(np.diff(stamps) > longest)
 
 
@@ -168,10 +167,7 @@ def path_through(odometry: OdometrySeries) -> DrivenPath:
 
 
 def interpolated(odometry: OdometrySeries, stamps: IntArray) -> Array:
-    """Poses ``(M, 3)`` at instants ``(M,)`` [ns], on straight lines between the samples.
-
-    The headings stay the measured ones: between noisy samples that are close, arcs have others.
-    """
+    """Poses ``(M, 3)`` at instants ``(M,)`` [ns], on straight lines between samples."""
     # IntArray count from 1970, and floats have no nanoseconds left there.
     times, wanted = odometry.stamps - odometry.stamps[0], stamps - odometry.stamps[0]
     columns = odometry.poses[:, 0], odometry.poses[:, 1], np.unwrap(odometry.poses[:, 2])

@@ -40,10 +40,7 @@ def read_tracks(bag: Bag, topic: str, frame_id: str | None) -> tuple[Track, ...]
 
 
 def seen_at(tracks: Iterable[Track], stamp: int, settings: GuidanceSettings) -> list[Track]:
-    """Moving obstacles as known at an instant [ns], brought to it, by number.
-
-    One that is not seen again is forgotten after `lifetime`.
-    """
+    """Moving obstacles known at an instant [ns] and not forgotten, brought to it, by number."""
     latest = {
         each.id: each
         for each in tracks
@@ -159,10 +156,7 @@ def read_run(path: Path, namespace: str = '') -> Run:
 
 
 def driven_in(bag: Bag, namespace: str) -> DrivenPath:
-    """The driven path, in the frame of the course.
-
-    The simulator's own path is preferred if there is one and odometry is in that frame.
-    """
+    """The driven path in the frame of the course: the simulator's own, or that of odometry."""
     heard = bag.as_decided_on(f'{namespace}/guidance', 'odom')
     topic = truth_topic(bag, namespace, heard) or heard
     rows: dict[int, tuple[list[float], list[float]]] = {}

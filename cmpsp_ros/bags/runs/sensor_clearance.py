@@ -43,10 +43,7 @@ class SensorClearance:
     tolerance: float  # error of the clearance [m]
 
     def blind(self, looks: IntArray, settings: GuidanceSettings) -> tuple[Hole, ...]:
-        """Times of driving on with nothing seen for longer than `sight.timeout`.
-
-        `looks` are the sorted times of all sightings [ns].
-        """
+        """Times of driving with nothing seen for `sight.timeout`; `looks`: all sightings [ns]."""
         longest = longest_interval(looks, settings)
         longest = max(longest, to_nanoseconds(settings.sight.timeout))
         found = holes(looks, int(self.stamps[0]), int(self.stamps[-1]), longest)
@@ -61,7 +58,6 @@ class Knowledge:
     """Grid that sensors had shown by a time, as `~/sighting` has it."""
 
     def __init__(self, grids: Iterator[tuple[int, OccupancyGrid]]) -> None:
-        """Take grids with their stamps [ns], in order."""
         self._grids, self._next = grids, next(grids, None)
         self._seen: OccupancyGrid | None = None
 
@@ -92,16 +88,12 @@ def look(
     moving: Callable[[int], Array],
     window: Window,
 ) -> Iterator[SensorClearance]:
-    """Obstacles beside a path in scans, clouds and `~/sighting`.
+    """Obstacles beside a path in scans, clouds and `~/sighting`, the full name `topic`.
 
-    Args:
-        bag: An open bag.
-        topic: Full name of `~/sighting`; scans are in the namespace of its node.
-        settings: With the sensors and the robot's outline.
-        paths: Parts without holes of the best path known, and of that by odometry, in whose frame
-            the grid is with all its errors.
-        moving: Discs ``(x, y, radius)`` of all that is known to move at a time [ns], ``(D, 3)``.
-        window: Reception of the first message that counts, and of the first that does not [ns].
+    `paths` are parts without holes of the best path known, and of that by odometry, in whose
+    frame the grid is. `moving` are discs ``(x, y, radius)`` of all that moves at a time [ns],
+    ``(D, 3)``; `window` are receptions from the first message that counts to the first that
+    does not [ns].
     """
     best, heard = paths
     if best:

@@ -69,10 +69,7 @@ def check_yaml(text: str) -> None:
 
 
 def inflate(data: bytes, compression: str, limit: int, *, truncated: bool = False) -> bytes:
-    """Uncompress one frame of `zstd`, `lz4` or '' (none), to at most `limit` bytes.
-
-    Of a truncated frame the result is the beginning of the whole.
-    """
+    """Uncompress one frame, or the beginning of a truncated one, to at most `limit` bytes."""
     inflated, complete = data, True
     if compression:
         if compression == 'zstd':

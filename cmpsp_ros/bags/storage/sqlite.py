@@ -99,10 +99,7 @@ def _check_tables(database: sqlite3.Connection, path: Path) -> None:
 
 
 def salvage_sqlite(path: Path, folder: Path, remark: Remark) -> Iterator[Found]:
-    """Topics and messages of a file that may be cut off, not closed, or damaged.
-
-    It is copied to a temporary folder; `remark` is called with each reason for leaving out.
-    """
+    """Topics and messages of a file that may be cut off, not closed, or damaged."""
     with TemporaryDirectory(dir=folder, prefix='.salvage_') as name:
         # Opening it merges its write-ahead log, and that must not change the original.
         copy = folder / name / path.name

@@ -31,10 +31,9 @@ def report_on(
     warnings: Sequence[str] = (),
     errors: Sequence[str] = (),
 ) -> Report:
-    """Report on the guidance node in a state of its lifecycle.
+    """Report on the guidance node in a state of its lifecycle, with sentences of others.
 
-    `refusal` is a reason not to go on to another state; `warnings` and `errors` are sentences of
-    others.
+    `refusal` is a reason not to go on to another state.
     """
     decision = None if loop is None else loop.decision
     connections = {} if loop is None else loop.connections

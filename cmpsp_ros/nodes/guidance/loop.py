@@ -49,7 +49,6 @@ class GuidanceLoop:
         settings: GuidanceSettings,
         garbage: GarbageCollection,
     ) -> None:
-        """Open the topics, and wait to be active; garbage is collected in idle time."""
         self._node, self._settings, self._garbage = node, settings, garbage
         self.active, self._in_lockstep = False, values['lockstep']
         self._law = GuidanceLaw(settings, settings.world, time.perf_counter_ns)

@@ -52,13 +52,10 @@ class _Queue(NamedTuple):
 
 
 class RawSubscriptions:
-    """Subscriptions that no executor serves: it would wake up for every message.
+    """Subscriptions that no executor serves: to wake up costs more than to take a message.
 
-    That costs many times more than taking the message, and determines how much processor time a
-    recorder takes from the nodes that it records.
-
-    The queues are polled in turn. A message that arrives meanwhile may be found while an earlier
-    one, on a topic polled before, is not; it is kept until the next round, when both are there.
+    The queues are polled in turn. A message that arrives meanwhile is kept until the next
+    round, when earlier ones on topics polled before are there, too.
     """
 
     def __init__(self, node: Node) -> None:
@@ -93,10 +90,7 @@ class RawSubscriptions:
                 yield name, status.total_count
 
     def take(self, only: Container[str] | None = None, *, all_: bool = False) -> list[Received]:
-        """Messages received since the last round, in the order of their arrival.
-
-        On `only` some topics, or all. `all_` if there is no next round.
-        """
+        """Messages since the last round, by arrival; `all_` if there is no next round."""
         begun = time.time_ns()
         found = self._kept
         for name, (handle, kind, _) in self._queues.items():

@@ -89,7 +89,6 @@ class Computer:
     """
 
     def __init__(self, task: RunTask) -> None:
-        """Idle computer, its times drawn from the seed of the run."""
         self._period, self._lateness = task.settings.control_period, task.lateness
         self._random = np.random.default_rng([task.scenario.seed, task.scenario.number])
         self.busy_until = 0
@@ -238,7 +237,6 @@ def _crowd(driven: DrivenRun) -> CrowdOutcome | None:
 
 
 def _over_limit(driven: DrivenRun) -> int:
-    """Commands that change more than the robot can, or steer too far."""
     settings, controls = driven.task.settings, driven.controls
     if not np.isfinite(controls).all():
         return 0
@@ -262,10 +260,7 @@ def _shortest(task: RunTask) -> float:
 
 
 def farthest(task: RunTask) -> float:
-    """Distance that the robot drives from rest until the final time at its limit [m].
-
-    Random slip is ignored, because it may happen to be zero.
-    """
+    """Distance from rest until the final time at the robot's limit [m]; random slip is ignored."""
     plant, time = task.plant, task.settings.final_time
     if plant.wheel_slip_stddev > 0.0:
         return math.inf
@@ -300,7 +295,6 @@ def _walk(driven: DrivenRun, plant: Plant) -> None:
 
 
 def _told(driven: DrivenRun, stamp: int) -> tuple[Track, ...]:
-    """People who are known exactly."""
     crowd = driven.task.crowd
     if driven.walking is None or crowd is None or not crowd.told:
         return ()

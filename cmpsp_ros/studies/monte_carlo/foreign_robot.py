@@ -53,10 +53,7 @@ class ForeignRobot:
 
     @property
     def delay(self) -> float:
-        """Mean delay of its response to a command, the lag included [s].
-
-        Half a tick less: a command acts on the whole of the tick that it comes in.
-        """
+        """Mean delay of its response to a command, lag included, half a tick less [s]."""
         latencies = (sum(each) / 2.0 for each in (_STEP, _MESSAGE, _MESSAGE))
         return self.lag + sum(latencies) + self.busy - 0.5 / self.rate
 
@@ -105,7 +102,6 @@ class ForeignDrive:
     def __init__(
         self, foreign: ForeignRobot, model: Robot, pose: tuple[float, float, float]
     ) -> None:
-        """Put the robot at a pose [m, m, rad], at rest; the model has wheel speeds of twists."""
         self._foreign, self._model = foreign, model
         self._tick = 1.0 / foreign.rate
         self._random = np.random.default_rng(foreign.seed)

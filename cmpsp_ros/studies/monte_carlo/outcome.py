@@ -155,11 +155,7 @@ _READ_WRITE: Final = 0o644
 
 
 def open_results_log(folder: Path, study: Study) -> dict[int, StudyOutcome]:
-    """Begin a study in a folder, or continue the one that is there.
-
-    Returns:
-        The outcomes that are there, by number.
-    """
+    """Begin a study in a folder, or continue the one there; its outcomes so far, by number."""
     head = _head(study)
     path = folder / NAME
     with disk_errors(folder):

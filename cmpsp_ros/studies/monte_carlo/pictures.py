@@ -34,10 +34,7 @@ def draw_study(
     folder: Path, title: str, settings: GuidanceSettings | None, outcomes: Sequence[StudyOutcome],
     tolerance: float,
 ) -> list[Path]:  # fmt: skip
-    """Draw all paths into one picture, and the spread of miss and clearance into another.
-
-    `settings` hold road and goal if shared by all runs; arrival is within `tolerance` [m].
-    """
+    """Draw all paths, and the spread of miss and clearance; arrival is within `tolerance` [m]."""
     with plot_style():
         return [
             _save(_paths(title, settings, outcomes, tolerance), folder / 'paths.png'),

@@ -65,16 +65,10 @@ class Order:
 
 
 def run_study(order: Order, progress: Progress) -> dict[str, Any]:
-    """Make the missing runs, and summarise all of them.
+    """Make the missing runs, and summarise all of them; the figures, as in `summary.json`.
 
-    Returns:
-        The figures, which `summary.json` has as well. Beside it lie `runs.jsonl`, `runs.parquet`
-        where pyarrow is installed, and the pictures.
-
-    Raises:
-        StudyError: The folder holds something else, or cannot be used; a worker died; the cluster
-            cannot be used; or CasADi is not installed and wanted.
-        ParameterError: A parameter is wrong.
+    Raises StudyError if folder, workers or cluster cannot be used or CasADi is missing, and
+    ParameterError.
     """
     study, folder = order.study, order.folder
     there = open_results_log(folder, study)
@@ -98,12 +92,7 @@ def run_study(order: Order, progress: Progress) -> dict[str, Any]:
 
 
 def run_one(study: Study, number: int, folder: Path) -> tuple[StudyOutcome, list[str], Path]:
-    """Make one run again and draw it into a folder, whose other files stay.
-
-    Returns:
-        Its outcome, the decision at each change of fallback level and all contacts with people, and
-        the picture.
-    """
+    """Make one run again; its outcome, the changes of level and all contacts, and the picture."""
     study.values()
     driven = drive(study.run(number))
     with disk_errors(folder):

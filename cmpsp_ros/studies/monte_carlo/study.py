@@ -75,13 +75,7 @@ class Study:
         return KINDS[self.name]
 
     def values(self) -> dict[str, Any]:
-        """All parameters, without obstacles.
-
-        Raises:
-            StudyError: There is no study of that name, or there is no room on its road, or it has
-                no courses for the robot.
-            ParameterError: An assignment is wrong.
-        """
+        """All parameters, without obstacles; raises StudyError or ParameterError."""
         if self.name not in KINDS:
             raise StudyError(f'study: found {self.name!r}, wanted one of {", ".join(KINDS)}')
         given = load_parameter_file(self.kind.preset)

@@ -183,10 +183,7 @@ def write_parquet(
     tolerance: float,
     judged: Mapping[int, Mapping[str, Any]],
 ) -> None:
-    """Write a row for each run, lengths in [m], times in [s], wheel speeds in [rad/s].
-
-    Without pyarrow nothing is written. A run has arrived within `tolerance` [m].
-    """
+    """Write a row for each run [m, s, rad/s], where pyarrow is installed."""
     try:
         import pyarrow as pa  # type: ignore[import-untyped]  # noqa: PLC0415 (optional)
         from pyarrow import parquet  # noqa: PLC0415
@@ -251,7 +248,6 @@ def _crowd_figures(outcomes: Sequence[StudyOutcome], tolerance: float) -> dict[s
 
 
 def _crowd_tables(values: Mapping[str, Any]) -> list[Table]:
-    """The figures to look at."""
     table = Table(
         'runs', 'number', 'active contact', 'all held', 'other contact', 'arrived',
         'arrived told', 'both', 'time by told', 'time by empty', title='among people',

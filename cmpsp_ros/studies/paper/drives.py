@@ -235,7 +235,6 @@ class Laboratory:
     """Every experiment, run once for any number of figures."""
 
     def __init__(self, progress: Callable[[str], None], *, judge: bool = False) -> None:
-        """Start without runs."""
         self.progress = progress
         self.judge = judge
         self._drives: dict[tuple[str, bool], Drive] = {}

@@ -72,16 +72,10 @@ class Limits(NamedTuple):
 def reference_solution(settings: GuidanceSettings, pose: Array, start: Path) -> ReferenceSolution:
     """Minimise the first term of (95) over the whole horizon at once, or with `goal.when` the time.
 
-    All steps have one duration then, and the robot may be at rest after the last of them.
-
-    Args:
-        settings: The problem; with `safety.between_samples` in the shrunk space that keeps the
-            path between samples clear.
-        pose: Initial pose, shape ``(3,)`` [m, m, rad].
-        start: A path to start from; it decides on which side obstacles are passed.
-
-    Raises:
-        StudyError: CasADi is not installed, or does not know the robot.
+    All steps have one duration then, and the robot may be at rest after the last of them. The
+    start, a path from the pose ``(3,)``, decides on which side obstacles are passed; with
+    `safety.between_samples` the space is shrunk to keep the path between samples clear. Raises
+    StudyError without CasADi, or for an unknown robot.
     """
     try:
         import casadi  # noqa: PLC0415 (only needed here)
@@ -236,7 +230,6 @@ class _SpaceConstraints:
     """Road and obstacles as constraints of a program, stage by stage."""
 
     def __init__(self, casadi: Any, opti: Any, settings: GuidanceSettings, start: Path) -> None:
-        """Make the variables of a corridor, which begin at `start`."""
         self._casadi, self._opti, self._start = casadi, opti, start
         road = settings.road
         self._road, stages = road, len(start.poses)

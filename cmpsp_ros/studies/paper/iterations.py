@@ -75,7 +75,6 @@ class SquaredConstraints(GuidanceProblem):
     """The same problem with the squared distances of (92) and (93)."""
 
     def __init__(self, robot: Robot, space: FreeSpace, *rest: Any) -> None:
-        """Set the problem up; arguments as of `GuidanceProblem`."""
         super().__init__(robot, space, *rest)
         edges = space.annulus
         self._centers = np.vstack([edges.center, edges.center, space.centers])
@@ -143,15 +142,10 @@ def converge(
     road_center: float,
     full_steps: bool = False,
 ) -> Convergence:
-    """Iterate the problem without road and obstacles from a constant guess.
+    """Iterate the problem without road and obstacles from a constant guess [rad/s].
 
-    Args:
-        experiment: Robot, horizon and start.
-        guess: Right and left wheel [rad/s].
-        iterations: Maximum number; an iteration at rest ends earlier.
-        road_center: ``q`` of (95); with 0 its second term alone is left.
-        full_steps: True if every step is taken in full, as (43) is written, instead of within the
-            law's trust region and as far as its line search allows.
+    `road_center` is ``q`` of (95). With `full_steps` each step is taken in full, as (43) is
+    written, instead of within the law's trust region and as far as its line search allows.
     """
     settings = experiment.settings
     steps = round(settings.final_time / settings.control_period)

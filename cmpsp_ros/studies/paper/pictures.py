@@ -193,10 +193,7 @@ def _guess_key() -> Line2D:
 
 
 def _strokes(count: int, *, coincide: bool) -> list[Look]:
-    """Strokes for curves that run close to one another, in the order in which they are drawn.
-
-    Those drawn first are wider; where several coincide they are dashed, so that each colour shows.
-    """
+    """Strokes for close curves: those drawn first wider, or dashed where several coincide."""
     if not coincide:
         return [{'lw': 0.9 + 0.8 * (count - 1 - place)} for place in range(count)]
     dashes = [_PERIOD * (count - place) / (count + 1) for place in range(1, count)]

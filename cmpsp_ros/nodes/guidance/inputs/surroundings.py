@@ -146,16 +146,13 @@ class SensorInput(SurroundingsInput):
 class TrackInput(SurroundingsInput):
     """Receives tracks of all sources, fuses them, and publishes those that a decision uses.
 
-    Tracks that `moving_obstacles` brings are in the bag already.
-
-    Attributes:
-        settings: All settings of the guidance law, as they are now.
+    Tracks that `moving_obstacles` brings are in the bag already. Raises ParameterError for
+    types whose package is not installed.
     """
 
     def __init__(
         self, node: LifecycleNode, settings: GuidanceSettings, transforms: TransformInput
     ) -> None:
-        """Open the topics; raises ParameterError for types whose package is not installed."""
         super().__init__(node)
         self.settings, self._transforms = settings, transforms
         known, own = settings.moving_obstacles, node.get_namespace()

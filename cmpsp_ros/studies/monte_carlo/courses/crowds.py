@@ -29,10 +29,7 @@ _ATTEMPTS: Final = 200
 
 @dataclass(frozen=True)
 class _Place:
-    """Walls and furniture, start and goal of the robot [m], and those who walk along drawn paths.
-
-    `most` is the maximum number of further ones who walk anywhere.
-    """
+    """Walls, start and goal [m], and walkers on drawn paths; `most` further ones walk anywhere."""
 
     obstacles: tuple[Shape, ...]
     start: Point

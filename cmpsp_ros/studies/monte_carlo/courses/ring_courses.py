@@ -57,10 +57,7 @@ def scenario(
     most_obstacles: int,
     bearings: tuple[float, float] = (0.0, math.tau),
 ) -> Scenario:
-    """The scenario of a run of the study with a seed; obstacles of the settings are ignored.
-
-    The start is within a range of bearings on the ring [rad].
-    """
+    """A scenario with random obstacles, and a start within a range of bearings [rad]."""
     random = np.random.default_rng(np.random.SeedSequence([seed, number]))
     plant_seed = int(random.integers(2**31))
     road, goal = settings.world.annulus, settings.goal
@@ -101,8 +98,7 @@ def paper_scenario(
 def is_open(road: Annulus, obstacles: Sequence[Obstacle], width: float) -> bool:
     """True if a disc of this width [m] can drive the whole road.
 
-    It cannot if and only if a chain of obstacles with too narrow gaps leads from one edge to the
-    other: the set that separates the two sides of a plane strip is connected.
+    It cannot if and only if a chain of obstacles with too narrow gaps joins both edges.
     """
     away = {each: math.dist(each.center, road.center) for each in obstacles}
     if road.outer_radius - road.inner_radius < width:
@@ -144,10 +140,7 @@ _PACE: Final = (0.5, 0.75)  # fraction of the top speed that the shortest way ta
 
 
 def in_proportion(robot: Robot, given: Mapping[str, Any], radius: float) -> dict[str, Any]:
-    """Changes of the parameters of case 3 that make it a course for a robot of a radius [m].
-
-    The weight of the centre line keeps its proportion to that of changes of the controls.
-    """
+    """Changes that make case 3 a course for a robot of a radius [m]; weights in proportion."""
     scale = max(robot.max_speed / _TOP_SPEED, _RADII_WIDE * radius / WIDTH)
     unit = float(np.abs(robot.controls(np.array([robot.max_speed, 0.0]))).max()) / _WHEEL_SPEED
     return {

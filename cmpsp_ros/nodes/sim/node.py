@@ -122,11 +122,7 @@ class SimNode(Node):
         return message
 
     def publish(self, message: Odometry | None) -> None:
-        """Publish odometry of this instant if it is not lost.
-
-        Time, moving obstacles and scans come before it, since decisions on it use them; the truth
-        after it.
-        """
+        """Publish odometry, if any, after all that decisions on it use; then the truth."""
         stamp_ns = self.plant.stamp_ns
         if self._clock_out is not None:
             now = Time(nanoseconds=stamp_ns - self._clock_offset_ns).to_msg()
@@ -148,7 +144,6 @@ class SimNode(Node):
             self._road.publish(path_of(self.values))
 
     def _tell_scanner(self) -> None:
-        """Publish the pose of the scanner on the robot, which never changes, once."""
         if self._scanner is not None and TFMessage is not None:
             topic = Topic('sim', 'out', '/tf_static', TFMessage, '', depth=1, latched=True)
             self._static = topic.publish_on(self)

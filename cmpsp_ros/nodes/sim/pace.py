@@ -19,14 +19,9 @@ if TYPE_CHECKING:
 
 _NS = 1_000_000_000
 
-REPEAT_PERIOD = 0.1
-"""Wall time after which odometry that is not answered is published again [s]."""
-
-CATCH_UP = 50
-"""Most odometry instants published in one go: commands must be heard between them."""
-
-LATE = 0.1
-"""Wall time by which odometry may be late before a word is said [s]."""
+REPEAT_PERIOD = 0.1  # wall time after which odometry that is not answered is published again [s]
+CATCH_UP = 50  # most odometry instants published in one go: commands must be heard between them
+LATE = 0.1  # wall time by which odometry may be late before a word is said [s]
 
 
 class RealTime:
@@ -94,8 +89,8 @@ class Lockstep:
     def hear(self, twist: Twist, stamp_ns: int | None = None) -> None:
         """Take the answer to the odometry awaited, and drive to the next control instant.
 
-        A twist that is refused is an answer too: the guidance has spoken and will not do so again
-        for the same instant; the last valid twist stays, as it would on a robot.
+        A twist that is refused is an answer, too: guidance will not speak again for the
+        same instant.
         """
         now_ns = self._sim.plant.stamp_ns
         if not self._is_heard or (stamp_ns is not None and stamp_ns != now_ns):
@@ -145,11 +140,7 @@ class Lockstep:
             )
 
     def _next_instant(self, now_ns: int) -> int:
-        """When the guidance will decide again, after it has decided now.
-
-        That is the next control instant but for one nearer than half a control period, and after
-        the final time, when nothing hangs on instants, a control period later.
-        """
+        """The next control instant but for one nearer than half a period; later, a period on."""
         elapsed_ns = now_ns - self._begun_ns
         if elapsed_ns >= self._final_ns:
             return now_ns + self._control_ns

@@ -14,7 +14,6 @@ from rclpy.time import Time
 from rosgraph_msgs.msg import Clock
 
 from cmpsp_ros.guidance import GuidanceLaw
-from cmpsp_ros.guidance.planning import Planner
 from cmpsp_ros.mpsp.jit import allocation_free
 from cmpsp_ros.nodes.guidance.node import GuidanceNode
 from cmpsp_ros.parameters import config_directory
@@ -243,7 +242,7 @@ def test_an_exception_in_the_law_stops_the_robot(
     _, command = decide(begin)
     assert command[0] > 0.5
     with monkeypatch.context() as patch:
-        patch.setattr(Planner, 'improve', lambda *_, **__: 1 / 0)
+        patch.setattr(GuidanceLaw, 'step', lambda *_: 1 / 0)
         decision, command = decide(begin + 200_000_000)
     assert command == (0.0, 0.0)
     fault.assert_decided(decision)
@@ -252,7 +251,7 @@ def test_an_exception_in_the_law_stops_the_robot(
     assert decision['fallback_level'] == 'nominal'
     assert command[0] > 0.5
     with monkeypatch.context() as patch:
-        patch.setattr(GuidanceLaw, '_search', lambda *_: 1 / 0)
+        patch.setattr(GuidanceLaw, 'after_step', lambda *_: 1 / 0)
         decide(begin + 600_000_000)
         wait_until(lambda: client.decisions[-1]['fallback_level'] == 'stop', step=both)
     wanted = 'The search of the grid failed: ZeroDivisionError: division by zero'

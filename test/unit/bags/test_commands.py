@@ -5,7 +5,7 @@ import sys
 
 import pytest
 from commands import command
-from hidden_robots import Hidden, write_bag
+from hidden_robots import Hidden, record
 
 from cmpsp_ros.bags import BagWriter
 
@@ -103,7 +103,7 @@ def test_a_bag_of_another_robot_is_audited_by_a_file(drive, tmp_path):
 
 
 def test_a_bag_gives_a_table_a_file_and_a_picture(tmp_path):
-    bag = write_bag(tmp_path / 'bag', Hidden())
+    bag = record(tmp_path / 'bag', Hidden())
     done = command('identify', bag)
     assert done.exit_code == 0, done.output
     for words in ('wheel lag', 'command_delay', 'linear speed limit: not identifiable: not'):

@@ -1,6 +1,7 @@
 """The road along a line through points."""
 
 import math
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -36,9 +37,19 @@ ROADS = {
 }
 
 
+@cache
+def line_of(road):
+    return fit(*map(np.asarray, (road.points, road.left, road.right)), closed=road.closed)
+
+
+@cache
+def samples_of(road):
+    return sample(line_of(road), closed=road.closed)
+
+
 def place(road, part, across):
     """A point, its progress, and its distance to the left of the centre line."""
-    samples = road._samples
+    samples = samples_of(road)
     i = int(part * len(samples.x))
     left, right = samples.widths[:, 0, i]
     off = across * (left if across > 0.0 else right)
@@ -71,7 +82,7 @@ def test_projection_finds_the_place_from_nearby(name, part, across, hint):
 def test_the_nearest_place_of_a_road_is_that_of_a_search_through_all(part, across):
     road = ROADS['open']
     x, y, _, off = place(road, part, across)
-    line = road._line
+    line = line_of(road)
     at = np.linspace(0.0, line.length, 40_001)
     i = np.minimum(np.searchsorted(line.knots, at, 'right') - 1, len(line.pieces) - 1)
     t = (at - line.knots[i])[:, None] ** np.arange(4)
@@ -182,7 +193,7 @@ def test_paths_clear_at_samples_are_clear_between_them(name, known):
     road, rng = ROADS[name], np.random.default_rng(0)
     robot = DifferentialDrive(max_wheel_speed=51.0)
     space = FreeSpace.of(road, (), 0.0)
-    samples, clear, cut = road._samples, 0, 0
+    samples, clear, cut = samples_of(road), 0, 0
     for _ in range(1500):
         part, across = rng.random(), rng.choice([-1.0, 1.0]) * rng.uniform(0.6, 1.0)
         x, y, _, _ = place(road, part, across)

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bag_messages import CLOUD, ODOMETRY, PATH, SECOND, cloud, odometry, path, raw
+from bag_messages import SECOND, cloud, odometry, path
 from recorded_drives import TICK, Drive, altered, dropping, editing, moving
 
 from cmpsp_ros.bags import Bag, BagError, Names
@@ -23,13 +23,12 @@ AHEAD = 3 * SECOND
 class Encounter(Drive):
     """A drive towards something that moves, which is published at 10 Hz, a little late."""
 
-    check, prefix, topic, kind = 'moving', '', '/moving_obstacles', CLOUD
+    check, prefix, topic = 'moving', '', '/moving_obstacles'
     name, published = 'moving obstacle 5', r'on obstacle 5 as it was seen at .* wanted that in /mov'
 
     def __init__(self, folder, mover=ONCOMING, **parameters):
         super().__init__(folder, prefix=self.prefix, preset='moving', **parameters)
         self.known, self.mover, self.count, self.begun = Tracks(), mover, 0, self.now
-        self.bag.topic(self.topic, self.kind)
 
     def place(self, stamp):
         x, y, vx, vy = self.mover
@@ -46,8 +45,8 @@ class Encounter(Drive):
         if self.count % 5 == 0:
             # Of three messages in a row one is in another frame, and one was never heard.
             seen, message = self.seen(stamp)
-            self.bag.write(self.topic, self.now + 500, raw(message('map')))
-            self.bag.write(self.topic, self.now + 600, raw(message('odom')))
+            for late, frame_id in ((500, 'map'), (600, 'odom')):
+                self.records.append((self.topic, self.now + late, message(frame_id)))
             if self.count % 15:
                 self.known.add([seen])
         self.count += 1
@@ -60,13 +59,12 @@ class Encounter(Drive):
 class Beside(Encounter):
     """The same of /r1 towards /r2, which publishes its plan."""
 
-    check, prefix, topic, kind = 'others', '/r1', '/r2/guidance/predicted_path', PATH
+    check, prefix, topic = 'others', '/r1', '/r2/guidance/predicted_path'
     name, published = 'robot /r2', 'on the plan that /r2 made at .* wanted that in /r2/guid'
 
     def __init__(self, folder):
         others = {'others.namespaces': ['/r1', '/r2'], 'others.radius': RADIUS}
         super().__init__(folder, **others)
-        self.bag.topic(OTHERS_ODOM, ODOMETRY)
 
     def seen(self, stamp):
         stamps = (stamp, stamp + AHEAD)
@@ -74,8 +72,8 @@ class Beside(Encounter):
         return plan, lambda frame_id: path(stamp, plan.places, frame_id, stamps)
 
     def hear(self, stamp):
-        place = raw(odometry(stamp, (*self.place(stamp), -2.3)))
-        self.bag.write(OTHERS_ODOM, self.now + 300, place)
+        place = odometry(stamp, (*self.place(stamp), -2.3))
+        self.records.append((OTHERS_ODOM, self.now + 300, place))
         super().hear(stamp)
 
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from general_iteration import improved_by
+from general_iteration import improve as improve_generally
 from scenarios import CASES, FIRST, MS, PERIOD, ROAD, START, context_of, law_of, settings, start_of
 
 from cmpsp_ros.guidance import (
@@ -123,7 +123,7 @@ def side_by_side(given, start, steps=8, late=0, spare_rows=0):
     guess = initial_guess(given, start_of(given, pose), given.target, horizon.durations)
     for step in range(steps):
         one = compiled.improve(context_of(given, pose, horizon, held), guess)
-        other = improved_by(given, pose, held, guess, horizon)
+        other = improve_generally(given, pose, held, guess, horizon)
         assert_alike(one, other, spare_rows)
         seen.append(other)
         now = (step + 1) * period + late * (step % 3)

@@ -111,7 +111,7 @@ class Drive:
         return write_bag(path, self._records(node), given | (sim if self.sim else {}), kinds)
 
     def _records(self, node):
-        """What a recorder of all topics would have received, topic by topic."""
+        """Records, topic by topic."""
         prefix, changes = self.namespace, '/parameter_events'
         for topic, samples in ((self.odom, self.odometry), ('sim/truth', self.truth)):
             for each in samples:

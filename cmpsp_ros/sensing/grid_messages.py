@@ -11,11 +11,9 @@ from numpy.typing import NDArray
 from cmpsp_ros.sensing.messages import FARTHEST
 from cmpsp_ros.world.grids import Cell, Cells, GridError, OccupancyGrid, check_size
 
-REMEMBERED: Final = 1
-"""Value of a free cell out of sight, in the grids that guidance publishes."""
+REMEMBERED: Final = 1  # value of a free cell out of sight, in the grids that guidance publishes
 
-LETHAL: Final = 65
-"""Default value from which a cell is occupied, as of map_server."""
+LETHAL: Final = 65  # default value from which a cell is occupied, as of map_server
 
 _FLAT: Final = 1e-3
 

@@ -23,8 +23,7 @@ _SCAN_NUMBERS: Final = (
 )
 _COUNT_TOLERANCE: Final = 1.5
 """Beams by which count and angles may disagree: drivers differ on whether both ends count."""
-_LONGEST_SCAN: Final = 10.0
-"""Maximum duration of a scan [s]."""
+_LONGEST_SCAN: Final = 10.0  # maximum duration of a scan [s]
 _MAX_POINTS: Final = 2_000_000
 _APART: Final = 0.025
 """Distance between ends of beams that free cells; of nearer ones the first counts [m]."""

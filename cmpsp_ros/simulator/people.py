@@ -27,8 +27,7 @@ _REMEMBERED: Final = 100
 _ARRIVED, _STUCK, _SLOW = 0.2, 1.0, 0.05
 """Distance from a waypoint [m], and time [s] below a speed [m/s], after which the next is due."""
 
-_SPACING: Final = 0.7
-"""Distance between the members of a group [m]."""
+_SPACING: Final = 0.7  # distance between the members of a group [m]
 
 _FROM_WALL, _SHORTEST, _ATTEMPTS = 0.1, 0.5, 16
 _LEG, _HALF_STANCE, _STRIDE, _SWING = 0.06, 0.1, 1.3, 0.16

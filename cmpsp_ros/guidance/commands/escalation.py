@@ -17,8 +17,7 @@ from cmpsp_ros.guidance.safety.validation import TOUCHING, Validation
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.state import LawState
 
-_BACK: Final = 1.0
-"""Length of the trail that it backs out along [m]."""
+_BACK: Final = 1.0  # length of the trail that it backs out along [m]
 _AHEAD: Final = 1.5
 """Length of the way ahead on which the place that does not fit is looked for [m]."""
 _NO_MOVES: Final = (
@@ -31,8 +30,7 @@ _STANDS: Final = 'The robot stands: no short move leads away from what is near.'
 _TURNS: Final = 'The robot turns on the spot to look for another way.'
 _SAME: Final = 0.5
 """Distance of places that count as one [m]."""
-_SOONER: Final = 3
-"""Part of the patience, as a divisor, after which the next remedy is tried."""
+_SOONER: Final = 3  # part of the patience, as a divisor, after which the next remedy is tried
 
 
 class Escalation:

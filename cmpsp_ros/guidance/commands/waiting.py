@@ -14,13 +14,11 @@ from cmpsp_ros.guidance.settings import LawSettings
 PATIENCE: Final = 3
 """Control steps for which a plan that gains too little is driven: it may yet be improved."""
 
-_TINY: Final = 1e-6
-"""Tolerance of lengths and of angles [m, rad]."""
+_TINY: Final = 1e-6  # tolerance of lengths and of angles [m, rad]
 
 _SOON: Final = 2.0
 """Time within which the robot must be able to meet a moving obstacle for that to matter [s]."""
-_FAST: Final = 4.0
-"""Speed of a robot without a limit, for that [m/s]."""
+_FAST: Final = 4.0  # speed of a robot without a limit, for that [m/s]
 
 
 def meets_soon(settings: LawSettings, start: PlanStart) -> bool:

@@ -46,8 +46,7 @@ _RESERVE: Final = 1.1
 _FEW_CONTROLS: Final = 2
 """Controls with which a program without previous controls has code of its own."""
 
-_MAX_ENDS: Final = 64
-"""Goals whose spaces are remembered."""
+_MAX_ENDS: Final = 64  # goals whose spaces are remembered
 
 
 class OcpFormulation:

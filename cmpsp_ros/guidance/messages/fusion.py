@@ -17,10 +17,8 @@ _GATE: Final = 13.28
 """Squared Mahalanobis distance of place and velocity that 99 % of true pairs have at most."""
 _CENTER: Final = 0.5
 """Part of its radius by which two sources may see the centre of an object apart (one sigma)."""
-_VELOCITY: Final = 0.3
-"""As much for its velocity [m/s]."""
-_ACCELERATION: Final = 1.0
-"""Acceleration of an object since it was seen (one sigma) [m/s^2]."""
+_VELOCITY: Final = 0.3  # as much for its velocity [m/s]
+_ACCELERATION: Final = 1.0  # acceleration of an object since it was seen (one sigma) [m/s^2]
 _HYSTERESIS: Final = 2.0
 """Factor on distances that keeps pairs together, and on doubts that keeps the chosen track."""
 _TINY: Final = 1e-9

@@ -16,15 +16,13 @@ from cmpsp_ros.guidance.messages.transforms import compose
 from cmpsp_ros.guidance.times import NANOSECONDS
 from cmpsp_ros.sensing import MotionFilter, Track, TrackSource, stamp_of
 
-_GATE: Final = 9.21
-"""Squared Mahalanobis distance that 99 % of true pairs in a plane have at most."""
+_GATE: Final = 9.21  # squared Mahalanobis distance that 99 % of true pairs in a plane have at most
 
 _AGILITY: Final = 0.1
 """Power spectral density of the accelerations of an object that is detected [m^2/s^3]."""
 _SPEED: Final = 1.0
 """Standard deviation of its velocity when it is detected first, along each axis [m/s]."""
-_EXACT: Final = 0.01
-"""Smallest standard deviation of a place that is filtered [m]."""
+_EXACT: Final = 0.01  # smallest standard deviation of a place that is filtered [m]
 
 
 class ObjectTracks:

@@ -12,8 +12,7 @@ from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.times import NANOSECONDS, to_nanoseconds
 from cmpsp_ros.robots import Robot
 
-_OVERSPEED: Final = 1.25
-"""Ratio of the speed that odometry may show to the limit of the wheels."""
+_OVERSPEED: Final = 1.25  # ratio of the speed that odometry may show to the limit of the wheels
 
 _TURN_PER_METER: Final = 2.0
 """Tolerated jump of the heading per tolerated jump of the position [rad/m]."""

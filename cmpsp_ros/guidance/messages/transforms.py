@@ -15,8 +15,7 @@ from cmpsp_ros.guidance.messages.poses import heading_of
 from cmpsp_ros.guidance.times import NANOSECONDS
 from cmpsp_ros.sensing import stamp_of
 
-_MAX_KEPT: Final = 1000
-"""Transforms of a frame that are remembered."""
+_MAX_KEPT: Final = 1000  # transforms of a frame that are remembered
 
 
 class TransformError(ValueError):

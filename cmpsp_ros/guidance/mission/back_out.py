@@ -15,10 +15,8 @@ from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.times import Horizon
 
-_SPEED: Final = 0.3
-"""Speed of a robot that backs out, at most [m/s], and half of its pace."""
-_AHEAD: Final = 0.12
-"""Distance of the point of its trail that it drives to [m]."""
+_SPEED: Final = 0.3  # speed of a robot that backs out, at most [m/s], and half of its pace
+_AHEAD: Final = 0.12  # distance of the point of its trail that it drives to [m]
 _EDGE: Final = 0.1
 _RATES: Final = -0.5, -0.25, 0.0, 0.25, 0.5
 """Speed [m/s] and turn rates [rad/s] of a robot that edges away from something."""

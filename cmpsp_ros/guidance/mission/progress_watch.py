@@ -11,10 +11,8 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array
 
-_PLACE: Final = 0.25
-"""Side of the squares that count as new ground once [m]."""
-_NEARER: Final = 0.02
-"""Least length by which the way becomes shorter [m]."""
+_PLACE: Final = 0.25  # side of the squares that count as new ground once [m]
+_NEARER: Final = 0.02  # least length by which the way becomes shorter [m]
 _SPACING: Final = 0.05
 _LONGEST: Final = 400
 """Distance of the points of the trail [m], and their number."""

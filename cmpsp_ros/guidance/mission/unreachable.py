@@ -15,8 +15,7 @@ from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.world import SEEN
 from cmpsp_ros.world.roads import Point, remaining_arc_length
 
-SPACING: Final = 0.05
-"""Distance of the points of a way at which its clearance is measured [m]."""
+SPACING: Final = 0.05  # distance of the points of a way at which its clearance is measured [m]
 
 
 def way_left(settings: LawSettings, start: PlanStart, goal: Target) -> float:

@@ -37,21 +37,16 @@ from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.robots import Robot
 from cmpsp_ros.world import FreeSpace
 
-_AT_ONCE: Final = 16
-"""Nodes that are expanded between two attempts to reach the robot."""
-_ATTEMPTS: Final = 6
-"""Attempts in a call: they bound its work, which takes 10 to 20 ms."""
+_AT_ONCE: Final = 16  # nodes that are expanded between two attempts to reach the robot
+_ATTEMPTS: Final = 6  # attempts in a call: they bound its work, which takes 10 to 20 ms
 _MAX_ATTEMPTS: Final = 600
 _NEAR: Final = 8.0
 """Distance, in lengths, from which moves are searched for a robot that turns on the spot."""
 _STROKES: Final = 0.05, 0.025, 0.0125
 """Lengths of a move, in turning radii: shorter ones are for where no path of longer ones fits."""
-_TOO_DEEP: Final = 0.05
-"""Depth of a path in margins that no iterations are trusted to lead out [m]."""
-_SAME: Final = 0.05
-"""Distance, in turning radii, and angle up to which a pose is the same [rad]."""
-_FEW: Final = 3
-"""Paths of an attempt that are checked."""
+_TOO_DEEP: Final = 0.05  # depth of a path in margins that no iterations are trusted to lead out [m]
+_SAME: Final = 0.05  # distance, in turning radii, and angle up to which a pose is the same [rad]
+_FEW: Final = 3  # paths of an attempt that are checked
 
 
 def may_need_manoeuvres(settings: LawSettings) -> bool:

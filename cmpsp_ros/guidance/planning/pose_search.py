@@ -27,10 +27,8 @@ _CELL: Final = 1.0 / 1.5
 _UNIT: Final = 400.0
 _CUSP: Final = 400
 """Cost of a change of direction."""
-_BEND: Final = 20
-"""Cost of a change of the steering alone."""
-_CHECKS: Final = 2
-"""Poses of a move that are checked, with its end."""
+_BEND: Final = 20  # cost of a change of the steering alone
+_CHECKS: Final = 2  # poses of a move that are checked, with its end
 _NODES: Final = 1 << 17
 _BUCKETS: Final = 1 << 16
 _NONE: Final = -1

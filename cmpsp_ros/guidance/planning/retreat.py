@@ -28,14 +28,11 @@ _CELLS: Final = 16
 """Cells of the grid from the robot to its border, and times at which it is looked at."""
 _ROOM, _SOONEST, _LATEST = 2.0, 3.0, 6.0
 """Distance that a robot can retreat in the time that is looked ahead [m], and its limits [s]."""
-_LONG: Final = 15.0
-"""Time from which on a place is as good as one for good [s]."""
+_LONG: Final = 15.0  # time from which on a place is as good as one for good [s]
 _LONGER: Final = 2.0
 """Factor on the time for which a plan must be clear before a robot that makes way follows it."""
-_KEPT: Final = 1.0
-"""Time that another place must be better than the one chosen before [s]."""
-_SLOWED: Final = 0.7
-"""Speed of a robot that turns on its way, as a fraction of its largest."""
+_KEPT: Final = 1.0  # time that another place must be better than the one chosen before [s]
+_SLOWED: Final = 0.7  # speed of a robot that turns on its way, as a fraction of its largest
 _ALIGNED: Final = 0.5
 """Angle to its way up to which a robot drives rather than turns on the spot [rad]."""
 _TURN_RATE: Final = 2.0

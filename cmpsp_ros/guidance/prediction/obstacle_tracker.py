@@ -15,10 +15,8 @@ from cmpsp_ros.guidance.solver_settings import MovingObstacles
 from cmpsp_ros.guidance.times import NANOSECONDS
 from cmpsp_ros.world.obstacles import NOTHING_MOVES, MovingDiscs
 
-_AHEAD: Final = 10.0
-"""Time after which no encounter is predicted [s]."""
-_CERTAIN: Final = 3.0
-"""Standard deviations that a reachable set covers."""
+_AHEAD: Final = 10.0  # time after which no encounter is predicted [s]
+_CERTAIN: Final = 3.0  # standard deviations that a reachable set covers
 _ROUNDING: Final = 1e-9
 
 

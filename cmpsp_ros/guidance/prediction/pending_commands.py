@@ -18,8 +18,7 @@ from cmpsp_ros.guidance.times import NANOSECONDS
 _REMEMBERED: Final = 5 * NANOSECONDS
 """Age of the oldest command that is kept beside the one before it [ns]."""
 
-_TWISTS: Final = 64
-"""Number of twists that are kept."""
+_TWISTS: Final = 64  # number of twists that are kept
 
 
 class PendingCommands:

@@ -36,14 +36,12 @@ _OF_MARGIN: Final = 0.2
 """Part of `safety.margin` that wheels which lag must keep: lags between those tried may lead a
 little nearer to something."""
 
-STANDSTILL: Final = 0.02
-"""Speed below which the robot may as well stand [m/s]."""
+STANDSTILL: Final = 0.02  # speed below which the robot may as well stand [m/s]
 
 _SOME_CELLS: Final = 4.0
 """Cells by which the part of a grid that counts is larger than what a path can touch."""
 
-_UNSEEN: Final = 'unseen'
-"""Name of space that no sensor has seen yet, among the names of obstacles."""
+_UNSEEN: Final = 'unseen'  # name of space that no sensor has seen yet, among the names of obstacles
 
 
 class Contact(NamedTuple):

@@ -38,8 +38,7 @@ _ROUNDING = 1e-6
 
 _SEEN: Final = f'obstacle {SEEN}'
 
-_TO_REST: Final = 4.0
-"""Time constants for which a lagging wheel is watched after the last command."""
+_TO_REST: Final = 4.0  # time constants for which a lagging wheel is watched after the last command
 
 
 class Validation(NamedTuple):

@@ -183,8 +183,7 @@ class MovingDiscs:
         return radii, np.hypot(legs[..., 2], legs[..., 3])
 
 
-NOTHING_MOVES = MovingDiscs((), np.empty((0, _COLUMNS)), np.empty(0, np.int64))
-"""No discs."""
+NOTHING_MOVES = MovingDiscs((), np.empty((0, _COLUMNS)), np.empty(0, np.int64))  # no discs
 
 _NO_LEGS = np.empty((0, 0, _COLUMNS))
 

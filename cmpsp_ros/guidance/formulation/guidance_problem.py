@@ -117,12 +117,7 @@ def guidance_data(
         parameters=np.zeros(1, PARAMETERS),
         robot=robot.kinematics,
         wheel_rows=robot.limit_rows,
-        road=space.road,
-        fields=space.fields,
-        corners=np.ascontiguousarray(space.corners),
-        first=space.first,
-        radii=np.atleast_2d(space.radii),
-        discs=space.discs,
+        space=space.data,
     )
     return with_parameters(
         data,

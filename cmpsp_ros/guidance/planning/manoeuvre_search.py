@@ -13,13 +13,7 @@ import numpy as np
 from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.guidance.formulation.ocp_formulation import sample_space
 from cmpsp_ros.guidance.goals import Target
-from cmpsp_ros.guidance.planning.pose_search import (
-    Surroundings,
-    Tree,
-    expand,
-    is_clear,
-    surroundings_of,
-)
+from cmpsp_ros.guidance.planning.pose_search import Surroundings, Tree, expand, is_clear
 from cmpsp_ros.guidance.planning.reeds_shepp import (
     LEFT,
     STRAIGHT,
@@ -81,7 +75,7 @@ def _around(
     settings: LawSettings, start: PlanStart, space: FreeSpace, depth: float, stroke: float
 ) -> Surroundings:
     length, turns = _length(settings, start.robot), start.robot.turns_on_the_spot
-    return surroundings_of(space, depth, length, stroke, turns_on_the_spot=turns)
+    return Surroundings(space.data, depth, length, turns, stroke)
 
 
 def _turning_paths(start: PlanStart, pose: Array, length: float) -> list[Path]:

@@ -13,9 +13,14 @@ from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.commands.decision_builder import Step
 from cmpsp_ros.guidance.commands.making_way import Checks, Choice
 from cmpsp_ros.guidance.decision import Decision, FallbackLevel, Plan
-from cmpsp_ros.guidance.mission.progress_watch import Remedy
+from cmpsp_ros.guidance.mission.progress_watch import (
+    SPACING,
+    Remedy,
+    tightest,
+    way_left,
+    why_unreachable,
+)
 from cmpsp_ros.guidance.mission.return_to_goal import turn_rate
-from cmpsp_ros.guidance.mission.unreachable import SPACING, tightest, way_left, why_unreachable
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 from cmpsp_ros.guidance.planning.retreat import Pace, twist_towards
 from cmpsp_ros.guidance.prediction.estimator import PlanStart

@@ -13,6 +13,7 @@ from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.messages.tracks import MovingObject, Track
 from cmpsp_ros.guidance.prediction.obstacle_tracker import (
     ObstacleTracker,
+    StandingPeople,
     as_seen,
     reachable_sets,
     within_reach,
@@ -20,7 +21,6 @@ from cmpsp_ros.guidance.prediction.obstacle_tracker import (
 from cmpsp_ros.guidance.prediction.pending_commands import PendingCommands
 from cmpsp_ros.guidance.prediction.response_estimate import ResponseEstimate
 from cmpsp_ros.guidance.prediction.slip import SlipEstimate
-from cmpsp_ros.guidance.prediction.standing import StandingPeople
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.times import to_nanoseconds
 from cmpsp_ros.guidance.world import World

@@ -6,6 +6,7 @@ import math
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.commands.decision_builder import DecisionBuilder, Step
+from cmpsp_ros.guidance.commands.fallback import Fallback, clear_fraction
 from cmpsp_ros.guidance.commands.making_way import (
     PATIENCE,
     Checks,
@@ -21,7 +22,6 @@ from cmpsp_ros.guidance.planning.candidate import Candidate
 from cmpsp_ros.guidance.planning.plan_selector import PlanSelector
 from cmpsp_ros.guidance.prediction.estimator import Estimate, Observation, PlanStart
 from cmpsp_ros.guidance.safety.approach import STANDSTILL, Approach, Conditions, Contact
-from cmpsp_ros.guidance.safety.fallback import Fallback, clear_fraction
 from cmpsp_ros.guidance.safety.validation import TOUCHING, Validator
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.state import LawState

@@ -22,9 +22,9 @@ from scenarios import (
 from tight_places import task
 
 from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw, Observation, Plan, remaining
+from cmpsp_ros.guidance.commands.fallback import Fallback
 from cmpsp_ros.guidance.planning import PlanningContext
 from cmpsp_ros.guidance.prediction.estimator import PlanStart
-from cmpsp_ros.guidance.safety.fallback import Fallback
 from cmpsp_ros.guidance.safety.validation import Validator
 from cmpsp_ros.world.obstacles import Obstacle
 

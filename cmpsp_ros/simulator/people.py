@@ -68,7 +68,6 @@ class People:
         self.reset()
 
     def __len__(self) -> int:
-        """The number of people."""
         return len(self._radii)
 
     def reset(self) -> None:

@@ -23,7 +23,6 @@ class Fallback:
     """The last audited plan on a later horizon, and how long its last command may go on."""
 
     def __init__(self, settings: LawSettings, validator: Validator) -> None:
-        """Set up the checks of plans."""
         self._validator, self._settings = validator, settings
         self._period = to_nanoseconds(settings.control_period)
         self._margin_validator = Validator(settings, with_margin=True)

@@ -48,7 +48,6 @@ class MakingWay:
     """Chooses a retreat where the plan to the goal, and standing, would both end in contact."""
 
     def __init__(self, settings: LawSettings, checks: Checks) -> None:
-        """Take what checks plans, and what decides on them."""
         self._retreats = RetreatPlanner(settings)
         self._longest_wait = math.ceil(self._retreats.seconds / settings.control_period)
         self._validator, self._approach, self._decisions = checks

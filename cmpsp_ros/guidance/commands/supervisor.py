@@ -32,7 +32,6 @@ class Supervisor:
     """Selects the plan to follow and its speed, or stops the robot."""
 
     def __init__(self, settings: LawSettings, validator: Validator, selector: PlanSelector) -> None:
-        """Take limits and times from the settings."""
         self._settings, self._validator, self._selector = settings, validator, selector
         self._period = to_nanoseconds(settings.control_period)
         self._fallback = Fallback(settings, validator)

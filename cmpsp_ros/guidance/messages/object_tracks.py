@@ -166,7 +166,6 @@ class TrackFusion:
     """
 
     def __init__(self) -> None:
-        """Start without pairs."""
         self._paired: set[frozenset[int]] = set()
         self._chosen: set[int] = set()
 

@@ -31,17 +31,11 @@ class OdometryGate:
 
     After a fault the robot may go on once it was stopped and all odometry of a control period was
     consistent. That of two sources in turn never is.
-
-    Attributes:
-        fault: The last fault, a sentence; empty once the robot may go on.
-        newest: Stamp of the newest odometry taken [ns]; None before the first.
-        counts: Numbers of messages refused, out of order, and repeated.
     """
 
     def __init__(self) -> None:
-        """Start without odometry and without a fault."""
-        self.fault = ''
-        self.newest: int | None = None
+        self.fault = ''  # the last one, a sentence; empty once the robot may go on
+        self.newest: int | None = None  # stamp of the newest odometry taken [ns]
         self.counts = {'refused': 0, 'out_of_order': 0, 'repeated': 0}
         self._pose: Array | None = None
         self._consistent_since: int | None = None

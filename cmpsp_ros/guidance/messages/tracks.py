@@ -120,7 +120,6 @@ class Tracks(Generic[Report]):
     """Reports on moving objects, ordered by their stamps, not by their arrival."""
 
     def __init__(self) -> None:
-        """Start without reports."""
         self._known: dict[Any, list[Report]] = {}
 
     def add(self, reports: Iterable[Report]) -> None:

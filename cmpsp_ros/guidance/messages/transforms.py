@@ -35,7 +35,6 @@ class Transforms:
     """Buffer of transforms."""
 
     def __init__(self) -> None:
-        """Start empty."""
         self._known: dict[str, _Known] = {}
 
     def add(self, message: Any, *, is_static: bool = False) -> None:

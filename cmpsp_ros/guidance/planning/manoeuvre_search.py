@@ -91,15 +91,9 @@ def _turning_paths(start: PlanStart, pose: Array, length: float) -> list[Path]:
 
 
 class ManoeuvreSearch:
-    """Search for the moves from one pose to one goal.
-
-    Attributes:
-        path: The moves; empty where none are found, or not yet.
-        is_over: True once there is no more to search for.
-    """
+    """Search for the moves from one pose to one goal."""
 
     def __init__(self, settings: LawSettings, start: PlanStart, target: Target) -> None:
-        """Take the task; nothing is searched yet."""
         assert target.heading is not None  # noqa: S101 (the caller has looked)
         self._settings, self._start, self.target = settings, start, target
         self._space = sample_space(settings, start.world)
@@ -112,7 +106,7 @@ class ManoeuvreSearch:
         self._strokes = list(_STROKES)
         self._attempts, self._best, self._until = 0, math.inf, _MAX_ATTEMPTS
         self._plant()
-        self.path: Path = ()
+        self.path: Path = ()  # the moves; none are found yet
         self.is_over = False
 
     def _plant(self) -> None:

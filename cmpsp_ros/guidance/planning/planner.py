@@ -71,9 +71,6 @@ class Planner:
     One for every plan that is improved side by side with others. It keeps memory for the longest
     horizon, and the active constraints of its last plan to warm-start the next one; they change
     the path to the solution of a subproblem, not the solution.
-
-    Attributes:
-        compiled: Machine code of the problem.
     """
 
     def __init__(

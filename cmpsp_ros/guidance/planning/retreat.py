@@ -40,19 +40,14 @@ _MOVES: Final = 0.05
 
 
 class RetreatPlanner:
-    """Plans retreats for one set of settings.
-
-    Attributes:
-        seconds: Time that is looked ahead [s].
-    """
+    """Plans retreats for one set of settings."""
 
     def __init__(self, settings: LawSettings) -> None:
-        """Take limits of the robot."""
         self._settings, robot = settings, settings.robot
         self._top = robot.max_speed if math.isfinite(robot.max_speed) else settings.pace
         self._pace = Pace(self._top, _TURN_RATE, _ALIGNED)
         speed = _SLOWED * self._top
-        self.seconds = min(max(_ROOM / speed, _SOONEST), _LATEST)
+        self.seconds = min(max(_ROOM / speed, _SOONEST), _LATEST)  # looked ahead
         self._cell = speed * self.seconds / _CELLS
         self._kept = settings.circumscribed_radius + settings.safety.margin
         axis = self._cell * np.arange(-_CELLS, _CELLS + 1)

@@ -41,17 +41,12 @@ class ObstacleTracker:
     """Keeps each obstacle in its slot from one control step to the next.
 
     So the constraints of a plan stay those that they were, and its warm start is worth something.
-
-    Attributes:
-        ids: Of the obstacles of the last update.
-        new_obstacle_seen: Whether the last update had an obstacle that the one before had not.
     """
 
     def __init__(self) -> None:
-        """Nothing is known."""
         self._slots: dict[int | str, int] = {}
-        self.ids: frozenset[int | str] = frozenset()
-        self.new_obstacle_seen = False
+        self.ids: frozenset[int | str] = frozenset()  # of the last update
+        self.new_obstacle_seen = False  # by the last update
 
     def update(
         self, stamp: int, pose: Array, tracks: Sequence[MovingObject], settings: MovingObstacles
@@ -157,7 +152,6 @@ class StandingPeople:
     """
 
     def __init__(self) -> None:
-        """Start with nobody."""
         self._slow: dict[int, Track] = {}
         self._beside: dict[int, Array] = {}
         self.standing: tuple[Track, ...] = ()

@@ -25,7 +25,6 @@ class PendingCommands:
     """The commands of one run, as far as they still matter."""
 
     def __init__(self, n_controls: int = 2) -> None:
-        """Begin with a robot that stands still."""
         self._before = self._in_force = np.zeros(n_controls)
         self._given: deque[tuple[int, Array]] = deque()
         self._twists: deque[tuple[int, list[float]]] = deque(maxlen=_TWISTS)

@@ -64,16 +64,11 @@ _AS_TOLD: Final = Risk([], 0.0, '')
 
 
 class ResponseEstimate:
-    """The response of one run, seen at its control steps.
-
-    Attributes:
-        delay: From a command to its effect, of the response in use [ns].
-        error: Bound of the prediction error that the response in use leaves [m]; 0 up to 2 mm.
-    """
+    """The response of one run, seen at its control steps; `delay` [ns] and `lag` [s] are in use."""
 
     def __init__(self, settings: LawSettings) -> None:
         """Trust the settings until odometry contradicts them."""
-        self.error = 0.0
+        self.error = 0.0  # bound of the prediction error that the response in use leaves [m]
         self.reconfigure(settings)
 
     def reconfigure(self, settings: LawSettings) -> None:

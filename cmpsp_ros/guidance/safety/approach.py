@@ -70,7 +70,6 @@ class Approach:
     """Slows plans down before obstacles that they lead into."""
 
     def __init__(self, settings: LawSettings, validator: Validator) -> None:
-        """Take limits from the settings."""
         self._validator = validator
         part = replace(settings.safety, margin=_OF_MARGIN * settings.safety.margin)
         self._lag_validator = Validator(replace(settings, safety=part), with_margin=True)

@@ -77,7 +77,6 @@ class Validator:
     """
 
     def __init__(self, settings: LawSettings, *, with_margin: bool = False) -> None:
-        """Take limits from the settings."""
         self._settings = settings
         self._margin = settings.safety.margin if with_margin else 0.0
         self._radius = settings.robot_radius + self._margin

@@ -41,7 +41,6 @@ class MovingDiscs:
     ways: Mapping[int, Array] = field(default_factory=dict)
 
     def __len__(self) -> int:
-        """The number of discs."""
         return len(self.names)
 
     def after(self, seconds: float) -> MovingDiscs:

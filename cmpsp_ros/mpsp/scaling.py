@@ -142,9 +142,12 @@ class Scaling:
             bound_multipliers=bounds,
         )
 
-    def unscaled_multipliers(self, scaled: tuple[Array, Array, Array]) -> list[Array]:
+    def unscaled_multipliers(
+        self, scaled: tuple[Array, Array, Array]
+    ) -> tuple[Array, Array, Array]:
         """Multipliers of outputs, path constraints and bounds in the user's units."""
-        return [each * unit for each, unit in zip(scaled, self._of_multipliers, strict=True)]
+        terminal, path, bounds = self._of_multipliers
+        return scaled[0] * terminal, scaled[1] * path, scaled[2] * bounds
 
     @cached_property
     def _of_multipliers(self) -> tuple[Array, Array, Array]:

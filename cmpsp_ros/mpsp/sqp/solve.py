@@ -176,12 +176,13 @@ class _Run:
         at, unit, step, value = self.at, self.scaling, self.at.step, self.at.evaluation
         lower, upper = self.given.control_lower, self.given.control_upper
         U = np.minimum(np.maximum(at.U * unit.control, lower), upper)
+        terminal, path, bounds = unit.unscaled_multipliers(at.multipliers)
         change = 0.0 if at.previous_U is None else _length((at.U - at.previous_U) * unit.control)
         return Record(
             at.index, U, value.cost * unit.cost, change, 0.0 if step is None else step.length,
             _length(value.output_error * unit.output),
             float((value.g * unit.path).max(initial=0.0)), at.gap, residual,
-            *unit.unscaled_multipliers(at.multipliers), 0.0 if step is None else step.shift,
+            terminal, path, bounds, 0.0 if step is None else step.shift,
         )  # fmt: skip
 
     def _status(self, residual: float) -> Status | None:

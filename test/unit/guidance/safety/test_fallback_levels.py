@@ -22,8 +22,9 @@ from scenarios import (
 from tight_places import task
 
 from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw, Observation, Plan, remaining
+from cmpsp_ros.guidance.commands.fallback import Fallback
+from cmpsp_ros.guidance.planning import PlanningContext
 from cmpsp_ros.guidance.prediction.estimator import PlanStart
-from cmpsp_ros.guidance.safety.fallback import Fallback
 from cmpsp_ros.guidance.safety.validation import Validator
 from cmpsp_ros.world.obstacles import Obstacle
 
@@ -104,7 +105,8 @@ def test_the_previous_plan_is_not_continued_beyond_its_end():
     start = PlanStart(poses[1], given.robot, given.world, previous_control=controls[0])
     fallback = Fallback(given, Validator(given))
 
-    found, _ = fallback.shifted(Plan(old, controls, poses, 0), start, later, 0, None)
+    context = PlanningContext(given, start, given.target, later)
+    found, _ = fallback.shifted(Plan(old, controls, poses, 0), context)
 
     assert found.horizon.edges[-1] == old.edges[-1]
     np.testing.assert_allclose(found.poses[-1], poses[-1], atol=1e-9)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from cmpsp_ros.guidance import GuidanceSettings, Safety
+from cmpsp_ros.guidance.planning import PlanningContext
 from cmpsp_ros.guidance.planning.retreat import RetreatPlanner
 from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.safety.unseen import is_clear_of_unseen, watches_unseen
@@ -69,7 +70,8 @@ def test_it_turns_to_look_before_it_backs_off(behind, sense):
     comes = np.array([[4.5, 0.0, -0.8, 0.0, 2.5, 0.0, 0.0]])
     threats = MovingDiscs(('trolley',), comes, np.array([0]))
     horizon = Horizon.between([k * 200_000_000 for k in range(21)])
-    found = RetreatPlanner(given).find(here, horizon, 0, threats, None)
+    context = PlanningContext(given, here, given.target, horizon)
+    found = RetreatPlanner(given).find(context, threats, None)
     assert found is not None
     speeds = given.robot.twist(found[0].controls)[:, 0]
     assert np.sign(speeds[speeds != 0.0][0]) == sense

@@ -19,8 +19,7 @@ from cmpsp_ros.guidance.world import GuidanceSettings, World
 from cmpsp_ros.world import FreeSpace
 from cmpsp_ros.world.roads import OpenFloor, Point, Road
 
-_SPACING = 0.05
-"""Distance of the points of a line across a map that are looked at [m]."""
+_SPACING = 0.05  # distance of the points of a line across a map that are looked at [m]
 
 
 def shortest_time(settings: LawSettings, road: Road, start: Point) -> float:

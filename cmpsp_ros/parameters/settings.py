@@ -32,8 +32,7 @@ from cmpsp_ros.parameters.table import Values
 from cmpsp_ros.sensing import Sensor, SightSettings, TrackSource
 from cmpsp_ros.world.obstacles import Shape
 
-_MOST_STEPS: Final = 10_000
-"""Control steps beyond which the horizon's matrices would fill the memory."""
+_MOST_STEPS: Final = 10_000  # control steps whose matrices would not fill the memory
 
 _LARGEST: Final = 1e9
 _SMALLEST: Final = 1e-6

@@ -29,8 +29,7 @@ _ROUNDING: Final = 1e-9
 
 _POINTS: Final = 400  # number of points of an outline, about
 
-_FINEST: Final = 10
-"""Slices of the longer side, at most, where discs may not reach far beyond a footprint."""
+_FINEST: Final = 10  # most slices of the longer side, where discs may not reach far beyond
 
 
 @dataclass(frozen=True)

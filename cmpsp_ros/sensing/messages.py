@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from cmpsp_ros.sensing.beams import ScanError, Sensor, Sight
 from cmpsp_ros.world.grids import Cell, Cells, GridError, OccupancyGrid, check_size
 
-FARTHEST: Final = 1e8
-"""Coordinates beyond which squares and differences lose their meaning; no place on Earth [m]."""
+FARTHEST: Final = 1e8  # beyond, squares and differences lose their meaning [m]
 
 _SCAN_NUMBERS: Final = (
     'angle_min',

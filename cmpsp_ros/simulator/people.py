@@ -32,8 +32,7 @@ _SPACING: Final = 0.7  # distance between the members of a group [m]
 _FROM_WALL, _SHORTEST, _ATTEMPTS = 0.1, 0.5, 16
 _LEG, _HALF_STANCE, _STRIDE, _SWING = 0.06, 0.1, 1.3, 0.16
 """Radius of a leg, half the distance of both, length of two steps, amplitude of a foot [m]."""
-_BRAKING: Final = 0.8
-"""Fraction of the acceleration limit that is planned for braking before walls and waypoints."""
+_BRAKING: Final = 0.8  # fraction of the acceleration limit planned before walls and waypoints
 _RELAXATION, _PUSH, _RANGE, _FORESIGHT, _ASIDE = 0.5, 4.0, 0.35, 3.0, 0.7
 """Social force: relaxation [s], size [m/s^2], decay with the gap [m], foresight [s], turn [rad]."""
 

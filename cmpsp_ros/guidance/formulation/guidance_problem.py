@@ -158,10 +158,8 @@ class CompiledProblem(NamedTuple):
 
     kind: tuple[object, ...]
     entries: Entries  # of the problem and the iteration
-    # addresses of the functions that `CONTROL_RATE` calls; None without it
-    inner: IntArray | None = None
-    # addresses of those that `CONTROL_JERK` calls; None without it
-    innermost: IntArray | None = None
+    inner: IntArray | None = None  # addresses of functions that `CONTROL_RATE` calls, if it does
+    innermost: IntArray | None = None  # addresses of those that `CONTROL_JERK` calls
 
 
 def problem_data(

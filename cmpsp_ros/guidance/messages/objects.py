@@ -26,8 +26,7 @@ class TrackedObject(NamedTuple):
     x: float  # place [m]
     y: float  # place [m]
     radius: float  # radius that covers it [m]; 0 where the message has no extent
-    # along the axes of the frame [m/s]; None where the message has none
-    velocity: tuple[float, float] | None
+    velocity: tuple[float, float] | None  # in the frame [m/s]; None where the message has none
     position_stddev: float = 0.0  # worst axis [m]; 0 where the message has none
     velocity_stddev: float = 0.0  # worst axis [m/s]; 0 where the message has none
 

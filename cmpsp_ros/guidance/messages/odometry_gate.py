@@ -14,8 +14,7 @@ from cmpsp_ros.robots import Robot
 
 _OVERSPEED: Final = 1.25  # ratio of the speed that odometry may show to the limit of the wheels
 
-_TURN_PER_METER: Final = 2.0
-"""Tolerated jump of the heading per tolerated jump of the position [rad/m]."""
+_TURN_PER_METER: Final = 2.0  # tolerated jump of the heading for one of the position [rad/m]
 
 
 class Arrival(Enum):

@@ -40,8 +40,7 @@ class Response(NamedTuple):
 class Risk(NamedTuple):
     """Responses of the robot other than the one that plans assume."""
 
-    # quickest, slowest, and one between; none while odometry agrees with settings without lag
-    responses: list[Response]
+    responses: list[Response]  # quickest, slowest, one between; none while the settings hold
     error: float  # bound of the prediction error that the response in use leaves [m]
     remark: str  # reason to drive more slowly
 

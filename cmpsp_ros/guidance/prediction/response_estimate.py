@@ -32,25 +32,21 @@ from cmpsp_ros.robots import Robot
 
 _UNNOTICED: Final = 0.002  # error of a prediction that is always allowed for [m]
 
-_EXPLAINS: Final = 0.1
-"""Part of the misfit of the settings that the likeliest response may leave, to replace them."""
+_EXPLAINS: Final = 0.1  # part of the settings' misfit that a response may leave to replace them
 
 _STAYS: Final = 0.4  # the same once they have been replaced
 
-_SLOWS: Final = 0.05
-"""Error of predictions that slows the robot down where no response explains it [m]."""
+_SLOWS: Final = 0.05  # error of predictions that slows the robot down, if unexplained [m]
 
 _POSSIBLE: Final = 5.0  # standard deviations up to which a response is possible
 
-_EXPLAINED: Final = 2.0
-"""Standard deviations up to which a response explains a single control period."""
+_EXPLAINED: Final = 2.0  # standard deviations up to which a response explains one period
 
 _IN_USE: Final = 3.0  # standard deviations up to which the response in use stays
 
 _FORGETTING: Final = 0.95  # weight that a period keeps when the next one with information comes
 
-_DECAY: Final = 0.9
-"""Part of the error bound that is left after a control period without such an error."""
+_DECAY: Final = 0.9  # part of the error bound that is left after a period without such error
 
 _FADING: Final = 0.98  # the same of the jitter, without such a deviation
 

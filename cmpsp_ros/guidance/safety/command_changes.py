@@ -11,8 +11,7 @@ from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.settings import LawSettings
 
-CHANGE_ROUNDING: Final = 1e-6
-"""Excess that a solver may leave over a limit on the change of a wheel's speed [rad/s]."""
+CHANGE_ROUNDING: Final = 1e-6  # excess over a limit that a solver may leave [rad/s]
 
 
 def reason_not_to_change(settings: LawSettings, start: PlanStart, controls: Array) -> str:

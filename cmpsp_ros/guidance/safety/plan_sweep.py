@@ -42,8 +42,7 @@ class PlanSweep(NamedTuple):
     others: float  # the same from all other obstacles
 
 
-SWEEP: Final = np.dtype([(name, np.float64) for name in PlanSweep._fields])
-"""A `PlanSweep` for compiled code."""
+SWEEP: Final = np.dtype([(name, np.float64) for name in PlanSweep._fields])  # the same, compiled
 
 # With `safety.between_samples` off only the samples are held clear, and an active constraint is
 # met there to the accuracy of a linearisation.

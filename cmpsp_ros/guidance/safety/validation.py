@@ -27,8 +27,7 @@ from cmpsp_ros.world import FreeSpace
 from cmpsp_ros.world.obstacles import NOTHING_MOVES, MovingDiscs
 from cmpsp_ros.world.roads import OpenFloor
 
-TOUCHING: Final = 1e-3
-"""Penetration up to which something is said to touch [m]: odometry errs by more."""
+TOUCHING: Final = 1e-3  # penetration that is said to touch [m]: odometry errs by more
 
 _NO_LEGS: Final = NOTHING_MOVES.legs(np.empty(0))
 
@@ -50,8 +49,7 @@ class Validation(NamedTuple):
     nearest: str  # name of the obstacle nearest to the whole plan
     edge_margin: float  # minimum clearance of the whole plan from the road's edges [m]
     obstacle_margin: float  # the same from obstacles, moving ones too; infinite without any [m]
-    # commands ``(K, r)`` to stop after the first one; none where it stops at once
-    ramp: Array = NO_RAMP
+    ramp: Array = NO_RAMP  # commands ``(K, r)`` to stop after the first; none to stop at once
 
     def followed_by(self, later: Validation) -> Validation:
         """The verdict on this path and the one that follows, of which the margins are."""

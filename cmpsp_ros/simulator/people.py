@@ -205,33 +205,19 @@ def _formation(count: int) -> Array:
 
 @allocation_free
 def choose_velocities(
-    chosen: Array,
-    places: Array,
-    velocities: Array,
-    targets: Array,
-    people: Array,
-    edges: Array,
-    posts: Array,
-    robot: Array,
+    chosen: Array,  # ``(P, 2)`` [m/s]
+    places: Array,  # ``(P, 2)`` [m]
+    velocities: Array,  # those before, ``(P, 2)`` [m/s]
+    targets: Array,  # next waypoint of each, ``(P, 2)`` [m]
+    people: Array,  # radius, speed, 1 for giving way, and group, ``(P, 4)``
+    edges: Array,  # as of `cast`
+    posts: Array,  # discs, as of `cast`
+    robot: Array,  # centres of its discs ``(D, 2)`` [m]
     robot_radius: float,
-    limit: float,
-    duration: float,
+    limit: float,  # of accelerations [m/s^2]
+    duration: float,  # until then [s]
 ) -> None:
-    """Fill in velocities until the next step.
-
-    Args:
-        chosen: Where they go, shape ``(P, 2)`` [m/s].
-        places: Shape ``(P, 2)`` [m].
-        velocities: Those before, shape ``(P, 2)`` [m/s].
-        targets: Next waypoint of each, shape ``(P, 2)`` [m].
-        people: Radius, speed, 1 for giving way, and group of each, shape ``(P, 4)``.
-        edges: As of `cast`, like the posts.
-        posts: Discs.
-        robot: Centres of its discs, shape ``(D, 2)`` [m].
-        robot_radius: Their radius [m].
-        limit: Limit of accelerations [m/s^2].
-        duration: Time until then [s].
-    """
+    """Fill in velocities until the next step."""
     step = limit * duration
     for i in range(places.shape[0]):
         x, y, u, v = places[i, 0], places[i, 1], velocities[i, 0], velocities[i, 1]

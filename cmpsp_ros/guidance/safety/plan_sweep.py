@@ -51,33 +51,19 @@ _SAMPLE_TOLERANCE = 1e-3
 
 @allocation_free
 def sweep_plan(
-    found: NDArray[np.void],
-    scratch: Array,
-    pose: Array,
+    found: NDArray[np.void],  # filled with the result, one record of `SWEEP`
+    scratch: Array,  # shape ``(2, 2 + M + D)``
+    pose: Array,  # where it begins ``(3,)``
     controls: Array,
     durations: Array,
     robot: Kinematics,
-    committed: int,
-    between: bool,
-    space: SpaceData,
-    moving: Array,
-    progress: float,
+    committed: int,  # number of steps that must be clear
+    between: bool,  # whether the path between samples counts
+    space: SpaceData,  # of all that stands still
+    moving: Array,  # states at the beginnings of steps ``(N, D, 7)``
+    progress: float,  # arc length of a place near the pose [m]
 ) -> None:
-    """Drive a plan arc by arc, with every disc of the robot: each drives an arc of its own.
-
-    Args:
-        found: Filled with the result, one record of `SWEEP`, shape ``(1,)``.
-        scratch: Shape ``(2, 2 + M + D)``.
-        pose: Where it begins.
-        controls: Of the robot.
-        durations: Of the steps.
-        robot: The robot.
-        committed: How many steps must be clear.
-        between: Whether the path between samples counts.
-        space: Free space that stands still.
-        moving: States of the moving discs at the beginning of each step, shape ``(N, D, 7)``.
-        progress: Arc length along the road of a place near the pose [m].
-    """
+    """Drive a plan arc by arc, with every disc of the robot: each drives an arc of its own."""
     result, fastest = found[0], 0.0
     road, shapes, radii, discs = space
     for k in range(controls.shape[0]):

@@ -75,15 +75,10 @@ def segments_of(
 ) -> list[Segment] | None:
     """Segments that may be people, or parts of something larger that moves; no walls.
 
-    None stands for a scan in which walls seem to have moved: odometry has jumped.
-
-    Args:
-        origin: Place of the sensor, shape ``(2,)`` [m].
-        points: Hits, shape ``(P, 2)`` [m].
-        labels: `Label` of each, shape ``(P,)``.
-        movers: Discs where movers are expected (x, y, radius), shape ``(M, 3)`` [m].
-        view: Angle between two beams, and directions of its right and left edge, NaN of a view
-            all around [rad].
+    None stands for a scan in which walls seem to have moved: odometry has jumped. Hits ``(P, 2)``
+    are seen from `origin` ``(2,)``; `movers` are discs where they are expected (x, y, radius) ``(M,
+    3)`` [m]; the `view` has the angle between two beams, and directions of its edges, NaN of one
+    all around [rad].
     """
     if len(points) < _FEWEST:
         return []

@@ -48,14 +48,10 @@ class ObjectTracks:
     def tracks_of(self, message: Any, there: Array, motion: Array, timeout: float) -> list[Track]:
         """Tracks in a message, in the frame of the course.
 
-        Args:
-            message: Of the type of the source.
-            there: Pose of its frame in that of the course, shape ``(3,)`` [m, m, rad].
-            motion: Velocity of its frame ``(3,)`` [m/s, m/s, rad/s], for velocities relative to it.
-            timeout: Time after which an object that is not seen is forgotten [s].
-
-        Raises TrackError, and uses nothing, if an object is not finite, no place on Earth, or has a
-        negative radius or standard deviation.
+        `there` ``(3,)`` is the pose of the message's frame in that of the course [m, m, rad],
+        `motion` ``(3,)`` its velocity, for velocities relative to it; an object not seen for
+        `timeout` [s] is forgotten. TrackError, and no track, for an object that is not finite, no
+        place on Earth, or of a negative radius or standard deviation.
         """
         objects, stamp = objects_of(message, self._source.type), stamp_of(message)
         if len(objects) > MAX_TRACKS:

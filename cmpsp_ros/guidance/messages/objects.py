@@ -35,9 +35,7 @@ def objects_of(message: Any, kind: str) -> list[TrackedObject]:
     """Objects in a message of a type, such as `radar_msgs/msg/RadarTracks`.
 
     A name that occurs twice names nobody, as the id 0 of a costmap_converter that does not track.
-
-    Raises:
-        TrackError: An object is in another frame than the message, or the message is inconsistent.
+    TrackError for an object in another frame than the message, or an inconsistent message.
     """
     found = list(_CONVERTERS[kind](message))
     names = [each.name for each in found]

@@ -89,10 +89,9 @@ class ClosedRoad:
 def closures(
     road: Road, obstacles: Sequence[Shape], start: Point, goal: Point, wanted: float
 ) -> Iterator[tuple[list[str], float]]:
-    """Obstacles between which no disc of diameter `wanted` [m] gets through from start to goal.
+    """Chains of obstacles between which no disc of diameter `wanted` [m] gets from start to goal.
 
-    Yields:
-        Names of the obstacles of each chain, none in two of them, and its widest gap [m].
+    With names, none of them in two chains, and widest gap of each [m].
     """
     if not road.has_center_line:
         return

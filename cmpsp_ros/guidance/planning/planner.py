@@ -66,11 +66,10 @@ class _Counters(NamedTuple):
 
 
 class Planner:
-    """Improves control histories.
+    """Improves control histories, one planner for each that is improved side by side with others.
 
-    One for every plan that is improved side by side with others. It keeps memory for the longest
-    horizon, and the active constraints of its last plan to warm-start the next one; they change
-    the path to the solution of a subproblem, not the solution.
+    It keeps memory for the longest horizon, and the active constraints of its last plan: a warm
+    start changes the path to the solution of a subproblem, not the solution.
     """
 
     def __init__(

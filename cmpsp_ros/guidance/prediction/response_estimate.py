@@ -1,18 +1,15 @@
 """Estimate of the robot's response to commands, from predictions compared with odometry.
 
-A response is a delay ``d`` from a command's stamp to its effect, and a first-order lag ``T`` behind
-it. At each control step the pose predicted for it by the response in use is compared with odometry.
-While they agree, nothing else is done. Once they do not, all responses within the bounds that the
-settings give are tried side by side: each leads from where odometry was to where it should be now,
-and the squared distances sum up to a misfit ``S`` of each. With ``n`` periods and errors of
-``sigma`` each, a response is possible as long as
+A response is a delay from a command's stamp to its effect, and a first-order lag behind it. Once
+odometry contradicts the one in use, all within the bounds of the settings are tried side by side:
+each leads from where odometry was to where it should be now, and the squared distances sum up to
+its misfit ``S``. With ``n`` periods and errors of ``sigma`` each, a response is possible as long as
 
-    S - min S <= (5 sigma)^2,   sigma^2 = max(min S, n (2 mm)^2) / (n - 1)
+    S - min S <= (5 sigma)^2,   sigma^2 = max(min S, n (2 mm)^2) / (n - 1),
 
-which is the likelihood-ratio interval of five standard deviations. The settings are replaced by the
-likeliest response when they are beyond three and it leaves at most a tenth of their misfit: slip, a
-push, or wheels that speed up slowly are no delay. The variation of the delay from command to
-command (jitter) is taken from the periods one by one.
+a likelihood-ratio interval of five standard deviations. The likeliest replaces the settings when
+they are beyond three and it leaves at most a tenth of their misfit: slip, a push, or wheels that
+speed up slowly are no delay. The jitter is taken from the periods one by one.
 """
 
 from __future__ import annotations

@@ -19,16 +19,7 @@ from rosbags.rosbag2.metadata import dump_qos_v9
 from cmpsp_ros.bags import custom_data
 from cmpsp_ros.bags.definitions import jazzy, known_definition
 from cmpsp_ros.bags.errors import BagError, UnknownTypeError
-from cmpsp_ros.bags.storage.common import (
-    INFORMATION,
-    METADATA,
-    NO_MESSAGE_YET,
-    REFUSALS,
-    UNFINISHED,
-    Form,
-    locked,
-    write_atomically,
-)
+from cmpsp_ros.bags.storage import common
 from cmpsp_ros.bags.storage.mcap_writer import McapStorage
 from cmpsp_ros.bags.storage.sqlite import SqliteStorage
 
@@ -51,7 +42,7 @@ class _File(NamedTuple):
     @classmethod
     def of(cls, storage: Storage) -> _File:
         counts = dict(storage.channel_stats)
-        start = storage.message_start_time if any(counts.values()) else NO_MESSAGE_YET
+        start = storage.message_start_time if any(counts.values()) else common.NO_MESSAGE_YET
         return cls(storage.path.name, counts, start, storage.message_end_time)
 
     @property
@@ -67,9 +58,9 @@ class BagWriter:
     written before stays valid. The folder must not exist; missing parents are made.
     """
 
-    def __init__(self, path: Path, form: Form | None = None) -> None:
+    def __init__(self, path: Path, form: common.Form | None = None) -> None:
         self.path = path
-        self._form = form or Form()
+        self._form = form or common.Form()
         self._topics: dict[str, Connection] = {}
         self._parameters: dict[str, dict[str, object]] = {}
         self._custom = {
@@ -87,7 +78,7 @@ class BagWriter:
             raise BagError(msg)
         with self._writing('cannot create the bag'):
             path.mkdir(parents=True)
-            self._lock = locked(path)
+            self._lock = common.locked(path)
             self._storage: Storage | None = self._begin_file()
             os.fsync(self._lock)
 
@@ -139,7 +130,7 @@ class BagWriter:
         """Make everything so far survive a loss of power: `recover` finds it in an unclosed bag."""
         with self._writing():
             if self._custom != self._kept:
-                write_atomically(self.path / UNFINISHED, json.dumps(self._custom))
+                common.write_atomically(self.path / common.UNFINISHED, json.dumps(self._custom))
                 self._kept = dict(self._custom)
             if self._storage is not None:
                 self._storage.flush()
@@ -173,8 +164,8 @@ class BagWriter:
         try:
             self._close()
         finally:
-            if (self.path / METADATA).exists():
-                (self.path / UNFINISHED).unlink(missing_ok=True)
+            if (self.path / common.METADATA).exists():
+                (self.path / common.UNFINISHED).unlink(missing_ok=True)
             os.close(self._lock)
 
     def __enter__(self) -> Self:
@@ -191,7 +182,7 @@ class BagWriter:
     def _close(self) -> None:
         try:
             self._finish()
-        except REFUSALS as error:
+        except common.REFUSALS as error:
             try:
                 before = self.message_count
                 if self._storage is not None:
@@ -199,9 +190,9 @@ class BagWriter:
                     self._storage.make_room(_TOPIC_METADATA_SIZE * (len(self._topics) + 1) + texts)
                 lost = before - self.message_count
                 self._finish()
-            except REFUSALS:
+            except common.REFUSALS:
                 if self._storage is not None:
-                    with suppress(*REFUSALS):
+                    with suppress(*common.REFUSALS):
                         self._storage.abort()
                 msg = f'{self.path}: cut off, without index and metadata: {error}'
                 raise BagError(msg) from error
@@ -210,8 +201,8 @@ class BagWriter:
 
     def _finish(self) -> None:
         self._end_file()
-        text = _as_yaml({INFORMATION: self._information(self._done)})
-        write_atomically(self.path / METADATA, text)
+        text = _as_yaml({common.INFORMATION: self._information(self._done)})
+        common.write_atomically(self.path / common.METADATA, text)
 
     def _begin_file(self) -> Storage:
         name = f'{self.path.resolve().name}_{len(self._done)}'
@@ -281,7 +272,7 @@ class BagWriter:
             raise BagError(f'{self.path}: the bag is closed')
         try:
             yield
-        except REFUSALS as error:
+        except common.REFUSALS as error:
             raise BagError(f'{self.path}: {what}: {error}') from error
 
 

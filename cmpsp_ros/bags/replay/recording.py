@@ -15,17 +15,7 @@ from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.names import Names
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.replay.node_parameters import EVENTS, changes_in
-from cmpsp_ros.guidance import Goal, GoalError
-from cmpsp_ros.guidance.messages import (
-    MovingObject,
-    OdometryError,
-    OdometryReading,
-    PeerTrajectory,
-    Track,
-    TrackError,
-    goal_of,
-    tracks_of,
-)
+from cmpsp_ros.guidance import Goal, GoalError, messages
 from cmpsp_ros.sensing import Sighting, grid_of, stamp_of
 
 _SLACK = 1_000_000_000  # maximum time in a bag between messages that belong together [ns]
@@ -83,7 +73,7 @@ class Recording:
         self.goals: deque[tuple[int, int, Goal]] = deque(maxlen=_MAX_MESSAGES)
         self._commands: deque[tuple[int, tuple[float, float, float]]] = deque(maxlen=_MAX_MESSAGES)
         self._paths: dict[int, tuple[Waypoint, ...]] = {}
-        self._tracks: dict[tuple[int | str, int], MovingObject] = {}
+        self._tracks: dict[tuple[int | str, int], messages.MovingObject] = {}
         self._sightings: dict[int, Sighting] = {}
         self._first = True
 
@@ -110,15 +100,18 @@ class Recording:
         while pending:
             yield self._complete(pending.popleft())
 
-    def tracks(self, decision: DecisionRecord) -> tuple[MovingObject, ...]:
+    def tracks(self, decision: DecisionRecord) -> tuple[messages.MovingObject, ...]:
         """Moving obstacles and plans of other robots as known to a decision, or a `BagError`."""
         for number, stamp in decision.tracks:
             if (number, stamp) not in self._tracks:
                 what, topic = f'obstacle {number} as it was seen', self._names.moving
-                if isinstance(number, int) and number >= Track.SEEN:
+                if isinstance(number, int) and number >= messages.Track.SEEN:
                     topic = self._names.tracks
                 if isinstance(number, str):
-                    what, topic = f'the plan that {number} made', PeerTrajectory.topic(number)
+                    what, topic = (
+                        f'the plan that {number} made',
+                        messages.PeerTrajectory.topic(number),
+                    )
                 raise BagError(
                     f'{self._bag.path}: found a decision (stamp {decision.stamp}) on {what} at'
                     f' {stamp} ns, wanted that in {topic}'
@@ -141,8 +134,8 @@ class Recording:
 
     def _read_odometry(self, received: int, message: Any) -> None:
         try:
-            pose = OdometryReading.of(message).pose_in(self._frame_id)
-        except OdometryError as error:
+            pose = messages.OdometryReading.of(message).pose_in(self._frame_id)
+        except messages.OdometryError as error:
             self.unusable = self.unusable or str(error)
         else:
             self.odometry.append(OdometrySample(received, stamp_of(message), pose))
@@ -153,12 +146,12 @@ class Recording:
 
     def _read_tracks(self, _received: int, message: Any) -> None:
         # The node refused invalid ones, too.
-        with suppress(TrackError):
-            self._note(tracks_of(message, self._frame_id))
+        with suppress(messages.TrackError):
+            self._note(messages.tracks_of(message, self._frame_id))
 
     def _read_peer(self, namespace: str, _received: int, message: Any) -> None:
-        with suppress(TrackError):
-            self._note([PeerTrajectory.of(message, namespace, self._frame_id)])
+        with suppress(messages.TrackError):
+            self._note([messages.PeerTrajectory.of(message, namespace, self._frame_id)])
 
     def _read_sighting(self, _received: int, message: Any) -> None:
         stamp = stamp_of(message)
@@ -167,7 +160,7 @@ class Recording:
     def _read_goal(self, received: int, message: Any) -> None:
         # The node refuses an invalid goal before it reaches the law.
         with suppress(GoalError):
-            self.goals.append((received, *goal_of(message, self._frame_id)))
+            self.goals.append((received, *messages.goal_of(message, self._frame_id)))
 
     def _read_path(self, _received: int, message: Any) -> None:
         # A robot at rest publishes a single pose, and that is no plan.
@@ -182,7 +175,7 @@ class Recording:
         if (changed := changes_in(message, self._names.node)) is not None:
             self.changes.append((received, changed))
 
-    def _note(self, tracks: Iterable[MovingObject]) -> None:
+    def _note(self, tracks: Iterable[messages.MovingObject]) -> None:
         for each in tracks:
             self._tracks[each.key] = max(each, self._tracks.get(each.key, each))
         while len(self._tracks) > _MAX_TRACKS:

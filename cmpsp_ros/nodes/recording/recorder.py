@@ -22,15 +22,8 @@ from cmpsp_ros.nodes.common.qos import for_bag, hearing_all
 from cmpsp_ros.nodes.common.runtime import StartupError, run
 from cmpsp_ros.nodes.common.topic import message_class, steady_timer
 from cmpsp_ros.nodes.common.topics import RECORDER_FLUSH
+from cmpsp_ros.nodes.recording import received
 from cmpsp_ros.nodes.recording.options import read_options, topics_of_nodes
-from cmpsp_ros.nodes.recording.received import (
-    CLOCK,
-    ByTopic,
-    RawSubscriptions,
-    SimulatedTime,
-    Written,
-    to_values,
-)
 from cmpsp_ros.programs import quick_exit
 
 TAKE_PERIOD: Final = 0.05  # time between two rounds through the queues [s]
@@ -81,18 +74,18 @@ class Recorder(Node):
         super().__init__('recorder', namespace=namespace, parameter_overrides=given)
         self._options = read_options(self)
         self._topics: dict[str, _Recorded] = {}
-        self._written: ByTopic = defaultdict(Written)
+        self._written: received.ByTopic = defaultdict(received.Written)
         self._left_out: set[str] = set()
         self._lost: dict[str, _Loss] = {}
         self._begun = self._looked = time.monotonic()
-        self._queues = RawSubscriptions(self)
+        self._queues = received.RawSubscriptions(self)
         try:
             self._bag = BagWriter(self._options.output, self._options.form)
         except BagError as error:
             msg = f'parameter output: {error}'
             raise StartupError(msg) from error
         self.failure: BagError | None = None
-        self._simulated = SimulatedTime()
+        self._simulated = received.SimulatedTime()
         # Simulated time may stand still; looking and taking must go on.
         for period, act in (
             (TAKE_PERIOD, self._take),
@@ -148,7 +141,7 @@ class Recorder(Node):
                 'output': str(self._bag.path),
                 'messages': self._bag.message_count,
                 'topics': len(self._topics),
-                **to_values(self._written),
+                **received.to_values(self._written),
             }
 
         return Report(level, message, (message,), values)
@@ -209,7 +202,7 @@ class Recorder(Node):
         simulated = cast('ROSClock', self.get_clock()).ros_time_is_active
         # All else is kept, up to its depth, by the middleware.
         waits = simulated and not self._simulated.begun and not ending
-        came = self._queues.take((CLOCK,) if waits else None, all_=ending)
+        came = self._queues.take((received.CLOCK,) if waits else None, all_=ending)
         if simulated:
             dated = self._simulated.date(came, time.time_ns(), all_=ending)
         else:

@@ -16,16 +16,8 @@ from typing import Any, Final
 
 from cmpsp_ros.guidance import NANOSECONDS
 from cmpsp_ros.studies.common import StudyError, disk_errors
-from cmpsp_ros.studies.monte_carlo import pictures
+from cmpsp_ros.studies.monte_carlo import judging, pictures
 from cmpsp_ros.studies.monte_carlo.driving import DrivenRun, drive, outcome
-from cmpsp_ros.studies.monte_carlo.judging import (
-    COSTS,
-    JUDGED,
-    compare_cost,
-    judge_failure,
-    read_answers,
-    write_answers,
-)
 from cmpsp_ros.studies.monte_carlo.outcome import (
     RunVerdict,
     StudyOutcome,
@@ -81,8 +73,8 @@ def run_study(order: Order, progress: Progress) -> dict[str, Any]:
     failed = [each.number for each in outcomes if each.failed(study.tolerance)]
     arrived = [each.number for each in outcomes if each.miss <= study.tolerance]
     solved = partial(_solved, order, progress)
-    judged = solved('judge', failed if order.judge else [], JUDGED, judge_failure)
-    compared = solved('costs', arrived[: order.costs], COSTS, compare_cost)
+    judged = solved('judge', failed if order.judge else [], judging.JUDGED, judging.judge_failure)
+    compared = solved('costs', arrived[: order.costs], judging.COSTS, judging.compare_cost)
     values = figures(study, outcomes, judged, compared)
     with disk_errors(folder):
         (folder / 'summary.json').write_text(json.dumps(values, indent=2) + '\n', encoding='utf-8')
@@ -224,14 +216,14 @@ def _solved(
 ) -> dict[int, dict[str, Any]]:
     """IPOPT's answers on some runs, and those found before."""
     path = order.folder / name
-    found = read_answers(path)
+    found = judging.read_answers(path)
     if not numbers:
         return found
     advance = progress(part, len(numbers))
     for number in numbers:
         if number not in found:
             found[number] = solve(order.study.run(number))
-            write_answers(path, found)
+            judging.write_answers(path, found)
         advance(1)
     return found
 

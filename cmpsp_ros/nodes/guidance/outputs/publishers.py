@@ -17,15 +17,8 @@ from cmpsp_ros.nodes.common.health import hardware_id
 from cmpsp_ros.nodes.common.messages import BASE, set_stamp
 from cmpsp_ros.nodes.common.topic import Topic
 from cmpsp_ros.nodes.common.topics import GUIDANCE_ODOM
+from cmpsp_ros.nodes.guidance.outputs import messages
 from cmpsp_ros.nodes.guidance.outputs.markers import PlanMarkers, marker_array
-from cmpsp_ros.nodes.guidance.outputs.messages import (
-    DecisionMessage,
-    PathMessage,
-    frame_bytes,
-    polygon_message,
-    stamped_bytes,
-    twist_bytes,
-)
 from cmpsp_ros.parameters import Values
 
 
@@ -54,12 +47,12 @@ class GuidanceOutputs:
         self.listeners = Listeners(
             node, self._command, (self._wheels, self._decisions), values['recorder_timeout']
         )
-        self._robot_frame = BASE, frame_bytes(BASE)
+        self._robot_frame = BASE, messages.frame_bytes(BASE)
         self._footprint, self._frame_id = settings.footprint, settings.frame_id
         name = f'{node.get_fully_qualified_name()}: decision'
         self._wheel_message = JointState(name=values['robot.joint_names'])
-        self._decision_message = DecisionMessage(name, hardware_id(node), self._frame_id)
-        self._path_message = PathMessage(self._frame_id)
+        self._decision_message = messages.DecisionMessage(name, hardware_id(node), self._frame_id)
+        self._path_message = messages.PathMessage(self._frame_id)
         self._plan_message = PlanMarkers(settings)
 
     @property
@@ -79,14 +72,14 @@ class GuidanceOutputs:
     def command(self, decision: Decision) -> None:
         """Send the command of a decision, stamped as the odometry that it answers."""
         if self._topic is topics.STAMPED_COMMAND:
-            self._command.publish(stamped_bytes(decision, self._robot_frame[1]))
+            self._command.publish(messages.stamped_bytes(decision, self._robot_frame[1]))
         else:
-            self._command.publish(twist_bytes(decision))
+            self._command.publish(messages.twist_bytes(decision))
 
     def name_robot(self, frame: str) -> None:
         """Name the robot's frame, of commands that are stamped; `base_link` where unknown."""
         if frame != self._robot_frame[0]:
-            self._robot_frame = frame, frame_bytes(frame or BASE)
+            self._robot_frame = frame, messages.frame_bytes(frame or BASE)
 
     def report(self, decision: Decision, pose: Sequence[float]) -> None:
         """Send a decision, at a pose ``(3,)`` or none; path and markers only to listeners."""
@@ -103,7 +96,7 @@ class GuidanceOutputs:
             self._plan_markers.publish(self._plan_message.fill(decision))
         if self._footprint.corners and len(pose) and self._corners.get_subscription_count():
             corners = self._footprint.at(np.array(pose))
-            self._corners.publish(polygon_message(corners, self._frame_id, decision.stamp))
+            self._corners.publish(messages.polygon_message(corners, self._frame_id, decision.stamp))
 
     def show(self, settings: LawSettings, world: World, ahead: Goal | None) -> None:
         """Send road, obstacles and goals, latched; goals before the one ahead are paler."""

@@ -146,7 +146,6 @@ def _wheels(message: Any, columns: tuple[Column, ...]) -> Iterator[Row]:
 
 
 def _wheel_columns(bag: Bag, topics: list[str]) -> tuple[Column, ...]:
-    """Right and left, or the joints of a robot with another number of wheels."""
     _, _, message = next(bag.together(topics), (None, None, None))
     names = [] if message is None else list(message.name)
     names = names if len(names) not in {0, len(_TWO_WHEELS)} else list(_TWO_WHEELS)

@@ -76,7 +76,6 @@ class Viewer(Node):
         sys.stderr.flush()
 
     def _serve(self, host: str, port: int) -> ViewServer:
-        """Take the port, or the next one that is free."""
         first: ViewError | None = None
         for candidate in range(port, port + (_PORTS if port else 1)):
             try:
@@ -147,7 +146,6 @@ class Viewer(Node):
             self._state.show('seen', seen_of(message))
 
     def _ask(self) -> None:
-        """Ask the guidance node for data that no topic carries."""
         if self._robot is None and self._client.service_is_ready():
             self._robot = self._client.call_async(GetParameters.Request(names=list(_ASKED)))
             self._robot.add_done_callback(self._on_parameters)

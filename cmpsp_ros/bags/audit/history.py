@@ -100,7 +100,6 @@ def _restarts(parameters: NodeParameters, until: int) -> Iterator[tuple[int, Val
 
 
 def _with_course(history: History, bag: Bag, node: str) -> History:
-    """A history with the obstacles that stand on the course at each time, as a simulator knows."""
     if node not in bag.parameters:
         return history
     course = [

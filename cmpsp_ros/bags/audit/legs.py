@@ -251,7 +251,6 @@ def split(
 def _runs(
     commands: Commands, decisions: Sequence[DecisionRecord], end: int, settings: GuidanceSettings
 ) -> tuple[RunSpan, ...]:
-    """Time 0 of a run is the stamp of its first odometry, which is decided on at once."""
     answers = [each for each in decisions if not each.halted]
     starts = [_begin_of(answers[0], settings)] if answers else [int(commands.stamps[0])]
     for before, after in pairwise(answers):

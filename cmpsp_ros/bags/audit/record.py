@@ -211,7 +211,6 @@ class AuditRecord:
                 yield from sweep(path, self.history, each.by, each.tolerance, each.off)
 
     def _met(self, found_along: Callable[[DrivenPath], Iterable[Encounter]]) -> Iterator[Encounter]:
-        """Encounters on every known part of the path, with the tolerance of its source."""
         for known in (each for leg in self.legs for each in leg.known):
             for each in (one for path in known.pieces for one in found_along(path)):
                 yield replace(each, clearance=each.clearance + known.tolerance)

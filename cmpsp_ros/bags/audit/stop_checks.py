@@ -230,7 +230,6 @@ def goal(record: AuditRecord) -> Iterator[Sample]:
 
 
 def _passings(record: AuditRecord) -> tuple[list[tuple[Passing, GuidanceSettings]], str]:
-    """Positions at the times of goals, and a sentence on missing ones."""
     passings, missing = [], ''
     for leg in record.legs:
         for run in leg.runs:

@@ -170,7 +170,6 @@ def fit(drives: Sequence[Drive]) -> Fit:
 
 
 def _initial(drives: Sequence[Drive], timeout: float) -> Fit:
-    """A start: the best of many delays, at a lag between them."""
     series = [each.series(axis, timeout) for each in drives for axis in (0, 1)]
     noise, least, best = Noise(3e-3, 1e-2), math.inf, np.empty(0)
     factors = [noise.factor(np.diff(each.stamps), each.leaps) for each in series]

@@ -179,7 +179,6 @@ class Inputs:
         yield RunStarted(self.values)
 
     def _changes_between(self, before: DecisionRecord, decision: DecisionRecord) -> Iterator[Input]:
-        """Live changes and resets since the previous decision."""
         for _ in range(decision.revision - before.revision):
             if not self._has_change():
                 raise BagError(

@@ -235,7 +235,6 @@ def _over_time(
 
 
 def _stacked(views: Sequence[View], traces: list[Figure], titles: Sequence[str]) -> Figure:
-    """A chart over time of several quantities, one above the other."""
     figure, count = _over_time(views, traces, {}), len(titles)
     for index, title in enumerate(titles):
         domain = [1.0 - (index + 1 - _GAP * (index < count - 1)) / count, 1.0 - index / count]
@@ -264,7 +263,6 @@ def _line(name: str, times: Array, values: Array, line: Figure) -> Figure:
 
 
 def _mark(figure: Figure, value: float, text: str, *, axis: str = 'y', log: bool = False) -> None:
-    """A horizontal line at a limit, with its name."""
     line = {'color': LIMIT, 'width': 1.4, 'dash': 'dash'}
     shape = {'type': 'line', 'xref': 'paper', 'x0': 0, 'x1': 1, 'y0': value, 'y1': value}
     shape['yref'] = axis

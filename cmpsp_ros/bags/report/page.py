@@ -203,7 +203,6 @@ def _data(views: Sequence[View]) -> dict[str, Any]:
 
 
 def _policy(*scripts: str) -> str:
-    """Content security policy that allows these scripts only."""
     allowed = ' '.join(
         f"'sha256-{base64.b64encode(hashlib.sha256(each.encode()).digest()).decode()}'"
         for each in scripts

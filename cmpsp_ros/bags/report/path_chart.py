@@ -159,7 +159,6 @@ def frame_of(views: Sequence[View]) -> list[tuple[float, float]]:
 
 
 def _panel(views: Sequence[View], members: Sequence[int]) -> Iterator[Figure]:
-    """The course of some views, and then the run of each."""
     yield from drawing.traces(views[members[0]].course, '')
     if any(views[k].grids for k in members):
         for name, color in (
@@ -213,7 +212,6 @@ def _driven(view: View, color: str) -> Figure:
 
 
 def _name_once(shown: Sequence[Figure]) -> None:
-    """Keep one entry of each name in the legend; panels share it."""
     known = set[str]()
     for each in shown:
         if each['name'] in known and 'legendgroup' not in each:

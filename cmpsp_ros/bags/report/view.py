@@ -283,7 +283,6 @@ def labels(paths: Sequence[Path]) -> list[str]:
 
 
 def _least(times: Array, values: dict[str, Array]) -> tuple[Array, dict[str, Array]]:
-    """Thinned such that the minima stay."""
     width = -(-len(times) // MOST_POINTS)
     begins = np.arange(0, len(times), width)
     return times[begins], {name: np.minimum.reduceat(each, begins) for name, each in values.items()}

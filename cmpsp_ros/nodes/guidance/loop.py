@@ -241,7 +241,6 @@ class GuidanceLoop:
         self._use_slack(period - (time.perf_counter_ns() - began) / 1e9)
 
     def _expect_end(self, decision: Decision, now: int) -> None:
-        """Schedule the final stop, in case no odometry arrives just then."""
         end = self._law.ends_at
         # In lockstep it comes; the order of clock and odometry would be chance.
         if decision.finished or end is None or self._in_lockstep:

@@ -200,7 +200,6 @@ class GuidanceNode(LifecycleNode):
         return [f'No course: {each}' for each in course_problems(self._values, self._given)]
 
     def _remarks(self) -> list[str]:
-        """Remarks on the parameters before the run, in sentences."""
         return [*self._missing(), *plausibility_warnings(self._values or {}), *self._foretold]
 
     def _give_way(self, rival: str) -> None:

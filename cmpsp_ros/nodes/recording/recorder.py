@@ -172,7 +172,6 @@ class Recorder(Node):
                         self.get_logger().warning(msg)
 
     def _begin(self, name: str, types: list[str], count: int) -> None:
-        """Subscribe to a topic; one that cannot be recorded is left out, with a warning."""
         offered = [each.qos_profile for each in self.get_publishers_info_by_topic(name)]
         if not offered:
             return

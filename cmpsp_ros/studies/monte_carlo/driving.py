@@ -282,7 +282,6 @@ def _advance(plant: Plant, driven: DrivenRun, stamp: int) -> None:
 
 
 def _walk(driven: DrivenRun, plant: Plant) -> None:
-    """Let people walk up to the time of the plant, from the first decision on."""
     if driven.walking is None:
         return
     if driven.decisions:

@@ -198,7 +198,6 @@ def _made(study: Study, number: int) -> StudyOutcome:
 
 
 def _make_remotely(study: Study, numbers: Sequence[int], code: str) -> list[StudyOutcome]:
-    """Runs made by a worker that has the code of this digest."""
     found = digest()
     if found != code:
         raise StudyError(f'a worker has other code: found {found}, wanted {code}')
@@ -214,7 +213,6 @@ def _solved(
     name: str,
     solve: Callable[[RunTask], dict[str, Any]],
 ) -> dict[int, dict[str, Any]]:
-    """IPOPT's answers on some runs, and those found before."""
     path = order.folder / name
     found = judging.read_answers(path)
     if not numbers:

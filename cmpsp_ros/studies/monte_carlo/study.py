@@ -106,7 +106,6 @@ class Study:
         return dict(values)
 
     def _fitted(self, given: Mapping[str, Any], assigned: Mapping[str, Any]) -> dict[str, Any]:
-        """The robot, and a course in proportion to it."""
         if self.kind is not KINDS['nominal']:
             raise StudyError(f'--robot: found study {self.name}, wanted nominal: it has its own')
         changes = load_robot(self.robot) | _ALWAYS

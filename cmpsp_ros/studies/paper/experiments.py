@@ -106,7 +106,6 @@ def many_obstacles() -> tuple[Experiment, ...]:
 
 
 def _case3(key: str, label: str, color: str, guess: tuple[float, float] | None) -> Experiment:
-    """Case 3 from a constant guess, or from one along the road."""
     case3 = _preset(*_CASE3)
     initial = InitialGuess('road') if guess is None else InitialGuess('constant', guess)
     settings = replace(case3.settings, initial_guess=initial)

@@ -241,7 +241,6 @@ def _improve(
 
 
 def _options(settings: GuidanceSettings, terminal: Array, path: Array, additions: bool) -> Options:
-    """Penalties of the rows, with or without the law's relaxation, trust region and line search."""
     trust = np.array([np.inf, np.inf, settings.solver.heading_trust_region])
     return Options(
         penalty_terminal=terminal,

@@ -84,7 +84,6 @@ def room_scenario(settings: GuidanceSettings, random: Random, _most: int = 0) ->
 
 
 def _room(settings: GuidanceSettings, random: Random) -> Scenario | None:
-    """A room, or none where no way leads to the goal."""
     length, width = random.uniform(*_LENGTHS), random.uniform(*_WIDTHS)
     (start_y, goal_y) = random.uniform(_FROM_WALL, width - _FROM_WALL, 2).tolist()
     pose = (_FROM_WALL, start_y, random.uniform(-math.pi, math.pi))

@@ -89,7 +89,7 @@ class Computer:
     """
 
     def __init__(self, task: RunTask) -> None:
-        self._period, self._lateness = task.settings.control_period, task.lateness
+        self._period, self._lateness = task.settings.control_period, task.kind.lateness
         self._random = np.random.default_rng([task.scenario.seed, task.scenario.number])
         self.busy_until = 0
         self.decision: Decision | None = None
@@ -222,8 +222,8 @@ def outcome(driven: DrivenRun) -> StudyOutcome:
         y=y,
         time=task.settings.final_time if task.foreign else driven.end / NANOSECONDS,
         told_error=None if task.foreign is None else task.foreign.told_error,
-        pace=_shortest(task) / (final / NANOSECONDS) / settings.pace if task.has_map else None,
-        slowness=None if task.scored is None else _slowness(driven, *task.scored),
+        pace=_shortest(task) / (final / NANOSECONDS) / settings.pace if task.kind.has_map else None,
+        slowness=_slowness(driven),
         crowd=_crowd(driven),
     )
 
@@ -247,12 +247,14 @@ def _over_limit(driven: DrivenRun) -> int:
     return int(sum(sudden | [bool(robot.over_limit(each[None])) for each in controls]))
 
 
-def _slowness(driven: DrivenRun, speed: float, tolerance: float) -> float:
-    """Time until the robot is within a tolerance [m], by that of the shortest path at a speed."""
-    goal = driven.task.settings.goal
-    near = (each for each in driven.motions if math.dist(each.pose[:2], goal) <= tolerance)
+def _slowness(driven: DrivenRun) -> float | None:
+    """Time until the robot has arrived, by that of the shortest path at the speed of the score."""
+    goal, kind = driven.task.settings.goal, driven.task.kind
+    if kind.score_speed is None:
+        return None
+    near = (each for each in driven.motions if math.dist(each.pose[:2], goal) <= kind.tolerance)
     arrived = next(near, driven.motions[-1]).stamp_ns / NANOSECONDS
-    return arrived * speed / _shortest(driven.task)
+    return arrived * kind.score_speed / _shortest(driven.task)
 
 
 def _shortest(task: RunTask) -> float:

@@ -143,18 +143,18 @@ class Study:
             periods = math.ceil(time / settings.control_period)
             changes = {**changes, 'final_time': periods * settings.control_period}
             known = (map_of(drawn.obstacles),)
-        return RunTask(
-            drawn,
-            replace(settings, obstacles=known, **changes),
-            replace(plant, initial_pose=drawn.pose, seed=drawn.seed),
-            self.kind.lateness,
-            replace(_scanner(self), seed=drawn.seed) if self.kind.sees else None,
-            has_map=self.kind.has_map,
-            scored=None
-            if self.kind.score_speed is None
-            else (self.kind.score_speed, self.tolerance),
-            foreign=foreign,
-        )
+        return self._task(drawn, replace(settings, obstacles=known, **changes), plant, foreign)
+
+    def _task(
+        self,
+        drawn: Scenario,
+        settings: GuidanceSettings,
+        plant: PlantSettings,
+        foreign: ForeignRobot | None = None,
+    ) -> RunTask:
+        scanner = replace(_scanner(self), seed=drawn.seed) if self.kind.sees else None
+        plant = replace(plant, initial_pose=drawn.pose, seed=drawn.seed)
+        return RunTask(drawn, settings, plant, self.kind, scanner, foreign)
 
     def _run_among_people(self, number: int) -> RunTask:
         """Task of a run with people: scenes and robots in turn, every fourth turn with noise."""
@@ -168,14 +168,10 @@ class Study:
         settings, plant = study.setup()
         drawn = crowd_scenario(settings, self.seed, number, scenes[scene])
         straight = math.dist(drawn.pose[:2], drawn.changes['goal']) / settings.pace
-        return RunTask(
-            drawn,
-            replace(settings, **drawn.changes),
-            replace(plant, initial_pose=drawn.pose, seed=drawn.seed),
-            scanner=replace(_scanner(study), seed=drawn.seed),
-            patience=_PATIENCE[0] + _PATIENCE[1] * straight,
-            crowd=Crowd(scenes[scene], robots[robot], bool(noise), self.told),
-        )
+        patience = _PATIENCE[0] + _PATIENCE[1] * straight
+        crowd = Crowd(scenes[scene], robots[robot], bool(noise), self.told)
+        task = study._task(drawn, replace(settings, **drawn.changes), plant)  # noqa: SLF001 (own)
+        return replace(task, patience=patience, crowd=crowd)
 
     def command(self, number: int) -> str:
         """The command that makes one run again."""
@@ -210,15 +206,11 @@ class RunTask:
     scenario: Scenario  # start and obstacles
     settings: GuidanceSettings  # settings of the guidance law
     plant: PlantSettings  # settings of the simulated robot
-    lateness: float = 0.0  # maximum duration of a control step, in control periods
+    kind: StudyKind
     scanner: LaserSettings | None = None  # scanner of a robot that knows obstacles only by sight
-    patience: float = 180.0  # time after which a run with repeatedly postponed goals ends [s]
-    has_map: bool = False  # same as in `StudyKind`
     foreign: ForeignRobot | None = None  # the robot that is driven instead, if any
+    patience: float = 180.0  # time after which a run with repeatedly postponed goals ends [s]
     crowd: Crowd | None = None  # circumstances of a run among people; None without
-    # Speed along the planned path [m/s], and distance from the goal that counts as arrived [m], for
-    # the score of the BARN challenge; None for none.
-    scored: tuple[float, float] | None = None
 
     @property
     def truth(self) -> GuidanceSettings:

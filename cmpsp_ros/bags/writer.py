@@ -74,8 +74,7 @@ class BagWriter:
         if self._form.compressed and self._form.storage != 'mcap':
             raise BagError(f'{path}: only mcap can be compressed, not {self._form.storage}')
         if path.exists():
-            msg = f'{path}: exists already, a new bag needs a path that does not exist'
-            raise BagError(msg)
+            raise BagError(f'{path}: exists already, a new bag needs a path that does not exist')
         with self._writing('cannot create the bag'):
             path.mkdir(parents=True)
             self._lock = common.locked(path)

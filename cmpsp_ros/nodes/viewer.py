@@ -86,8 +86,7 @@ class Viewer(Node):
                 if candidate != port:
                     self.get_logger().warning(f'port {port} is taken: port {candidate} instead')
                 return server
-        msg = f'parameters host, port: {first}'
-        raise StartupError(msg)
+        raise StartupError(f'parameters host, port: {first}')
 
     def stop(self) -> None:
         """Close the page's port."""

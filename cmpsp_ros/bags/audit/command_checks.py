@@ -213,8 +213,7 @@ def obeyed(record: AuditRecord) -> Iterator[Sample]:
     settings = record.settings
     robot = settings.robot
     if not math.isfinite(robot.max_wheel_speed):
-        reason = 'The wheels have no limit (robot.max_wheel_speed is 0) to measure by.'
-        raise SkippedError(reason)
+        raise SkippedError('The wheels have no limit (robot.max_wheel_speed is 0) to measure by.')
     for leg in record.legs:
         begins, ends, twists = _held(leg, settings)
         known = [

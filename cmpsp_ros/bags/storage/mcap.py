@@ -117,8 +117,7 @@ def _check_head(head: ChunkHead) -> None:
     if head.size > limits.MAX_CHUNK:
         raise ReaderError(f'chunk of {head.size} bytes, at most {limits.MAX_CHUNK} are read')
     if not head.compression and head.compressed != head.size:
-        msg = f'chunk of {head.size} bytes that takes {head.compressed} uncompressed'
-        raise ReaderError(msg)
+        raise ReaderError(f'chunk of {head.size} bytes that takes {head.compressed} uncompressed')
 
 
 def _number(body: BytesIO, form: struct.Struct) -> int:

@@ -82,8 +82,7 @@ class Recorder(Node):
         try:
             self._bag = BagWriter(self._options.output, self._options.form)
         except BagError as error:
-            msg = f'parameter output: {error}'
-            raise StartupError(msg) from error
+            raise StartupError(f'parameter output: {error}') from error
         self.failure: BagError | None = None
         self._simulated = received.SimulatedTime()
         # Simulated time may stand still; looking and taking must go on.
@@ -236,8 +235,7 @@ def _class_of(topic: str, types: list[str]) -> Any:
     try:
         return message_class(types[0])
     except UnknownTypeError as error:
-        msg = f'topic {topic} left out: {error}'
-        raise UnknownTypeError(msg) from error
+        raise UnknownTypeError(f'topic {topic} left out: {error}') from error
 
 
 def record(parameters: Mapping[str, Any], namespace: str | None = None) -> int:

@@ -24,10 +24,7 @@ _WAKE_PERIOD = 0.02
 
 @dataclass
 class GuidanceStatus:
-    """Latest diagnostics and decision of a guidance node, as text, empty before the first.
-
-    `commands` counts the decisions that were sent, and not withdrawn since they were late.
-    """
+    """Latest diagnostics and decision of a guidance node, as text, empty before the first."""
 
     health: dict[str, str] = field(default_factory=dict)
     level: bytes = DiagnosticStatus.STALE
@@ -35,7 +32,7 @@ class GuidanceStatus:
     decision: dict[str, str] = field(default_factory=dict)
     reason: str = ''
     decisions: int = 0
-    commands: int = 0
+    commands: int = 0  # decisions that were sent, and not withdrawn since they were late
 
 
 class LifecycleClient:

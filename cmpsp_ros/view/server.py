@@ -40,11 +40,7 @@ class ViewError(ValueError):
 
 
 class Access:
-    """Decides for each request if it is answered.
-
-    Attributes:
-        token: The token required; empty on loopback, which other machines cannot reach.
-    """
+    """Decides for each request if it is answered."""
 
     def __init__(self, host: str) -> None:
         is_loopback = _is_loopback(host)

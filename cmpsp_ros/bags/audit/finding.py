@@ -31,10 +31,7 @@ class CheckOutcome(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Finding:
-    """Result of a check, or why it was impossible, in a sentence and by the worst value.
-
-    Worst value and limit have one unit; `at` is its time, from time 0 of the first run [s].
-    """
+    """Result of a check, or why it was impossible, in a sentence and by the worst value."""
 
     check: str
     title: str
@@ -42,8 +39,8 @@ class Finding:
     sentence: str
     worst: float | None = None
     limit: float | None = None
-    unit: str = ''
-    at: float | None = None
+    unit: str = ''  # of worst value and limit
+    at: float | None = None  # time of the worst value, from time 0 of the first run [s]
 
     @property
     def worst_text(self) -> str:

@@ -142,16 +142,13 @@ class RunSpan:
 
 @dataclass(frozen=True)
 class KnownPath:
-    """Driven path by one source (`by`, empty for odometry), since a leg's first run.
+    """Driven path by one source, since a leg's first run."""
 
-    Its clearance may be wrong by `tolerance`; `off` is its largest distance from the true path [m].
-    """
-
-    by: str
+    by: str  # the source; empty for odometry
     pieces: tuple[DrivenPath, ...]
     holes: tuple[Hole, ...]
-    tolerance: float = 0.0
-    off: float = 0.0
+    tolerance: float = 0.0  # error of its clearance [m]
+    off: float = 0.0  # largest distance from the true path [m]
 
     def at(self, stamp: int) -> Array | None:
         """Pose ``(3,)`` at an instant [ns]; None in a hole."""

@@ -91,16 +91,12 @@ Input = (
 
 
 class Inputs:
-    """The inputs of a recorded guidance law; can be iterated over once.
-
-    Attributes:
-        skipped: Decisions before the first run in the bag, of a law whose state is unknown.
-    """
+    """The inputs of a recorded guidance law; can be iterated over once."""
 
     def __init__(self, bag: Bag, names: Names) -> None:
         self._bag, self._node = bag, names.node
         self._parameters = NodeParameters(bag, names.node)
-        self.skipped = 0
+        self.skipped = 0  # decisions before the first run in the bag: its law's state is unknown
         values = self.values
         self._recording = Recording(bag, names, values['frame_id'], values['others.namespaces'])
         self._pose: Array | None = None

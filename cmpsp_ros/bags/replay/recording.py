@@ -36,14 +36,7 @@ class OdometrySample:
 class Recording:
     """The messages of one guidance node, in its frame, each kept as long as it may be needed.
 
-    Plans of robots in other namespaces are among them.
-
-    Attributes:
-        odometry: Read and not yet used, in order.
-        unusable: Why the first invalid odometry is invalid; empty if there was none.
-        changes: Time of reception [ns] and content of live parameter changes not yet used, in
-            order.
-        goals: Time of reception and stamp [ns] of goals not yet used, in order.
+    Plans of robots in other namespaces are among them. Its queues have what is not yet used.
     """
 
     def __init__(self, bag: Bag, names: Names, frame_id: str, others: Iterable[str] = ()) -> None:
@@ -68,8 +61,10 @@ class Recording:
         there = [topic for topic in self._read if topic in bag.topics and topic != names.odom]
         self._topics = [names.odom, names.decision, *there]
         self.odometry: deque[OdometrySample] = deque(maxlen=_MAX_MESSAGES)
-        self.unusable = ''
+        self.unusable = ''  # why the first invalid odometry is invalid; empty if there was none
+        # Time of reception [ns] and content of live parameter changes.
         self.changes: deque[tuple[int, dict[str, Any]]] = deque()
+        # Time of reception and stamp [ns] of goals.
         self.goals: deque[tuple[int, int, Goal]] = deque(maxlen=_MAX_MESSAGES)
         self._commands: deque[tuple[int, tuple[float, float, float]]] = deque(maxlen=_MAX_MESSAGES)
         self._paths: dict[int, tuple[Waypoint, ...]] = {}

@@ -203,16 +203,13 @@ def _wheels(bag: Bag, topic: str) -> tuple[IntArray, Array]:
 
 @dataclass(frozen=True)
 class Passing:
-    """Position at the time of a goal [ns]: distance [m] and heading error [rad] or None.
-
-    `ratio` is the larger of both errors, each divided by its tolerance.
-    """
+    """Position at the time of a goal [ns]: distance [m] and heading error [rad] or None."""
 
     goal: Goal
     stamp: int
     miss: float
     heading_miss: float | None
-    ratio: float
+    ratio: float  # the larger of both errors, each divided by its tolerance
 
     @classmethod
     def of(cls, settings: GuidanceSettings, goal: Goal, stamp: int, pose: Array) -> Passing:

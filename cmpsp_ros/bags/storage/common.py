@@ -35,15 +35,12 @@ _FORMATS = {'ros2msg': MessageDefinitionFormat.MSG, 'ros2idl': MessageDefinition
 
 @dataclass(frozen=True)
 class Form:
-    """Format of a bag; only chunks of mcap can be compressed, by zstd.
-
-    A new file is begun at a size [bytes], and after a duration [ns]; 0 for a single file.
-    """
+    """Format of a bag, and when a new file is begun; never where both are 0."""
 
     storage: StorageName = 'mcap'
-    compressed: bool = False
-    split_size: int = 0
-    split_duration: int = 0
+    compressed: bool = False  # chunks of mcap only, by zstd
+    split_size: int = 0  # [bytes]
+    split_duration: int = 0  # [ns]
 
 
 @dataclass(frozen=True)

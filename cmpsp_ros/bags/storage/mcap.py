@@ -59,16 +59,13 @@ class McapRecord(NamedTuple):
 
 
 class ChunkHead(NamedTuple):
-    """The header of a chunk: stamps [ns], and its records uncompressed and in the file [bytes].
-
-    A checksum, CRC-32, is 0 for none; compression is `zstd`, `lz4`, or empty for none.
-    """
+    """The header of a chunk: stamps [ns], and its records uncompressed and in the file [bytes]."""
 
     start: int
     end: int
     size: int
-    checksum: int
-    compression: str
+    checksum: int  # CRC-32, or 0 for none
+    compression: str  # `zstd`, `lz4`, or empty for none
     compressed: int
 
 

@@ -188,15 +188,12 @@ class Study:
 
 @dataclass(frozen=True)
 class Crowd:
-    """Circumstances of a run among people, who are known exactly if `told`, or else seen.
-
-    A noisy run has missed returns, and noise of odometry.
-    """
+    """Circumstances of a run among people."""
 
     scene: str
     robot: str
-    is_noisy: bool
-    told: bool
+    is_noisy: bool  # with missed returns, and noise of odometry
+    told: bool  # True if people are known exactly, or else seen
 
 
 @dataclass(frozen=True)

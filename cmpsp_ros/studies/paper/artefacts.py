@@ -29,17 +29,13 @@ _PATHS = ('x_m', 'y_m')
 
 
 class Artefact(NamedTuple):
-    """A figure or table of the paper, its runs, and what is drawn of them.
-
-    The check adds claims, further numbers and tables to its sheet; `series` of the runs go into
-    `results.json`; `table` is the heading of a table of the runs, empty for none.
-    """
+    """A figure or table of the paper, its runs, and what is drawn of them."""
 
     title: str
-    check: Callable[[Sheet], None]
+    check: Callable[[Sheet], None]  # adds claims, further numbers and tables
     runs: Callable[[], Sequence[Experiment]] = tuple
-    series: Sequence[str] = ()
-    table: str = ''
+    series: Sequence[str] = ()  # of the runs, for `results.json`
+    table: str = ''  # heading of a table of the runs; empty for none
     draw: Callable[[Panels], Figure] | None = None
 
 

@@ -107,16 +107,13 @@ class Path:
 
 @dataclass(frozen=True)
 class Drive:
-    """A run of the guidance law, with fallback level and computing time [ms] of each control step.
-
-    With `between_samples` the path between samples was constrained, too.
-    """
+    """A run of the guidance law."""
 
     experiment: Experiment
-    between_samples: bool
+    between_samples: bool  # True if the path between samples was constrained, too
     path: Path
-    levels: tuple[str, ...]
-    step_times: Array
+    levels: tuple[str, ...]  # fallback level of each control step
+    step_times: Array  # computing time of each control step [ms]
 
     @property
     def steps_with_slack(self) -> int:

@@ -38,16 +38,13 @@ _MANY: Final = (('three', 'blue'), ('four', 'magenta'), ('five', 'cyan'))
 
 @dataclass(frozen=True)
 class Experiment:
-    """One run of the paper from a pose [m, m, rad], in its colour if the paper names one.
+    """One run of the paper."""
 
-    The key is unique among all runs, the label for legends and tables.
-    """
-
-    key: str
-    label: str
-    color: str
+    key: str  # unique among all runs
+    label: str  # for legends and tables
+    color: str  # the paper's, if it names one
     settings: GuidanceSettings
-    pose: tuple[float, float, float]
+    pose: tuple[float, float, float]  # where it begins [m, m, rad]
 
     def with_bound(self, between_samples: bool) -> GuidanceSettings:
         """Settings that keep the path clear between samples too, or the samples only."""

@@ -44,14 +44,11 @@ class ReferenceSolution:
 
 
 class Limits(NamedTuple):
-    """Limits of quantities that are linear functions of the control, by `rows` ``(q, r)``.
+    """Limits of quantities that are linear functions of the control; infinite for none."""
 
-    Their largest magnitude and change in a second, both ``(q,)``, are infinite for none.
-    """
-
-    rows: Array
-    largest: Array
-    change: Array
+    rows: Array  # the functions, ``(q, r)``
+    largest: Array  # largest magnitudes, ``(q,)``
+    change: Array  # largest changes in a second, ``(q,)``
 
     @classmethod
     def of(cls, robot: Robot) -> Limits:

@@ -42,14 +42,10 @@ _DIFFERENCE = 1e-3
 
 
 class Recipe(Enum):
-    """Computation of the two iterations of a control step.
+    """Computation of the two iterations of a control step."""
 
-    Attributes:
-        AS_WRITTEN: Squared constraints (92) (93), hard, and the full step (43).
-        ONE_PLAN: The law's relaxation, trust region and line search, but the warm start alone.
-    """
-
-    AS_WRITTEN = 'as written'
+    AS_WRITTEN = 'as written'  # squared constraints (92) (93), hard, and the full step (43)
+    # The law's relaxation, trust region and line search, but the warm start alone.
     ONE_PLAN = 'one plan'
 
 

@@ -39,17 +39,15 @@ Random = np.random.Generator
 
 @dataclass(frozen=True)
 class Scenario:
-    """The random part of a run: initial pose [m, m, rad], obstacles and people, if any.
-
-    The seed is that of the plant; `changes` are settings of the law that differ from the study's.
-    """
+    """The random part of a run: initial pose [m, m, rad], obstacles and people, if any."""
 
     pose: tuple[float, float, float]
     obstacles: tuple[Shape, ...]
+    # Settings of the law that differ from the study's.
     changes: Mapping[str, Any] = field(default_factory=dict)
     people: PeopleSettings | None = None
     number: int = 0
-    seed: int = 0
+    seed: int = 0  # of the plant
 
 
 def by_number(draw: Callable[..., Scenario]) -> Callable[..., Scenario]:

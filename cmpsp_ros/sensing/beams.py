@@ -85,26 +85,17 @@ class SightSettings:
 
 @dataclass(frozen=True, eq=False)
 class Sight:
-    """Beams in the frame of the sensor.
+    """Beams in the frame of the sensor."""
 
-    Attributes:
-        sensor: Their sensor.
-        stamp: Time of the last one [ns].
-        stamps: Time of each, ascending, shape ``(B,)`` [ns].
-        begins: First point of each that shows free space, shape ``(B, 2)`` [m].
-        ends: End of each, shape ``(B, 2)`` [m].
-        hits: Whether it ended at an obstacle, shape ``(B,)``.
-        is_sweep: Whether neighbours in the array are neighbours in space: then the space between
-            two of them is seen as well, and beams show that an obstacle is gone. The beams of a
-            cloud have several heights: one may pass above an obstacle that another one met.
-    """
-
-    sensor: Sensor
-    stamp: int
-    stamps: IntArray
-    begins: Array
-    ends: Array
-    hits: BoolArray
+    sensor: Sensor  # their sensor
+    stamp: int  # time of the last one [ns]
+    stamps: IntArray  # time of each, ascending, shape ``(B,)`` [ns]
+    begins: Array  # first point of each that shows free space, shape ``(B, 2)`` [m]
+    ends: Array  # end of each, shape ``(B, 2)`` [m]
+    hits: BoolArray  # whether it ended at an obstacle, shape ``(B,)``
+    # Whether neighbours in the array are neighbours in space: then the space between two of them is
+    # seen as well, and beams show that an obstacle is gone. The beams of a cloud have several
+    # heights: one may pass above an obstacle that another one met.
     is_sweep: bool
 
     def projected(self, poses: Array) -> Beams:

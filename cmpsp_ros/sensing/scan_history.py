@@ -48,17 +48,12 @@ class Label(IntEnum):
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """Nearest hit in each direction of the frame of odometry.
+    """Nearest hit in each direction of the frame of odometry."""
 
-    Attributes:
-        stamp: Time of its last beam [ns].
-        origin: Place from which it was seen, shape ``(2,)`` [m].
-        ranges: Distance of hits [m]; where beams have hit nothing their length, negative, and
-            infinite where there are none. Shape ``(N_DIRECTIONS,)``.
-    """
-
-    stamp: int
-    origin: Array
+    stamp: int  # time of its last beam [ns]
+    origin: Array  # place from which it was seen, shape ``(2,)`` [m]
+    # Distance of hits [m]; where beams have hit nothing their length, negative, and infinite where
+    # there are none. Shape ``(N_DIRECTIONS,)``.
     ranges: Array
 
     @classmethod

@@ -37,30 +37,19 @@ _STATIC, _ENTERED = 1, 2
 
 
 class Segment(NamedTuple):
-    """Hits on one object, or on one part of it.
+    """Hits on one object, or on one part of it."""
 
-    Attributes:
-        members: Indices of its points, shape ``(P,)``.
-        right: Direction of its right edge, seen from the sensor [rad].
-        left: Direction of its left edge, not less [rad].
-        near: Distance of its nearest point [m].
-        front: That point [m].
-        is_cut: Whether what is left of it, and right of it, is hidden or out of view.
-        entered: Number of points in places that were just seen free.
-        static: Number of points where something has long stood.
-        radius: Radius of a disc that looks as wide from there [m].
-        legs: Distances of the middles of the legs that it shows [m]; none for a body.
-    """
-
-    members: IntArray
-    right: float
-    left: float
-    near: float
-    front: tuple[float, float]
+    members: IntArray  # indices of its points, shape ``(P,)``
+    right: float  # direction of its right edge, seen from the sensor [rad]
+    left: float  # direction of its left edge, not less [rad]
+    near: float  # distance of its nearest point [m]
+    front: tuple[float, float]  # that point [m]
+    # whether what is left of it, and right of it, is hidden or out of view
     is_cut: tuple[bool, bool]
-    entered: int
-    static: int
-    radius: float
+    entered: int  # number of points in places that were just seen free
+    static: int  # number of points where something has long stood
+    radius: float  # radius of a disc that looks as wide from there [m]
+    # distances of the middles of the legs that it shows [m]; none for a body
     legs: tuple[float, ...] = ()
 
     @property

@@ -195,18 +195,17 @@ class Bag:
 def _check_path(path: Path) -> None:
     if not path.exists():
         raise BagError(f'{path}: no such bag')
-    if path.is_dir() and not (path / METADATA).exists():
-        raise BagError(f'{path}: {_lack_of_metadata(path)}')
     if path.is_file() and path.suffix not in SUFFIXES:
         raise BagError(
             f'{path}: not a bag: expected a folder, or a file that ends in {" or ".join(SUFFIXES)}'
         )
-
-
-def _lack_of_metadata(folder: Path) -> str:
-    wanted = f'expected a {METADATA} in this folder'
-    if not any(next(folder.glob(f'*{each}'), None) for each in SUFFIXES):
-        return f'not a bag: {wanted}'
-    if is_locked(folder):
-        return f'being written right now: {wanted} once it is closed'
-    return f'the recording was cut off: {wanted}; `cmpsp recover {folder}` makes a whole bag of it'
+    if path.is_dir() and not (path / METADATA).exists():
+        wanted = f'expected a {METADATA} in this folder'
+        said = (
+            f'the recording was cut off: {wanted}; `cmpsp recover {path}` makes a whole bag of it'
+        )
+        if not any(next(path.glob(f'*{each}'), None) for each in SUFFIXES):
+            said = f'not a bag: {wanted}'
+        elif is_locked(path):
+            said = f'being written right now: {wanted} once it is closed'
+        raise BagError(f'{path}: {said}')

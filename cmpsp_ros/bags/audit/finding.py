@@ -85,9 +85,9 @@ class Sample:
     words: Mapping[str, Any] = field(default_factory=dict)  # for the sentence
 
     @classmethod
-    def upper(cls, value: float, limit: float, at: int, rounding: float = 0.0) -> Sample:
+    def upper(cls, value: float, limit: float, at: int) -> Sample:
         """A value that is to be at most its limit."""
-        return cls(value, limit, at, value - limit - rounding)
+        return cls(value, limit, at, value - limit)
 
     @classmethod
     def count(cls, count: int, at: int | None, **words: Any) -> Sample:

@@ -200,8 +200,9 @@ def _worst(
     times, poses = stop
     discs, radius = settings.footprint.discs, settings.robot_radius
     points = np.array([placed(discs, each) for each in poses])
-    creeps, moving = _largest_speed(times, points) <= _CREEP, settings.moving_obstacles
-    worst, name = math.inf, ''
+    moved = np.linalg.norm(np.diff(points, axis=0), axis=-1).max(axis=1)
+    creeps = (moved / np.maximum(np.diff(times), 1e-9)).max(initial=0.0) <= _CREEP
+    worst, name, moving = math.inf, '', settings.moving_obstacles
     for each in seen:
         speed = math.hypot(each.vx, each.vy)
         if speed > moving.max_speed and each.velocity_stddev > 0.0:
@@ -230,9 +231,3 @@ def _worst(
         if spare < worst:
             worst, name = spare, each.name
     return worst, name
-
-
-def _largest_speed(times: Array, points: Array) -> float:
-    """Largest speed of the points of the robot ``(K, P, 2)`` [m/s]."""
-    moved = np.linalg.norm(np.diff(points, axis=0), axis=-1).max(axis=1)
-    return float((moved / np.maximum(np.diff(times), 1e-9)).max(initial=0.0))

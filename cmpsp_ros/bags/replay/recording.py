@@ -184,9 +184,7 @@ class Recording:
             self._first = False
         # The clock may show the time of odometry that a plan is made on a moment later.
         path = None if decision.halted else self._paths.pop(decision.stamp, None)
-        return replace(decision, command=self._command_of(decision), path=path)
-
-    def _command_of(self, decision: DecisionRecord) -> tuple[float, float, float] | None:
-        if decision.late or not self._commands or self._commands[0][0] > decision.received + _LATE:
-            return None
-        return self._commands.popleft()[1]
+        command = None
+        if self._commands and self._commands[0][0] <= decision.received + _LATE:
+            command = None if decision.late else self._commands.popleft()[1]
+        return replace(decision, command=command, path=path)

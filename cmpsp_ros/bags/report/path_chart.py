@@ -172,7 +172,9 @@ def _panel(views: Sequence[View], members: Sequence[int]) -> Iterator[Figure]:
         named = {'legendgroup': f'bag {number}', 'showlegend': False} if len(views) > 1 else {}
         for each in _run(number, views[number]):
             yield each | named
-        driven = _driven(views[number], drawing.bag_color(number)) | named
+        driven = drawing.trace('driven', 'lines', *views[number].poses[:, :2].T)
+        driven |= drawing.hover([f'{each:.2f} s' for each in views[number].times])
+        driven |= {'line': {'color': drawing.bag_color(number), 'width': 2.6}} | named
         if len(views) > 1:
             driven |= {'showlegend': True, 'name': escaped(views[number].label)}
         yield driven
@@ -203,12 +205,6 @@ def _run(number: int, view: View) -> Iterator[Figure]:
         yield drawing.trace(name, mode) | look | {'meta': {'bag': number, 'part': name}}
     yield drawing.goals_trace(goals_of(view))
     yield drawing.ends(view.poses, color)
-
-
-def _driven(view: View, color: str) -> Figure:
-    path_ = drawing.trace('driven', 'lines', *view.poses[:, :2].T)
-    path_ |= drawing.hover([f'{each:.2f} s' for each in view.times])
-    return path_ | {'line': {'color': color, 'width': 2.6}}
 
 
 def _name_once(shown: Sequence[Figure]) -> None:

@@ -46,7 +46,17 @@ def seen_at(tracks: Iterable[Track], stamp: int, settings: GuidanceSettings) -> 
         for each in tracks
         if 0 <= stamp - each.stamp <= round(lifetime(each, settings) * NANOSECONDS)
     }
-    return [_after(each, stamp) for each in latest.values()]
+    ages = {number: (stamp - each.stamp) / NANOSECONDS for number, each in latest.items()}
+    return [
+        replace(
+            each,
+            stamp=stamp,
+            x=each.x + ages[number] * each.vx,
+            y=each.y + ages[number] * each.vy,
+            position_stddev=each.position_stddev + ages[number] * each.velocity_stddev,
+        )
+        for number, each in latest.items()
+    ]
 
 
 def lifetime(track: Track, settings: GuidanceSettings) -> float:
@@ -56,17 +66,6 @@ def lifetime(track: Track, settings: GuidanceSettings) -> float:
     """
     return (
         _PERIODS * settings.control_period if track.is_seen else settings.moving_obstacles.timeout
-    )
-
-
-def _after(track: Track, stamp: int) -> Track:
-    age = (stamp - track.stamp) / NANOSECONDS
-    return replace(
-        track,
-        stamp=stamp,
-        x=track.x + age * track.vx,
-        y=track.y + age * track.vy,
-        position_stddev=track.position_stddev + age * track.velocity_stddev,
     )
 
 

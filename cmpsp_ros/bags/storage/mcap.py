@@ -94,20 +94,15 @@ def content(file: BinaryIO, record: McapRecord, end: int, limit: int = _MAX_RECO
 
 def read_chunk(body: BytesIO, *, truncated: bool = False) -> tuple[ChunkHead, bytes]:
     """Uncompress a chunk record; a truncated one yields its first records."""
-    head = _chunk_head(body)
+    start, end, size, checksum = _CHUNK.unpack(read_exact(body, _CHUNK.size))
+    head = ChunkHead(start, end, size, checksum, read_string(body), _number(body, _UINT64))
+    _check_head(head)
     data = body.read(head.compressed) if truncated else read_exact(body, head.compressed)
     inflated = limits.inflate(data, head.compression, head.size, truncated=truncated)
     is_sound = len(inflated) == head.size and head.checksum in {0, crc32(inflated)}
     if not (truncated or is_sound):
         raise ReaderError(f'chunk of {len(inflated)} bytes is not what it was when it was written')
     return head, inflated
-
-
-def _chunk_head(body: BytesIO) -> ChunkHead:
-    start, end, size, checksum = _CHUNK.unpack(read_exact(body, _CHUNK.size))
-    head = ChunkHead(start, end, size, checksum, read_string(body), _number(body, _UINT64))
-    _check_head(head)
-    return head
 
 
 def _check_head(head: ChunkHead) -> None:

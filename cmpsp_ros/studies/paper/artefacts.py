@@ -124,7 +124,10 @@ def run(
     """
     if unknown := [name for name in only if name not in _ARTEFACTS]:
         raise StudyError(f'only: found {", ".join(unknown)}, wanted some of {", ".join(ARTEFACTS)}')
-    _make_folder(output)
+    with disk_errors(output):
+        if output.exists() and (not output.is_dir() or any(output.iterdir())):
+            raise StudyError(f'{output}: found something there, wanted a new or empty folder')
+        output.mkdir(parents=True, exist_ok=True)
     lab = Laboratory(progress, judge=judge)
     sheets: dict[str, Sheet] = {}
     with plot_style():
@@ -154,10 +157,3 @@ def _fill(artefact: Artefact, lab: Laboratory) -> Sheet:
     if artefact.draw is not None:
         sheet.figure = artefact.draw(panels)
     return sheet
-
-
-def _make_folder(output: Path) -> None:
-    with disk_errors(output):
-        if output.exists() and (not output.is_dir() or any(output.iterdir())):
-            raise StudyError(f'{output}: found something there, wanted a new or empty folder')
-        output.mkdir(parents=True, exist_ok=True)

@@ -104,9 +104,13 @@ class TransformInput(Listener):
         if frame == wanted:
             return tracks
         there = self._in_frame('Obstacles are', frame, stamp, messages.TrackError)
-        tracks = [_moved(each, there) for each in tracks]
-        self._moving.publish(cloud_of(tracks, stamp, wanted))
-        return tracks
+        moved = []
+        for each in tracks:
+            x, y, _ = messages.compose(there, np.array([each.x, each.y, 0.0])).tolist()
+            vx, vy = _turned(each.vx, each.vy, float(there[2]))
+            moved.append(replace(each, x=x, y=y, vx=vx, vy=vy))
+        self._moving.publish(cloud_of(moved, stamp, wanted))
+        return moved
 
     def frame_at(self, frame: str, stamp: int, *, with_motion: bool) -> tuple[Array, Array]:
         """Pose and velocity ``(3,)`` of a tracker's frame in that of the course; TrackError."""
@@ -177,9 +181,3 @@ class TransformInput(Listener):
 def _turned(x: float, y: float, angle: float) -> tuple[float, float]:
     cosine, sine = math.cos(angle), math.sin(angle)
     return cosine * x - sine * y, sine * x + cosine * y
-
-
-def _moved(track: messages.Track, there: Array) -> messages.Track:
-    x, y, _ = messages.compose(there, np.array([track.x, track.y, 0.0])).tolist()
-    vx, vy = _turned(track.vx, track.vy, float(there[2]))
-    return replace(track, x=x, y=y, vx=vx, vy=vy)

@@ -161,10 +161,13 @@ class Listeners:
         return [f'Nobody listens to {self._command.topic_name}.']
 
     def _robot(self) -> str:
-        topic, kind = self._command.topic_name, _name_of(self._command.msg_type)
+        topic, message = self._command.topic_name, self._command.msg_type
+        kind = f'{message.__module__.partition(".")[0]}/msg/{message.__name__}'
         found = self._node.get_subscriptions_info_by_topic(topic)
         alike = [each for each in found if each.topic_type == kind]
-        onlookers = sum(_only_looks_on(each.node_name) for each in alike)
+        names = [each.node_name for each in alike]
+        hidden = [each for each in names if each.startswith('_') and each != _UNKNOWN]
+        onlookers = sum(each in ONLOOKERS for each in names) + len(hidden)
         if len(alike) > onlookers and self._command.get_subscription_count() > onlookers:
             return ''
         others = [
@@ -203,11 +206,3 @@ class Listeners:
             return False
         self._recorded_since = self._recorded_since or now
         return now - self._recorded_since > _SETTLING_TIME
-
-
-def _only_looks_on(name: str) -> bool:
-    return name in ONLOOKERS or (name.startswith('_') and name != _UNKNOWN)
-
-
-def _name_of(kind: type) -> str:
-    return f'{kind.__module__.partition(".")[0]}/msg/{kind.__name__}'

@@ -115,14 +115,14 @@ def is_open(road: Annulus, obstacles: Sequence[Obstacle], width: float) -> bool:
         link = waiting.pop()
         if road.outer_radius - away[link] - link.radius < width:
             return False
-        near = [each for each in others if _gap(link, each) < width]
+        near = [
+            each
+            for each in others
+            if math.dist(link.center, each.center) - link.radius - each.radius < width
+        ]
         waiting += near
         others = [each for each in others if each not in near]
     return True
-
-
-def _gap(one: Obstacle, other: Obstacle) -> float:
-    return math.dist(one.center, other.center) - one.radius - other.radius
 
 
 def _point(random: Random, road: Annulus, bearings: tuple[float, float], away: float) -> Point:

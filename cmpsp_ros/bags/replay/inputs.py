@@ -121,7 +121,12 @@ class Inputs:
             if before is None and decision.step > 0:
                 self.skipped += 1
                 continue
-            begins = before is None or _began_anew(before, decision)
+            # Another law decides where the node was configured or started again.
+            begins = before is None or (
+                decision.run < before.run
+                or decision.revision < before.revision
+                or (decision.run == before.run and decision.step < before.step)
+            )
             odometry = None if decision.halted else self._find(decision)
             if odometry is not None and decision.pose is None:
                 received_all = received_all and not begins and not decision.skipped
@@ -220,12 +225,6 @@ class Inputs:
         if not self._recording.odometry and self._recording.unusable:
             raise BagError(f'{self._bag.path}: no usable odometry: {self._recording.unusable}')
         return OdometryMissing(decision)
-
-
-def _began_anew(before: DecisionRecord, decision: DecisionRecord) -> bool:
-    """True if the node was configured or started again, so that another law decides."""
-    again = decision.run == before.run and decision.step < before.step
-    return bool(decision.run < before.run or decision.revision < before.revision or again)
 
 
 class Follower:

@@ -42,8 +42,8 @@ class Table:
     rows: Iterator[Row]
 
 
+# Columns of a table, and rows of a message without time of reception and topic.
 Layout = tuple[tuple[Column, ...], Callable[[Any], Iterator[Row]]]
-"""Columns of a table, and rows of a message without time of reception and topic."""
 
 
 def _floats(names: str) -> tuple[Column, ...]:

@@ -23,9 +23,8 @@ from cmpsp_ros.bags.storage import common
 from cmpsp_ros.bags.storage.mcap_writer import McapStorage
 from cmpsp_ros.bags.storage.sqlite import SqliteStorage
 
+# A file being written. When the disk refuses a call (`REFUSALS`), it can be repeated.
 Storage = McapStorage | SqliteStorage
-"""A file being written. When the disk refuses a call (`REFUSALS`), it can be repeated."""
-
 _METADATA_VERSION = 9
 
 _TOPIC_METADATA_SIZE = 1536  # size of a topic in the metadata, with a few publishers [bytes]

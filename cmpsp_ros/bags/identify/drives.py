@@ -21,9 +21,8 @@ from cmpsp_ros.bags.runs.odometry import OdometrySeries, read_odometry
 from cmpsp_ros.guidance import NANOSECONDS
 from cmpsp_ros.robots.motion import with_side
 
+# Usual times after which robots stop without a command [s].
 TIMEOUTS: Final = (math.inf, 0.2, 0.25, 0.5, 0.6, 1.0)
-"""Usual times after which robots stop without a command [s]."""
-
 _ODOMETRY: Final = 'nav_msgs/msg/Odometry'
 _TWIST: Final = 'geometry_msgs/msg/Twist'
 _STAMPED: Final = 'geometry_msgs/msg/TwistStamped'

@@ -26,8 +26,8 @@ from cmpsp_ros.bags.identify.model import (
     whitened,
 )
 
+# Places of parameters: delay with lag, lag, ratio, two scales, and limits that were found.
 SUM, LAG, RATIO, SCALE, LIMIT = 0, 1, 2, 3, 5
-"""Places of parameters: delay with lag, lag, ratio, two scales, and limits that were found."""
 
 # Sizes of the parameters, to scale steps of the fit.
 _SIZES: Final = np.array([0.01, 0.01, 0.1, 0.1, 0.1, 0.1])

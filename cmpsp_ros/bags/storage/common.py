@@ -23,9 +23,8 @@ StorageName = Literal['mcap', 'sqlite3']
 
 REFUSALS = OSError, sqlite3.Error  # errors of a storage when the disk refuses
 
+# Storage by the suffix of its files.
 SUFFIXES: dict[str, StorageName] = {'.mcap': 'mcap', '.db3': 'sqlite3'}
-"""Storage by the suffix of its files."""
-
 METADATA = 'metadata.yaml'  # description of a complete bag
 INFORMATION = 'rosbag2_bagfile_information'  # key of all in it
 UNFINISHED = 'unfinished.json'  # custom data of a bag that is being written
@@ -53,8 +52,8 @@ class FoundTopic:
     qos_profiles: tuple[Qos, ...]
 
 
+# A topic, or a message of it with its stamp [ns].
 Found = tuple[FoundTopic, int, bytes] | FoundTopic
-"""A topic, or a message of it with its stamp [ns]."""
 
 
 def read_definition(encoding: str, text: str) -> MessageDefinition | None:

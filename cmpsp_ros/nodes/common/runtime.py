@@ -28,11 +28,10 @@ from rclpy.signals import SignalHandlerOptions
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
+# Longest wait for work [s]: an executor does not notice signals, so this bounds the answer.
 WAKE_PERIOD = 0.05
-"""Longest wait for work [s]: an executor does not notice signals, so this bounds the answer."""
-
+# Longest wait at the end for subscribers to confirm what was published last [s].
 DELIVERY_LIMIT = 0.5
-"""Longest wait at the end for subscribers to confirm what was published last [s]."""
 
 
 class StartupError(ValueError):

@@ -20,8 +20,8 @@ from cmpsp_ros.nodes.common.topics import COMMAND, GUIDED_BY
 
 PERIOD = 0.5  # time between two claims [s]
 
+# Time for which a claim is believed: a process that was killed makes no more [s].
 TRUST = 4 * PERIOD
-"""Time for which a claim is believed: a process that was killed makes no more [s]."""
 
 
 class CommandArbiter:

@@ -17,9 +17,8 @@ try:
 except ImportError:  # bond is not among the wheels
     Status = None
 
+# States of a lifecycle node.
 UNCONFIGURED, INACTIVE, ACTIVE, FINALIZED = 'unconfigured', 'inactive', 'active', 'finalized'
-"""States of a lifecycle node."""
-
 _TOPIC, _DEPTH = 'bond', 10
 _PERIOD, _TIMEOUT = 0.1, 4.0
 

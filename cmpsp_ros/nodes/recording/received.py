@@ -20,8 +20,8 @@ from rosgraph_msgs.msg import Clock
 
 CLOCK: Final = '/clock'
 
+# Maximum wait of a message for the next `/clock` [ns]; what is lost comes again within 3 s.
 PATIENCE: Final = 4_000_000_000
-"""Maximum wait of a message for the next `/clock` [ns]; what is lost comes again within 3 s."""
 
 # Time after which a message that the middleware has received is in its queue [ns].
 _CROSSING = 2_000_000

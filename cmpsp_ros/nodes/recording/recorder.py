@@ -28,14 +28,12 @@ from cmpsp_ros.programs import quick_exit
 
 TAKE_PERIOD: Final = 0.05  # time between two rounds through the queues [s]
 
+# Time between two flushes [s]; what came after the last is lost when the process is killed.
 FLUSH_PERIOD: Final = 0.5
-"""Time between two flushes [s]; what came after the last is lost when the process is killed."""
-
+# Messages a topic may hold between two rounds; memory is taken only as they come.
 QUEUE_DEPTH: Final = 10_000
-"""Messages a topic may hold between two rounds; memory is taken only as they come."""
-
+# The end: nothing published before the signal has come for the first [s], or the second [s].
 DRAIN_QUIET, DRAIN_LIMIT = 0.1, 2.0
-"""The end: nothing published before the signal has come for the first [s], or the second [s]."""
 
 
 @dataclass

@@ -38,8 +38,8 @@ class RunVerdict(StrEnum):
     MISSED = 'clear, but missed the goal'
 
 
+# Verdicts that ask for no explanation.
 HARMLESS = frozenset({RunVerdict.ARRIVED, RunVerdict.TOO_FAR})
-"""Verdicts that ask for no explanation."""
 
 
 @dataclass(frozen=True)

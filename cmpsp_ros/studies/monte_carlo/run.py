@@ -37,8 +37,8 @@ _CONTINUES: Final = 'is kept, and the same command continues'
 # A worker may have several threads; a run has kernels to load and is not made for company.
 _ONE_AT_A_TIME: Final = threading.Lock()
 
+# Called with a part of the work and its pieces; returns a function for pieces done.
 Progress = Callable[[str, int], Callable[[int], None]]
-"""Called with a part of the work and its pieces; returns a function for pieces done."""
 
 
 @dataclass(frozen=True)

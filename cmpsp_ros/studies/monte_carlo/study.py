@@ -87,7 +87,8 @@ class Study:
             raise StudyError(f'--scene: found {self.scene!r}, wanted one of {", ".join(SCENES)}')
         assigned = dict(parse_assignment(each) for each in self.assignments)
         if self.kind.has_people:
-            given |= _among_people(self.robot)
+            own = {} if self.robot in {'', OWN} else load_robot(self.robot)
+            given |= {**own, **ROBOTS.get(self.robot, {}), **_ALWAYS}
         elif self.robot:
             given |= self._fitted(given, assigned)
         values = TABLE.resolve(given | assigned)
@@ -227,12 +228,6 @@ class RunTask:
             return None
         seen = None if self.crowd is not None and self.crowd.told else people
         return Eyes(self.settings, self.scanner, self.scenario.obstacles, seen)
-
-
-def _among_people(robot: str) -> dict[str, Any]:
-    """Parameters of a robot among people, by its name or file; of one at 1 m/s for none."""
-    own = robot in {'', OWN}
-    return {**({} if own else load_robot(robot)), **ROBOTS.get(robot, {}), **_ALWAYS}
 
 
 @cache

@@ -106,8 +106,8 @@ _ARTEFACTS: Final[Mapping[str, Artefact]] = {
     'timing': Artefact('Computing time', convergence.timing),
 }  # fmt: skip
 
+# Names of the paper's figures and tables, in its order, and of the computing time.
 ARTEFACTS: Final[tuple[str, ...]] = tuple(_ARTEFACTS)
-"""Names of the paper's figures and tables, in its order, and of the computing time."""
 
 
 def run(

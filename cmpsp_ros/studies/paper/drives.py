@@ -19,8 +19,8 @@ from cmpsp_ros.view import along
 
 ARRIVED = 1e-6  # distance from the goal up to which a run counts as having met it [m]
 
+# Clearance down to which an active constraint counts as met [m]: rounding of a linearisation.
 TOUCHED = -1e-6
-"""Clearance down to which an active constraint counts as met [m]: rounding of a linearisation."""
 
 
 @dataclass(frozen=True)

@@ -114,12 +114,10 @@ class GuidanceOutputs:
             self._node.destroy_publisher(publisher)
 
 
+# Names of nodes that record: ours, and that of `ros2 bag`.
 RECORDERS = frozenset({'recorder', 'rosbag2_recorder'})
-"""Names of nodes that record: ours, and that of `ros2 bag`."""
-
+# Names of nodes that hear commands and obey none; those of the command line begin with `_`.
 ONLOOKERS = RECORDERS | {'viewer', 'foxglove_bridge'}
-"""Names of nodes that hear commands and obey none; those of the command line begin with `_`."""
-
 _UNKNOWN = '_NODE_NAME_UNKNOWN_'
 # Time in which a recorder that is known here finds the publishers of odometry, too [s].
 _SETTLING_TIME = 0.5

@@ -21,9 +21,8 @@ from cmpsp_ros.world.roads import Annulus
 
 WIDTH: Final = 2.0  # width of the ring of case 3 [m]
 
+# Least distance of the start from road edges, and of start and goal from obstacles [m].
 FROM_EDGE: Final = 0.05
-"""Least distance of the start from road edges, and of start and goal from obstacles [m]."""
-
 GAP: Final = 0.4  # width that obstacles leave free all along the road [m]
 RADII: Final = (0.1, 0.8)  # least and greatest radius of an obstacle [m]
 _BEYOND: Final = 0.5  # angle by which obstacles may lie behind the start and past the goal [rad]

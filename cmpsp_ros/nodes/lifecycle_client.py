@@ -38,8 +38,8 @@ class GuidanceStatus:
 class LifecycleClient:
     """Listens to the guidance node of each robot and activates it; a context manager.
 
-    It has a ROS context of its own, in this process, and is spun only while it waits.
-    `on_decision` is called with each decision received, and the namespace of the robot.
+    It has a ROS context of its own, and is spun only while it waits. `on_decision` is called
+    with the namespace of a robot and each decision received.
     """
 
     def __init__(self, domain_id: int, namespaces: Iterable[str] = ('',)) -> None:

@@ -76,10 +76,7 @@ class _Keyboard:
 
 
 class Player(Node):
-    """Publishes serialised messages of an open bag as they were recorded, with `/clock`.
-
-    The clock is the recorded one if there is one; else the time of reception.
-    """
+    """Publishes messages of an open bag as recorded, with its `/clock` or times of reception."""
 
     def __init__(self, bag: Bag, topics: Sequence[str], playback: Playback) -> None:
         super().__init__('player')

@@ -46,11 +46,7 @@ _ASKED = (
 
 
 class Viewer(Node):
-    """Subscribes, and serves a live page until stopped; it publishes nothing.
-
-    Namespace and parameters of the command line override those given; StartupError where the page
-    cannot be served at `host` and `port`.
-    """
+    """Subscribes, and serves a live page until stopped; StartupError without a free port."""
 
     def __init__(
         self, namespace: str | None = None, parameters: Mapping[str, Any] | None = None

@@ -50,7 +50,7 @@ def _kept_in_words(worst: Sample) -> str:
 def promise(record: AuditRecord) -> Iterator[Sample]:
     """Clearance of each command and a stop after it from all that an obstacle may reach.
 
-    A command that brakes as hard as the wheels can is not judged: there is nothing better.
+    A command that brakes as hard as the wheels can is not judged.
     """
     known = {each.key: each for each in record.tracks}
     wanted = {key for each in record.decisions for key in each.tracks if isinstance(key[0], int)}
@@ -158,10 +158,7 @@ def _brakes(settings: GuidanceSettings, commands: Commands, k: int) -> bool:
 def _stops(
     settings: GuidanceSettings, pose: Array, commands: Commands, k: int, plan: Array | None
 ) -> Iterator[tuple[Array, Array]]:
-    """Times ``(K,)`` and poses ``(K, 3)`` of a command and a stop after it.
-
-    It brakes with its curvature kept, or along the plan; each is a stop that it can do.
-    """
+    """Times ``(K,)`` and poses ``(K, 3)`` of a command and a stop: curved alike, or on the plan."""
     period, twist = settings.control_period, commands.twists[k]
     if k + 1 < len(commands.stamps):
         held = float(commands.stamps[k + 1] - commands.stamps[k]) / NANOSECONDS

@@ -59,10 +59,7 @@ class Sweep:
 def sweep(
     path: DrivenPath, history: History, by: str = '', tolerance: float = 0.0, off: float = 0.0
 ) -> Iterator[Sweep]:
-    """Arcs of a path, by the parameters in force at the beginning of each.
-
-    Obstacles that only the simulator knows count as `off` farther away [m].
-    """
+    """Arcs of a path by the parameters in force; hidden obstacles count `off` farther away [m]."""
     begins = path.stamps[:-1]
     edges = np.searchsorted(begins, history.starts[1:])
     for epoch, index in zip(history.epochs, np.split(np.arange(len(begins)), edges), strict=True):

@@ -106,10 +106,7 @@ _ROOM = 0.6  # part of the road's width that is shown around everything that hap
 
 
 def path(views: Sequence[View]) -> Figure:
-    """Courses, goals, paths driven, plans and robots; a panel for each course.
-
-    Traces that the script fills carry the number of their bag and their part in `meta`.
-    """
+    """Courses, goals, paths driven, plans and robots; a panel for each course."""
     figure: Figure = {'data': [], 'layout': layout()}
     places = panels(views)
     height = _PANEL * len(places)

@@ -60,10 +60,7 @@ def seen_at(tracks: Iterable[Track], stamp: int, settings: GuidanceSettings) -> 
 
 
 def lifetime(track: Track, settings: GuidanceSettings) -> float:
-    """Time for which a track counts without being seen again [s].
-
-    The sensors of the robot say by their next sighting what they do not see any longer.
-    """
+    """Time for which a track counts without being seen again [s]; own sensors say it sooner."""
     return (
         _PERIODS * settings.control_period if track.is_seen else settings.moving_obstacles.timeout
     )
@@ -239,10 +236,7 @@ def mean_speed(settings: GuidanceSettings, poses: Array, seconds: float) -> floa
 def goals_driven_to(
     decisions: Sequence[DecisionRecord], settings: GuidanceSettings
 ) -> list[tuple[int, Goal]]:
-    """Each goal with the stamp [ns] from which it was the current one; none on a followed road.
-
-    A decision that names no goal has the only one there is.
-    """
+    """Goals with the stamps [ns] from which they were current; none on a followed road."""
     if settings.follow is not None:
         return []
     alone = Goal(settings.goal, settings.final_time, settings.goal_heading)

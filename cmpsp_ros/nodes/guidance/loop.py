@@ -37,10 +37,7 @@ _LATEST_ODOMETRY = 5_000_000
 
 
 class GuidanceLoop:
-    """Feeds odometry to the guidance law and publishes its decisions, while active.
-
-    Lost or unusable odometry, and any exception, leads to a stop.
-    """
+    """Feeds odometry to the law and publishes its decisions while active; stops for any fault."""
 
     def __init__(
         self,

@@ -52,11 +52,7 @@ SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FA
 
 
 class GuidanceNode(LifecycleNode):
-    """Lifecycle node that guides the robot while active.
-
-    However its activity ends - deactivation, shutdown, a signal, an exception, lost or unusable
-    odometry - the last command it publishes is a zero twist.
-    """
+    """Lifecycle node that guides the robot while active; its last command is a zero twist."""
 
     def __init__(self) -> None:
         super().__init__('guidance')

@@ -113,9 +113,7 @@ class RawSubscriptions:
 class SimulatedTime:
     """Simulated time by time of publication, and messages that wait for a later `/clock`.
 
-    In lockstep much simulated time passes before a busy recorder receives a message, so the time of
-    publication counts. A message published after the latest known `/clock` has to wait, because a
-    later `/clock` may still arrive.
+    In lockstep much simulated time passes before a busy recorder receives a message.
     """
 
     def __init__(self) -> None:
@@ -133,8 +131,9 @@ class SimulatedTime:
     ) -> list[tuple[int, Received]]:
         """Messages whose time is known by now, each with it [ns], in the order of publication.
 
-        A message received long before the time `now` [ns] does not wait any more: simulated time is
-        paused. With `all_` nothing waits; messages before the first `/clock` are dated 0.
+        One received long before `now` [ns] does not wait any more: simulated time is
+        paused. With `all_` nothing waits, and messages before the first `/clock` are dated
+        0.
         """
         for each in came:
             self._waiting.append(each)

@@ -57,12 +57,10 @@ class _Loss:
 
 
 class Recorder(Node):
-    """Records until it is stopped.
+    """Records serialised messages until it is stopped, by reception or simulated publication.
 
-    Serialised messages are copied from the middleware's queues to the bag. A message's time is that
-    of its reception; in simulated time that of its publication. A later publisher whose quality of
-    service does not fit the existing subscription is not recorded: a warning says so. Namespace and
-    parameters of the command line override those given; StartupError where one is wrong.
+    A later publisher whose quality of service does not fit is not recorded: a warning says so.
+    Namespace and parameters of the command line override those given; or StartupError.
     """
 
     def __init__(

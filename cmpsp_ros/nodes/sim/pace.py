@@ -66,10 +66,7 @@ class RealTime:
 
 
 class Lockstep:
-    """Simulated time stands still at every control instant until its odometry is answered.
-
-    Where the odometry of that instant is lost, or falls due later, it stands still at the next.
-    """
+    """Simulated time stands still at control instants until their odometry is answered."""
 
     def __init__(self, sim: SimNode) -> None:
         self._sim = sim

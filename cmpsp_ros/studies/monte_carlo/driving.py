@@ -83,10 +83,7 @@ class DrivenRun:
 
 
 class Computer:
-    """A computer that needs time for each step: uniformly distributed, up to the longest.
-
-    It is busy until the end of a step [ns], and keeps the decision until the robot receives it.
-    """
+    """A computer that needs random time for each step, and keeps the decision until it is sent."""
 
     def __init__(self, task: RunTask) -> None:
         self._period, self._lateness = task.settings.control_period, task.kind.lateness
@@ -108,10 +105,7 @@ class Computer:
 
 
 def drive(task: RunTask) -> DrivenRun:
-    """Make a run: odometry at its rate, commands of the law until the final time, then to rest.
-
-    An exception in the law ends its part as in the node: the robot is stopped.
-    """
+    """Make a run until the robot is at rest; an exception in the law stops it, as in the node."""
     if task.foreign is not None:
         return _drive_foreign(task, task.foreign)
     driven, plant = DrivenRun(task, walking=task.people()), Plant(task.plant)

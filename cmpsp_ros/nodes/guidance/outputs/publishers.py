@@ -23,10 +23,7 @@ from cmpsp_ros.parameters import Values
 
 
 class GuidanceOutputs:
-    """Publishers of one configured guidance node, and the `listeners` that a run waits for.
-
-    The command leaves before anything else is made or sent.
-    """
+    """Publishers of one configured guidance node, and the `listeners` that a run waits for."""
 
     def __init__(self, node: LifecycleNode, values: Values, settings: GuidanceSettings) -> None:
         self._node = node

@@ -15,17 +15,15 @@ from cmpsp_ros.bags.runs.run import DrivenPath, goals_driven_to, lifetime
 from cmpsp_ros.guidance import Goal
 from cmpsp_ros.guidance.messages import Track
 
+_POSE = 'x', 'y', 'heading'
+
 
 def moving(views: Sequence[View]) -> list[dict[str, Any]]:
     """For each bag its plans, poses, obstacles, goals and decisions."""
     return [
         {
             'plans': [
-                {
-                    't': round(view.record.seconds(each.stamp), 6),
-                    'x': drawing.numbers(each.points[:, 0]),
-                    'y': drawing.numbers(each.points[:, 1]),
-                }
+                {'t': round(view.record.seconds(each.stamp), 6), **_columns('xy', each.points)}
                 for each in view.plans
             ],
             'grids': [
@@ -33,9 +31,7 @@ def moving(views: Sequence[View]) -> list[dict[str, Any]]:
                 for stamp, grid in view.grids
             ],
             't': drawing.numbers(view.times),
-            'x': drawing.numbers(view.poses[:, 0]),
-            'y': drawing.numbers(view.poses[:, 1]),
-            'heading': drawing.numbers(view.poses[:, 2]),
+            **_columns(_POSE, view.poses),
             'body': drawing.coordinates(drawing.body(view.settings)),
             'others': [_of_robot(view, each) for each in view.others.values()],
             'disc': drawing.coordinates(drawing.disc(view.settings.moving_obstacles.others_radius)),
@@ -86,16 +82,19 @@ def _least(view: View) -> Array:
 
 def _of_robot(view: View, driven: DrivenPath) -> dict[str, Any]:
     times = np.array([view.record.seconds(each) for each in driven.stamps.tolist()])
-    columns = dict(zip(('x', 'y', 'heading'), driven.poses.T, strict=True))
-    return {name: drawing.numbers(each) for name, each in {'t': times, **columns}.items()}
+    return {'t': drawing.numbers(times), **_columns(_POSE, driven.poses)}
+
+
+def _columns(names: Sequence[str], values: Array) -> dict[str, Any]:
+    return dict(zip(names, map(drawing.numbers, values.T), strict=True))
 
 
 def _of_obstacle(view: View, tracks: Sequence[Track]) -> dict[str, Any]:
     chosen = [tracks[k] for k in thinned(np.arange(len(tracks)), MOST_PLANS)]
-    columns = {
-        name: drawing.numbers(np.array([getattr(each, name) for each in chosen]))
-        for name in (*Track.FIELDS, *Track.DOUBTS)
-    }
+    names = (*Track.FIELDS, *Track.DOUBTS)
+    columns = _columns(
+        names, np.array([[getattr(each, name) for name in names] for each in chosen])
+    )
     times = np.array([view.record.seconds(each.stamp) for each in chosen])
     return {'t': drawing.numbers(times), 'timeout': lifetime(tracks[0], view.settings), **columns}
 

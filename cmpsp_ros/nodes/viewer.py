@@ -42,6 +42,7 @@ _ASKED = (
     'robot.max_wheel_speed',
     'robot.max_steering_angle',
     'final_time',
+    'follow.speed',
 )
 
 

@@ -101,10 +101,9 @@ class Sight:
     def projected(self, poses: Array) -> Beams:
         """Beams in the frame of odometry, from the robot's pose at each stamp, ``(B, 3)``."""
         ahead, left, turned = self.sensor.pose
-        places = poses[:, :2] + _turned(np.array([ahead, left]), poses[:, 2])
-        starts, ends = (
-            places + _turned(each, poses[:, 2] + turned) for each in (self.begins, self.ends)
-        )
+        places = poses[:, :2] + _turned(np.array([ahead, left]), *_axes(poses[:, 2]))
+        axes = _axes(poses[:, 2] + turned)
+        starts, ends = (places + _turned(each, *axes) for each in (self.begins, self.ends))
         return Beams(self.stamp, starts, ends, self.hits, self.is_sweep)
 
 
@@ -119,6 +118,11 @@ class Beams:
     is_sweep: bool
 
 
-def _turned(points: Array, angles: Array) -> Array:
-    cosine, sine, x, y = np.cos(angles), np.sin(angles), points[..., 0], points[..., 1]
-    return np.column_stack([cosine * x - sine * y, sine * x + cosine * y])
+def _axes(angles: Array) -> tuple[Array, Array]:
+    return np.cos(angles), np.sin(angles)
+
+
+def _turned(points: Array, cosine: Array, sine: Array) -> Array:
+    x, y, turned = points[..., 0], points[..., 1], np.empty((len(cosine), 2))
+    turned[:, 0], turned[:, 1] = cosine * x - sine * y, sine * x + cosine * y
+    return turned

@@ -98,8 +98,9 @@ class LocalGrid:
         """
         side, cell = len(self._cells), self._resolution
         near = math.ceil(radius / cell + _UNSEEN) + 1
-        middle = np.array([math.floor(y / cell) - self._row, math.floor(x / cell) - self._column])
-        low, high = np.clip([middle - near, middle + near], 0, side).tolist()
+        middle = math.floor(y / cell) - self._row, math.floor(x / cell) - self._column
+        low = [min(max(each - near, 0), side) for each in middle]
+        high = [min(max(each + near, 0), side) for each in middle]
         rows = (self._row + np.arange(low[0], high[0]) + 0.5) * cell - y
         columns = (self._column + np.arange(low[1], high[1]) + 0.5) * cell - x
         squared = np.square(columns) + np.square(rows)[:, None]

@@ -100,10 +100,11 @@ def segments_of(
     order = np.argsort(angles, kind='stable')
     angles = angles[order]
     # Begin behind the largest gap: no object is cut in two where angles begin anew.
-    begin = int(np.argmax(np.diff(angles, append=angles[0] + math.tau))) + 1
-    order, angles = np.roll(order, -begin), np.roll(angles, -begin)
-    angles[len(angles) - begin :] += math.tau
-    polar, places = np.column_stack([ranges[order], angles]), points[order]
+    begin = int(np.argmax(np.append(angles[1:], angles[0] + math.tau) - angles)) + 1
+    order = np.concatenate([order[begin:], order[:begin]])
+    polar, places = np.empty((len(order), 2)), points[order]
+    polar[:, 0] = ranges[order]
+    polar[:, 1] = np.concatenate([angles[begin:], angles[:begin] + math.tau])
     bounds, parts, keys = (np.zeros(len(points) + 1, np.int64) for _ in range(3))
     count = split(bounds, polar, places, view[0])
     sorted_labels = labels[order]
@@ -130,8 +131,10 @@ def segments_of(
 def _is_on(movers: Array, segment: Segment) -> bool:
     """True if a segment that is cut on one side is on a mover, who may stand at an edge of view."""
     x, y = segment.front
+    if all(segment.is_cut):
+        return False
     away = np.hypot(movers[:, 0] - x, movers[:, 1] - y) - movers[:, 2]
-    return sum(segment.is_cut) < 2 and bool((away <= _BESIDE).any())
+    return bool((away <= _BESIDE).any())
 
 
 def _add_or_join(found: list[Segment], segment: Segment, origin: Array, movers: Array) -> None:

@@ -137,7 +137,9 @@ class Inputs:
                 yield from self._changes_between(before, decision)
             goals = self._goals(None if begins else before, decision)
             if odometry is None and not decision.halted:
-                yield self._missing(decision)
+                if not recording.odometry and recording.unusable:
+                    raise BagError(f'{self._bag.path}: no usable odometry: {recording.unusable}')
+                yield OdometryMissing(decision)
             else:
                 yield from goals
             if decision.halted:
@@ -220,11 +222,6 @@ class Inputs:
         received, changes = self._recording.changes.popleft()
         if received >= since:
             self._parameters.change(received, changes, used=used)
-
-    def _missing(self, decision: DecisionRecord) -> OdometryMissing:
-        if not self._recording.odometry and self._recording.unusable:
-            raise BagError(f'{self._bag.path}: no usable odometry: {self._recording.unusable}')
-        return OdometryMissing(decision)
 
 
 class Follower:

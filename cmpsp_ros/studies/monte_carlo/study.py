@@ -118,7 +118,7 @@ class Study:
 
     def setup(self) -> tuple[GuidanceSettings, PlantSettings]:
         """Settings of law and plant in every run, but for start, obstacles and seed."""
-        return _setup(self)
+        return _setup(self)[:2]
 
     def run(self, number: int) -> RunTask:
         """Task of the run of that number."""
@@ -153,7 +153,8 @@ class Study:
         plant: PlantSettings,
         foreign: ForeignRobot | None = None,
     ) -> RunTask:
-        scanner = replace(_scanner(self), seed=drawn.seed) if self.kind.sees else None
+        laser = _setup(self)[2]
+        scanner = None if laser is None else replace(laser, seed=drawn.seed)
         plant = replace(plant, initial_pose=drawn.pose, seed=drawn.seed)
         return RunTask(drawn, settings, plant, self.kind, scanner, foreign)
 
@@ -231,12 +232,8 @@ class RunTask:
 
 
 @cache
-def _setup(study: Study) -> tuple[GuidanceSettings, PlantSettings]:
+def _setup(study: Study) -> tuple[GuidanceSettings, PlantSettings, LaserSettings | None]:
     """Settings shared by all runs of a study; reading them takes as long as a run."""
     values = study.values()
-    return guidance_settings(values), plant_settings(values)
-
-
-@cache
-def _scanner(study: Study) -> LaserSettings:
-    return laser_settings(study.values())
+    laser = laser_settings(values) if study.kind.sees else None
+    return guidance_settings(values), plant_settings(values), laser

@@ -126,7 +126,7 @@ class Check:
     # Parameters without which it cannot be judged; `road` stands for those of a road.
     needs: tuple[str, ...] = ()
     of_decisions: bool = False  # needs decisions
-    unit: str = ''  # unit of its values
+    unit: str = ''  # of its values
     # Sentence where it passes, with ``{worst}`` and the words of the worst sample.
     good: str | Callable[[Sample], str] = ''
     bad: str | Callable[[Sample], str] = ''  # the same where it fails

@@ -40,10 +40,10 @@ EDGES = 2  # the first columns of a clearance are the road's edges
 class Sweep:
     """Arcs with the clearance of the robot itself."""
 
-    settings: GuidanceSettings  # settings in force
+    settings: GuidanceSettings  # in force
     stamps: IntArray  # beginning of each arc [ns], shape ``(K,)``
     clearance: Array  # distance from both road edges and each obstacle, shape ``(K, 2 + M)`` [m]
-    names: tuple[str, ...]  # names of its columns, in messages
+    names: tuple[str, ...]  # of its columns, in messages
     by: str = ''  # source of the path, if it is not odometry
     tolerance: float = 0.0  # error of the clearance [m]; less is no proof of a contact
 

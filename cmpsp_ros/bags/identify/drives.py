@@ -39,10 +39,10 @@ class Series:
     """Steps of a drive along one axis, 0 ahead or 1 turning, and the command there."""
 
     axis: int
-    stamps: Array  # stamps of odometry, ``(N + 1,)`` [s]
+    stamps: Array  # of odometry, ``(N + 1,)`` [s]
     steps: Array  # change between messages, ``(N,)`` [m] or [rad]
     changes: Array  # times of the changes of the command, ``(C,)`` [s]
-    commands: Array  # commands from then on, ``(C,)`` [m/s] or [rad/s]
+    commands: Array  # from then on, ``(C,)`` [m/s] or [rad/s]
 
     @property
     def command(self) -> tuple[Array, Array]:
@@ -62,7 +62,7 @@ class Drive:
 
     label: str  # bag and topics
     stamped: bool  # true if commands were TwistStamped
-    stamps: Array  # stamps of odometry, ``(N + 1,)`` [s]
+    stamps: Array  # of odometry, ``(N + 1,)`` [s]
     steps: Array  # change between messages: distance ahead and turn, ``(N, 2)`` [m, rad]
     ages: Array  # time of reception of each odometry message minus its stamp, ``(N + 1,)`` [s]
     times: Array  # when commands were received, less the median of `ages`, ``(C,)`` [s]

@@ -48,7 +48,7 @@ class Fit:
     timeout: float  # time after which the robot stops without a command [s]
     p: Array  # parameters
     noises: tuple[Noise, Noise]  # noise of odometry ahead and turning
-    factors: Sequence[Array]  # factors of the covariance of the steps of each series
+    factors: Sequence[Array]  # of the covariance of the steps of each series
     # Limits that are among the parameters: axis, and field of `Response`.
     limits: tuple[tuple[int, str], ...] = ()
     # Whitened, and that of the prior of a motor.

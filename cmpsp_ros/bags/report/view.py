@@ -56,7 +56,7 @@ class View:
     plans: tuple[Planned, ...]
     # Some of the grids that sensors had shown, with their times [ns].
     grids: tuple[tuple[int, OccupancyGrid], ...]
-    version: str  # version of this package that recorded it, or empty
+    version: str  # of this package that recorded it, or empty
 
     @property
     def settings(self) -> GuidanceSettings:

@@ -34,12 +34,12 @@ _TO_REST = 1.5
 class ForeignRobot:
     """Properties of the robot, drawn for a run."""
 
-    rate: float  # rate of its loop and its odometry [Hz]
+    rate: float  # of its loop and its odometry [Hz]
     lag: float  # time constant of speed and turn rate [s]
     clock_offset: float  # lead of its clock over the computer's [s]
     told_error: float  # error of the `command_delay` given to the law [s]
     busy: float  # mean delay of a control step by other work [s]
-    seed: int  # seed of latencies and noise
+    seed: int  # of latencies and noise
 
     @classmethod
     def draw(cls, seed: int, number: int) -> ForeignRobot:

@@ -46,7 +46,7 @@ HARMLESS = frozenset({RunVerdict.ARRIVED, RunVerdict.TOO_FAR})
 class StudyOutcome:
     """Figures of one run."""
 
-    number: int  # number of the run in its study
+    number: int  # of the run in its study
     miss: float  # distance from the goal at the final time [m]
     # Least clearance of the true path from the road's edges, also between samples and until the
     # robot is at rest, less its radius [m].

@@ -56,8 +56,8 @@ _ALWAYS: Final = {
 class Study:
     """A study: every run of it depends only on this value and the run's number."""
 
-    name: str  # name of its kind
-    seed: int = 1  # seed of all its scenarios
+    name: str  # of its kind
+    seed: int = 1  # of all its scenarios
     most_obstacles: int = MOST_OBSTACLES  # maximum number on the road in one run
     assignments: tuple[str, ...] = ()  # further parameters, each as `key=value`
     robot: str = ''  # name or file of a robot, for which the courses are made then
@@ -203,10 +203,10 @@ class RunTask:
     """Everything that one run depends on."""
 
     scenario: Scenario  # start and obstacles
-    settings: GuidanceSettings  # settings of the guidance law
+    settings: GuidanceSettings  # of the guidance law
     plant: PlantSettings  # settings of the simulated robot
     kind: StudyKind
-    scanner: LaserSettings | None = None  # scanner of a robot that knows obstacles only by sight
+    scanner: LaserSettings | None = None  # of a robot that knows obstacles only by sight
     foreign: ForeignRobot | None = None  # the robot that is driven instead, if any
     patience: float = 180.0  # time after which a run with repeatedly postponed goals ends [s]
     crowd: Crowd | None = None  # circumstances of a run among people; None without

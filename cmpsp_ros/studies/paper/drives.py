@@ -27,7 +27,7 @@ TOUCHED = -1e-6
 class Path:
     """A path driven under zero-order hold, and its controls."""
 
-    settings: GuidanceSettings  # settings of the law, or of the controller used instead
+    settings: GuidanceSettings  # of the law, or of the controller used instead
     poses: Array  # at each control instant and at the end, shape ``(N + 1, 3)`` [m, m, rad]
     # Shape ``(N, r)``; of the paper's robot the speeds of its right and left wheel [rad/s].
     controls: Array

@@ -49,8 +49,7 @@ class SolveResult(NamedTuple):
     active_rows: int  # constraints active in the last one
     reason: str  # status of the last one, in words
     work: int = 0  # visits of a stage that the iterations took; 0 if they are not counted
-    # whether too little time is left to come to rest within the limit of jerk
-    brakes_late: bool = False
+    brakes_late: bool = False  # whether there is no time left to come to rest within the jerk limit
 
 
 class Candidate(NamedTuple):
@@ -120,8 +119,7 @@ class Score(NamedTuple):
     slack: float = 0.0  # amount of slack, where nothing else is measured [m]; otherwise 0
     turns: int = 0  # number of times it winds around itself
     blind: bool = False  # whether it drives backward to where nothing has been seen
-    # fraction of the time left that it could do without at full speed; at most `_ENOUGH`
-    reserve: float = 0.0
+    reserve: float = 0.0  # fraction of the time left to spare at full speed; at most `_ENOUGH`
     cost: float = 0.0  # cost (95) of its path and its controls, without the proximal term
 
     @property

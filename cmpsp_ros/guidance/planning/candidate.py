@@ -44,7 +44,7 @@ class SolveResult(NamedTuple):
     # indices of the path constraints with slack, outer and inner edge first
     slack_where: tuple[int, ...]
     slack_terminal: bool  # whether the terminal constraint has slack
-    iterations: int  # iterations done
+    iterations: int  # done
     qp_iterations: int  # iterations of the QP back end in the last one
     active_rows: int  # constraints active in the last one
     reason: str  # status of the last one, in words

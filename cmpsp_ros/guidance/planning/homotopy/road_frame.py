@@ -35,7 +35,7 @@ class RoadFrame(NamedTuple):
 
     stations: Array  # evenly spaced from 0, shape ``(K,)`` [rad or m]
     step: float  # distance of two stations [rad or m]
-    length: float  # length of the path [m]
+    length: float  # of the path [m]
     middle: float  # lateral position of the centre line [m]
     ends: tuple[float, float]  # lateral positions of the pose and of the goal [m]
     left: float  # 1 if lateral positions grow to the left, -1 if to the right

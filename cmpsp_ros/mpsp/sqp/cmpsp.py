@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
 from weakref import finalize
 
@@ -40,6 +41,7 @@ class CMPSP:
         fitted = options.fitted(size)
         self._problem = problem
         self._options = options
+        self._target_size = float(np.linalg.norm(problem.target)) or 1.0
         self._trust_radius = fitted[-1]
         idle = _idle[size, options.qp, options.hessian]
         self._driver = idle.pop() if idle else Driver(size, *fitted, (options.qp, options.hessian))
@@ -169,17 +171,12 @@ class CMPSP:
             return Status.INFEASIBLE if at_bottom else Status.STALLED
         return None
 
-    @property
-    def _target_size(self) -> float:
-        return float(np.linalg.norm(self._problem.target)) or 1.0
-
     def _is_met(self, evaluation: Evaluation) -> bool:
         """True where terminal and path constraints are within their tolerances."""
-        miss = np.linalg.norm(evaluation.output_error)
-        return bool(
-            miss <= self._options.output_tolerance * self._target_size
-            and evaluation.g.max(initial=-np.inf) <= self._options.violation_tolerance
-        )
+        error, options = evaluation.output_error, self._options
+        if not math.sqrt(np.vdot(error, error)) <= options.output_tolerance * self._target_size:
+            return False
+        return bool((evaluation.g <= options.violation_tolerance).all())
 
 
 def _size(U: Array, evaluation: Evaluation) -> Size:
@@ -193,7 +190,7 @@ def _summary(driver: Driver, subproblem: Subproblem) -> Step:
     solution, elastic = back_end.solution, bool(run['level'] > 0)
     solved = solution.status is QPStatus.SOLVED
     not_finite = '' if solved else subproblem.linearisation.not_finite
-    slack, miss = np.zeros_like(solution.path), np.zeros_like(solution.terminal)
+    slack, miss = np.zeros(solution.path.shape), np.zeros(solution.terminal.shape)
     if elastic and not not_finite:
         dX = subproblem.propagate(solution.dU)
         slack = np.maximum(subproblem.path(solution.dU, dX), 0.0)

@@ -181,7 +181,8 @@ class _Run:
         return Record(
             at.index, U, value.cost * unit.cost, change, 0.0 if step is None else step.length,
             _length(value.output_error * unit.output),
-            float((value.g * unit.path).max(initial=0.0)), at.gap, residual,
+            float((value.g * unit.path).max(initial=0.0)) if value.g.size else 0.0,
+            at.gap, residual,
             terminal, path, bounds, 0.0 if step is None else step.shift,
         )  # fmt: skip
 

@@ -48,7 +48,8 @@ class CMPSP:
         self.space = self._driver.space
         # To make memory takes longer than a few iterations.
         finalize(self, idle.append, self._driver)
-        self._loaded: Linearisation | None = None
+        # Derivatives that are in the records already.
+        self.loaded: Linearisation | None = None
         self._functions = Functions(self._predict, self._evaluate, self._linearise)
         self._last: Iterate | None = None
         ws = self._driver.ws
@@ -74,16 +75,16 @@ class CMPSP:
         evaluation = self._problem.evaluate(X, U)
         return Iterate(0, U, X, evaluation, _size(U, evaluation))
 
-    def subproblem(self, at: Iterate) -> Subproblem:
-        """The quadratic program (45) (54) (57) at an iterate."""
+    def subproblem(self, at: Iterate, hessian: Hessian | None = None) -> Subproblem:
+        """The quadratic program (45) (54) (57) at an iterate; gaps are not in it."""
         problem = self._problem
-        linearisation = problem.linearise(at.X, at.U, self._options.hessian)
+        linearisation = problem.linearise(at.X, at.U, hessian or self._options.hessian)
         lower, upper = problem.control_lower - at.U, problem.control_upper - at.U
         return Subproblem(linearisation, lower, upper, self._trust_radius)
 
     def residual(self, at: Iterate, subproblem: Subproblem) -> float:
         """KKT residual of an iterate with its latest multipliers."""
-        self._loaded = lin = subproblem.linearisation
+        self.loaded = lin = subproblem.linearisation
         return residual_without_step(self.space, subproblem, *at.multipliers_on(lin))
 
     def step(self, at: Iterate, subproblem: Subproblem | None = None) -> Iterate:
@@ -98,7 +99,7 @@ class CMPSP:
         if at is not self._last:
             self._driver.forget()
         self._driver.go_on(self._functions, subproblem.linearisation)
-        self._loaded = None
+        self.loaded = None
         size, ws = self._problem.size, self._driver.ws
         U, X, evaluation = at.U, at.X, at.evaluation
         if ws.run['length'][0] > 0.0:
@@ -135,7 +136,7 @@ class CMPSP:
         return found.cost
 
     def _linearise(self, data: Linearisation, *_: object) -> None:
-        if self._loaded is not data:
+        if self.loaded is not data:
             put_derivatives(self.space.derivatives, data)
 
     def terminate(self, at: Iterate) -> Status | None:

@@ -15,6 +15,7 @@ from cmpsp_ros.guidance.goals import Goal
 from cmpsp_ros.guidance.horizon import remaining
 from cmpsp_ros.guidance.mission.feasibility_precheck import infeasibility_warnings
 from cmpsp_ros.guidance.mission.return_to_goal import return_to_goal
+from cmpsp_ros.guidance.plan_ahead import PlanAhead
 from cmpsp_ros.guidance.planning.grid_path_memory import search_ahead
 from cmpsp_ros.guidance.planning.plan_selector import PlanSelector
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
@@ -67,6 +68,7 @@ class GuidanceLaw:
         self._validator = Validator(settings)
         self._selector = PlanSelector(settings, world, self._validator, timer)
         self._supervisor = Supervisor(settings, self._validator, self._selector)
+        self._ahead = PlanAhead(settings, self._selector)
         self._prepare_search()
 
     def _prepare_search(self) -> None:
@@ -92,6 +94,7 @@ class GuidanceLaw:
             self._validator = Validator(settings)
             self._supervisor = Supervisor(settings, self._validator, self._selector)
         self._selector.reconfigure(settings, self.world, self._validator)
+        self._ahead = PlanAhead(settings, self._selector)
         self._prepare_search()
 
     def is_due(self, stamp: int) -> bool:
@@ -104,6 +107,7 @@ class GuidanceLaw:
         if not self.is_due(observation.stamp):
             return None
         state, supervisor = self._state, self._supervisor
+        state.planned = None
         late = self._observe(observation)
         estimate = self._predict(observation, late)
         ramp = state.following.ramp
@@ -127,7 +131,8 @@ class GuidanceLaw:
     def _observe(self, observation: Observation) -> float:
         """Take in sightings and search results; delay of the last command [s]."""
         self._see(observation)
-        if observation.sighting is not None and self._state.clock.start is None:
+        is_first = observation.sighting is not None and self._state.clock.start is None
+        if is_first and not self._settings.moves_final_time:
             # Before time 0 there is time for it.
             self._search(observation)
             self._see(observation)
@@ -229,17 +234,12 @@ class GuidanceLaw:
             state.following.standby = None
             reason = supervisor.reason_to_stand(state, estimate)
             if not reason and context.plan is None:
-                reason = state.mission.search_moves(context)
+                reason = self._ahead.reason_to_prepare(state, observation, context)
+                reason = reason or state.mission.search_moves(context)
         if reason:
             stamp, pose, moving = observation.stamp, observation.pose, estimate.start.moving
             return supervisor.decisions.stop(state, stamp, pose, reason, moving=moving)
-        selected = self._selector.best(context)
-        goals, clock = state.mission.goals, state.clock
-        if self._settings.is_soonest and goals.goal is not None:
-            latest, choose = goals.latest(clock.now, estimate.start), state.mission.arrival.choose
-            context, selected = choose(self._selector, context, selected, latest)
-            goals.reach_at(context.horizon.edges.item(-1) + context.delay)
-            clock.due = remaining(clock.now, goals.period, goals.final).edges.item(1)
+        context, selected = self._ahead.select(state, context)
         return supervisor.choose(state, observation, estimate, context, selected)
 
     def _pending(self, estimate: Estimate) -> Validation | None:
@@ -266,7 +266,8 @@ class GuidanceLaw:
     def after_step(self, late: float = 0.0) -> Decision:
         """Run the slow tasks of a step, once the command is out.
 
-        Adds feasibility warnings, and searches grids for the paths to the next goals.
+        Searches grids for the paths to the next goals, adds feasibility warnings, and plans for
+        the next step.
 
         Args:
             late: Duration of the step if its command came too late to be sent [s]: it is withdrawn,
@@ -282,12 +283,15 @@ class GuidanceLaw:
             self._state.take_back(late)
             why = f'It took {late:.3g} s and was not sent, for it came too late.'
             decision = decision._replace(reason=f'{why} {decision.reason}', late=late)
+            self._state.planned = None
+        self._search(observation)
         if decision.step == 0 and not decision.finished:
+            self._see(observation)
             place = float(observation.pose[0]), float(observation.pose[1])
             found = tuple(infeasibility_warnings(self.task, self.world, place))
             self._state.mission.warnings = found
             decision = decision._replace(reason=' '.join([decision.reason, *found]))
-        self._search(observation)
+        self._ahead.go_on(self._state)
         return decision
 
     def _search(self, observation: Observation) -> None:

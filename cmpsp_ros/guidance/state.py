@@ -13,6 +13,7 @@ from cmpsp_ros.guidance.mission.closed_road import ClosedRoad
 from cmpsp_ros.guidance.mission.goal_manager import GoalManager
 from cmpsp_ros.guidance.mission.progress_watch import ProgressWatch
 from cmpsp_ros.guidance.planning.arrival_time import ArrivalTime
+from cmpsp_ros.guidance.planning.candidate import Candidate
 from cmpsp_ros.guidance.planning.manoeuvre_search import ManoeuvreSearch, needs_manoeuvres
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 from cmpsp_ros.guidance.prediction.estimator import Estimator, Observation
@@ -209,6 +210,8 @@ class LawState:
         following: The plan that is followed, and the commands.
         lateness: Control steps that took too long.
         last: The last observation and the decision on it; None before.
+        planned: The control step to go on planning for after the command, and its plan; None for
+            the first one.
     """
 
     run: int
@@ -221,6 +224,7 @@ class LawState:
     clock: Clock = field(default_factory=Clock)
     lateness: Lateness = field(default_factory=Lateness)
     last: tuple[Observation, Decision] | None = None
+    planned: tuple[PlanningContext, Candidate | None] | None = None
 
     @classmethod
     def begin(cls, settings: LawSettings, world: World, run: int, revision: int) -> LawState:

@@ -51,23 +51,23 @@ class ArrivalTime:
         stride: By how much the next trial is earlier, as a fraction of the time left.
         sets_out: Whether no plan to the goal was made yet.
         slack: Slack that plans need however much time they have: a gap is too narrow [m].
+        trials: Trials after the command.
     """
 
     settings: LawSettings
     stride: float = _LONGEST
     sets_out: bool = True
     slack: float = 0.0
+    trials: int = _TRIALS
 
-    def choose(
-        self, selector: PlanSelector, context: PlanningContext, selected: Candidate, latest: int
+    def set_out(
+        self, selector: PlanSelector, context: PlanningContext, selected: Candidate
     ) -> tuple[PlanningContext, Candidate]:
-        """The plan to follow instead of the selected one, and its control step.
-
-        `latest` [ns] is the latest final time that is tried.
-        """
-        sets_out, self.sets_out = self.sets_out, False
-        if sets_out:
-            self.stride, self.slack, tried = _LONGEST, 0.0, [(context, selected)]
+        """The plan to follow instead of the first one to a goal, and its control step."""
+        if self.sets_out:
+            self.sets_out = False
+            self.stride, self.slack, self.trials = _LONGEST, 0.0, _INITIAL_TRIALS
+            tried = [(context, selected)]
             for _ in range(_INITIAL_DELAYS):
                 if self._is_good(selected):
                     break
@@ -83,15 +83,23 @@ class ArrivalTime:
                 context, selected = min(followed, key=lambda each: each[1].terminal_error)
         if selected.feasible:
             self.slack = 0.0
-        if self._is_good(selected):
-            return self._earlier(
-                selector, context, selected, _INITIAL_TRIALS if sets_out else _TRIALS
-            )
-        return self._later(selector, context, selected, latest)
+        return context, selected
+
+    def another(
+        self, selector: PlanSelector, context: PlanningContext, selected: Candidate, latest: int
+    ) -> tuple[PlanningContext, Candidate]:
+        """A plan that ends earlier, or later if the selected one has a flaw, and its control step.
+
+        Where none is found they are those given. `latest` [ns] is the latest final time tried.
+        """
+        if not self._is_good(selected):
+            return self._later(selector, context, selected, latest)
+        return self._earlier(selector, context, selected)
 
     def _earlier(
-        self, selector: PlanSelector, context: PlanningContext, selected: Candidate, trials: int
+        self, selector: PlanSelector, context: PlanningContext, selected: Candidate
     ) -> tuple[PlanningContext, Candidate]:
+        trials, self.trials = self.trials, _TRIALS
         period = to_nanoseconds(self.settings.control_period)
 
         def accepts(found: Candidate) -> bool:

@@ -1,0 +1,91 @@
+"""Plans for the next control step: what takes longer than a command may wait."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from cmpsp_ros.guidance.horizon import remaining
+from cmpsp_ros.guidance.planning.candidate import Candidate
+from cmpsp_ros.guidance.planning.plan_selector import PlanSelector
+from cmpsp_ros.guidance.planning.planning_context import PlanningContext
+from cmpsp_ros.guidance.prediction.estimator import Observation
+from cmpsp_ros.guidance.settings import LawSettings
+from cmpsp_ros.guidance.state import LawState
+from cmpsp_ros.guidance.times import to_nanoseconds
+
+
+class PlanAhead:
+    """Selects the plan of a control step, and goes on planning after its command.
+
+    Then other plans are compared, where a scanner leaves the step less time, and other final times
+    are tried. With a scanner and a final time that may move, the first plan is made then, too.
+    """
+
+    def __init__(self, settings: LawSettings, selector: PlanSelector) -> None:
+        """Take what improves and compares plans."""
+        self._settings, self._selector = settings, selector
+        self._period = to_nanoseconds(settings.control_period)
+
+    def select(
+        self, state: LawState, context: PlanningContext
+    ) -> tuple[PlanningContext, Candidate]:
+        """The plan to follow, and its control step, which may have another final time."""
+        selected = self._selector.best(context)
+        if self._ends_soonest(state):
+            set_out = state.mission.arrival.set_out
+            context, selected = set_out(self._selector, context, selected)
+            if not selected.admissible:
+                context, selected = self._at_another_time(state, context, selected)
+            self._reach_with(state, context)
+        state.planned = context, selected
+        return context, selected
+
+    def reason_to_prepare(
+        self, state: LawState, observation: Observation, context: PlanningContext
+    ) -> str:
+        """Why to stand while the first plan is made, in a sentence; '' to make it at once."""
+        moves, goals = self._settings.moves_final_time, state.mission.goals
+        if state.clock.step or observation.sighting is None or not moves:
+            return ''
+        horizon = remaining(state.clock.due, self._period, goals.final - context.delay)
+        state.planned = replace(context, horizon=horizon), None
+        return 'The robot stands for one control period, while the first plan is made.'
+
+    def go_on(self, state: LawState) -> None:
+        """Plan for the next control step, once the command is out."""
+        planned, state.planned = state.planned, None
+        if planned is None:
+            return
+        context, followed = planned
+        if followed is None:
+            self._make_first(state, context)
+            return
+        selected = self._selector.compare() or followed
+        if self._ends_soonest(state):
+            changed, found = self._at_another_time(state, context, selected)
+            if changed is not context:
+                self._selector.go_on_with(followed.plan, found.plan)
+                self._reach_with(state, changed)
+
+    def _make_first(self, state: LawState, context: PlanningContext) -> None:
+        context = replace(context, start=context.start._replace(world=state.world))
+        if not state.mission.search_moves(context):
+            _, selected = self.select(state, context)
+            state.following.wait(selected.plan)
+            self.go_on(state)
+
+    def _ends_soonest(self, state: LawState) -> bool:
+        return self._settings.is_soonest and state.mission.goals.goal is not None
+
+    def _at_another_time(
+        self, state: LawState, context: PlanningContext, selected: Candidate
+    ) -> tuple[PlanningContext, Candidate]:
+        """A plan that ends earlier, or later where the selected one has a flaw."""
+        latest = state.mission.goals.latest(state.clock.now, context.start)
+        return state.mission.arrival.another(self._selector, context, selected, latest)
+
+    def _reach_with(self, state: LawState, context: PlanningContext) -> None:
+        """Reach the goal at the end of a horizon."""
+        goals, clock = state.mission.goals, state.clock
+        goals.reach_at(context.horizon.edges.item(-1) + context.delay)
+        clock.due = remaining(clock.now, goals.period, goals.final).edges.item(1)

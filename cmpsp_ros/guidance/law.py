@@ -239,7 +239,10 @@ class GuidanceLaw:
         if reason:
             stamp, pose, moving = observation.stamp, observation.pose, estimate.start.moving
             return supervisor.decisions.stop(state, stamp, pose, reason, moving=moving)
-        context, selected = self._ahead.select(state, context)
+        selected = self._selector.best(context)
+        if self._settings.is_soonest:
+            context, selected = self._ahead.at_soonest(state, context, selected)
+        state.planned = context, selected
         return supervisor.choose(state, observation, estimate, context, selected)
 
     def _pending(self, estimate: Estimate) -> Validation | None:

@@ -15,10 +15,10 @@ from cmpsp_ros.guidance.times import to_nanoseconds
 
 
 class PlanAhead:
-    """Selects the plan of a control step, and goes on planning after its command.
+    """Goes on planning after the command of a control step, where a scanner leaves it less time.
 
-    Then other plans are compared, where a scanner leaves the step less time, and other final times
-    are tried. With a scanner and a final time that may move, the first plan is made then, too.
+    Other plans are compared, and other final times tried, for the next step. If the final time may
+    move, the first plan is made then, too.
     """
 
     def __init__(self, settings: LawSettings, selector: PlanSelector) -> None:
@@ -26,18 +26,16 @@ class PlanAhead:
         self._settings, self._selector = settings, selector
         self._period = to_nanoseconds(settings.control_period)
 
-    def select(
-        self, state: LawState, context: PlanningContext
+    def at_soonest(
+        self, state: LawState, context: PlanningContext, selected: Candidate
     ) -> tuple[PlanningContext, Candidate]:
-        """The plan to follow, and its control step, which may have another final time."""
-        selected = self._selector.best(context)
-        if self._ends_soonest(state):
-            set_out = state.mission.arrival.set_out
-            context, selected = set_out(self._selector, context, selected)
-            if not selected.admissible:
-                context, selected = self._at_another_time(state, context, selected)
-            self._reach_with(state, context)
-        state.planned = context, selected
+        """The plan to follow instead of the selected one, and its control step."""
+        if not self._ends_soonest(state):
+            return context, selected
+        context, selected = state.mission.arrival.set_out(self._selector, context, selected)
+        if state.world.seen is None or not selected.admissible:
+            context, selected = self._at_another_time(state, context, selected)
+        self._reach_with(state, context)
         return context, selected
 
     def reason_to_prepare(
@@ -61,7 +59,7 @@ class PlanAhead:
             self._make_first(state, context)
             return
         selected = self._selector.compare() or followed
-        if self._ends_soonest(state):
+        if self._ends_soonest(state) and state.world.seen is not None:
             changed, found = self._at_another_time(state, context, selected)
             if changed is not context:
                 self._selector.go_on_with(followed.plan, found.plan)
@@ -70,7 +68,8 @@ class PlanAhead:
     def _make_first(self, state: LawState, context: PlanningContext) -> None:
         context = replace(context, start=context.start._replace(world=state.world))
         if not state.mission.search_moves(context):
-            _, selected = self.select(state, context)
+            selected = self._selector.best(context)
+            state.planned = context, selected = self.at_soonest(state, context, selected)
             state.following.wait(selected.plan)
             self.go_on(state)
 

@@ -1,9 +1,10 @@
 """The final time of goals that are to be passed as early as possible: a search, step by step.
 
-Within a plan the final time is fixed. At each control step a plan that ends a stride earlier is
-tried, made from the present one driven faster: if it meets every constraint it is followed, and the
-next stride is longer; otherwise the next one is shorter. A plan that has a flaw is tried with more
-time. So the plan that is followed ends at the earliest time found, and a trial changes no command.
+Within a plan the final time is fixed. At each control step, with a scanner after its command, a
+plan that ends a stride earlier is tried, made from the present one driven faster: if it meets every
+constraint it is followed, and the next stride is longer; otherwise the next one is shorter. A plan
+that has a flaw is tried with more time. So the plan that is followed ends at the earliest time
+found, and a trial changes no command.
 """
 
 from __future__ import annotations

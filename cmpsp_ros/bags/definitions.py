@@ -14,9 +14,8 @@ from rosbags.typesys.store import Typestore
 from cmpsp_ros.bags.storage.limits import MAX_SEQUENCE
 
 _MAX_TEXT = 1 << 15
+# Elements of all arrays of messages and strings: rosbags writes a line of code for each.
 _MAX_ELEMENTS = 10_000
-"""Elements of all arrays of messages and strings: rosbags writes a line of code for each."""
-
 _TYPE_NAME = re.compile(r'[A-Za-z][A-Za-z0-9_]*/(msg|srv|action)/[A-Za-z][A-Za-z0-9_]*')
 
 
@@ -29,13 +28,9 @@ def jazzy() -> Typestore:
 
 
 def types_of(connection: Connection) -> Typestore:
-    """The deserialiser for the messages of a topic.
+    """Deserialiser for the messages of a topic; a definition that is known here is not parsed.
 
-    A definition in the bag is parsed only if it differs from the one known here.
-
-    Raises:
-        ReaderError: There is no definition, or an unsupported one.
-        Exception: Any error of rosbags' parser on a damaged definition.
+    Raises ReaderError without a usable definition, or any error of rosbags' parser.
     """
     if _is_known(connection):
         return jazzy()

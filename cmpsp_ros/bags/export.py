@@ -21,8 +21,7 @@ Kind = Literal['int', 'float', 'bool', 'text']
 Cell = int | float | bool | str | None
 Row = tuple[Cell, ...]
 
-_BATCH = 10_000
-"""Rows held at a time."""
+_BATCH = 10_000  # rows held at a time
 
 
 @dataclass(frozen=True)
@@ -51,7 +50,6 @@ Columns = tuple[Column, ...] | Callable[[Bag, list[str]], tuple[Column, ...]]
 
 
 def _floats(names: str) -> tuple[Column, ...]:
-    """Columns of floats from `name unit`, separated by commas."""
     return tuple(Column(name, 'float', unit) for name, unit in map(str.split, names.split(',')))
 
 
@@ -71,20 +69,11 @@ _KINDS: dict[object, Kind] = {int: 'int', float: 'float', truth: 'bool', str: 't
 
 
 def export(bag_path: Path, folder: Path, form: Format = 'csv') -> dict[Path, int]:
-    """Write the tables of a bag.
+    """Write the tables of a bag; returns the number of rows of each file.
 
-    A CSV file names its columns with their units, as in `x [m]`, and writes floats so that they
-    read back bit for bit. A Parquet file keeps the unit of a column in its field's metadata, under
-    `unit`. Missing values are empty.
-
-    Missing parents of the new folder are made.
-
-    Returns:
-        Number of rows of each file.
-
-    Raises:
-        BagError: Not a bag, nothing in it makes a table, the folder exists, pyarrow is not
-            installed, or the disk refuses.
+    CSV names columns with their units, as in `x [m]`, and floats read back bit for bit; Parquet
+    keeps the unit in the field's metadata. Raises BagError if nothing makes a table, the folder
+    exists, or pyarrow is missing.
     """
     write = _write_csv if form == 'csv' else _parquet_writer()
     with Bag(bag_path) as bag:
@@ -106,8 +95,8 @@ def export(bag_path: Path, folder: Path, form: Format = 'csv') -> dict[Path, int
 def tables(bag: Bag) -> list[Table]:
     """The tables of a bag: those for which it has topics.
 
-    Odometry and commands are found by their types; wheel speeds, decisions and plans by their
-    names, too, so that joints and paths of other nodes are not taken for ours.
+    Wheel speeds, decisions and plans are found by their names, too: not all joints and paths
+    are ours.
     """
     found = []
     for name, types, ending, columns, rows in _TABLES:

@@ -93,10 +93,7 @@ class Bag:
         return own if own in self.topics and self.topics[own].count else heard
 
     def raw(self, topic: str) -> Iterator[tuple[int, bytes]]:
-        """Iterate over a topic's stamps [ns] and serialised messages (CDR), in order of time.
-
-        Messages of one stamp come in the order of writing.
-        """
+        """Iterate over a topic's stamps [ns] and serialised messages (CDR), in order of time."""
         for _, stamp, raw in self.raw_together([topic]):
             yield stamp, raw
 
@@ -180,7 +177,6 @@ class Bag:
         self._read_parameters()
 
     def _read_parameters(self) -> None:
-        """Read `~/parameters` of the nodes whose parameters were not kept apart."""
         kept = self.parameters.keys()
         for topic, about in self.topics.items():
             is_one = about.msgtype == _PARAMETER_EVENT and topic.endswith('/parameters')

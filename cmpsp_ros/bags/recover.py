@@ -35,14 +35,10 @@ class Recovery:
 
 
 def recover(path: Path, output: Path | None = None) -> Recovery:
-    """Write a valid bag from the readable parts of another, which is not changed.
+    """Write a valid bag from the readable parts of a folder or file, which is not changed.
 
-    Args:
-        path: Folder of the bag, with or without its metadata, or one storage file.
-        output: Folder of the new bag; when absent, beside the other, its name with `_recovered`.
-
-    Raises:
-        BagError: Not a bag, being written, nothing in it can be read, or the disk refuses.
+    Its folder is by default beside the other, its name with `_recovered`. Raises BagError if
+    nothing can be read.
     """
     files = _storage_files(path)
     beside = path.resolve()

@@ -37,8 +37,7 @@ Storage = McapStorage | SqliteStorage
 
 _METADATA_VERSION = 9
 
-_TOPIC_METADATA_SIZE = 1536
-"""Size of a topic in the metadata, with a few publishers [bytes]."""
+_TOPIC_METADATA_SIZE = 1536  # size of a topic in the metadata, with a few publishers [bytes]
 
 
 class _File(NamedTuple):
@@ -63,13 +62,9 @@ class _File(NamedTuple):
 class BagWriter:
     """A new bag: metadata version 9, as rosbag2 of ROS 2 Jazzy writes it, and its definitions.
 
-    As a context manager it always closes the bag, also after `KeyboardInterrupt`. Not thread-safe.
-    Every method raises a `BagError` when the bag is closed or the disk refuses; what was written
-    before stays valid.
-
-    Args:
-        path: Folder of the bag; must not exist, missing parents are made.
-        form: Format, compression, and when to begin a new file.
+    As a context manager it always closes the bag, also after `KeyboardInterrupt`. Not thread-
+    safe. Every method raises a `BagError` when the bag is closed or the disk refuses; what was
+    written before stays valid. The folder must not exist; missing parents are made.
     """
 
     def __init__(self, path: Path, form: Form | None = None) -> None:
@@ -111,9 +106,7 @@ class BagWriter:
     ) -> None:
         """Add a topic by its full name; its type is defined as in ROS 2 Jazzy if not otherwise.
 
-        Raises:
-            UnknownTypeError: No definition of the type is known; the bag goes on without it.
-            BagError: The topic has been added already, too.
+        Raises UnknownTypeError without a definition: the bag goes on without the topic.
         """
         with self._writing():
             if name in self._topics:
@@ -131,10 +124,7 @@ class BagWriter:
             self._topics[name] = topic
 
     def write(self, topic: str, stamp_ns: int, raw: bytes) -> None:
-        """Write one serialised message (CDR), received at a time [ns], to a topic added before.
-
-        It is in a new file when the last has its size or its duration.
-        """
+        """Write a serialised message (CDR) received at a time [ns], in a new file if one is due."""
         with self._writing():
             connection = self._topics.get(topic)
             if connection is None:
@@ -146,10 +136,7 @@ class BagWriter:
             self._storage.write(connection, stamp_ns, raw)
 
     def flush(self) -> None:
-        """Make everything written so far survive the end of the process, and a loss of power.
-
-        Flushed messages can be recovered from a bag that was never closed.
-        """
+        """Make everything so far survive a loss of power: `recover` finds it in an unclosed bag."""
         with self._writing():
             if self._custom != self._kept:
                 write_atomically(self.path / UNFINISHED, json.dumps(self._custom))
@@ -159,13 +146,7 @@ class BagWriter:
             os.fsync(self._lock)
 
     def set_parameters(self, node_name: str, values: Mapping[str, object]) -> None:
-        """Keep the parameters of a node of which the bag has no `~/parameters`.
-
-        Args:
-            node_name: Full name, as in `/guidance`.
-            values: Plain values and sequences of them by name, else a `BagError`; floats read back
-                bit for bit.
-        """
+        """Keep plain parameters of a node, by its full name; floats read back bit for bit."""
         kept = {}
         for name, value in values.items():
             try:
@@ -183,11 +164,8 @@ class BagWriter:
     def close(self) -> None:
         """Write index and metadata; closing twice is closing once.
 
-        After the disk has refused a write, the end of the recording is given up, so that the
-        rest makes a complete bag in the space there is.
-
-        Raises:
-            BagError: The disk refuses: the bag is cut off, or its last messages are missing.
+        After the disk has refused a write, the end of the recording is given up, so that
+        the rest makes a complete bag; then it raises BagError.
         """
         if self._closed:
             return

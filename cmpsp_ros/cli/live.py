@@ -223,7 +223,6 @@ def identify(
 
 
 def _make(folder: Path, *, drive: bool, force: bool) -> None:
-    """Make a folder."""
     names = ('robot.yaml', 'identify.png', *(('bag',) if drive else ()))
     there = [folder / name for name in names if (folder / name).exists()]
     if there and not force:

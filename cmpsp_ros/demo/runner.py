@@ -27,12 +27,9 @@ if TYPE_CHECKING:
     from cmpsp_ros.demo.summary import Summary
     from cmpsp_ros.nodes import GuidanceStatus, LifecycleClient
 
-START_TIMEOUT: Final = 30.0
-"""Time in which a node of one robot changes its state [s]."""
-
+START_TIMEOUT: Final = 30.0  # time in which a node of one robot changes its state [s]
 _STALL_TIMEOUT: Final = 15.0
-_PATIENCE: Final = 2.0
-"""Time after which it is said what a run waits for [s]."""
+_PATIENCE: Final = 2.0  # time after which it is said what a run waits for [s]
 
 
 def guide(
@@ -42,14 +39,9 @@ def guide(
     notice: Callable[[Scenario, GuidanceStatus], None],
     apart: float = 0.0,
 ) -> None:
-    """Activate the robots, and follow them up to the decisions after their final times.
+    """Activate the robots, `apart` seconds from each other, and follow them to their ends.
 
-    Args:
-        observer: From `started`.
-        children: From `started`, too.
-        robots: Robots of the run.
-        notice: Called with each decision.
-        apart: Time between the starts of two robots [s].
+    Observer and children are those of `started`; `notice` is called with each decision.
     """
     named = {each.namespace: each for each in robots}
     heard: dict[str, float] = {}
@@ -112,11 +104,9 @@ _DELIVERY_TIMEOUT, _ASK_AGAIN = 15.0, 0.1
 
 _RECORDER = 'recorder'
 
-_RESULTS = 'cmpsp_ros.demo.results'
-"""Module that is imported while the nodes get ready."""
-
+_RESULTS = 'cmpsp_ros.demo.results'  # module that is imported while the nodes get ready
+# Topics that a simulator publishes again and again.
 _PUBLISHED = ('/odom', '/sim/truth', '/sim/wheel_speeds')
-"""Topics that a simulator publishes again and again."""
 
 
 def run(
@@ -125,16 +115,11 @@ def run(
     progress: Callable[[float], None],
     view_port: int | None = None,
 ) -> tuple[Summary, ...]:
-    """Make one run of a robot, or of several at once, and keep all its results.
+    """Make one run of a robot, or of several with namespaces, and keep its results in a folder.
 
-    Args:
-        robots: Their scenarios; several robots have a namespace each.
-        folder: Existing folder for bag, pictures, figures and logs.
-        progress: Called with the time of the run so far [s].
-        view_port: Port of a page that shows the first robot live; None: no page.
-
-    Returns:
-        Figures of each, as in `summary.json`; a `BagError` if the recording does not cover the run.
+    Progress is called with the time of the run so far [s]; a page on `view_port` shows the
+    first robot. Returns the figures of each; raises BagError if the recording does not cover
+    the run.
     """
     path = folder / 'parameters.yaml'
     if len(robots) > 1:
@@ -183,11 +168,8 @@ def started(
 ) -> Iterator[tuple[LifecycleClient, Sequence[Child]]]:
     """Start and configure the nodes of one robot or several; all are stopped at the end.
 
-    Args:
-        robots: Their scenarios; several robots have a namespace each.
-        folder: Existing folder with the file `parameters.yaml`, for bag and logs.
-        view_port: Port of a page that shows the first robot live; None: no page.
-        record: True if there is a bag.
+    The folder has `parameters.yaml`, and gets bag and logs; a page on `view_port` shows the
+    first robot.
     """
     children: list[Child] = []
     try:
@@ -263,8 +245,8 @@ def _wait_for_the_end(
 ) -> None:
     """Wait until every decision received is in the bag, with its command and inputs.
 
-    On a busy machine the middleware resends lost messages only after seconds. The simulator
-    continues: once a message that it publishes from now on is in the bag, all earlier ones are.
+    The simulator continues: once a message that it publishes from now on is in the bag, all
+    earlier ones are.
     """
     now = time.time_ns()
     decided = {

@@ -38,43 +38,29 @@ _SPEED_TOLERANCE = 0.02
 
 @dataclass(frozen=True)
 class Summary:
-    """Figures of a run between its first decision and its final time.
+    """Figures of a run between its first decision and its final time."""
 
-    Attributes:
-        preset: Name of the preset or parameter file.
-        reached: True if every goal was passed within its tolerances at its time; for a followed
-            road, if the mean speed was reached.
-        miss: Distance from the goal at the final time [m]; None for a followed road.
-        clearance: Minimum clearance of the driven path, also between samples, from road edges and
-            obstacles, and while the robot moves from moving obstacles, less the robot's radius [m].
-        max_wheel_speed: Maximum wheel speed driven [rad/s].
-        step_times: Median, 99th percentile and maximum from odometry to command [ms]; None if not
-            measured.
-        deadline_misses: Control steps whose command was sent too late, or not at all.
-        levels: Control steps at each fallback level.
-        control_steps: Number of control steps.
-        passings: Passing of each goal, in order, if there are several.
-        speed: Mean speed along a followed road [m/s].
-        reason: Why the run was given up, or else the reason of the first step at the worst fallback
-            level; '' if all were nominal.
-        not_judged: Missing recordings, in words; '' if none.
-        apart: Least distance from any other robot of the run [m].
-    """
-
-    preset: str
+    preset: str  # name of the preset or parameter file
+    # True if every goal was passed within its tolerances at its time; for a followed road, if the
+    # mean speed was reached.
     reached: bool
-    miss: float | None
+    miss: float | None  # distance from the goal at the final time [m]; None for a followed road
+    # Minimum clearance of the driven path, also between samples, from road edges and obstacles, and
+    # while the robot moves from moving obstacles, less the robot's radius [m].
     clearance: float
-    max_wheel_speed: float
+    max_wheel_speed: float  # maximum wheel speed driven [rad/s]
+    # Median, 99th percentile and maximum from odometry to command [ms]; None if not measured.
     step_times: dict[str, float | None]
-    deadline_misses: int
-    levels: dict[str, int]
-    control_steps: int
-    passings: tuple[Passing, ...] = ()
-    speed: float | None = None
+    deadline_misses: int  # control steps whose command was sent too late, or not at all
+    levels: dict[str, int]  # control steps at each fallback level
+    control_steps: int  # number of control steps
+    passings: tuple[Passing, ...] = ()  # passing of each goal, in order, if there are several
+    speed: float | None = None  # mean speed along a followed road [m/s]
+    # Why the run was given up, or else the reason of the first step at the worst fallback level; ''
+    # if all were nominal.
     reason: str = ''
-    not_judged: str = ''
-    apart: float = math.inf
+    not_judged: str = ''  # missing recordings, in words; '' if none
+    apart: float = math.inf  # least distance from any other robot of the run [m]
 
     @property
     def has_failed(self) -> bool:

@@ -210,7 +210,7 @@ def is_at_rest(values: Mapping[str, str], robot: Robot) -> bool:
 def response_ms(step_ms: float, odometry_to_command_ms: float, command_delay: float) -> float:
     """Response time of a control step [ms]: beyond the control period its deadline is missed.
 
-    Computing time, or time from odometry to command beyond `command_delay` [s], if that is longer.
+    Computing time, or time from odometry to command beyond `command_delay` [s], if longer.
     """
     return max(step_ms, odometry_to_command_ms - 1e3 * command_delay)
 
@@ -218,8 +218,7 @@ def response_ms(step_ms: float, odometry_to_command_ms: float, command_delay: fl
 def severity(decision: Decision) -> int:
     """0 where all is well, 1 for a warning, 2 for an error, as in diagnostics.
 
-    Having arrived is no error, nor is a goal that was cancelled, and having missed the goal a
-    warning: the robot stands safely.
+    An arrival or a cancelled goal is no error; a missed goal is a warning: the robot stands safely.
     """
     if decision.finished or decision.cancelled:
         return int(decision.missed)

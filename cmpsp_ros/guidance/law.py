@@ -29,39 +29,26 @@ from cmpsp_ros.world.roads import arc_length_to
 
 
 class Task(NamedTuple):
-    """The task of one control step.
+    """The task of one control step."""
 
-    Attributes:
-        is_new: Whether the goal is another one than before.
-        is_over: Whether the last goal's time has passed.
-        horizon: The horizon of plans; that of the last plan where it goes on.
-        goes_on: Whether a new command would come too late to change anything.
-        note: Why the final time was postponed, in a sentence; else empty.
-    """
-
-    is_new: bool
-    is_over: bool
-    horizon: Horizon
-    goes_on: bool
-    note: str
+    is_new: bool  # whether the goal is another one than before
+    is_over: bool  # whether the last goal's time has passed
+    horizon: Horizon  # the horizon of plans; that of the last plan where it goes on
+    goes_on: bool  # whether a new command would come too late to change anything
+    note: str  # why the final time was postponed, in a sentence; else empty
 
 
 class GuidanceLaw:
     """Observe, predict, plan, check, select a plan or fall back, record.
 
     It reads no clock and no file: the same observations give the same decisions, bit for bit.
-    Motion before the next command takes effect, after `command_delay`, is predicted from the
-    commands already issued. Each observation has a `step`, and where that has decided,
-    `after_step` once the command is out.
+    Each observation has a `step`, and where that has decided, `after_step` once the command is out.
     """
 
     def __init__(self, settings: LawSettings, world: World, timer: Callable[[], int] = int) -> None:
         """Start at rest, waiting for the first odometry.
 
-        Args:
-            settings: All numbers.
-            world: Road and static obstacles that are known.
-            timer: Monotonic time [ns], for the computing times in decisions; decides nothing.
+        `timer` gives monotonic time [ns], for the computing times in decisions; it decides nothing.
         """
         self._timer, self._settings = timer, settings
         self._state = LawState.begin(settings, world, run=0, revision=0)
@@ -267,10 +254,7 @@ class GuidanceLaw:
         return self._state.last[1]
 
     def after_step(self, late: float = 0.0) -> Decision:
-        """Run the slow tasks of a step, once the command is out.
-
-        Searches grids for the paths to the next goals, adds feasibility warnings, and plans for
-        the next step.
+        """Run the slow tasks of a step, once the command is out: searches, warnings, further plans.
 
         Args:
             late: Duration of the step if its command came too late to be sent [s]: it is withdrawn,

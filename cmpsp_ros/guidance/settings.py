@@ -126,12 +126,7 @@ class LawSettings(TaskSettings):
         return all(getattr(self, name) == getattr(other, name) for name in names)
 
     def towards(self, goal: Goal, begin: float = 0.0) -> Self:
-        """The same with one goal alone.
-
-        Args:
-            goal: The goal.
-            begin: When the way to it begins [s].
-        """
+        """The same with one goal alone, the way to which begins at a time [s]."""
         return replace(
             self,
             goal=goal.position,

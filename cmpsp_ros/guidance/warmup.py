@@ -56,11 +56,7 @@ _A_DISC = MovingDiscs(('disc',), np.zeros((1, 7)), np.zeros(1, np.int64))
 def prepare(settings: GuidanceSettings) -> None:
     """Decide in all the ways that the settings, or live changes of them, may ask for.
 
-    After it neither an emergency nor a parameter that is changed live makes a control step
-    wait for a compiler.
-
-    Raises:
-        ValueError: The settings cannot be worked with.
+    After it no control step waits for a compiler. ValueError for settings that do not work.
     """
     if settings.sight.sensors:
         _see_something(settings)
@@ -100,10 +96,7 @@ def warm_up(settings: GuidanceSettings) -> None:
 
 
 def run_kernels(settings: LawSettings) -> None:
-    """Run every kernel of robot and road except those of the planner.
-
-    Each of them is compiled once, for all kinds of road, and each kind has functions of its own.
-    """
+    """Run every kernel of robot and road except those of the planner."""
     for kind in kinds():
         kind.load()
     pose, durations = _A_ROAD.middle(), np.ones(1)

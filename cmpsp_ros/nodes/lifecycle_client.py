@@ -46,7 +46,6 @@ class LifecycleClient:
     """
 
     def __init__(self, domain_id: int, namespaces: Iterable[str] = ('',)) -> None:
-        """Join a domain, to listen to the robots of these namespaces."""
         self.robots = {each: GuidanceStatus() for each in namespaces}
         self.on_decision: Callable[[str, GuidanceStatus], None] = lambda _namespace, _seen: None
         self._context = Context()
@@ -72,7 +71,6 @@ class LifecycleClient:
         return next(iter(self.robots.values()))
 
     def __enter__(self) -> Self:
-        """Return it; it listens from construction on."""
         return self
 
     def __exit__(
@@ -96,10 +94,7 @@ class LifecycleClient:
         return True
 
     def recorded(self, timeout: float, check: Callable[[], None] = lambda: None) -> ByTopic:
-        """Messages that the recorder has written, by topic; TimeoutError without an answer [s].
-
-        `check` is called repeatedly, and may raise an error of its own.
-        """
+        """Messages that the recorder has written, by topic; TimeoutError without an answer [s]."""
         end = time.monotonic() + timeout
 
         def when(condition: Callable[[], bool]) -> bool:

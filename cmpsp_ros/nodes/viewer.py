@@ -31,12 +31,8 @@ from cmpsp_ros.world.grids import GridError
 
 HOST, PORT = '127.0.0.1', 8765
 
-_PORTS = 10
-"""Ports that are tried."""
-
-_TRAIL_STEP = 0.01
-"""Way after which a point is added to the path driven [m]."""
-
+_PORTS = 10  # ports that are tried
+_TRAIL_STEP = 0.01  # way after which a point is added to the path driven [m]
 _ASK_PERIOD = 0.5
 _ASKED = (
     'robot.radius',
@@ -45,6 +41,7 @@ _ASKED = (
     'robot.max_wheel_speed',
     'robot.max_steering_angle',
     'final_time',
+    'follow.speed',
 )
 
 
@@ -163,8 +160,7 @@ class Viewer(Node):
             self._state.show('robot', dict(named))
 
 
-SERIES: Final = ('path', 'steps')
-"""Series kept row by row: (x, y); and `step_of` each decision."""
+SERIES: Final = ('path', 'steps')  # series kept row by row: (x, y); and `step_of` each decision
 _SHOWN: Final = {**DECISION_KEYS, 'step_ms': Key(float)}
 _MOST_MARKERS: Final = 500
 _MOST_POINTS: Final = 2000
@@ -186,10 +182,7 @@ def place_of(message: Odometry) -> tuple[float, float, float] | None:
 
 
 def decision_of(message: DiagnosticArray) -> dict[str, Any]:
-    """A decision by key; missing or meaningless values are None.
-
-    The level of one after the final time is `arrived`, unless the goal was missed.
-    """
+    """A decision by key; missing values are None. After the final time its level is `arrived`."""
     # Of anybody's making: an array of none is a decision that lacks everything.
     status = next(iter(message.status), DiagnosticStatus())
     texts = {each.key: _short(each.value) for each in status.values}
@@ -254,10 +247,7 @@ def course_of(message: MarkerArray) -> list[dict[str, Any]]:
 
 
 def moving_of(message: MarkerArray) -> list[dict[str, Any]]:
-    """Moving obstacles among the markers of a plan: position, diameters and destination.
-
-    Of the diameters one is that of the obstacle, the other that of the disc that it may fill.
-    """
+    """Moving obstacles among markers: position, diameters of body and doubt, and destination."""
     there = [each for each in message.markers[:_MOST_MARKERS] if each.action == Marker.ADD]
     ways = {each.id: each.points[-1] for each in there if each.type == Marker.ARROW and each.points}
     doubts = {each.id: each.scale.x for each in there if each.ns == 'moving_doubts'}

@@ -86,11 +86,7 @@ def map_parameters(place: Group) -> Iterator[Parameter]:
 
 
 def obstacles_of(values: Values) -> tuple[Shape, ...]:
-    """The static obstacles, including the map.
-
-    Raises:
-        ParameterError: With all problems of all obstacles; names key and vertex.
-    """
+    """The static obstacles, including the map; ParameterError with all problems, by key."""
     problems = Problems()
     shapes = problems.attempt(lambda: shapes_of(values, 'obstacles'))
     has_map = values['map.cells'] != NO_MAP or values['map.topic']

@@ -145,10 +145,7 @@ def people_settings(values: Values) -> simulator.PeopleSettings:
 
 
 def check_simulation(values: Values) -> None:
-    """Refuse a simulation that cannot start or keep pace, by ParameterError.
-
-    Odometry or simulated time may be too slow or too fast to be kept, or lockstep cannot work.
-    """
+    """ParameterError for a simulation that cannot start, keep pace, or keep lockstep."""
     problems, of_road = Problems(), Problems()
     course = problems.attempt(lambda: Course.of(values, of_road))
     if course is not None:

@@ -189,11 +189,7 @@ def custom_model(name: str) -> type[CustomRobot]:
 
 
 def custom_robot(name: str, parameters: Mapping[str, Any]) -> CustomRobot:
-    """The robot of a custom class, once its parts are known to fit together.
-
-    Raises:
-        ModelError: They do not, or there is no such class.
-    """
+    """The robot of a custom class; ModelError if there is none, or its parts do not fit."""
     try:
         robot = custom_model(name).of(parameters)
         _check(name, robot)

@@ -64,7 +64,7 @@ class Footprint:
     def outline(self) -> tuple[Array, float]:
         """Points all around the polygon, ``(P, 2)``, and half the way between two of them [m].
 
-        A disc of that radius about each: the outline is in their union, which is hardly larger.
+        The outline is in the union of discs of that radius about them.
         """
         corners = np.array(self.corners)
         sides = np.roll(corners, -1, axis=0) - corners
@@ -133,11 +133,7 @@ def covered(corners: Sequence[Point], excess: float = 0.0) -> tuple[Footprint, f
         corners: Of a polygon that does not cross itself, in either sense of rotation [m].
         excess: Distance by which discs may reach beyond the polygon; 0 for one row [m].
 
-    Returns:
-        The footprint, and the radius of the discs [m].
-
-    Raises:
-        ValueError: So many discs as that would take are too many.
+    Returns footprint and radius of the discs [m]; ValueError where they are too many.
     """
     points = np.array(corners, dtype=float)
     after = np.roll(points, -1, axis=0)

@@ -177,8 +177,8 @@ class Omnidirectional(DerivedRobot):
     def _reach(self) -> tuple[float, float, float]:
         """Largest speed and turn rate, and arm of the limits, for rims with a speed of at most 1.
 
-        The twists are those inside a polyhedron; a speed is largest in one of its corners, and so
-        is its loss by a turn rate.
+        The twists are a polyhedron; a speed is largest in a corner, and so is its loss by a turn
+        rate.
         """
         rims, corners = np.array(self.rims), []
         signs = [np.array(each) for each in product((1.0, -1.0), repeat=3)]

@@ -203,10 +203,7 @@ class Robot(ABC):
         return np.zeros(self.n_controls)
 
     def slipping(self, slip: float) -> Self:
-        """The same robot with wheels that move it by a fraction ``1 - slip`` of their turning.
-
-        Its limits are those of the same wheel speeds.
-        """
+        """The same robot with wheels that move it by a fraction ``1 - slip`` of their turning."""
         if not slip:
             return self
         lateral = (1.0 - slip) ** 2 * self.max_lateral_acceleration

@@ -21,12 +21,7 @@ _FLAT: Final = 1e-3
 
 
 def grid_of(message: Any, frame_id: str, lethal: int = LETHAL) -> OccupancyGrid:
-    """Grid of a `nav_msgs/OccupancyGrid` of any origin and resolution.
-
-    Args:
-        message: The message.
-        frame_id: Frame in which it is wanted.
-        lethal: Value from which a cell is occupied; negative values are unknown.
+    """Grid of a `nav_msgs/OccupancyGrid` of any origin and resolution, occupied from `lethal` on.
 
     Raises:
         GridError: It is in another frame, its data do not fit its size, its resolution is not a

@@ -148,14 +148,8 @@ def _cloud(message: Any, sensor: Sensor) -> Sight:
 def points_of(message: Any, floats: Sequence[str], integers: Sequence[str], name: str) -> Any:
     """Points of a PointCloud2 of any layout, as a structured array of shape ``(K,)``.
 
-    Args:
-        message: The cloud.
-        floats: Names of fields wanted as floats of either length.
-        integers: Names of fields wanted as integers of any length.
-        name: Source of the cloud, for errors.
-
-    Raises:
-        ScanError: It lacks a field, or does not fit its own sizes.
+    Fields named in `floats` and `integers` have any length, `name` is the source of the cloud.
+    Raises ScanError if it lacks a field, or does not fit its own sizes.
     """
     width, height, step = int(message.width), int(message.height), int(message.point_step)
     order = '>' if message.is_bigendian else '<'

@@ -13,24 +13,17 @@ _FIRST_VELOCITY: Final = 1.0
 
 @dataclass
 class MotionFilter:
-    """Place and velocity of an object; both axes have the same covariance.
+    """Place and velocity of an object; both axes have the same covariance."""
 
-    Attributes:
-        stamp: Time of the state [ns].
-        x: Centre [m].
-        y: Centre [m].
-        agility: Power spectral density of accelerations, white noise [m^2/s^3].
-    """
-
-    stamp: int
-    x: float
-    y: float
+    stamp: int  # time of the state [ns]
+    x: float  # centre [m]
+    y: float  # centre [m]
     position_variance: float
     vx: float = 0.0
     vy: float = 0.0
     covariance: float = 0.0
     velocity_variance: float = _FIRST_VELOCITY**2
-    agility: float = 0.2
+    agility: float = 0.2  # power spectral density of accelerations, white noise [m^2/s^3]
 
     @property
     def stddevs(self) -> tuple[float, float]:

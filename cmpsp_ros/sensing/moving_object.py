@@ -22,37 +22,21 @@ _STILL_SPEED, _STILL_AFTER = 0.15, _NS
 
 @dataclass(kw_only=True)
 class MovingObject(MotionFilter):
-    """State of an object.
+    """State of an object."""
 
-    Attributes:
-        number: Unique in a run; cells that it has marked in the grid bear it.
-        radius: Radius of a disc that covers it [m].
-        begun: Time at which it was first seen [ns].
-        seen: Time at which it was last seen [ns].
-        origin: Place of its nearest point at first, ``(x, y)`` [m].
-        name: Number among those that have moved; 0 for none yet.
-        is_moving: Whether it counts as moving.
-        evidence: Scans that showed that it moves, less those that did not.
-        gone: Scans in a row that saw through the place where it should be.
-        still: Time in sight for which it has stood still [ns].
-        unproved: Time in sight since a scan last showed that it moves [ns].
-        sightings: Number of scans that have shown it.
-        is_lost: Whether it may be anywhere, and is remembered only for its name.
-    """
-
-    number: int
-    radius: float
-    begun: int
-    seen: int
-    origin: tuple[float, float]
-    name: int = 0
-    is_moving: bool = False
-    evidence: int = 0
-    gone: int = 0
-    still: int = 0
-    unproved: int = 0
-    sightings: int = 1
-    is_lost: bool = False
+    number: int  # unique in a run; cells that it has marked in the grid bear it
+    radius: float  # radius of a disc that covers it [m]
+    begun: int  # time at which it was first seen [ns]
+    seen: int  # time at which it was last seen [ns]
+    origin: tuple[float, float]  # place of its nearest point at first, ``(x, y)`` [m]
+    name: int = 0  # number among those that have moved; 0 for none yet
+    is_moving: bool = False  # whether it counts as moving
+    evidence: int = 0  # scans that showed that it moves, less those that did not
+    gone: int = 0  # scans in a row that saw through the place where it should be
+    still: int = 0  # time in sight for which it has stood still [ns]
+    unproved: int = 0  # time in sight since a scan last showed that it moves [ns]
+    sightings: int = 1  # number of scans that have shown it
+    is_lost: bool = False  # whether it may be anywhere, and is remembered only for its name
 
     def see(self, x: float, y: float, radius: float, variance: float) -> None:
         """Take in a centre [m] that was seen with a variance [m^2], and how large it looked."""

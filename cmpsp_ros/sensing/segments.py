@@ -37,30 +37,19 @@ _STATIC, _ENTERED = 1, 2
 
 
 class Segment(NamedTuple):
-    """Hits on one object, or on one part of it.
+    """Hits on one object, or on one part of it."""
 
-    Attributes:
-        members: Indices of its points, shape ``(P,)``.
-        right: Direction of its right edge, seen from the sensor [rad].
-        left: Direction of its left edge, not less [rad].
-        near: Distance of its nearest point [m].
-        front: That point [m].
-        is_cut: Whether what is left of it, and right of it, is hidden or out of view.
-        entered: Number of points in places that were just seen free.
-        static: Number of points where something has long stood.
-        radius: Radius of a disc that looks as wide from there [m].
-        legs: Distances of the middles of the legs that it shows [m]; none for a body.
-    """
-
-    members: IntArray
-    right: float
-    left: float
-    near: float
-    front: tuple[float, float]
+    members: IntArray  # indices of its points, shape ``(P,)``
+    right: float  # direction of its right edge, seen from the sensor [rad]
+    left: float  # direction of its left edge, not less [rad]
+    near: float  # distance of its nearest point [m]
+    front: tuple[float, float]  # that point [m]
+    # whether what is left of it, and right of it, is hidden or out of view
     is_cut: tuple[bool, bool]
-    entered: int
-    static: int
-    radius: float
+    entered: int  # number of points in places that were just seen free
+    static: int  # number of points where something has long stood
+    radius: float  # radius of a disc that looks as wide from there [m]
+    # distances of the middles of the legs that it shows [m]; none for a body
     legs: tuple[float, ...] = ()
 
     @property
@@ -111,10 +100,11 @@ def segments_of(
     order = np.argsort(angles, kind='stable')
     angles = angles[order]
     # Begin behind the largest gap: no object is cut in two where angles begin anew.
-    begin = int(np.argmax(np.diff(angles, append=angles[0] + math.tau))) + 1
-    order, angles = np.roll(order, -begin), np.roll(angles, -begin)
-    angles[len(angles) - begin :] += math.tau
-    polar, places = np.column_stack([ranges[order], angles]), points[order]
+    begin = int(np.argmax(np.append(angles[1:], angles[0] + math.tau) - angles)) + 1
+    order = np.concatenate([order[begin:], order[:begin]])
+    polar, places = np.empty((len(order), 2)), points[order]
+    polar[:, 0] = ranges[order]
+    polar[:, 1] = np.concatenate([angles[begin:], angles[:begin] + math.tau])
     bounds, parts, keys = (np.zeros(len(points) + 1, np.int64) for _ in range(3))
     count = split(bounds, polar, places, view[0])
     sorted_labels = labels[order]
@@ -141,8 +131,10 @@ def segments_of(
 def _is_on(movers: Array, segment: Segment) -> bool:
     """True if a segment that is cut on one side is on a mover, who may stand at an edge of view."""
     x, y = segment.front
+    if all(segment.is_cut):
+        return False
     away = np.hypot(movers[:, 0] - x, movers[:, 1] - y) - movers[:, 2]
-    return sum(segment.is_cut) < 2 and bool((away <= _BESIDE).any())
+    return bool((away <= _BESIDE).any())
 
 
 def _add_or_join(found: list[Segment], segment: Segment, origin: Array, movers: Array) -> None:

@@ -132,10 +132,10 @@ def discs_of(shapes: Iterable[Shape]) -> Array:
 
 @allocation_free
 def cast(ranges: Array, rays: Array, times: Array, edges: Array, discs: Array) -> None:
-    """Distance along each ray to the first edge or disc; infinite where there is none.
+    """Fill in the distance along each ray to the first edge or disc [m]; infinite for none.
 
     Args:
-        ranges: Where the distances go, shape ``(R,)`` [m].
+        ranges: The distances, shape ``(R,)``.
         rays: Origin and heading of each (x, y, heading), shape ``(R, 3)`` [m, m, rad].
         times: When each is cast, shape ``(R,)`` [s].
         edges: Both ends of each (x, y, x, y), shape ``(S, 4)`` [m].

@@ -90,10 +90,7 @@ class People:
             self._note(stamp_ns)
 
     def advance(self, stamp_ns: int, robot: Array, radius: float) -> None:
-        """Walk up to an instant [ns], with the velocities chosen now kept until the next.
-
-        The robot is in discs there with these centres ``(D, 2)`` and this radius [m].
-        """
+        """Walk up to an instant [ns], past a robot of discs ``(D, 2)`` and of a radius [m]."""
         if not self._begun or not len(self) or stamp_ns <= self._past[-1][0]:
             return
         duration = (stamp_ns - self._past[-1][0]) / _NS

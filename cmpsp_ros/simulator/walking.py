@@ -32,7 +32,7 @@ def choose_velocities(
     limit: float,
     duration: float,
 ) -> None:
-    """Velocities until the next step.
+    """Fill in velocities until the next step.
 
     Args:
         chosen: Where they go, shape ``(P, 2)`` [m/s].

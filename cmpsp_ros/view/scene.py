@@ -49,15 +49,10 @@ def bag_color(index: int) -> str:
 
 Lines = tuple[Array, ...]
 
-SIGMAS: Final = 2.0
-"""Standard deviations within which a moving obstacle is shown."""
-
-_WHOLE_MAP: Final = 20.0
-"""Side up to which a map is shown as a whole [m]."""
-
+SIGMAS: Final = 2.0  # standard deviations within which a moving obstacle is shown
+_WHOLE_MAP: Final = 20.0  # side up to which a map is shown as a whole [m]
+# Distance of a shape from the border of a picture that is made larger for it [m].
 _BESIDE: Final = 0.1
-"""Distance of a shape from the border of a picture that is made larger for it [m]."""
-
 _MOST_CELLS: Final = 20_000
 
 
@@ -186,10 +181,7 @@ def trail(settings: GuidanceSettings, poses: Array) -> Part:
 
 
 def frame(points: Sequence[Array], shapes: Iterable[Shape], room: float) -> tuple[Array, Array]:
-    """Lower left and upper right corner of a picture ``(2,)``, `room` around the points [m].
-
-    Obstacles but a map are in it as a whole, or not at all.
-    """
+    """Corners of a picture ``(2,)``, `room` around points [m]; obstacles are in it whole or not."""
     every = np.vstack(points)
     low, high = every.min(axis=0) - room, every.max(axis=0) + room
     lines = [line for each in shapes if each.corners for line in each.outlines(each.radius)]

@@ -47,7 +47,6 @@ class Access:
     """
 
     def __init__(self, host: str) -> None:
-        """Open the port on an address; 0 for any that is free."""
         is_loopback = _is_loopback(host)
         # A foreign site can give its own name this machine's address, and would then be the same
         # site. Elsewhere the token keeps it out.
@@ -122,11 +121,7 @@ class ViewServer:
     """Serves the shared state in its own thread."""
 
     def __init__(self, state: SharedState, host: str, port: int) -> None:
-        """Open the port on an address; 0 for any that is free.
-
-        Raises:
-            ViewError: It cannot be listened on, or the token of the environment is not fit.
-        """
+        """Open the port on an address, 0 for any that is free; raises ViewError."""
         self._access = Access(host)
         handler = type('_Handler', (_Handler,), {'state': state, 'access': self._access})
         try:
@@ -211,11 +206,7 @@ class _Handler(BaseHTTPRequestHandler):
 
 
 def _client_state(query: str) -> ClientState:
-    """State that a browser reports to have.
-
-    Raises:
-        ValueError: It says something else than whole numbers from -1 on.
-    """
+    """State that a browser reports to have; raises ValueError for other than whole numbers."""
     numbers = {key: int(values[-1]) for key, values in parse_qs(query).items()}
     if any(value < -1 for value in numbers.values()):
         raise ValueError(query)
@@ -227,8 +218,7 @@ def _asset(name: str) -> bytes:
     return (files('cmpsp_ros.view') / 'assets' / name).read_bytes()
 
 
-LONGEST: Final = 20_000
-"""Rows of a series; one that is full begins again."""
+LONGEST: Final = 20_000  # rows of a series; one that is full begins again
 
 
 @dataclass(frozen=True)
@@ -244,7 +234,6 @@ class SharedState:
     """The latest value of everything, and time series of the present run."""
 
     def __init__(self, series: Sequence[str]) -> None:
-        """Start empty."""
         self._lock = threading.Lock()
         self._latest: dict[str, Any] = {}
         self._course: Any = None

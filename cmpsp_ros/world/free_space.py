@@ -123,11 +123,7 @@ class FreeSpace:
 
     @property
     def annulus(self) -> AnnulusLimits:
-        """Limits of the road between two circles.
-
-        Raises:
-            ValueError: The road is of another kind.
-        """
+        """Limits of the road between two circles; ValueError for a road of another kind."""
         road, kept = self.of_road, self.road.kept
         if not isinstance(road, Annulus):
             raise ValueError('road: found another kind, wanted an annulus')  # noqa: TRY004
@@ -142,7 +138,8 @@ class FreeSpace:
     def for_samples_of(self, twists: Array, period: float) -> FreeSpace:
         """Space to keep to at the ``N + 1`` samples of one plan so that its arcs stay in this one.
 
-        Twists are the speed of the fastest disc and the turn rate of each, ``(N, 2)`` [m/s, rad/s].
+        Twists are the speed of the fastest disc and the turn rate of each arc, ``(N, 2)`` [m/s,
+        rad/s].
         """
         return replace(
             self,
@@ -161,7 +158,7 @@ class FreeSpace:
     def with_points(self, centers: Array, radii: Array) -> FreeSpace:
         """This space with discs taken out that are elsewhere at every sample.
 
-        Their centres have the shape ``(K, D, 2)``, their radii ``(K, D)`` [m], ``-inf`` for none.
+        Centres ``(K, D, 2)``, radii ``(K, D)`` [m], ``-inf`` for none.
         """
         samples, added = radii.shape
         corners = np.broadcast_to(self.corners, (samples, *self.corners.shape[1:]))
@@ -177,8 +174,8 @@ class FreeSpace:
     def at(self, poses: Array, near: float = math.nan) -> Array:
         """Clearance of single poses ``(K, 3)``, the least of all discs, negative where violated.
 
-        It is that to both edges of the road and to each shape, ``(K, 2 + M)`` [m]. The progress
-        is that of a place near all poses, NaN where none is known [m].
+        It is that to both edges of the road and to each shape, ``(K, 2 + M)`` [m]; `near` is the
+        progress of a place near all poses, NaN if unknown [m].
         """
         found = np.empty((len(poses), 1 + len(self.first)))
         poses = np.ascontiguousarray(poses)

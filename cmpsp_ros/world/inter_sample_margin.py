@@ -57,7 +57,7 @@ def outside(distance: float, limits: TwistLimits, period: float) -> float:
 def inside(distance: float, limits: TwistLimits, period: float) -> float:
     """Distance from a point at the samples that keeps the arcs between them within ``distance``.
 
-    It is 0 where the disc is so small that the robot may cross it in one period.
+    0 where the disc is so small that the robot may cross it in one period.
     """
     if distance <= limits.top_speed * period:
         return 0.0

@@ -41,21 +41,15 @@ class Epoch:
 
 @dataclass(frozen=True)
 class History:
-    """All parameters over time.
+    """All parameters over time."""
 
-    Attributes:
-        given: Keys that were recorded; the others are defaults, which are not evidence.
-        epochs: In order of time, at least one; the first began before the recording.
-        simulated: True if the robot is simulated, so that all obstacles are known.
-        has_traffic: True if the simulator moves obstacles.
-        has_people: True if people walk in it.
-    """
-
+    # Keys that were recorded; the others are defaults, which are not evidence.
     given: frozenset[str]
+    # In order of time, at least one; the first began before the recording.
     epochs: tuple[Epoch, ...]
-    simulated: bool = False
-    has_traffic: bool = False
-    has_people: bool = False
+    simulated: bool = False  # true if the robot is simulated, so that all obstacles are known
+    has_traffic: bool = False  # true if the simulator moves obstacles
+    has_people: bool = False  # true if people walk in it
 
     @property
     def starts(self) -> list[int]:

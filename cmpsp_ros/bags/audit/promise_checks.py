@@ -25,17 +25,13 @@ from cmpsp_ros.robots import placed
 from cmpsp_ros.robots.motion import arc_ends, with_side
 from cmpsp_ros.world.grids import Cell, GridObstacle, OccupancyGrid
 
-_STEP: Final = 0.01
-"""Time between two samples of a path [s]."""
-_TOLERANCE: Final = 5e-3
-"""Error of a clearance by rounding and by sampling of the start [m]."""
+_STEP: Final = 0.01  # time between two samples of a path [s]
+_TOLERANCE: Final = 5e-3  # error of a clearance by rounding and by sampling of the start [m]
 _ASSUMED: Final = {'people.max_acceleration', 'safety.max_obstacle_speed'}
-_AT_REST: Final = 1e-6
-"""Fraction of a command that is rounding, and no motion."""
+_AT_REST: Final = 1e-6  # fraction of a command that is rounding, and no motion
+# Doubt about a position beyond which an obstacle is out of sight, and distance then [m].
 _LOST, _APART = 0.5, 0.95
-"""Doubt about a position beyond which an obstacle is out of sight, and distance then [m]."""
-_CREEP: Final = 0.051
-"""Speed up to which a robot counts as standing [m/s]."""
+_CREEP: Final = 0.051  # speed up to which a robot counts as standing [m/s]
 
 
 def _kept_in_words(worst: Sample) -> str:
@@ -146,10 +142,7 @@ def _is_out_of_sight(
 
 
 def _brakes(settings: GuidanceSettings, commands: Commands, k: int) -> bool:
-    """True if a wheel could not brake harder, and so no stop could come to rest earlier.
-
-    Which way the robot turns meanwhile is that of the stop promised with the command before.
-    """
+    """True if a wheel could not brake harder: no stop could come to rest earlier."""
     robot, change = settings.robot, settings.max_wheel_change
     if k == 0 or change == math.inf:
         return False

@@ -28,15 +28,13 @@ from cmpsp_ros.guidance import (
 )
 from cmpsp_ros.robots.motion import speeds_and_turns
 
+# Time that may lie between a node's clock and its timers, and a recorder's [s].
 _SLACK: Final = 0.15
-"""Time that may lie between a node's clock and its timers, and a recorder's [s]."""
-
+# Difference from which times of reception are taken for those of another clock [s].
 _SAME_CLOCK: Final = 10.0
-"""Difference from which times of reception are taken for those of another clock [s]."""
 
 
 def _odometry_gap(record: AuditRecord, _worst: Sample) -> str:
-    """When odometry is not recorded and there was some."""
     stamps = []
     for leg in record.legs:
         for each in _lost(record, leg):
@@ -52,10 +50,7 @@ def _odometry_gap(record: AuditRecord, _worst: Sample) -> str:
     gaps=(_odometry_gap,),
 )  # fmt: skip
 def rate(record: AuditRecord) -> Iterator[Sample]:
-    """Time from each command of a run to the next.
-
-    During losses of odometry, and after a stop, none is expected.
-    """
+    """Time from each command of a run to the next, but without odometry and after a stop."""
     limit = LATE * record.settings.control_period
     worst = 0.0
     yield Sample.upper(worst, limit, record.start)

@@ -76,11 +76,8 @@ def _parameters(
     return values, hints
 
 
-_DETAIL: Final = 2.5
-"""Length of what is shown enlarged [s]."""
-
-_MEAN: Final = 0.06
-"""Time over which a measured speed is a mean [s]."""
+_DETAIL: Final = 2.5  # length of what is shown enlarged [s]
+_MEAN: Final = 0.06  # time over which a measured speed is a mean [s]
 
 
 def draw(robot: Identification, path: Path) -> None:

@@ -39,9 +39,7 @@ from cmpsp_ros.parameters import TABLE, Values, guidance_settings
 from cmpsp_ros.robots.motion import with_side
 from cmpsp_ros.view import BAGS, GOAL, course, draw, show, traces
 
-PREFIX = '/what_if'
-"""Before the names of topics of the changed law."""
-
+PREFIX = '/what_if'  # before the names of topics of the changed law
 _PLANS_DRAWN = 4
 _MARGIN = 0.5
 
@@ -94,12 +92,8 @@ class WhatIf:
 def what_if(path: Path, names: Names, change: Change, output: Path) -> WhatIf:
     """Run the changed law, and write a new bag with the recording and its decisions.
 
-    A bag without decisions needs a base of parameters: the law decides on its odometry and sensors,
-    and the tracks that it used are written as well.
-
-    Raises:
-        BagError: The bag lacks required data, or the new one cannot be written.
-        ParameterError: The changed parameters cannot be used.
+    A bag without decisions needs a base of parameters: the law decides on its odometry and
+    sensors, and the tracks that it used are written as well. Raises BagError or ParameterError.
     """
 
     def settings_of(values: Values) -> GuidanceSettings:

@@ -164,7 +164,6 @@ class Inputs:
         return found[0] if found else None
 
     def _between(self, wanted: OdometrySample, *, received_all: bool) -> Iterator[Input]:
-        """Odometry before the one wanted, on which no decision was made."""
         waiting = self._recording.odometry
         while (each := waiting.popleft()) is not wanted:
             # The node received newer odometry after the decision: it is of another source.
@@ -240,15 +239,10 @@ class Follower:
     law: GuidanceLaw
 
     def __init__(self, settings_of: Callable[[Values], GuidanceSettings]) -> None:
-        """Wait for the input that creates the law; `settings_of` converts its parameters."""
         self._settings_of = settings_of
 
     def follow(self, event: Input) -> Decision | None:
-        """Process one input; return the resulting decision, if any.
-
-        Raises:
-            Exception: Any error of the law on odometry.
-        """
+        """Process one input; return the resulting decision, if any. Raises any error of the law."""
         match event:
             case RunStarted(values):
                 settings = self._settings_of(values)

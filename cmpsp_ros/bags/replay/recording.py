@@ -28,17 +28,10 @@ from cmpsp_ros.guidance.messages import (
 )
 from cmpsp_ros.sensing import Sighting, grid_of, stamp_of
 
-_SLACK = 1_000_000_000
-"""Maximum time in a bag between messages that belong together [ns]."""
-
-_LATE = 50_000_000
-"""Maximum time by which a command comes into the bag after its decision [ns]."""
-
-_MAX_MESSAGES = 10_000
-"""Messages of a topic that are kept: more than any robot sends in `_SLACK`."""
-
-_MAX_TRACKS = 100_000
-"""Readings of moving obstacles that are kept."""
+_SLACK = 1_000_000_000  # maximum time in a bag between messages that belong together [ns]
+_LATE = 50_000_000  # maximum time by which a command comes into the bag after its decision [ns]
+_MAX_MESSAGES = 10_000  # messages of a topic that are kept: more than any robot sends in `_SLACK`
+_MAX_TRACKS = 100_000  # readings of moving obstacles that are kept
 
 
 @dataclass(frozen=True)
@@ -206,7 +199,6 @@ class Recording:
         return replace(decision, command=self._command_of(decision), path=path)
 
     def _command_of(self, decision: DecisionRecord) -> tuple[float, float, float] | None:
-        """The command sent just before a decision was published."""
         if decision.late or not self._commands or self._commands[0][0] > decision.received + _LATE:
             return None
         return self._commands.popleft()[1]

@@ -26,16 +26,11 @@ from cmpsp_ros.sensing import ScanError, Sensor, Surroundings, sight_of, stamp_o
 class SensorInputs:
     """Inputs that a node with these parameters would have had; can be iterated over once.
 
-    It decides as soon as all sensors have shown something, and not while one is silent.
+    It decides as soon as all sensors have shown something, and not while one is silent. Raises
+    BagError without odometry or a sensor.
     """
 
     def __init__(self, bag: Bag, names: Names, values: Values) -> None:
-        """Look for the topics.
-
-        Raises:
-            BagError: Odometry or a sensor is missing.
-            ParameterError: The parameters cannot be used.
-        """
         self.values = values
         self._settings: GuidanceSettings = guidance_settings(values)
         self._bag, self._names, self._newest = bag, names, -1

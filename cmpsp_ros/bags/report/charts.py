@@ -18,8 +18,7 @@ from cmpsp_ros.view import GRID, LEVEL_COLORS, LIMIT, TEXT, bag_color, number, n
 Figure = dict[str, Any]
 
 _BINS = 40
-_GAP = 0.12
-"""Part of a panel's height that is left free below it."""
+_GAP = 0.12  # part of a panel's height that is left free below it
 
 
 def levels(views: Sequence[View]) -> Figure:
@@ -58,10 +57,7 @@ _DASHES = 'solid', 'dash', 'dashdot', 'dot'
 
 
 def controls(views: Sequence[View]) -> Figure:
-    """Commanded wheel speeds or other controls with their limits; driven ones can be switched on.
-
-    Each quantity has a panel.
-    """
+    """Controls as commanded with their limits, one panel each; driven ones can be switched on."""
     titles = quantities(views)
     traces = []
     for index, view in enumerate(views):

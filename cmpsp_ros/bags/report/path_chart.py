@@ -119,11 +119,9 @@ def _of_obstacle(view: View, tracks: Sequence[Track]) -> dict[str, Any]:
     return {'t': numbers(times), 'timeout': lifetime(tracks[0], view.settings), **columns}
 
 
+# Height of a panel [pixels], and the part of it that is left free below it.
 _PANEL, _GAP = 520, 0.13
-"""Height of a panel [pixels], and the part of it that is left free below it."""
-
-_ROOM = 0.6
-"""Part of the road's width that is shown around everything that happened."""
+_ROOM = 0.6  # part of the road's width that is shown around everything that happened
 
 
 def path(views: Sequence[View]) -> Figure:

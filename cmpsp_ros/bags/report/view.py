@@ -27,14 +27,9 @@ from cmpsp_ros.world.grids import OccupancyGrid
 from cmpsp_ros.world.obstacles import Shape
 from cmpsp_ros.world.roads import FAR
 
-MOST_POINTS = 4000
-"""Points of a curve that are drawn; a screen shows no more."""
-
-MOST_PLANS = 600
-"""Plans that are kept for the slider."""
-
-_MOST_GRIDS = 200
-"""Grids that are kept for the slider."""
+MOST_POINTS = 4000  # points of a curve that are drawn; a screen shows no more
+MOST_PLANS = 600  # plans that are kept for the slider
+_MOST_GRIDS = 200  # grids that are kept for the slider
 
 
 @dataclass(frozen=True)
@@ -50,22 +45,18 @@ class Band:
 
 @dataclass(frozen=True)
 class View:
-    """One bag in a report.
-
-    Attributes:
-        decisions: All decisions, those whose command came too late to be sent among them.
-        plans: Some of the plans, in order of time; none if they were not recorded.
-        grids: Some of the grids that sensors had shown, with their times [ns].
-        version: Version of this package that recorded it, or empty.
-    """
+    """One bag in a report."""
 
     label: str
     record: AuditRecord
+    # All decisions, those whose command came too late to be sent among them.
     decisions: tuple[DecisionRecord, ...]
     findings: tuple[Finding, ...]
+    # Some of the plans, in order of time; none if they were not recorded.
     plans: tuple[Planned, ...]
+    # Some of the grids that sensors had shown, with their times [ns].
     grids: tuple[tuple[int, OccupancyGrid], ...]
-    version: str
+    version: str  # version of this package that recorded it, or empty
 
     @property
     def settings(self) -> GuidanceSettings:
@@ -171,10 +162,7 @@ class View:
 
     @cached_property
     def clearance(self) -> tuple[Array, dict[str, Array]]:
-        """Time [s] and clearance from everything there is, by its kind [m], each ``(K,)``.
-
-        Both static and moving obstacles count.
-        """
+        """Time [s], and clearance from all things by their kind [m], each ``(K,)``."""
         sweeps = self.record.sweeps
         times = np.concatenate([self._seconds(each.stamps) for each in sweeps])
         road = np.concatenate([each.clearance[:, :EDGES].min(axis=1) for each in sweeps])

@@ -20,8 +20,7 @@ from cmpsp_ros.robots.motion import arc_ends, plain
 from cmpsp_ros.sensing import stamp_of
 from cmpsp_ros.world.roads import arc_length_to
 
-_PERIODS = 1.5
-"""Control periods for which what own sensors have seen counts."""
+_PERIODS = 1.5  # control periods for which what own sensors have seen counts
 
 
 def read_tracks(bag: Bag, topic: str, frame_id: str | None) -> tuple[Track, ...]:
@@ -41,10 +40,7 @@ def read_tracks(bag: Bag, topic: str, frame_id: str | None) -> tuple[Track, ...]
 
 
 def seen_at(tracks: Iterable[Track], stamp: int, settings: GuidanceSettings) -> list[Track]:
-    """Moving obstacles as known at an instant [ns], brought to it, by number.
-
-    One that is not seen again is forgotten after `lifetime`.
-    """
+    """Moving obstacles known at an instant [ns] and not forgotten, brought to it, by number."""
     latest = {
         each.id: each
         for each in tracks
@@ -89,17 +85,11 @@ class Planned:
 
 @dataclass(frozen=True)
 class DrivenPath:
-    """The driven path, as arcs of constant wheel speeds.
+    """The driven path, as arcs of constant wheel speeds."""
 
-    Attributes:
-        stamps: Beginning of each arc, and the end of the last [ns], shape ``(K + 1,)``.
-        poses: Pose at each, shape ``(K + 1, 3)`` [m, m, rad].
-        twists: Twist after each, shape ``(K + 1, 2)`` or ``(K + 1, 3)``; see `Robot`.
-    """
-
-    stamps: IntArray
-    poses: Array
-    twists: Array
+    stamps: IntArray  # beginning of each arc, and the end of the last [ns], shape ``(K + 1,)``
+    poses: Array  # pose at each, shape ``(K + 1, 3)`` [m, m, rad]
+    twists: Array  # twist after each, shape ``(K + 1, 2)`` or ``(K + 1, 3)``; see `Robot`
 
     @property
     def durations(self) -> Array:
@@ -129,22 +119,15 @@ class DrivenPath:
 
 @dataclass(frozen=True)
 class Run:
-    """A recorded run; plans are empty if they were not recorded.
-
-    Attributes:
-        tracks: Moving obstacles as received, by id and time.
-        people: The simulator's people as they truly were, by number and time.
-        wheel_stamps: Stamps of the wheel speeds [ns], shape ``(W,)``.
-        wheel_speeds: Driven or, without a simulator, commanded, ``(W, wheels)`` [rad/s].
-    """
+    """A recorded run; plans are empty if they were not recorded."""
 
     decisions: tuple[DecisionRecord, ...]
     plans: tuple[Planned, ...]
     driven: DrivenPath
-    tracks: tuple[Track, ...]
-    people: tuple[Track, ...]
-    wheel_stamps: IntArray
-    wheel_speeds: Array
+    tracks: tuple[Track, ...]  # moving obstacles as received, by id and time
+    people: tuple[Track, ...]  # the simulator's people as they truly were, by number and time
+    wheel_stamps: IntArray  # stamps of the wheel speeds [ns], shape ``(W,)``
+    wheel_speeds: Array  # driven or, without a simulator, commanded, ``(W, wheels)`` [rad/s]
 
     @property
     def told(self) -> tuple[Track, ...]:
@@ -173,10 +156,7 @@ def read_run(path: Path, namespace: str = '') -> Run:
 
 
 def driven_in(bag: Bag, namespace: str) -> DrivenPath:
-    """The driven path, in the frame of the course.
-
-    The simulator's own path is preferred if there is one and odometry is in that frame.
-    """
+    """The driven path in the frame of the course: the simulator's own, or that of odometry."""
     heard = bag.as_decided_on(f'{namespace}/guidance', 'odom')
     topic = truth_topic(bag, namespace, heard) or heard
     rows: dict[int, tuple[list[float], list[float]]] = {}

@@ -39,11 +39,7 @@ def read_metadata(folder: Path) -> dict[str, Any]:
 
 
 def check_bag(path: Path) -> dict[str, Any]:
-    """Check that rosbags can read a bag in bounded memory and time.
-
-    Returns:
-        The metadata of its folder; empty for a single storage file.
-    """
+    """Check that rosbags can read a bag in bounded memory and time; returns a folder's metadata."""
     if not path.is_dir():
         _check_storage(path, SUFFIXES.get(path.suffix, ''))
         return {}

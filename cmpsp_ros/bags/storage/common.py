@@ -21,24 +21,15 @@ Remark = Callable[[str], None]
 
 StorageName = Literal['mcap', 'sqlite3']
 
-REFUSALS = OSError, sqlite3.Error
-"""Errors of a storage when the disk refuses."""
+REFUSALS = OSError, sqlite3.Error  # errors of a storage when the disk refuses
 
 SUFFIXES: dict[str, StorageName] = {'.mcap': 'mcap', '.db3': 'sqlite3'}
 """Storage by the suffix of its files."""
 
-METADATA = 'metadata.yaml'
-"""Description of a complete bag."""
-
-INFORMATION = 'rosbag2_bagfile_information'
-"""Key of all in it."""
-
-UNFINISHED = 'unfinished.json'
-"""Custom data of a bag that is being written."""
-
-NO_MESSAGE_YET = 2**63 - 1
-"""Start time that rosbag2 writes for a bag without messages [ns]."""
-
+METADATA = 'metadata.yaml'  # description of a complete bag
+INFORMATION = 'rosbag2_bagfile_information'  # key of all in it
+UNFINISHED = 'unfinished.json'  # custom data of a bag that is being written
+NO_MESSAGE_YET = 2**63 - 1  # start time that rosbag2 writes for a bag without messages [ns]
 _FORMATS = {'ros2msg': MessageDefinitionFormat.MSG, 'ros2idl': MessageDefinitionFormat.IDL}
 
 

@@ -30,13 +30,10 @@ from cmpsp_ros.bags.storage.common import (
 
 _TABLES = ('schema', 'metadata', 'topics', 'message_definitions', 'messages')
 
-_WORK_UNIT = 10_000
-"""Steps of SQLite's machine between two checks of how many there were."""
-
+_WORK_UNIT = 10_000  # steps of SQLite's machine between two checks of how many there were
 _FREE_UNITS, _BYTES_PER_UNIT = 1_000, 1_000
 
-_ROW_SIZE = 32
-"""Size of a message's row beside its data, with its place in the index [bytes]."""
+_ROW_SIZE = 32  # size of a message's row beside its data, with its place in the index [bytes]
 
 
 def check_sqlite(path: Path) -> None:
@@ -102,10 +99,7 @@ def _check_tables(database: sqlite3.Connection, path: Path) -> None:
 
 
 def salvage_sqlite(path: Path, folder: Path, remark: Remark) -> Iterator[Found]:
-    """Topics and messages of a file that may be cut off, not closed, or damaged.
-
-    It is copied to a temporary folder; `remark` is called with each reason for leaving out.
-    """
+    """Topics and messages of a file that may be cut off, not closed, or damaged."""
     with TemporaryDirectory(dir=folder, prefix='.salvage_') as name:
         # Opening it merges its write-ahead log, and that must not change the original.
         copy = folder / name / path.name

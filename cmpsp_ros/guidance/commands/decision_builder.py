@@ -39,10 +39,7 @@ class DecisionBuilder:
         result: SolveResult | None = None,
         phases: Mapping[str, float] = UNTIMED,
     ) -> Decision:
-        """Give the first command of a plan.
-
-        `stamp` [ns], `errors` [m], [rad], `phases` [ms].
-        """
+        """Give the first command of a plan; `stamp` [ns], `errors` [m], [rad], `phases` [ms]."""
         following = state.following
         following.previous_control, following.ramp = plan.controls[0], verdict.ramp
         solved = {
@@ -67,10 +64,7 @@ class DecisionBuilder:
         moving: MovingDiscs = NOTHING_MOVES,
         **flags: Any,
     ) -> Decision:
-        """Stop, or brake as far as the wheels can.
-
-        `stamp` [ns], `pose` ``(3,)`` [m, m, rad].
-        """
+        """Stop at `stamp` [ns], or brake as far as the wheels can; `pose` ``(3,)`` [m, m, rad]."""
         following, progress = state.following, state.estimator.progress
         following.brake(stamp, self._period, state.estimator.robot)
         twist = self._robot.twist(following.previous_control)

@@ -50,10 +50,9 @@ class Escalation:
     ) -> Choice | Decision | None:
         """Count a step, and take the next remedy if it is time; None to go on as planned.
 
-        Steps whose last plan reached the goal do not count, nor those before a closed road, nor
-        those of a computer that is often late, which slows it down. The first remedy takes the
-        whole patience, each later one a third of it. On a road that is followed none is the last:
-        after them the first is tried again.
+        Steps count unless the last plan reached the goal, the road is closed, or the computer is
+        late. The first remedy takes the whole patience, each later one a third of it. On a road
+        that is followed none is the last: after them the first is tried again.
         """
         mission, start = state.mission, context.start
         watch, follows = mission.watch, mission.goals.goal is None

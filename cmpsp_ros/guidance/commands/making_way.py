@@ -18,36 +18,21 @@ from cmpsp_ros.guidance.state import LawState
 
 
 class Choice(NamedTuple):
-    """The plan to follow, before it is slowed down.
-
-    Attributes:
-        level: The fallback level.
-        reason: Why that level.
-        plan: The plan.
-        verdict: Of its check.
-        ahead: The first thing that it leads into.
-        standby: The plan to the goal, where this one makes way; None otherwise.
-    """
+    """The plan to follow, before it is slowed down."""
 
     level: FallbackLevel
-    reason: str
+    reason: str  # why that level
     plan: Plan
-    verdict: Validation
-    ahead: Contact | None
-    standby: Plan | None = None
+    verdict: Validation  # of its check
+    ahead: Contact | None  # the first thing that it leads into
+    standby: Plan | None = None  # the plan to the goal, where this one makes way; None otherwise
 
 
 class Checks(NamedTuple):
-    """Parts that every choice of a plan needs.
-
-    Attributes:
-        validator: Checks plans.
-        approach: Slows plans down before obstacles.
-        decisions: Builds decisions.
-    """
+    """Parts that every choice of a plan needs."""
 
     validator: Validator
-    approach: Approach
+    approach: Approach  # slows plans down before obstacles
     decisions: DecisionBuilder
 
 

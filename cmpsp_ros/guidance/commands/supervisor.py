@@ -223,10 +223,7 @@ class Supervisor:
     def follow_late(
         self, state: LawState, seen: Observation, context: PlanningContext, late: float
     ) -> Decision:
-        """Follow the plan that came too late [s], shifted, if it is still clear.
-
-        Nothing is solved: that might be late again.
-        """
+        """Follow the plan that came too late [s], shifted, if it is still clear; solve nothing."""
         following, start = state.following, context.start
         shifted = self._shifted(state, context)
         if shifted is None:
@@ -272,8 +269,7 @@ class Supervisor:
     def go_on(self, state: LawState, seen: Observation, context: PlanningContext) -> Decision:
         """Let the last plan go on, past its end too, where a new command comes too late.
 
-        Too early a stop would cost the goal if the delay is shorter than it is said to be, or the
-        wheels rather lag.
+        Too early a stop would cost the goal if the delay is shorter than declared, or a lag.
         """
         start, clock = context.start, state.clock
         shifted = self._shifted(state, context)

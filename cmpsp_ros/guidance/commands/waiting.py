@@ -37,9 +37,8 @@ def reason_to_wait(
 ) -> tuple[str, int]:
     """Reason to wait rather than follow a plan that makes no progress, '' if none, and idle steps.
 
-    A closed road leaves time over, and nothing in the cost keeps a robot from driving to and fro
-    before it. Idle steps, this one included, are those without progress since a plan could reach
-    the goal.
+    Nothing in the cost keeps a robot from driving to and fro before a closed road. Idle steps, this
+    one included, are those without progress since a plan could reach the goal.
     """
     if not selected.result.slack_terminal or selected.reaches_goal(context.settings):
         return '', 0

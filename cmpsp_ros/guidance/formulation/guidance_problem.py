@@ -46,13 +46,13 @@ class GuidanceProblem(OptimalControlProblem):
         outputs: int = TerminalConstraint.POINT,
         progress: float = math.nan,
     ) -> None:
-        """Set the problem up from the robot's pose.
+        """Set the problem up from a pose ``(3,)`` [m, m, rad].
 
         Args:
             robot: Kinematics and wheel-speed limit.
             space: Free space of the robot's discs at the samples.
             weights: Weights of the cost; those of its rates are not used.
-            pose: Present pose, shape ``(3,)`` [m, m, rad].
+            pose: Present pose.
             goal: Point to pass at the end, shape ``(2,)`` [m].
             durations: Length of every step, shape ``(N,)`` [s].
             heading: As in `PARAMETERS`; not used for a `TerminalConstraint.POINT` [rad].

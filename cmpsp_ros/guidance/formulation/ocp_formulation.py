@@ -126,16 +126,10 @@ class OcpFormulation:
         pose: Array | None = None,
         moving: MovingDiscs = NOTHING_MOVES,
     ) -> FreeSpace:
-        """Free space of the samples.
+        """Free space of the samples of a plan from a guess ``(N + 1, r)``.
 
-        Args:
-            world: Road and static obstacles, as many as the formulation was made for.
-            guess: Controls that the plan begins with, shape ``(N + 1, r)``.
-            durations: Length of every step, shape ``(N,)`` [s]. Only the first and the last may be
-                longer than a control period.
-            target: Target of the plan.
-            pose: Beginning of the plan, shape ``(3,)`` [m, m, rad]; for moving obstacles only.
-            moving: Moving obstacles, from then on.
+        Only the first and the last of the `durations` ``(N,)`` [s] may be longer than a control
+        period. The `pose` ``(3,)`` at which the plan begins is used for `moving` obstacles only.
         """
         if self._among is not None and world is self.world:
             (begin, known, goal, held), among = self._among
@@ -224,9 +218,8 @@ def path_space(settings: LawSettings, world: World) -> FreeSpace:
 def sample_space(settings: LawSettings, world: World, longest: float = 0.0) -> FreeSpace:
     """Free space of the samples of a plan, such that the path between them is in `path_space`.
 
-    Without a wheel limit none is known beforehand, and with `safety.between_samples` off none is
-    wanted: then it is `path_space`. The longest time between two samples is at least the control
-    period [s].
+    It is `path_space` without a wheel limit, or with `safety.between_samples` off. The longest time
+    between two samples is at least the control period [s].
     """
     period = max(settings.control_period, longest)
     space = path_space(settings, world)
@@ -240,13 +233,9 @@ def goal_space(
 ) -> FreeSpace | None:
     """Free space of the last sample of a plan, for a goal nearer to something than samples may be.
 
-    The inter-sample margin is for the motion after a sample. After the last goal there is none, and
-    the trajectory check sees the arc that leads there: so the last sample keeps only the distance
-    of `path_space` from that thing. A robot that drives on needs time to turn, and keeps more.
-
-    None for a goal as far from everything as samples must be, nearer than the path may be, or not
-    the last. The space of samples is that for the time between the last two; `sample_space` without
-    one.
+    After the last goal the robot is at rest, so that no inter-sample margin is needed: the last
+    sample keeps the distance of `path_space`. None for a goal as far from everything as samples
+    must be, nearer than the path may be, or not the last.
     """
     if target.drives_on or target.is_line:
         return None

@@ -87,42 +87,29 @@ class GuidanceData(NamedTuple):
 
     Corners and radii are those of one free space for all stages, or one for each: ``K``, for
     either, is 1 or ``N + 1``.
-
-    Attributes:
-        pose: Present pose, shape ``(3,)`` [m, m, rad].
-        progress: Arc length along the road of a place near the pose, NaN if unknown [m].
-        durations: Length of every step, shape ``(N,)`` [s].
-        parameters: One record of `PARAMETERS`, shape ``(1,)``, which is never written to.
-        robot: The robot.
-        wheel_rows: Number of path constraints that limit its wheel speeds; those of its lateral
-            acceleration and of a control rate follow in a stage.
-        road: Free space of the centres of its discs on the road.
-        fields: Distance fields of obstacles without corners.
-        corners: Corners of obstacles, as in `shape_functions`, shape ``(K, C, 2)`` [m].
-        first: Index of the first corner of each obstacle, shape ``(M + 1,)``.
-        radii: Least distances from the corners, ``-inf`` for none, shape ``(K, M)`` [m].
-        discs: Centres of the robot's discs, in its frame, shape ``(D, 2)`` [m].
     """
 
-    pose: Array
-    progress: float
-    durations: Array
-    parameters: Records
-    robot: Kinematics
+    pose: Array  # present pose, shape ``(3,)`` [m, m, rad]
+    progress: float  # arc length along the road of a place near the pose, NaN if unknown [m]
+    durations: Array  # length of every step, shape ``(N,)`` [s]
+    parameters: Records  # one record of `PARAMETERS`, shape ``(1,)``, which is never written to
+    robot: Kinematics  # the robot
+    # number of path constraints that limit its wheel speeds; those of its lateral acceleration and
+    # of a control rate follow in a stage
     wheel_rows: int
-    road: RoadSpace
-    fields: Fields
-    corners: Array
-    first: IntArray
-    radii: Array
-    discs: Array
+    road: RoadSpace  # free space of the centres of its discs on the road
+    fields: Fields  # distance fields of obstacles without corners
+    corners: Array  # corners of obstacles, as in `shape_functions`, shape ``(K, C, 2)`` [m]
+    first: IntArray  # index of the first corner of each obstacle, shape ``(M + 1,)``
+    radii: Array  # least distances from the corners, ``-inf`` for none, shape ``(K, M)`` [m]
+    discs: Array  # centres of the robot's discs, in its frame, shape ``(D, 2)`` [m]
 
 
 @allocation_free
 def predict(data: GuidanceData, U: Array, X: Array) -> None:
     """Fill X ``(N + 1, n)`` by the dynamics (1): exact arcs under zero-order hold.
 
-    This array and U ``(N + 1, r)``, and all below, may be longer than the horizon.
+    X, U ``(N + 1, r)``, and all arrays below, may be longer than the horizon.
     """
     for i in range(3):
         X[0, i] = data.pose[i]

@@ -22,18 +22,13 @@ ProblemData = GuidanceData | ControlRateData
 
 
 class CompiledProblem(NamedTuple):
-    """Machine code for formulations of one kind.
-
-    Attributes:
-        kind: The kind.
-        entries: Of the problem and the iteration.
-        inner: Addresses of the functions that `CONTROL_RATE` calls; None without it.
-        innermost: Addresses of those that `CONTROL_JERK` calls; None without it.
-    """
+    """Machine code for formulations of one kind."""
 
     kind: tuple[object, ...]
-    entries: Entries
+    entries: Entries  # of the problem and the iteration
+    # addresses of the functions that `CONTROL_RATE` calls; None without it
     inner: IntArray | None = None
+    # addresses of those that `CONTROL_JERK` calls; None without it
     innermost: IntArray | None = None
 
 
@@ -44,7 +39,7 @@ def problem_data(
     compiled: CompiledProblem | None = None,
     end_jerk: float = math.inf,
 ) -> ProblemData:
-    """Data of the whole problem from a start; those of its inner functions once it is compiled.
+    """Data of the whole problem from a start; of its inner functions only once it is compiled.
 
     `end_jerk` is the largest second difference of wheel speeds to rest at the end [rad/s].
     """

@@ -29,8 +29,8 @@ _TINY: Final = 1e-9
 class TrackFusion:
     """Association of tracks that are of the same object.
 
-    Of each object the surest track is kept as it is; the one chosen before stays until another is
-    clearly surer, so that its number stays, too. The order of messages makes no difference.
+    The surest track of an object is kept until another is clearly surer, so that its number stays.
+    The order of messages makes no difference.
     """
 
     def __init__(self) -> None:
@@ -56,8 +56,8 @@ class TrackFusion:
     def _distance(self, one: Track, other: Track, stamp: int) -> float:
         """Squared Mahalanobis distance of place and velocity.
 
-        Infinite where neither has its centre in the disc of the other: to take two for one is worse
-        than to take one for two. A pair may come apart until its discs do.
+        Infinite where neither has its centre in the other's disc: to take two for one is the worse
+        error.
         """
         (place, stddev), (place_, stddev_) = _place(one, stamp), _place(other, stamp)
         apart = math.dist(place, place_)

@@ -30,8 +30,8 @@ _EXACT: Final = 0.01
 class ObjectTracks:
     """Tracks of one source.
 
-    An object without a name is that of the message before which is nearest to it, an object without
-    a velocity is filtered: at constant velocity, from one message to the next.
+    An object without a name is matched to the nearest one of the message before; one without a
+    velocity is filtered, at constant velocity from one message to the next.
     """
 
     def __init__(self, source: TrackSource, number: int) -> None:
@@ -49,9 +49,8 @@ class ObjectTracks:
             motion: Velocity of its frame ``(3,)`` [m/s, m/s, rad/s], for velocities relative to it.
             timeout: Time after which an object that is not seen is forgotten [s].
 
-        Raises:
-            TrackError: An object is not finite, no place on Earth, or of a negative radius or
-                standard deviation; nothing of the message is used then.
+        Raises TrackError, and uses nothing, if an object is not finite, no place on Earth, or has a
+        negative radius or standard deviation.
         """
         objects, stamp = objects_of(message, self._source.type), stamp_of(message)
         if len(objects) > MAX_TRACKS:
@@ -121,9 +120,7 @@ class ObjectTracks:
 def pairs(distances: Array, gate: float) -> list[tuple[int, int]]:
     """Rows and columns that belong together, the nearest first.
 
-    Args:
-        distances: Squared Mahalanobis distances, shape ``(R, C)``.
-        gate: Largest of them.
+    `distances` ``(R, C)`` are squared Mahalanobis distances, `gate` is the largest that counts.
     """
     near = zip(*(each.tolist() for each in np.nonzero(distances <= gate)), strict=True)
     found: dict[int, int] = {}

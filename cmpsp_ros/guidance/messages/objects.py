@@ -22,32 +22,22 @@ _TRACKED: Final = 1
 
 
 class TrackedObject(NamedTuple):
-    """An object in the frame of its message.
+    """An object in the frame of its message."""
 
-    Attributes:
-        name: The same in each message; None where the message has none.
-        x: Place [m].
-        y: Place [m].
-        radius: Radius that covers it [m]; 0 where the message has no extent.
-        velocity: Along the axes of the frame [m/s]; None where the message has none.
-        position_stddev: Worst axis [m]; 0 where the message has none.
-        velocity_stddev: Worst axis [m/s]; 0 where the message has none.
-    """
-
-    name: Hashable
-    x: float
-    y: float
-    radius: float
+    name: Hashable  # the same in each message; None where the message has none
+    x: float  # place [m]
+    y: float  # place [m]
+    radius: float  # radius that covers it [m]; 0 where the message has no extent
+    # along the axes of the frame [m/s]; None where the message has none
     velocity: tuple[float, float] | None
-    position_stddev: float = 0.0
-    velocity_stddev: float = 0.0
+    position_stddev: float = 0.0  # worst axis [m]; 0 where the message has none
+    velocity_stddev: float = 0.0  # worst axis [m/s]; 0 where the message has none
 
 
 def objects_of(message: Any, kind: str) -> list[TrackedObject]:
     """Objects in a message of a type, such as `radar_msgs/msg/RadarTracks`.
 
-    A name that occurs twice names nobody, as the id 0 of all obstacles of a costmap_converter that
-    does not track.
+    A name that occurs twice names nobody, as the id 0 of a costmap_converter that does not track.
 
     Raises:
         TrackError: An object is in another frame than the message, or the message is inconsistent.

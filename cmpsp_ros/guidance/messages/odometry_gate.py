@@ -79,8 +79,8 @@ class OdometryGate:
         odometry must be consistent as well.
 
         Raises:
-            OdometryError: It does not fit the clock, or the wheels cannot have moved the robot to
-                its pose; the next is compared with this pose.
+            OdometryError: It does not fit the clock, or the wheels cannot have moved the robot
+                there; the next is compared with this pose.
         """
         before = stamp if self.newest is None else self.newest
         pose_before = pose if self._pose is None else self._pose

@@ -21,21 +21,13 @@ class OdometryError(ValueError):
 
 
 class OdometryReading(NamedTuple):
-    """A `nav_msgs/Odometry` as far as it is used (REP-105).
+    """A `nav_msgs/Odometry` as far as it is used (REP-105)."""
 
-    Attributes:
-        stamp: Time stamp [ns].
-        frame_id: Frame of the pose.
-        child_frame_id: Frame whose pose it is.
-        position: Position (x, y) [m].
-        orientation: Quaternion (x, y, z, w).
-    """
-
-    stamp: int
-    frame_id: str
-    child_frame_id: str
-    position: tuple[float, float]
-    orientation: tuple[float, float, float, float]
+    stamp: int  # time stamp [ns]
+    frame_id: str  # frame of the pose
+    child_frame_id: str  # frame whose pose it is
+    position: tuple[float, float]  # position (x, y) [m]
+    orientation: tuple[float, float, float, float]  # quaternion (x, y, z, w)
 
     @classmethod
     def of(cls, message: Any) -> OdometryReading:
@@ -66,9 +58,7 @@ class OdometryReading(NamedTuple):
 
 
 def goal_of(message: Any, frame_id: str) -> tuple[int, Goal]:
-    """Time stamp [ns] and goal of a PoseStamped; the time to pass it is not known yet.
-
-    An orientation of zeros means any heading.
+    """Time stamp [ns] and goal of a PoseStamped without its time; zeros mean any orientation.
 
     Raises:
         GoalError: It is in another frame, is not finite, or has an orientation that is none.

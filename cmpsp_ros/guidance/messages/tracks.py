@@ -37,18 +37,12 @@ class TrackError(ValueError):
 
 @dataclass(frozen=True, order=True)
 class PeerTrajectory:
-    """Plan of another robot.
+    """Plan of another robot."""
 
-    Attributes:
-        id: Its namespace, as in `/r2`.
-        stamp: Time at which the plan was made [ns].
-        stamps: Increasing times [ns].
-        places: Positions then (x, y) [m], at least one; it stays at the last.
-    """
-
-    id: str
-    stamp: int
-    stamps: tuple[int, ...]
+    id: str  # its namespace, as in `/r2`
+    stamp: int  # time at which the plan was made [ns]
+    stamps: tuple[int, ...]  # increasing times [ns]
+    # positions then (x, y) [m], at least one; it stays at the last
     places: tuple[tuple[float, float], ...]
 
     @classmethod
@@ -140,10 +134,7 @@ class Tracks(Generic[Report]):
             known.sort()
 
     def at(self, stamp: int, timeout: float) -> tuple[Report, ...]:
-        """The latest report on each object at a time [ns], in the order of their ids.
-
-        Later reports do not count yet; those older than the time-out [s] are dropped.
-        """
+        """The latest report on each object at a time [ns], by id; none beyond the time-out [s]."""
         oldest, latest = stamp - round(timeout * NANOSECONDS), []
         for number, known in sorted(self._known.items()):
             seen = sum(each.stamp <= stamp for each in known)
@@ -209,11 +200,7 @@ def track_keys(tracks: Iterable[MovingObject]) -> str:
 
 
 def read_keys(text: str) -> list[tuple[int | str, int]]:
-    """Keys (number or namespace, stamp) written by `track_keys`.
-
-    Raises:
-        ValueError: It did not write this.
-    """
+    """Keys (number or namespace, stamp) written by `track_keys`; ValueError for any other text."""
     found = [_KEY.fullmatch(each) for each in text.split()]
     if None in found:
         raise ValueError(f'found {text[:40]!r}, wanted obstacles as id@stamp')

@@ -70,8 +70,7 @@ class Transforms:
             stamp: Time [ns]; 0 for the latest.
             timeout: Largest distance of the nearest transform from that time [s].
 
-        Raises:
-            TransformError: It is not known for that time.
+        Raises TransformError if it is not known for that time.
         """
         chains = [self._ancestors(each) for each in (target, source)]
         common = next((each for each in chains[1] if each in chains[0]), None)

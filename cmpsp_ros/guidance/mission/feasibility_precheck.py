@@ -64,10 +64,9 @@ def _too_far(settings: LawSettings, road: Road, start: Point) -> Iterator[str]:
 
 
 def _too_fast(settings: LawSettings, road: Road, follow: Follow) -> Iterator[str]:
-    """Round a road without end: whether wheels allow the speed, and their acceleration the start.
+    """Warnings about the speed on a road without end, and the acceleration to start with.
 
-    No path is shorter than the centre line by more than half the width times all that it turns, and
-    the outer wheel has to drive the robot's own turn as well.
+    No path is shorter than the centre line by more than half the width times all that it turns.
     """
     robot = settings.robot
     line = road.center_line()

@@ -85,10 +85,7 @@ class GoalManager:
     ) -> None:
         """Take another goal instead of all others, from the first control step that is not older.
 
-        `stamp` [ns], `latest` [ns].
-
-        Raises:
-            GoalError: It is refused, and nothing changes.
+        Times are in [ns]. Raises GoalError if it is refused, and nothing changes.
         """
         self.goals_received += 1
         _check_goal(self._settings, world, validator, goal)
@@ -103,13 +100,7 @@ class GoalManager:
         self._waiting = stamp, goal
 
     def update(self, stamp: int, now: int, start: PlanStart) -> bool:
-        """Find the present goal.
-
-        `stamp` [ns], `now` [ns].
-
-        Returns:
-            Whether it is another one than before.
-        """
+        """Find the present goal; True if it is another one than before. Times are in [ns]."""
         is_new = self._find(stamp, now, start)
         if not self._is_timed and self.goal is not None:
             self._is_timed = True
@@ -160,10 +151,7 @@ class GoalManager:
         self.goal = replace(self.goal, time=final / NANOSECONDS)
 
     def latest(self, begin: int, start: PlanStart) -> int:
-        """A time by which the present goal can be reached at a moderate speed [ns].
-
-        `begin` [ns].
-        """
+        """A time by which the present goal can be reached from `begin` at a moderate speed [ns]."""
         assert self.goal is not None  # noqa: S101 (only a road has none)
         # Before the goal it brakes: that takes longer than the way at a moderate speed.
         robot = start.robot
@@ -174,11 +162,8 @@ class GoalManager:
     def postpone(self, begin: int, start: PlanStart) -> float:
         """Pass the present goal later, and all after it, where the path to it takes too long.
 
-        `begin` [ns].
-
-        Returns:
-            By how much [s]; 0 where the time is enough, or no path is known and nobody closes it,
-            or the robot is within the tolerance of the goal.
+        Returns by how much [s]; 0 where the time is enough, or no path is known and nobody closes
+        it, or the robot is within the tolerance of the goal. `begin` [ns].
         """
         goal, search, period = self.goal, start.world.map_search(self._settings), self.period
         if goal is None or self.given_up or self._is_at_goal(start.pose):
@@ -286,8 +271,8 @@ class GoalManager:
     def _look_ahead(self, now: int, world: World, pose: Array, progress: float) -> None:
         """Aim at the line across the road that is to be reached at the end of the horizon.
 
-        The line moves at most at the speed asked for. If it kept its distance from the robot, plans
-        that drive fast at first and slowly in the end would be as good as steady ones, for ever.
+        It moves at most at the speed asked for. At a constant distance from the robot, plans that
+        drive fast at first and slowly in the end would be as good as steady ones, for ever.
         """
         follow = self._settings.follow
         assert follow is not None  # noqa: S101 (the caller has looked)
@@ -318,11 +303,7 @@ def _time_in_bends(settings: LawSettings, start: PlanStart, goal: Goal, length: 
 
 
 def _check_goal(settings: LawSettings, world: World, validator: Validator, goal: Goal) -> None:
-    """Refuse a goal that the robot cannot stand at.
-
-    Raises:
-        GoalError: It is off the road or in an obstacle, or a road is followed.
-    """
+    """GoalError for a goal off the road or in an obstacle, and for any where a road is followed."""
     if settings.follow is not None:
         raise GoalError('The robot follows the road without end (follow.speed): it takes no goal.')
     x, y = goal.position

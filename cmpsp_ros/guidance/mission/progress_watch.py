@@ -33,31 +33,22 @@ class Remedy(IntEnum):
 
 @dataclass
 class ProgressWatch:
-    """Progress on the way to the present goal.
+    """Progress on the way to the present goal."""
 
-    Attributes:
-        steps: Control steps without progress, since the last remedy.
-        remedy: The last one tried.
-        begun_at: Pose at which it began to back out or to turn; None while it does neither.
-        refused: Number of control steps in a row in which no such move was clear.
-        nearest: Least length of the way to the goal so far [m].
-        stood_at: Position at which the last progress was counted (x, y) [m].
-        is_closed: True while every way leads through a place that did not fit.
-        visited: Squares of the floor that it has been in.
-        trail: Positions driven through, the latest last (x, y) [m].
-        driven: Length of all that was driven, but for backing out [m].
-    """
-
-    steps: int = 0
-    remedy: Remedy = Remedy.NONE
+    steps: int = 0  # control steps without progress, since the last remedy
+    remedy: Remedy = Remedy.NONE  # the last one tried
+    # pose at which it began to back out or to turn; None while it does neither
     begun_at: Array | None = None
-    refused: int = 0
-    nearest: float = math.inf
+    refused: int = 0  # number of control steps in a row in which no such move was clear
+    nearest: float = math.inf  # least length of the way to the goal so far [m]
+    # position at which the last progress was counted (x, y) [m]
     stood_at: tuple[float, float] = (math.inf, math.inf)
-    is_closed: bool = False
+    is_closed: bool = False  # true while every way leads through a place that did not fit
+    # squares of the floor that it has been in
     visited: set[tuple[int, int]] = field(default_factory=set)
+    # positions driven through, the latest last (x, y) [m]
     trail: list[tuple[float, float]] = field(default_factory=list)
-    driven: float = 0.0
+    driven: float = 0.0  # length of all that was driven, but for backing out [m]
 
     def drive(self, pose: Array) -> None:
         """Remember where the robot has been; backing out unwinds that."""
@@ -70,10 +61,7 @@ class ProgressWatch:
             self.trail = [*self.trail[1 - _LONGEST :], here]
 
     def count(self, pose: Array, left: float, *, is_excused: bool = False) -> None:
-        """Count a step without progress, unless there is an excuse for it.
-
-        `left` is the length of the way, infinite without one [m].
-        """
+        """Count a step without progress, unless excused; `left` of the way [m], inf without one."""
         here = float(pose[0]), float(pose[1])
         place = math.floor(pose[0] / _PLACE), math.floor(pose[1] / _PLACE)
         # As more is seen the way changes its length: to a robot that stands that is no progress.

@@ -43,7 +43,7 @@ def why_unreachable(
 ) -> str:
     """Sentence that names what closes which way; `last` is added where everything is wide enough.
 
-    `blocked` (x, y) [m] are the places that did not fit.
+    `blocked` are the places that did not fit (x, y) [m].
     """
     search, places = start.world.map_search(settings), [start.pose[None, :2]]
     if search is not None:

@@ -37,59 +37,35 @@ _TOUCH: Final = 1e-3
 
 
 class SolveResult(NamedTuple):
-    """A plan after its iterations.
-
-    Attributes:
-        plan: The plan.
-        solved: Whether the subproblem of the last iteration was solved.
-        elastic: Whether slack was needed in it.
-        slack: Largest violation that the slack stands for [m].
-        slack_where: Indices of the path constraints with slack, outer and inner edge first.
-        slack_terminal: Whether the terminal constraint has slack.
-        iterations: Iterations done.
-        qp_iterations: Iterations of the QP back end in the last one.
-        active_rows: Constraints active in the last one.
-        reason: Status of the last one, in words.
-        work: Visits of a stage that the iterations took; 0 if they are not counted.
-        brakes_late: Whether too little time is left to come to rest within the limit of jerk.
-    """
+    """A plan after its iterations."""
 
     plan: Plan
-    solved: bool
-    elastic: bool
-    slack: float
+    solved: bool  # whether the subproblem of the last iteration was solved
+    elastic: bool  # whether slack was needed in it
+    slack: float  # largest violation that the slack stands for [m]
+    # indices of the path constraints with slack, outer and inner edge first
     slack_where: tuple[int, ...]
-    slack_terminal: bool
-    iterations: int
-    qp_iterations: int
-    active_rows: int
-    reason: str
-    work: int = 0
+    slack_terminal: bool  # whether the terminal constraint has slack
+    iterations: int  # iterations done
+    qp_iterations: int  # iterations of the QP back end in the last one
+    active_rows: int  # constraints active in the last one
+    reason: str  # status of the last one, in words
+    work: int = 0  # visits of a stage that the iterations took; 0 if they are not counted
+    # whether too little time is left to come to rest within the limit of jerk
     brakes_late: bool = False
 
 
 class Candidate(NamedTuple):
-    """A plan that may be followed.
-
-    Attributes:
-        plan: The plan.
-        result: Result of its iterations.
-        verdict: Validation on it and on the path to its beginning.
-        admissible: Whether it may be followed at all.
-        feasible: Whether it meets every constraint, too.
-        is_relaxed: Whether some constraint is not met, now or in the linearised plan.
-        terminal_error: Distance of its end from the goal [m].
-        heading_error: Error of its last heading [rad]; None where any will do.
-    """
+    """A plan that may be followed."""
 
     plan: Plan
     result: SolveResult
-    verdict: Validation
-    admissible: bool
-    feasible: bool
-    is_relaxed: bool
-    terminal_error: float
-    heading_error: float | None
+    verdict: Validation  # validation on it and on the path to its beginning
+    admissible: bool  # whether it may be followed at all
+    feasible: bool  # whether it meets every constraint, too
+    is_relaxed: bool  # whether some constraint is not met, now or in the linearised plan
+    terminal_error: float  # distance of its end from the goal [m]
+    heading_error: float | None  # error of its last heading [rad]; None where any will do
 
     @classmethod
     def of(cls, result: SolveResult, verdict: Validation, target: Target) -> Candidate:
@@ -136,32 +112,19 @@ class Candidate(NamedTuple):
 
 
 class Score(NamedTuple):
-    """Criteria by which plans are compared, in this order; violations in that of `BY_PRIORITY`.
+    """Criteria by which plans are compared, in this order; violations in that of `BY_PRIORITY`."""
 
-    Attributes:
-        admissible: Whether the plan may be followed at all.
-        obstacle: Depth in an obstacle or the margin kept from it [m]; 0 for none.
-        edge: Distance off the road or in the margin kept from its edges [m]; 0 for none.
-        terminal_error: Distance of its end from the goal [m]; 0 within the tolerance.
-        elastic: Whether its last iteration needed slack.
-        slack: Amount of slack, where nothing else is measured [m]; otherwise 0.
-        turns: Number of times it winds around itself.
-        blind: Whether it drives backward to where nothing has been seen.
-        reserve: Fraction of the time left that it could do without, were its wheels always at
-            their limit; at most `_ENOUGH`.
-        cost: Cost (95) of its path and its controls, without the proximal term.
-    """
-
-    admissible: bool = True
-    obstacle: float = 0.0
-    edge: float = 0.0
-    terminal_error: float = 0.0
-    elastic: bool = False
-    slack: float = 0.0
-    turns: int = 0
-    blind: bool = False
+    admissible: bool = True  # whether the plan may be followed at all
+    obstacle: float = 0.0  # depth in an obstacle or the margin kept from it [m]; 0 for none
+    edge: float = 0.0  # distance off the road or in the margin kept from its edges [m]; 0 for none
+    terminal_error: float = 0.0  # distance of its end from the goal [m]; 0 within the tolerance
+    elastic: bool = False  # whether its last iteration needed slack
+    slack: float = 0.0  # amount of slack, where nothing else is measured [m]; otherwise 0
+    turns: int = 0  # number of times it winds around itself
+    blind: bool = False  # whether it drives backward to where nothing has been seen
+    # fraction of the time left that it could do without at full speed; at most `_ENOUGH`
     reserve: float = 0.0
-    cost: float = 0.0
+    cost: float = 0.0  # cost (95) of its path and its controls, without the proximal term
 
     @property
     def flawed(self) -> bool:
@@ -244,8 +207,8 @@ class Ranking:
     def _reserve(self, plan: Plan) -> float:
         """Fraction of the time left that a plan could do without at full speed; 1 if unlimited.
 
-        With wheel speeds w: 1 - sum_k max_i |w_ki| dt_k / (w_max T). A disturbance costs time, and
-        nothing in the cost keeps any.
+        With wheel speeds w: 1 - sum_k max_i |w_ki| dt_k / (w_max T). Nothing in the cost keeps any
+        time.
         """
         edges, robot = plan.horizon.edges, self._settings.robot.kinematics
         needed = _turned(plan.controls, plan.horizon.durations, robot)

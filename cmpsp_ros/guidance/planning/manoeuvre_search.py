@@ -191,10 +191,7 @@ def _joined(segments: list[Segment]) -> Path:
 
 
 def timed(settings: LawSettings, start: PlanStart, durations: Array, path: Path) -> Array | None:
-    """A path as controls ``(N + 1, r)``, with stops between its segments to steer.
-
-    None if the time is too short.
-    """
+    """A path as controls ``(N + 1, r)``, with stops to steer; None if the time is too short."""
     robot, period = start.robot, settings.control_period
     length, change = _length(settings, robot), settings.max_wheel_change * robot.wheel_radius
     units, ways, pauses, steering = [], [], [], start.previous_control

@@ -125,11 +125,11 @@ class Planner:
         iterations: int | None = None,
         work_limit: int = UNLIMITED,
     ) -> SolveResult:
-        """Run iterations.
+        """Run iterations from a guess ``(N + 1, r)``.
 
         Args:
             context: The control step.
-            guess: Controls to start from, shape ``(N + 1, r)``.
+            guess: Controls to start from.
             iterations: Maximum number; by default that of a control step.
             work_limit: Visits of a stage after which a subproblem is given up.
         """
@@ -236,10 +236,7 @@ class Planner:
         return driver
 
     def _bound_speeds(self, driver: Driver, context: PlanningContext) -> None:
-        """Bound the speed of a car so that it comes to the end slowly enough, braking in time.
-
-        And that of every robot which is to be at rest there.
-        """
+        """Bound the speed of a robot that has to end slowly or at rest, braking in time."""
         robot, ws, change = context.start.robot, driver.ws, self._max_change
         durations, bounds = context.horizon.durations, robot.bounds
         ws.upper[:], ws.lower[:] = bounds, -bounds

@@ -1,8 +1,8 @@
 """Search of poses for the moves of a robot that has no space to turn: hybrid A*, from the goal.
 
-Where it is tight is at the goal, so that the search begins there: few poses are clear, and from
-the first that has a clear path of Reeds and Shepp to the robot the moves are known. Dolgov et al.,
-Path planning for autonomous vehicles in unknown semi-structured environments, 2010.
+It is tight at the goal: few poses there are clear, and from the first with a clear path of Reeds
+and Shepp to the robot the moves are known. Dolgov et al., Path planning for autonomous vehicles in
+unknown semi-structured environments, 2010.
 
 Lengths are in turning radii, costs are in units of 1/400 of one.
 """
@@ -40,15 +40,7 @@ _MIXER: Final = 0x9E3779B1
 
 
 class Surroundings(NamedTuple):
-    """Space to keep to, for compiled code; see `FreeSpace`.
-
-    Attributes:
-        depth: Depth in what is kept from things that the start or the goal has, and every pose may
-            have [m].
-        radius: Turning radius; of a robot that turns on the spot, a length [m].
-        turns_on_the_spot: Whether it does.
-        stroke: Length of a move, and the turn of one that is no straight line [rad].
-    """
+    """Space to keep to, for compiled code; see `FreeSpace`."""
 
     road: RoadSpace
     fields: Fields
@@ -56,30 +48,22 @@ class Surroundings(NamedTuple):
     first: IntArray
     radii: Array
     discs: Array
+    # depth in what is kept from things that the start or the goal has, and every pose may have [m]
     depth: float
-    radius: float
-    turns_on_the_spot: bool
-    stroke: float
+    radius: float  # turning radius; of a robot that turns on the spot, a length [m]
+    turns_on_the_spot: bool  # whether it does
+    stroke: float  # length of a move, and the turn of one that is no straight line [rad]
 
 
 class Tree(NamedTuple):
-    """Poses found so far, and what is kept of each.
+    """Poses found so far, and what is kept of each."""
 
-    Attributes:
-        poses: Shape ``(K, 3)`` [m, m, rad].
-        numbers: Cost, node before, move that led here, and next in the bucket, ``(K, 4)``.
-        cells: Cell of each node ``(K, 4)``: two of the position, heading, direction.
-        table: Node of each cell by its hash, `_NONE` for none.
-        buckets: First node by the least cost of a path through it.
-        counts: Number of nodes, the bucket that is worked on, and the expansions so far.
-    """
-
-    poses: Array
-    numbers: IntArray
-    cells: IntArray
-    table: IntArray
-    buckets: IntArray
-    counts: IntArray
+    poses: Array  # shape ``(K, 3)`` [m, m, rad]
+    numbers: IntArray  # cost, node before, move that led here, and next in the bucket, ``(K, 4)``
+    cells: IntArray  # cell of each node ``(K, 4)``: two of the position, heading, direction
+    table: IntArray  # node of each cell by its hash, `_NONE` for none
+    buckets: IntArray  # first node by the least cost of a path through it
+    counts: IntArray  # number of nodes, the bucket that is worked on, and the expansions so far
 
     @classmethod
     def at(cls, goal: Array) -> Tree:
@@ -130,10 +114,7 @@ def expand(tree: Tree, around: Surroundings, start: Array, count: int) -> int:
 
 @allocation_free
 def is_clear(around: Surroundings, pose: Array, segments: Array) -> bool:
-    """True if a path is clear; segments are turns and lengths ``(K, 2)``.
-
-    The pose is left where the path ends.
-    """
+    """True if a path of turns and lengths ``(K, 2)`` is clear; the pose is left at its end."""
     for k in range(segments.shape[0]):
         turn, length = int(segments[k, 0]), segments[k, 1]
         pieces = math.ceil(_CHECKS * abs(length) / around.stroke)

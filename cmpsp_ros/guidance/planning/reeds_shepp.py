@@ -68,10 +68,7 @@ def has_to_turn(start: PlanStart, target: Target) -> bool:
 def manoeuvres(
     settings: LawSettings, start: PlanStart, target: Target, durations: Array
 ) -> list[Array]:
-    """Controls ``(N + 1, r)`` that turn to the goal, or to the road, by the shortest clear paths.
-
-    Those for which the time is too short are left out. Arguments as of `along_road`.
-    """
+    """Controls ``(N + 1, r)`` that turn to goal or road by the shortest clear paths in time."""
     scored = [
         (round(depth, 1), cost_of(path), path) for depth, path in _depths(settings, start, target)
     ]

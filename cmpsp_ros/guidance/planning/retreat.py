@@ -1,8 +1,8 @@
 """Retreat from what comes at the robot and closes its way: to where it is not touched.
 
-On a grid around the robot, the cells in which it can be at a time without having been touched are
-those beside the ones of the time before, as far as they are clear by then. Of the cells that are
-left in the end, the robot goes to one where it can stay for long, and which is near.
+On a grid around the robot, the cells where it can be at a time, untouched, are those beside the
+ones of the time before that are clear by then. Of those left in the end, it goes to a near one
+where it can stay for long.
 """
 
 from __future__ import annotations
@@ -62,10 +62,7 @@ class RetreatPlanner:
         self._grid = np.stack(np.meshgrid(axis, axis, indexing='ij'), axis=-1)
 
     def threats(self, start: PlanStart) -> MovingDiscs:
-        """Obstacles that may come near in the time that is looked ahead, where they are expected.
-
-        Those that touch the robot already do not count, and neither do other robots.
-        """
+        """Obstacles expected near in time, but for robots and those that touch this one already."""
         moving, seconds = start.moving, self.seconds
         reach = self._kept + self._cell * _CELLS
         near = moving.within(start.pose, reach, seconds)
@@ -110,9 +107,9 @@ class RetreatPlanner:
         threats: MovingDiscs,
         before: tuple[float, float] | None,
     ) -> tuple[Plan, tuple[float, float]] | None:
-        """Plan to a refuge, and its position; None if there is none.
+        """Plan to a refuge, and its position [m]; None if there is none.
 
-        `delay` [ns]; `before` is the refuge chosen in the step before [m].
+        `before` is the refuge of the step before [m]; `delay` [ns].
         """
         layers = self._layers(start, threats)
         if not layers[-1].any():

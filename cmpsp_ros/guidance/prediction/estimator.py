@@ -42,8 +42,7 @@ _NOTHING: Final = np.empty((0, 0)), np.empty(0)
 def as_expected(tracks: Sequence[MovingObject], period: float) -> tuple[MovingObject, ...]:
     """Tracks as plans take them: doubt about a velocity counts until the next control step [s].
 
-    That one plans anew. Over a long horizon, doubt that grows on would fill all space, as would
-    that about the position of somebody out of sight.
+    That one plans anew; doubt that grew on along a horizon would fill all space.
     """
     expected = list[MovingObject]()
     for each in tracks:
@@ -72,32 +71,21 @@ class Observation(NamedTuple):
 
 
 class PlanStart(NamedTuple):
-    """The initial state of a plan, and the models that predict it on from there.
+    """The initial state of a plan, and the models that predict it on from there."""
 
-    Attributes:
-        pose: Pose, shape ``(3,)`` [m, m, rad].
-        robot: Kinematics, with the slip that is estimated.
-        world: Road and static obstacles.
-        moving: Moving obstacles, from then on, as large as plans take them.
-        progress: Arc length along the road of a place near the pose, NaN if not needed [m].
-        previous_control: Control commanded until then, shape ``(r,)``.
-        reachable: All places that the same obstacles may reach, and then those of people who have
-            stopped.
-        among_people: Whether anything that moves was seen in this run.
-        touchable: Those of `reachable`, as large as they were seen.
-        previous_change: By how much the control until then differs from the one before it, shape
-            ``(r,)``; 0 after a stop, whose braking no limit of jerk holds for.
-    """
-
-    pose: Array
-    robot: Robot
-    world: World
+    pose: Array  # pose, shape ``(3,)`` [m, m, rad]
+    robot: Robot  # kinematics, with the slip that is estimated
+    world: World  # road and static obstacles
+    # moving obstacles, from then on, as large as plans take them
     moving: MovingDiscs = NOTHING_MOVES
+    # arc length along the road of a place near the pose, NaN if not needed [m]
     progress: float = math.nan
-    previous_control: Array = AT_REST
+    previous_control: Array = AT_REST  # control commanded until then, shape ``(r,)``
+    # all places that the same obstacles may reach, and then those of people who have stopped
     reachable: MovingDiscs = NOTHING_MOVES
-    among_people: bool = False
-    touchable: MovingDiscs = NOTHING_MOVES
+    among_people: bool = False  # whether anything that moves was seen in this run
+    touchable: MovingDiscs = NOTHING_MOVES  # those of `reachable`, as large as they were seen
+    # difference of that control from the one before ``(r,)``; 0 after a stop, free in jerk
     previous_change: Array = AT_REST
 
     def followed(self, settings: LawSettings, controls: Array, durations: Array) -> Array:
@@ -120,21 +108,14 @@ class PlanStart(NamedTuple):
 
 
 class Estimate(NamedTuple):
-    """The present state, and the one at which a command given now takes effect.
-
-    Attributes:
-        here: The present state.
-        start: The initial state of a plan.
-        under_way: Controls in effect from here to there, ``(K, r)``, each for so long ``(K,)`` [s].
-        delay: From a command to its effect, with the lag that is estimated [ns].
-        model_changed: Whether the slip is another one now.
-    """
+    """The present state, and the one at which a command given now takes effect."""
 
     here: PlanStart
-    start: PlanStart
+    start: PlanStart  # the initial state of a plan
+    # controls in effect from here to there, ``(K, r)``, each for so long ``(K,)`` [s]
     under_way: tuple[Array, Array]
-    delay: int
-    model_changed: bool
+    delay: int  # from a command to its effect, with the lag that is estimated [ns]
+    model_changed: bool  # whether the slip is another one now
 
 
 class Estimator:
@@ -180,13 +161,10 @@ class Estimator:
         return self.commands.latest
 
     def update(self, seen: Observation, world: World, previous_control: Array) -> Estimate:
-        """Take in an observation at the beginning of a control step.
+        """Take in an observation at the beginning of a control step; `previous_control` ``(r,)``.
 
-        A plan begins where the robot will be when a command given now takes effect. One whose
-        wheels lag by ``T`` moves as one whose wheels obey at once, so much later: until then they
-        keep the speeds that they have when the command reaches them.
-
-        `previous_control` ``(r,)``.
+        A plan begins where the robot will be when a command given now takes effect. Wheels that lag
+        by ``T`` move as ones that obey at once, so much later, and keep their speeds until then.
         """
         stamp, pose, road = seen.stamp, seen.pose, world.road
         moving = reachable = touchable = NOTHING_MOVES

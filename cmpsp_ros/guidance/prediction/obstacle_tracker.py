@@ -90,8 +90,8 @@ def reachable_sets(
 ) -> MovingDiscs:
     """All places that moving obstacles may reach from `stamp` [ns] on, in the order of the tracks.
 
-    Position and velocity are within three standard deviations of those seen, no speed is above the
-    largest, and the velocity changes no faster than told. Other robots keep to their plans.
+    Position and velocity are within three standard deviations, speeds and accelerations within
+    their limits. Other robots keep to their plans.
     """
     if not tracks:
         return NOTHING_MOVES
@@ -134,11 +134,7 @@ def _reach(seen: Track, stamp: int, settings: MovingObstacles) -> tuple[float, .
 
 
 def _velocities(seen: Track, top: float) -> tuple[float, float, float]:
-    """The smallest disc of velocities around those that are both likely and possible.
-
-    They are in a disc around the velocity seen, and in one of radius `top` around zero. Centre and
-    radius [m/s].
-    """
+    """Centre and radius of the smallest disc of velocities both likely and up to `top` [m/s]."""
     spread, speed = _CERTAIN * seen.velocity_stddev, math.hypot(seen.vx, seen.vy)
     # One that is faster than anything should be has the velocity that was seen.
     if speed + spread <= top or speed - spread > top + _ROUNDING:

@@ -174,10 +174,7 @@ class ResponseEstimate:
         return f'predictions have been wrong by {self.error:.2g} m.'
 
     def response(self, stamp: int, commands: PendingCommands, delay: float, lag: float) -> Response:
-        """A response, and the commands so far.
-
-        `stamp` [ns], `delay` [s], `lag` [s].
-        """
+        """A response with delay and lag [s], and the commands up to `stamp` [ns]."""
         nanoseconds = to_nanoseconds(delay)
         pending, durations = commands.until(stamp, nanoseconds)
         effective = commands.in_force

@@ -35,8 +35,7 @@ class StandingPeople:
     def update(self, stamp: int, tracks: Sequence[MovingObject], sighting: Sighting) -> None:
         """Note who moves and who has stopped at a time [ns].
 
-        They stand where they were last tracked, with the doubt about their velocity at that time:
-        that covers what they do until it is seen.
+        They stand where they were last tracked, as uncertain as their velocity was then.
         """
         moving = {each.id: each for each in tracks if isinstance(each, Track) and each.is_seen}
         known = {each.id: each for each in self.standing} | self._slow

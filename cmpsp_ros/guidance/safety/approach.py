@@ -1,7 +1,7 @@
 """Speed limit before obstacles that a plan leads into: the robot stops before them.
 
-Where no plan passes an obstacle the best one leads through it, and only its first arc is checked. A
-robot that is heavier than its model is beyond that arc before it stands.
+Where no plan passes an obstacle the best one leads through it, and only its first arc is checked:
+the robot may be beyond that arc before it stands.
 """
 
 from __future__ import annotations
@@ -47,17 +47,11 @@ _UNSEEN: Final = 'unseen'
 
 
 class Contact(NamedTuple):
-    """First obstacle that a plan leads into.
-
-    Attributes:
-        name: Its name.
-        distance: Lower bound of the distance to it along the plan [m].
-        speed: Maximum speed with which the robot can still stop before it [m/s].
-    """
+    """First obstacle that a plan leads into."""
 
     name: str
-    distance: float
-    speed: float
+    distance: float  # lower bound of the distance to it along the plan [m]
+    speed: float  # maximum speed with which the robot can still stop before it [m/s]
 
     def __str__(self) -> str:
         if self.name == _UNSEEN:
@@ -98,10 +92,7 @@ class Approach:
         return found
 
     def end_speed(self, plan: Plan, ahead: Contact) -> float:
-        """Maximum speed at the end of a plan to stop before the contact behind it [m/s].
-
-        Infinite where the plan leads into it before.
-        """
+        """Maximum speed at the end of a plan to stop before a contact behind it [m/s]; else inf."""
         speeds = speeds_and_turns(self._settings.robot.twist(plan.controls[:-1]))[:, 0]
         room = ahead.distance - float(np.abs(speeds) @ plan.horizon.durations)
         if room < 0.0:
@@ -141,10 +132,7 @@ class Approach:
         return Contact(names[what], distance, self._speed(distance, float(durations[0]))), step
 
     def before(self, obstacles: Mapping[str, float], start: PlanStart) -> Contact:
-        """The nearest of some obstacles.
-
-        `obstacles` [m].
-        """
+        """Contact with the nearest of some obstacles, by their distances [m]."""
         space = start.world.free_space(self._settings)
         clearance = dict(
             zip(start.world.names, space.at(start.pose[None], start.progress)[0], strict=True)
@@ -168,8 +156,7 @@ class Approach:
     ) -> tuple[Plan, Validation, str] | None:
         """Slow a plan to a safe speed before its contact, for every possible response of the robot.
 
-        Returns:
-            Plan, verdict and a remark for the reason; None where no speed is safe.
+        Returns plan, verdict and a remark for the reason; None where no speed is safe.
         """
         remark = ''
         slowed = None if ahead is None else self.slowed(plan, start, ahead.speed)
@@ -223,8 +210,7 @@ class Approach:
     ) -> tuple[Plan, Validation] | None:
         """A plan so slow that its first command and a stop are clear however the robot responds.
 
-        Returns:
-            It and its verdict, at the largest speed tried that is clear; None where none is.
+        With its verdict, at the largest speed tried that is clear; None where none is.
         """
         if self._calmed is not None and self._calmed[0] is plan and self._calmed[1] is verdict:
             return self._calmed[2]
@@ -303,10 +289,7 @@ class Approach:
         return FreeSpace.of(OpenFloor(), (GridObstacle(_UNSEEN, near),), radius, footprint.discs)
 
     def _to_rest(self, plan: Plan, start: PlanStart) -> Iterator[tuple[Array, Array]]:
-        """Commands of a plan, until the robot is at rest at the latest, and their durations.
-
-        After its end it brakes along its curvature, or else along the road.
-        """
+        """Commands of a plan, until the robot is at rest at the latest, and their durations."""
         settings = self._settings
         controls, durations = plan.controls[:-1], plan.horizon.durations
         period, limit = settings.control_period, self._max_change

@@ -18,7 +18,7 @@ CHANGE_ROUNDING: Final = 1e-6
 def reason_not_to_change(settings: LawSettings, start: PlanStart, controls: Array) -> str:
     """Reason not to send the first of some controls ``(K, r)``, in a sentence; '' for none.
 
-    All of them keep the limit of acceleration; that of jerk is asked of the first.
+    All must keep the limit of acceleration, the first that of jerk.
     """
     commands, robot = np.vstack([start.previous_control, controls]), start.robot
     limit = settings.max_wheel_change

@@ -1,7 +1,4 @@
-"""The last checked plan, where no new one may be followed; and control steps that take too long.
-
-Nothing here reads a clock: how long a step took comes from outside, and is recorded.
-"""
+"""The last checked plan, where no new one may be followed; and control steps that take too long."""
 
 from __future__ import annotations
 
@@ -38,10 +35,7 @@ class Fallback:
         delay: int,
         pending: Validation | None,
     ) -> tuple[Plan, Validation] | None:
-        """The last plan, shifted by the time that has passed, if it is still clear.
-
-        `delay` [ns].
-        """
+        """The last plan, shifted by the time that has passed [ns], if it is still clear."""
         if plan is None:
             return None
         if horizon.edges[-1] > plan.horizon.edges[-1] + self._period:
@@ -70,12 +64,10 @@ def clear_fraction(
     next_step: float,
     latest: float,
 ) -> float:
-    """Largest tried fraction of a command that is clear whenever it comes into effect.
+    """Largest tried fraction of a command ``(r,)`` that is clear whenever it comes into effect.
 
-    The command before it goes on until then, and it goes on itself until the next one does. As the
-    same was asked of the command before, a stop is clear.
-
-    `previous` ``(r,)``, `control` ``(r,)``, `next_step` [s], `latest` [s].
+    The `previous` one ``(r,)`` goes on until then, for `latest` at most, and it goes on itself for
+    `next_step` [s]. As the same was asked of the command before, a stop is clear.
     """
     # One that takes longer than that is never sent.
     instants = np.linspace(0.0, min(latest, next_step), _INSTANTS)

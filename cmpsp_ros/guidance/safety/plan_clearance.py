@@ -13,21 +13,10 @@ from cmpsp_ros.guidance.world import World
 
 
 def plan_clearance(settings: LawSettings, world: World, decision: Decision) -> Array:
-    """Least clearance of a plan from each pose to the next, and at the last.
+    """Least clearance ``(N + 1,)`` [m] of a plan from each pose to the next, and at the last.
 
     From road edges and obstacles, moving ones too, minus the robot's radius; its minimum is the
-    decision's `worst_margin` where no command is pending.
-
-    Args:
-        settings: All settings of the guidance law.
-        world: Road and static obstacles.
-        decision: One with a plan of ``N`` stages.
-
-    Returns:
-        Shape ``(N + 1,)`` [m].
-
-    Raises:
-        ValueError: It has no plan.
+    decision's `worst_margin` where no command is pending. ValueError for a decision without a plan.
     """
     plan, radius = decision.plan, settings.robot_radius
     if plan is None:

@@ -31,28 +31,17 @@ class PlanSweep(NamedTuple):
 
     Obstacles are numbered: both edges of the road first, then the static ones, then the moving
     discs. Committed steps are those that must be clear of what stands still.
-
-    Attributes:
-        fastest: Maximum wheel speed [rad/s].
-        committed: Minimum clearance of the committed steps.
-        worst: Minimum clearance of the whole plan.
-        nearest: Index of the obstacle of `worst`.
-        shortfall: Largest clearance from what stands still that the committed steps lack.
-        short_of: Index of the obstacle of `shortfall`.
-        tightest: Clearance from that.
-        edges: Minimum clearance of the whole plan from the road's edges.
-        others: The same from all other obstacles.
     """
 
-    fastest: float
-    committed: float
-    worst: float
-    nearest: float
-    shortfall: float
-    short_of: float
-    tightest: float
-    edges: float
-    others: float
+    fastest: float  # maximum wheel speed [rad/s]
+    committed: float  # minimum clearance of the committed steps
+    worst: float  # minimum clearance of the whole plan
+    nearest: float  # index of the obstacle of `worst`
+    shortfall: float  # largest clearance from what stands still that the committed steps lack
+    short_of: float  # index of the obstacle of `shortfall`
+    tightest: float  # clearance from that
+    edges: float  # minimum clearance of the whole plan from the road's edges
+    others: float  # the same from all other obstacles
 
 
 SWEEP: Final = np.dtype([(name, np.float64) for name in PlanSweep._fields])

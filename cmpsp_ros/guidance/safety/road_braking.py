@@ -38,12 +38,9 @@ def braking_on_road(
     *,
     beside: float = 0.0,
 ) -> Array:
-    """Commands that stop a robot on the road, in the direction in which it drives.
+    """Commands that stop a robot on the road, in the direction in which it drives, as of `braking`.
 
     `first` ``(r,)``, `held` [s], `period` [s], `beside` [m].
-
-    Returns:
-        As of `braking`.
     """
     road, robot, controls = start.world.road, start.robot, [first]
     speed = float(robot.twist(first)[0])

@@ -38,10 +38,10 @@ def watches_unseen(settings: LawSettings, start: PlanStart) -> bool:
 def is_clear_of_unseen(
     settings: LawSettings, start: PlanStart, controls: Array, durations: Array
 ) -> bool:
-    """True if the robot looks where it drives, and nothing out of sight can reach it in time.
+    """True if the robot looks where it drives, and nothing out of sight reaches it before it rests.
 
-    In time is before it is at rest; with `stationary` the second is not asked. `controls` is a path
-    to rest ``(K, r)``, `durations` ``(K,)`` [s].
+    With `stationary` the second is not asked. `controls` is a path to rest ``(K, r)``, `durations`
+    ``(K,)`` [s].
     """
     twists = start.robot.twist(controls)
     speeds = np.abs(speeds_and_turns(twists)[:, 0])

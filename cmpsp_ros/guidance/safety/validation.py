@@ -43,34 +43,20 @@ _TO_REST: Final = 4.0
 
 
 class Validation(NamedTuple):
-    """Outcome of a trajectory check.
+    """Outcome of a trajectory check."""
 
-    Attributes:
-        passed: True if the first command may be sent.
-        reason: Reason of a failure; '' when passed.
-        margin: Minimum clearance over the first control period [m].
-        worst_margin: Minimum clearance over the whole plan [m].
-        nearest: Name of the obstacle nearest to the whole plan.
-        edge_margin: Minimum clearance of the whole plan from the road's edges [m].
-        obstacle_margin: The same from obstacles, moving ones too; infinite without any [m].
-        ramp: Commands by which the robot can stop after the first one, shape ``(K, r)``;
-            none where it stops at once.
-    """
-
-    passed: bool
-    reason: str
-    margin: float
-    worst_margin: float
-    nearest: str
-    edge_margin: float
-    obstacle_margin: float
+    passed: bool  # true if the first command may be sent
+    reason: str  # reason of a failure; '' when passed
+    margin: float  # minimum clearance over the first control period [m]
+    worst_margin: float  # minimum clearance over the whole plan [m]
+    nearest: str  # name of the obstacle nearest to the whole plan
+    edge_margin: float  # minimum clearance of the whole plan from the road's edges [m]
+    obstacle_margin: float  # the same from obstacles, moving ones too; infinite without any [m]
+    # commands ``(K, r)`` to stop after the first one; none where it stops at once
     ramp: Array = NO_RAMP
 
     def followed_by(self, later: Validation) -> Validation:
-        """The verdict on this path and the one that follows it: both must pass.
-
-        Margins from edges and from obstacles are of the later one, which can still be changed.
-        """
+        """The verdict on this path and the one that follows, of which the margins are."""
         first = self if not self.passed or later.passed else later
         nearer = self if self.worst_margin < later.worst_margin else later
         return Validation(
@@ -88,9 +74,8 @@ class Validation(NamedTuple):
 class Validator:
     """Checks plans: finite, within the wheel limits, clear for the first control period.
 
-    With a limit of acceleration it must be clear from there until at rest, too, for a robot that
-    brakes along the plan, or else along its curvature or the road: the next control step can
-    always stop.
+    With a limit of acceleration it must be clear from there until at rest, too, along the plan, its
+    curvature or the road: the next control step can always stop.
     """
 
     def __init__(self, settings: LawSettings, *, with_margin: bool = False) -> None:
@@ -183,11 +168,7 @@ class Validator:
             yield from brakings_on_road(start, controls[0], held, *limits)
 
     def braking_from(self, start: PlanStart) -> Array:
-        """Commands that bring the robot to rest from now on, along the curvature that it drives.
-
-        Returns:
-            Shape ``(K, 2)`` [rad/s]; none where they are not clear: it stops at once.
-        """
+        """Commands ``(K, r)`` to rest along the present curvature; none if they are not clear."""
         if self._max_change == math.inf:
             return NO_RAMP
         held = np.stack([start.previous_control, start.previous_control])
@@ -223,11 +204,9 @@ class Validator:
         return found.committed >= error
 
     def check_pending(self, start: PlanStart, controls: Array, durations: Array) -> Validation:
-        """Say whether the path is clear along which commands given before will lead.
+        """Verdict on the path along which commands given before lead ``(K, r)``, ``(K,)`` [s].
 
         All of it is swept like the first command of a plan; wheel speeds are not checked again.
-
-        `controls` ``(K, r)``, `durations` ``(K,)`` [s].
         """
         poses = start.robot.roll_out(start.pose, controls, durations)
         begins = np.cumsum(durations) - durations
@@ -305,8 +284,7 @@ class Validator:
     def why_no_start(self, world: World, pose: Array) -> str:
         """Reason not to start at a pose ``(3,)`` [m, m, rad]: it is inside an obstacle; '' if none.
 
-        A moving robot is led out instead. Seen cells do not count: they reach beyond the obstacle
-        seen, and so does noise.
+        A moving robot is led out instead. Seen cells reach beyond the obstacle, and do not count.
         """
         away, names = self.clearance_at(world, pose), world.names
         counts = range(N_EDGE_CONSTRAINTS, len(names))

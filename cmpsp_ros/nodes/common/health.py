@@ -33,7 +33,6 @@ class Health:
     """Publishes a node's state once a second and whenever it has changed."""
 
     def __init__(self, node: Node, look: Callable[[], Report]) -> None:
-        """Begin to publish the state from ``look``, ten times a second."""
         self._node = node
         self._look = look
         self._shown: tuple[object, ...] | None = None

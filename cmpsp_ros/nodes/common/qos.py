@@ -12,10 +12,7 @@ _DEPTH, _MAX_DEPTH = 10, 10_000
 
 
 def hearing_all(offered: Iterable[QoSProfile], *, depth: int) -> QoSProfile:
-    """Strictest request of a subscription that still hears every publisher.
-
-    It is reliable if they all are, and transient local if they all are.
-    """
+    """Strictest request of a subscription that still hears every publisher."""
     profiles = list(offered)
     reliable = all(each.reliability == ReliabilityPolicy.RELIABLE for each in profiles)
     latched = all(each.durability == DurabilityPolicy.TRANSIENT_LOCAL for each in profiles)

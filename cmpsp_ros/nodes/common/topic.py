@@ -24,27 +24,17 @@ _NAME = re.compile(r'([a-z][a-z0-9_]*)/msg/([A-Z][A-Za-z0-9]*)')
 
 @dataclass(frozen=True)
 class Topic:
-    """One topic or service of a node.
-
-    Attributes:
-        direction: Seen from the node.
-        name: As the node uses it, before namespaces and remapping.
-        type: Message or service class.
-        notes: For the user.
-        depth: Depth of its queue; 0 for a service.
-        best_effort: True if a subscription accepts best-effort publishers as well.
-        latched: True if late subscribers get the last message (transient local).
-        repeats: True if it only repeats the content of other topics; it is then not recorded.
-    """
+    """One topic or service of a node."""
 
     node: str
-    direction: Literal['in', 'out', 'srv']
-    name: str
-    type: Any
-    notes: str
-    depth: int = 10
-    best_effort: bool = False
-    latched: bool = False
+    direction: Literal['in', 'out', 'srv']  # seen from the node
+    name: str  # as the node uses it, before namespaces and remapping
+    type: Any  # message or service class
+    notes: str  # for the user
+    depth: int = 10  # depth of its queue; 0 for a service
+    best_effort: bool = False  # true if a subscription accepts best-effort publishers as well
+    latched: bool = False  # true if late subscribers get the last message (transient local)
+    # True if it only repeats the content of other topics; it is then not recorded.
     repeats: bool = False
 
     @property

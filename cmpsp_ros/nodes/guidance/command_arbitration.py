@@ -18,8 +18,7 @@ from rclpy.node import Node
 from cmpsp_ros.nodes.common.topic import publisher_names, steady_timer
 from cmpsp_ros.nodes.common.topics import COMMAND, GUIDED_BY
 
-PERIOD = 0.5
-"""Time between two claims [s]."""
+PERIOD = 0.5  # time between two claims [s]
 
 TRUST = 4 * PERIOD
 """Time for which a claim is believed: a process that was killed makes no more [s]."""

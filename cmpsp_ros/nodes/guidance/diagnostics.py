@@ -20,11 +20,8 @@ if TYPE_CHECKING:
 
 _REMEMBERED_STEPS = 1000
 
-_ENOUGH_STEPS = 10
-"""Steps after which their usual delay is known."""
-
-_UNKNOWN_DELAY = 0.1
-"""Control periods by which commands may be later than `command_delay` says."""
+_ENOUGH_STEPS = 10  # steps after which their usual delay is known
+_UNKNOWN_DELAY = 0.1  # control periods by which commands may be later than `command_delay` says
 
 
 def report_on(
@@ -34,10 +31,9 @@ def report_on(
     warnings: Sequence[str] = (),
     errors: Sequence[str] = (),
 ) -> Report:
-    """Report on the guidance node in a state of its lifecycle.
+    """Report on the guidance node in a state of its lifecycle, with sentences of others.
 
-    `refusal` is a reason not to go on to another state; `warnings` and `errors` are sentences of
-    others.
+    `refusal` is a reason not to go on to another state.
     """
     decision = None if loop is None else loop.decision
     connections = {} if loop is None else loop.connections

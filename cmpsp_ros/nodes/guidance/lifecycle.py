@@ -52,7 +52,6 @@ class LifecycleBond:
     """This node's side of a bond; the manager's is not waited for, and may be missing."""
 
     def __init__(self, node: Node) -> None:
-        """Open the topic, where `bond` is installed."""
         self._node = node
         self._timer: Timer | None = None
         if Status is not None:

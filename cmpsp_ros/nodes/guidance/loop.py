@@ -30,11 +30,10 @@ from cmpsp_ros.parameters import Values
 
 _WATCH_PERIOD = 0.025
 
+# Control periods after a command until which the braking path that was audited with it holds.
 _LATEST_RAMP = 1.5
-"""Control periods after a command until which the braking path that was audited with it holds."""
-
+# Wait for odometry of the final time before the clock stops the robot [ns].
 _LATEST_ODOMETRY = 5_000_000
-"""Wait for odometry of the final time before the clock stops the robot [ns]."""
 
 
 class GuidanceLoop:
@@ -50,7 +49,6 @@ class GuidanceLoop:
         settings: GuidanceSettings,
         garbage: GarbageCollection,
     ) -> None:
-        """Open the topics, and wait to be active; garbage is collected in idle time."""
         self._node, self._settings, self._garbage = node, settings, garbage
         self.active, self._in_lockstep = False, values['lockstep']
         self._law = GuidanceLaw(settings, settings.world, time.perf_counter_ns)

@@ -59,7 +59,6 @@ class GuidanceNode(LifecycleNode):
     """
 
     def __init__(self) -> None:
-        """Declare the parameters and, with `autostart`, go on to the active state."""
         super().__init__('guidance')
         guard_change_state(self)
         self._values: Values | None = None
@@ -177,7 +176,6 @@ class GuidanceNode(LifecycleNode):
         super().destroy_node()
 
     def _rest(self, reason: str) -> None:
-        """Stop the robot for a reason, and guide it no more."""
         self._loop.rest(reason)
         self._give_back()
 

@@ -33,8 +33,7 @@ from cmpsp_ros.nodes.recording.received import (
 )
 from cmpsp_ros.programs import quick_exit
 
-TAKE_PERIOD: Final = 0.05
-"""Time between two rounds through the queues [s]."""
+TAKE_PERIOD: Final = 0.05  # time between two rounds through the queues [s]
 
 FLUSH_PERIOD: Final = 0.5
 """Time between two flushes [s]; what came after the last is lost when the process is killed."""
@@ -206,10 +205,7 @@ class Recorder(Node):
                 loss.last, loss.count = self._looked - self._begun, count
 
     def _take(self, *, ending: bool = False) -> int | None:
-        """Write all messages received; at the end also those before simulated time began.
-
-        Returns the earliest time of publication among them [ns], None when there are none.
-        """
+        """Write all messages received; returns the earliest time of publication among them [ns]."""
         simulated = cast('ROSClock', self.get_clock()).ros_time_is_active
         # All else is kept, up to its depth, by the middleware.
         waits = simulated and not self._simulated.begun and not ending

@@ -23,10 +23,7 @@ _ALSO_OF_ROBOT: Final = ('command_delay', 'max_wheel_lag', 'enable_stamped_cmd_v
 
 
 def config_directory(here: Path = Path(__file__)) -> Path:
-    """The folder of the presets, in a source tree or where pip or colcon put it.
-
-    It is looked for above a module. ParameterError if the package was installed without it.
-    """
+    """Folder of the presets above a module; ParameterError if it was not installed."""
     # The second path matters in a workspace of symbolic links, the first where only they lead on.
     for folder in [*here.absolute().parents, *here.resolve().parents]:
         in_source = folder / 'config'
@@ -71,9 +68,8 @@ def load_parameter_file(
         namespace: Namespace of a robot, such as ``/r1``, whose guidance and simulator are meant.
             Without either, the values for guidance and simulator in any namespace.
 
-    Raises:
-        ParameterError: If there is no such file or preset, the file is not YAML of ROS parameters,
-            or has different values for several nodes and none is selected.
+    Raises ParameterError if there is no such file or preset, it is not YAML of ROS parameters, or
+    it has different values for several nodes and none is selected.
     """
     path = _path(path_or_preset_name)
     sections = _sections(path)

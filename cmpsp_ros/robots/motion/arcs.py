@@ -106,10 +106,7 @@ def point_of(x: float, y: float, heading: float, points: Array, i: int) -> Any:
 
 @allocation_free
 def arc_of_point(arc: Arc, heading: float, points: Array, i: int) -> Arc:
-    """The arc of point ``i`` of the robot, see `point_of`, from that of its reference point.
-
-    `heading` is the robot's at the beginning [rad].
-    """
+    """The arc of point ``i`` of the robot from that of its reference point and heading [rad]."""
     if points[i, 0] == 0.0 and points[i, 1] == 0.0:
         return arc
     x, y = point_of(arc.x, arc.y, heading, points, i)

@@ -34,20 +34,15 @@ _EDGES = 2
 
 @dataclass
 class DrivenRun:
-    """A completed run: motions, the last at rest, and decisions up to the final time [ns].
-
-    Attributes:
-        exception: Type and text of an exception of the law; empty if there was none.
-        walking: Those who walk about, if any.
-        people: Instants [ns], and the states of all people from then on, as of `People.at`.
-    """
+    """A completed run: motions, the last at rest, and decisions up to the final time [ns]."""
 
     task: RunTask
     motions: list[Motion] = field(default_factory=list)
     decisions: list[Decision] = field(default_factory=list)
-    exception: str = ''
+    exception: str = ''  # type and text of an exception of the law; empty if there was none
     end: int = 0
-    walking: People | None = None
+    walking: People | None = None  # those who walk about, if any
+    # Instants [ns], and the states of all people from then on, as of `People.at`.
     people: list[tuple[int, Array]] = field(default_factory=list)
 
     @property
@@ -94,7 +89,6 @@ class Computer:
     """
 
     def __init__(self, task: RunTask) -> None:
-        """Idle computer, its times drawn from the seed of the run."""
         self._period, self._lateness = task.settings.control_period, task.lateness
         self._random = np.random.default_rng([task.scenario.seed, task.scenario.number])
         self.busy_until = 0
@@ -245,7 +239,6 @@ def _crowd(driven: DrivenRun) -> CrowdOutcome | None:
 
 
 def _over_limit(driven: DrivenRun) -> int:
-    """Commands that change more than the robot can, or steer too far."""
     settings, controls = driven.task.settings, driven.controls
     if not np.isfinite(controls).all():
         return 0
@@ -269,10 +262,7 @@ def _shortest(task: RunTask) -> float:
 
 
 def farthest(task: RunTask) -> float:
-    """Distance that the robot drives from rest until the final time at its limit [m].
-
-    Random slip is ignored, because it may happen to be zero.
-    """
+    """Distance from rest until the final time at the robot's limit [m]; random slip is ignored."""
     plant, time = task.plant, task.settings.final_time
     if plant.wheel_slip_stddev > 0.0:
         return math.inf
@@ -307,7 +297,6 @@ def _walk(driven: DrivenRun, plant: Plant) -> None:
 
 
 def _told(driven: DrivenRun, stamp: int) -> tuple[Track, ...]:
-    """People who are known exactly."""
     crowd = driven.task.crowd
     if driven.walking is None or crowd is None or not crowd.told:
         return ()

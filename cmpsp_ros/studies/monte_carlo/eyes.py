@@ -46,7 +46,6 @@ class Eyes:
         shapes: Sequence[Shape],
         people: People | None = None,
     ) -> None:
-        """Start without scans."""
         (self._sensor,), self._scanner = settings.sight.sensors, scanner
         self._laser = Laser(scanner, 0)
         self._surroundings = Surroundings(settings.sight, settings.robot_radius, settings.footprint)

@@ -37,12 +37,8 @@ from cmpsp_ros.studies.monte_carlo.study import RunTask, Study
 from cmpsp_ros.studies.monte_carlo.summary import figures, write_parquet
 from cmpsp_ros.warmup import new_pool
 
-PICTURES: Final = 12
-"""Failures of which a picture is drawn."""
-
-CHUNK: Final = 8
-"""Runs handed to a process at a time."""
-
+PICTURES: Final = 12  # failures of which a picture is drawn
+CHUNK: Final = 8  # runs handed to a process at a time
 _ANSWER_TIMEOUT: Final = 10.0
 _CONTINUES: Final = 'is kept, and the same command continues'
 
@@ -55,36 +51,24 @@ Progress = Callable[[str, int], Callable[[int], None]]
 
 @dataclass(frozen=True)
 class Order:
-    """A request for a study of so many runs, with all results in a folder.
-
-    Attributes:
-        workers: Processes that share the runs; 1 is this one.
-        scheduler: Address of a Dask scheduler whose workers share them instead, if any, as in
-            ``tcp://10.0.0.1:8786``; they need this package.
-        judge: True if IPOPT is run on failed runs.
-        costs: Number of runs that arrived whose cost is compared with IPOPT's.
-    """
+    """A request for a study of so many runs, with all results in a folder."""
 
     study: Study
     runs: int
     folder: Path
-    workers: int = 1
+    workers: int = 1  # processes that share the runs; 1 is this one
+    # Address of a Dask scheduler whose workers share them instead, if any, as in
+    # ``tcp://10.0.0.1:8786``; they need this package.
     scheduler: str = ''
-    judge: bool = False
-    costs: int = 0
+    judge: bool = False  # true if IPOPT is run on failed runs
+    costs: int = 0  # number of runs that arrived whose cost is compared with IPOPT's
 
 
 def run_study(order: Order, progress: Progress) -> dict[str, Any]:
-    """Make the missing runs, and summarise all of them.
+    """Make the missing runs, and summarise all of them; the figures, as in `summary.json`.
 
-    Returns:
-        The figures, which `summary.json` has as well. Beside it lie `runs.jsonl`, `runs.parquet`
-        where pyarrow is installed, and the pictures.
-
-    Raises:
-        StudyError: The folder holds something else, or cannot be used; a worker died; the cluster
-            cannot be used; or CasADi is not installed and wanted.
-        ParameterError: A parameter is wrong.
+    Raises StudyError if folder, workers or cluster cannot be used or CasADi is missing, and
+    ParameterError.
     """
     study, folder = order.study, order.folder
     there = open_results_log(folder, study)
@@ -108,12 +92,7 @@ def run_study(order: Order, progress: Progress) -> dict[str, Any]:
 
 
 def run_one(study: Study, number: int, folder: Path) -> tuple[StudyOutcome, list[str], Path]:
-    """Make one run again and draw it into a folder, whose other files stay.
-
-    Returns:
-        Its outcome, the decision at each change of fallback level and all contacts with people, and
-        the picture.
-    """
+    """Make one run again; its outcome, the changes of level and all contacts, and the picture."""
     study.values()
     driven = drive(study.run(number))
     with disk_errors(folder):

@@ -37,17 +37,13 @@ from cmpsp_ros.studies.monte_carlo.kinds import KINDS, NOISY, OWN, ROBOTS, Study
 
 MOST_OBSTACLES: Final = 4
 
-_NOISY_TURN: Final = 4
-"""Turns through all scenes and robots, of which the last has noise."""
-
+_NOISY_TURN: Final = 4  # turns through all scenes and robots, of which the last has noise
+# Parameters of presets that every run draws for itself.
 _DRAWN: Final = ('obstacles.', 'sim.obstacles.', 'road.points', 'road.half_width')
-"""Parameters of presets that every run draws for itself."""
-
+# Time [s], and multiple of that for the straight way, after which a run among people ends.
 _PATIENCE: Final = 30.0, 2.0
-"""Time [s], and multiple of that for the straight way, after which a run among people ends."""
-
+# Mean speed that is asked for with a map, along the shortest path, of the nominal one.
 _PACE: Final = 0.95
-"""Mean speed that is asked for with a map, along the shortest path, of the nominal one."""
 
 # The paper's first guess is made for the paper's start, and fewer iterations go with it.
 _ALWAYS: Final = {
@@ -58,25 +54,15 @@ _ALWAYS: Final = {
 
 @dataclass(frozen=True)
 class Study:
-    """A study: every run of it depends only on this value and the run's number.
+    """A study: every run of it depends only on this value and the run's number."""
 
-    Attributes:
-        name: Name of its kind.
-        seed: Seed of all its scenarios.
-        most_obstacles: Maximum number on the road in one run.
-        assignments: Further parameters, each as `key=value`.
-        robot: Name or file of a robot, for which the courses are made then.
-        scene: Name of the scene of all runs with people; empty for all scenes in turn.
-        told: True if people are known exactly instead of seen.
-    """
-
-    name: str
-    seed: int = 1
-    most_obstacles: int = MOST_OBSTACLES
-    assignments: tuple[str, ...] = ()
-    robot: str = ''
-    scene: str = ''
-    told: bool = False
+    name: str  # name of its kind
+    seed: int = 1  # seed of all its scenarios
+    most_obstacles: int = MOST_OBSTACLES  # maximum number on the road in one run
+    assignments: tuple[str, ...] = ()  # further parameters, each as `key=value`
+    robot: str = ''  # name or file of a robot, for which the courses are made then
+    scene: str = ''  # name of the scene of all runs with people; empty for all scenes in turn
+    told: bool = False  # true if people are known exactly instead of seen
 
     @property
     def tolerance(self) -> float:
@@ -89,13 +75,7 @@ class Study:
         return KINDS[self.name]
 
     def values(self) -> dict[str, Any]:
-        """All parameters, without obstacles.
-
-        Raises:
-            StudyError: There is no study of that name, or there is no room on its road, or it has
-                no courses for the robot.
-            ParameterError: An assignment is wrong.
-        """
+        """All parameters, without obstacles; raises StudyError or ParameterError."""
         if self.name not in KINDS:
             raise StudyError(f'study: found {self.name!r}, wanted one of {", ".join(KINDS)}')
         given = load_parameter_file(self.kind.preset)
@@ -226,31 +206,19 @@ class Crowd:
 
 @dataclass(frozen=True)
 class RunTask:
-    """Everything that one run depends on.
+    """Everything that one run depends on."""
 
-    Attributes:
-        scenario: Start and obstacles.
-        settings: Settings of the guidance law.
-        plant: Settings of the simulated robot.
-        foreign: The robot that is driven instead, if any.
-        lateness: Maximum duration of a control step, in control periods.
-        scanner: Scanner of a robot that knows obstacles only by sight.
-        patience: Time after which a run with repeatedly postponed goals ends [s].
-        has_map: Same as in `StudyKind`.
-        crowd: Circumstances of a run among people; None without.
-        scored: Speed along the planned path [m/s], and distance from the goal that counts as
-            arrived [m], for the score of the BARN challenge; None for none.
-    """
-
-    scenario: Scenario
-    settings: GuidanceSettings
-    plant: PlantSettings
-    lateness: float = 0.0
-    scanner: LaserSettings | None = None
-    patience: float = 180.0
-    has_map: bool = False
-    foreign: ForeignRobot | None = None
-    crowd: Crowd | None = None
+    scenario: Scenario  # start and obstacles
+    settings: GuidanceSettings  # settings of the guidance law
+    plant: PlantSettings  # settings of the simulated robot
+    lateness: float = 0.0  # maximum duration of a control step, in control periods
+    scanner: LaserSettings | None = None  # scanner of a robot that knows obstacles only by sight
+    patience: float = 180.0  # time after which a run with repeatedly postponed goals ends [s]
+    has_map: bool = False  # same as in `StudyKind`
+    foreign: ForeignRobot | None = None  # the robot that is driven instead, if any
+    crowd: Crowd | None = None  # circumstances of a run among people; None without
+    # Speed along the planned path [m/s], and distance from the goal that counts as arrived [m], for
+    # the score of the BARN challenge; None for none.
     scored: tuple[float, float] | None = None
 
     @property

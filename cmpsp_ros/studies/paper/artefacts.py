@@ -121,16 +121,10 @@ def run(
     *,
     judge: bool = False,
 ) -> Path:
-    """Reproduce the paper's figures and tables, and check its claims.
+    """Reproduce figures and tables, all or those named, in a new folder; the path of the report.
 
-    Args:
-        output: Folder to write to; made if it does not exist, and empty if it does.
-        only: Names out of `ARTEFACTS`; all of them when empty.
-        progress: Called with a line on the work in progress.
-        judge: True if IPOPT computes the optimum with many obstacles; needs CasADi.
-
-    Returns:
-        The report, `results.md`. Beside it are `results.json` and a PNG and an SVG of each figure.
+    Beside it are `results.json` and each figure; to `judge`, IPOPT finds optima, which needs
+    CasADi.
     """
     if unknown := [name for name in only if name not in _ARTEFACTS]:
         raise StudyError(f'only: found {", ".join(unknown)}, wanted some of {", ".join(ARTEFACTS)}')

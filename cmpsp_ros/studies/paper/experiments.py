@@ -29,9 +29,7 @@ TABLE1_GUESSES: Final = (
 TABLE2_HEADINGS: Final = ((60.0, 'black'), (0.0, 'blue'), (-60.0, 'green'))
 """Initial heading [deg], colour; from (0, -9.25) m, with `TABLE2_GUESS`."""
 
-TABLE2_GUESS: Final = (36.0, 36.0)
-"""Right and left wheel [rad/s]."""
-
+TABLE2_GUESS: Final = (36.0, 36.0)  # right and left wheel [rad/s]
 _CASES: Final = (('case1', 'Case 1', 'black'), ('case2', 'Case 2', 'blue'))
 _CASE3: Final = ('case3', 'Case 3', 'red')
 _FEW: Final = (('zero', 'black'), ('one', 'red'), ('two', 'green'))

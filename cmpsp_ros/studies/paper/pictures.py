@@ -28,8 +28,7 @@ _END: Final[Look] = {'color': 'white', 'mec': 'black'}
 _BESIDE = 0.35
 _DPI = 200
 
-_PERIOD: Final = 9.0
-"""Length of a dash and its gap, in line widths."""
+_PERIOD: Final = 9.0  # length of a dash and its gap, in line widths
 
 
 def save(figure: Figure, folder: FilePath, name: str) -> None:
@@ -194,10 +193,7 @@ def _guess_key() -> Line2D:
 
 
 def _strokes(count: int, *, coincide: bool) -> list[Look]:
-    """Strokes for curves that run close to one another, in the order in which they are drawn.
-
-    Those drawn first are wider; where several coincide they are dashed, so that each colour shows.
-    """
+    """Strokes for close curves: those drawn first wider, or dashed where several coincide."""
     if not coincide:
         return [{'lw': 0.9 + 0.8 * (count - 1 - place)} for place in range(count)]
     dashes = [_PERIOD * (count - place) / (count + 1) for place in range(1, count)]

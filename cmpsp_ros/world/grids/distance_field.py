@@ -80,10 +80,7 @@ def signed_distances(marked: Flags) -> Array:
 def _transform(
     distances: Array, marked: Flags, heights: Array, begins: Array, lowest: Indices
 ) -> None:
-    """Fill in the distances, first along columns, then along rows.
-
-    Between two cells of the other kind in a row, nothing beyond these two is nearest.
-    """
+    """Fill in the distances, first along columns, then along rows."""
     _along_columns(distances, marked)
     rows, columns = marked.shape
     for i in range(rows):

@@ -42,10 +42,7 @@ def lookahead_point(
 def lookahead_points(
     road: Road, pose: Array, lengths: Array, goal: Point, progress: float = math.nan
 ) -> Array:
-    """Points ``(K, 2)`` [m] of the centre line some arc lengths ``(K,)`` ahead of a pose.
-
-    On open floor they are on the straight line to the goal.
-    """
+    """Points ``(K, 2)`` [m] of the centre line, or on open floor of the line to the goal."""
     points = np.empty((len(lengths), 2))
     _fill_points(points, road.space(0.0), pose, lengths, goal, float(progress))
     return points
@@ -54,9 +51,8 @@ def lookahead_points(
 def project_on_path(road: Road, pose: Array, before: float) -> float:
     """Arc length of a pose, on the branch of the road along which the robot has come.
 
-    `before` is its last known value, NaN at first: near a crossing the heading may point along the
-    other branch. A pose far beside the road there is projected afresh. NaN for roads that cannot
-    cross themselves.
+    `before` is its last known value, NaN at first. A pose far beside the road there is projected
+    afresh. NaN for roads that cannot cross themselves.
     """
     if not road.has_progress:
         return math.nan
@@ -67,10 +63,7 @@ def project_on_path(road: Road, pose: Array, before: float) -> float:
 def remaining_arc_length(
     road: Road, poses: Array, goal: Point, heading: float | None, progress: float = math.nan
 ) -> Array:
-    """Arc lengths ``(K,)`` from beside each pose of a path to beside the goal, see `arc_length_to`.
-
-    They are negative where the goal is behind [m].
-    """
+    """Arc lengths ``(K,)`` from each pose of a path to the goal, negative behind it [m]."""
     lengths = np.empty(len(poses))
     there = math.nan if heading is None else heading
     _fill_remaining(lengths, road.space(0.0), poses, *goal, there, float(progress))

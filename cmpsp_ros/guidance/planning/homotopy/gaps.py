@@ -55,9 +55,7 @@ class Stretch(NamedTuple):
 def between_samples(space: FreeSpace, straddled: float) -> FreeSpace:
     """Free space of the path between the samples of a plan: one for all stages, their median.
 
-    Args:
-        space: Free space of the samples.
-        straddled: Distance from the nearest sample at which a path may pass an obstacle [m].
+    `straddled` is the distance from the nearest sample at which a path may pass an obstacle [m].
     """
     radii = space.radii if space.radii.ndim == 1 else np.median(space.radii, axis=0)
     # Samples keep farther away than the path between them comes.
@@ -216,10 +214,7 @@ def stretches_of(
 ) -> list[Stretch]:
     """Stretches of stations; the first and the last have the gap alone that a plan is in.
 
-    Args:
-        frame: Road coordinates.
-        gaps: Gaps of each station.
-        at: Stations of the obstacles' centres.
+    `gaps` are those of each station, `at` the stations of the obstacles' centres.
     """
     places: dict[int, list[int]] = {}
     for index, each in enumerate(at):
@@ -236,10 +231,7 @@ def stretches_of(
 
 
 def search(frame: RoadFrame, stretches: Sequence[Stretch], lateral: Sequence[float]) -> list[Trail]:
-    """The cheapest trail of each homotopy class, by a beam search from beginning to end.
-
-    The lateral positions are those of the obstacles' centres [m].
-    """
+    """The cheapest trail of each homotopy class, by a beam search; `lateral` of obstacles [m]."""
     nothing = (0,) * len(lateral)
     trails = [Trail(nothing, (gap,), frame.ends[0], 0.0) for gap in stretches[0].gaps]
     for stretch in stretches[1:]:

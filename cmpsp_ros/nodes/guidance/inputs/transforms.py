@@ -42,22 +42,18 @@ except ImportError:  # tf2 is not among the wheels
 
 _DEPTH = 500
 
-_MOTION = 100_000_000
-"""Time over which a frame's motion is measured [ns]."""
+_MOTION = 100_000_000  # time over which a frame's motion is measured [ns]
 
 
 class TransformInput(Listener):
     """Receives transforms, which are read only on request.
 
     Messages transformed to the frame of the course are published there, so that a bag holds the
-    inputs of decisions and needs no transforms.
-
-    Attributes:
-        settings: All settings of the guidance law, as they are now.
+    inputs of decisions and needs no transforms. Without a robot's frame its centre is that of
+    odometry.
     """
 
     def __init__(self, node: LifecycleNode, robot_frame: str, settings: GuidanceSettings) -> None:
-        """Open the topics; without a robot's frame its centre is that of odometry."""
         super().__init__(node)
         self.settings, self._robot_frame = settings, robot_frame
         self._transforms = Transforms()
@@ -79,10 +75,7 @@ class TransformInput(Listener):
         return self._robot_frame or child_frame
 
     def pose_of(self, reading: OdometryReading, data: bytes) -> tuple[Array, bool]:
-        """Pose of the robot's centre by odometry, and True if it took a transform.
-
-        Raises OdometryError if it cannot be used, or there is no transform.
-        """
+        """Pose of the robot's centre by odometry, and True if transformed; raises OdometryError."""
         stamp, frame, child = reading[:3]
         center = self.robot_frame(child)
         if frame == self.settings.frame_id and center == child:
@@ -124,10 +117,7 @@ class TransformInput(Listener):
         return tracks
 
     def frame_at(self, frame: str, stamp: int, *, with_motion: bool) -> tuple[Array, Array]:
-        """Pose ``(3,)`` and velocity ``(3,)`` of a tracker's frame in that of the course.
-
-        Without its motion the velocity is 0. Raises `TrackError` if there is no transform.
-        """
+        """Pose and velocity ``(3,)`` of a tracker's frame in that of the course; TrackError."""
         there = self._in_frame('Objects are', frame, stamp, TrackError)
         if not with_motion:
             return there, np.zeros(3)
@@ -156,7 +146,6 @@ class TransformInput(Listener):
         return self._look_up(self.settings.frame_id, frame, 0)
 
     def _publish_odometry(self, data: bytes, center: str, pose: Array, upon: Array) -> None:
-        """Publish odometry of the robot's centre, with covariances as they are."""
         message = deserialize_message(data, Odometry)
         message.header.frame_id, message.child_frame_id = self.settings.frame_id, center
         set_pose(message.pose.pose, pose)

@@ -36,7 +36,6 @@ class GuidanceOutputs:
     """
 
     def __init__(self, node: LifecycleNode, values: Values, settings: GuidanceSettings) -> None:
-        """Create all publishers; the command's is silent unless the node is active."""
         self._node = node
 
         # Where time stands still until it is answered nothing grows stale, and all is recorded.
@@ -90,10 +89,7 @@ class GuidanceOutputs:
             self._robot_frame = frame, frame_bytes(frame or BASE)
 
     def report(self, decision: Decision, pose: Sequence[float]) -> None:
-        """Send a decision; path and markers only if somebody listens.
-
-        The pose of the robot (x, y, heading) [m, m, rad] is empty where it is unknown.
-        """
+        """Send a decision, at a pose ``(3,)`` or none; path and markers only to listeners."""
         self._wheel_message.velocity = decision.wheel_speeds.tolist()
         set_stamp(self._wheel_message.header, decision.stamp)
         self._wheels.publish(self._wheel_message)
@@ -110,10 +106,7 @@ class GuidanceOutputs:
             self._corners.publish(polygon_message(corners, self._frame_id, decision.stamp))
 
     def show(self, settings: LawSettings, world: World, ahead: Goal | None) -> None:
-        """Send road, obstacles and goals, paler before the goal ahead.
-
-        They are latched: late subscribers receive them, too.
-        """
+        """Send road, obstacles and goals, latched; goals before the one ahead are paler."""
         now = self._node.get_clock().now().to_msg()
         self._markers.publish(marker_array(settings, world, now, ahead))
         self._plan_message.take(settings, world)
@@ -135,15 +128,16 @@ ONLOOKERS = RECORDERS | {'viewer', 'foxglove_bridge'}
 """Names of nodes that hear commands and obey none; those of the command line begin with `_`."""
 
 _UNKNOWN = '_NODE_NAME_UNKNOWN_'
+# Time in which a recorder that is known here finds the publishers of odometry, too [s].
 _SETTLING_TIME = 0.5
-"""Time in which a recorder that is known here finds the publishers of odometry, too [s]."""
 
 
 class Listeners:
-    """Subscribers that a run waits for: the robot, and a recorder if requested.
+    """Subscribers that a run waits for: the robot, and a recorder for some time [s], 0 for none.
 
-    A robot that listens for another type of command, or has not found this node yet, would stand
-    while the time of its task runs; a recorder that comes late has a bag that cannot be replayed.
+    A robot that listens for another type of command, or has not found this node yet, would
+    stand while the time of its task runs; a recorder that comes late has a bag that cannot be
+    replayed.
     """
 
     def __init__(
@@ -153,10 +147,6 @@ class Listeners:
         reports: tuple[Publisher, ...],
         recorder_timeout: float,
     ) -> None:
-        """Wait for the robot, and for a recorder that hears commands and reports.
-
-        The time to wait for a recorder is in seconds; 0 for none.
-        """
         self._node, self._command, self._reports = node, command, reports
         self._recorder_timeout = recorder_timeout
         self.begin()

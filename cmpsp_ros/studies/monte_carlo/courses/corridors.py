@@ -51,10 +51,7 @@ class _Course(NamedTuple):
 def corridor_scenario(
     settings: GuidanceSettings, seed: int, number: int, most_obstacles: int
 ) -> Scenario:
-    """A bent corridor of unequal widths, and on it walls, crates and blocked sides.
-
-    Each leaves `GAP` beside the robot on one side at least. Arguments as of `scenario`.
-    """
+    """A bent corridor of unequal widths with walls and crates, each with a `GAP` beside it."""
     random = np.random.default_rng(np.random.SeedSequence([seed, number]))
     plant_seed = int(random.integers(2**31))
     road = _corridor(random)
@@ -75,10 +72,7 @@ def corridor_scenario(
 def floor_scenario(
     settings: GuidanceSettings, seed: int, number: int, most_obstacles: int
 ) -> Scenario:
-    """Open floor with walls, crates, posts and groups of them, and dead ends.
-
-    Arguments as of `scenario`.
-    """
+    """Open floor with walls, crates, posts and groups of them, and dead ends."""
     random = np.random.default_rng(np.random.SeedSequence([seed, number]))
     plant_seed = int(random.integers(2**31))
     distance, course = random.uniform(6.0, 9.0), random.uniform(-math.pi, math.pi)

@@ -22,19 +22,14 @@ _Random = np.random.Generator
 _THIN: Final = 0.05
 _SPEEDS, _HALL_SPEEDS = (0.3, 1.6), (0.3, 1.2)
 _RADIUS: Final = 0.25
-_FROM_START: Final = 2.0
-"""Least distance of people from the robot's start [m]."""
-
+_FROM_START: Final = 2.0  # least distance of people from the robot's start [m]
 _FROM_WALL, _BESIDE = 0.1, 0.7
 _ATTEMPTS: Final = 200
 
 
 @dataclass(frozen=True)
 class _Place:
-    """Walls and furniture, start and goal of the robot [m], and those who walk along drawn paths.
-
-    `most` is the maximum number of further ones who walk anywhere.
-    """
+    """Walls, start and goal [m], and walkers on drawn paths; `most` further ones walk anywhere."""
 
     obstacles: tuple[Shape, ...]
     start: Point

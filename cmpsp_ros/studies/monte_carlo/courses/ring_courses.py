@@ -18,32 +18,20 @@ from cmpsp_ros.simulator import PeopleSettings
 from cmpsp_ros.world.obstacles import Obstacle, Shape
 from cmpsp_ros.world.roads import Annulus
 
-WIDTH: Final = 2.0
-"""Width of the ring of case 3 [m]."""
+WIDTH: Final = 2.0  # width of the ring of case 3 [m]
 
 FROM_EDGE: Final = 0.05
 """Least distance of the start from road edges, and of start and goal from obstacles [m]."""
 
-GAP: Final = 0.4
-"""Width that obstacles leave free all along the road [m]."""
-
-RADII: Final = (0.1, 0.8)
-"""Least and greatest radius of an obstacle [m]."""
-
-_BEYOND: Final = 0.5
-"""Angle by which obstacles may lie behind the start and past the goal [rad]."""
-
+GAP: Final = 0.4  # width that obstacles leave free all along the road [m]
+RADII: Final = (0.1, 0.8)  # least and greatest radius of an obstacle [m]
+_BEYOND: Final = 0.5  # angle by which obstacles may lie behind the start and past the goal [rad]
 _ATTEMPTS: Final = 1000
 
+# Those of case 3.
 _PAPER_OBSTACLES: Final = (Obstacle('a', (8.0, -6.0), 0.7), Obstacle('b', (10.0, -2.0), 0.5))
-"""Those of case 3."""
-
-_STARTS: Final = -9.6, -9.1
-"""Ordinates around the paper's -9.25 [m]."""
-
-_ASKEW: Final = 0.3
-"""Largest heading at the start; the paper's is 0 [rad]."""
-
+_STARTS: Final = -9.6, -9.1  # ordinates around the paper's -9.25 [m]
+_ASKEW: Final = 0.3  # largest heading at the start; the paper's is 0 [rad]
 Point = tuple[float, float]
 
 
@@ -69,10 +57,7 @@ def scenario(
     most_obstacles: int,
     bearings: tuple[float, float] = (0.0, math.tau),
 ) -> Scenario:
-    """The scenario of a run of the study with a seed; obstacles of the settings are ignored.
-
-    The start is within a range of bearings on the ring [rad].
-    """
+    """A scenario with random obstacles, and a start within a range of bearings [rad]."""
     random = np.random.default_rng(np.random.SeedSequence([seed, number]))
     plant_seed = int(random.integers(2**31))
     road, goal = settings.world.annulus, settings.goal
@@ -113,8 +98,7 @@ def paper_scenario(
 def is_open(road: Annulus, obstacles: Sequence[Obstacle], width: float) -> bool:
     """True if a disc of this width [m] can drive the whole road.
 
-    It cannot if and only if a chain of obstacles with too narrow gaps leads from one edge to the
-    other: the set that separates the two sides of a plane strip is connected.
+    It cannot if and only if a chain of obstacles with too narrow gaps joins both edges.
     """
     away = {each: math.dist(each.center, road.center) for each in obstacles}
     if road.outer_radius - road.inner_radius < width:
@@ -146,26 +130,17 @@ def _point(
     return x + distance * math.cos(bearing), y + distance * math.sin(bearing)
 
 
+# Top speed, wheel speed and weight of the road's centre in case 3 [m/s, rad/s, -].
 _TOP_SPEED, _WHEEL_SPEED, _ROAD_CENTER = 1.785, 51.0, 15.0
-"""Top speed, wheel speed and weight of the road's centre in case 3 [m/s, rad/s, -]."""
-
 _THOROUGH: Final = {'solver.iterations_per_step': 4, 'solver.work_share': 0.3}
 
-_RADII_WIDE: Final = 4.0
-"""Width of the ring in radii of the robot, at least."""
-
-_AHEAD: Final = 2.0
-"""Angle of the ring from start to goal, at most [rad]."""
-
-_PACE: Final = (0.5, 0.75)
-"""Fraction of the top speed that the shortest way takes."""
+_RADII_WIDE: Final = 4.0  # width of the ring in radii of the robot, at least
+_AHEAD: Final = 2.0  # angle of the ring from start to goal, at most [rad]
+_PACE: Final = (0.5, 0.75)  # fraction of the top speed that the shortest way takes
 
 
 def in_proportion(robot: Robot, given: Mapping[str, Any], radius: float) -> dict[str, Any]:
-    """Changes of the parameters of case 3 that make it a course for a robot of a radius [m].
-
-    The weight of the centre line keeps its proportion to that of changes of the controls.
-    """
+    """Changes that make case 3 a course for a robot of a radius [m]; weights in proportion."""
     scale = max(robot.max_speed / _TOP_SPEED, _RADII_WIDE * radius / WIDTH)
     unit = float(np.abs(robot.controls(np.array([robot.max_speed, 0.0]))).max()) / _WHEEL_SPEED
     return {

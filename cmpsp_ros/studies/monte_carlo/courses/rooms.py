@@ -18,8 +18,7 @@ from cmpsp_ros.world import FreeSpace
 from cmpsp_ros.world.obstacles import Capsule, Obstacle, Shape, convex
 from cmpsp_ros.world.roads import OpenFloor
 
-THIN: Final = 0.05
-"""Half the thickness of a wall [m]."""
+THIN: Final = 0.05  # half the thickness of a wall [m]
 
 
 def shapes(random: np.random.Generator, center: Point, course: float, name: str) -> list[Shape]:
@@ -72,14 +71,9 @@ _FROM_WALL: Final = 0.8
 _DOORS: Final = (0.9, 1.6)
 _MOST_WALLS: Final = 3
 _MOST_SHAPES: Final = 7
-_POCKETS: Final = 0.4
-"""Fraction of the rooms with a pocket before the goal."""
-
-_CLEAR: Final = 0.25
-"""Clearance of start and goal, beyond the robot's radius [m]."""
-
-SPARE: Final = 0.08
-"""Beside the margin, of the way to the goal [m]."""
+_POCKETS: Final = 0.4  # fraction of the rooms with a pocket before the goal
+_CLEAR: Final = 0.25  # clearance of start and goal, beyond the robot's radius [m]
+SPARE: Final = 0.08  # beside the margin, of the way to the goal [m]
 
 
 def room_scenario(
@@ -149,18 +143,15 @@ def _inner_walls(random: _Random, length: float, width: float) -> Iterator[Shape
 
 Cells = BoolArray
 
-SIZE: Final = 30
-"""Cells along either side of the field."""
-
+SIZE: Final = 30  # cells along either side of the field
 CELL: Final = 0.15
 RADIUS: Final = 0.075
 GOAL: Final = (10.0, SIZE * CELL / 2.0)
 _BEGIN: Final = 2.75
 _BEYOND: Final = 1.0
 
+# Fraction of the cells that are filled at first, from one run to the next.
 _FILLED: Final = (0.15, 0.2, 0.25, 0.3)
-"""Fraction of the cells that are filled at first, from one run to the next."""
-
 _GENERATIONS: Final = 5
 _CROWDED, _LONELY = 4, 2
 _KERNEL: Final = 5
@@ -218,15 +209,10 @@ def _neighbours(cells: Cells) -> NDArray[Any]:
     return np.asarray(windows.sum(axis=(2, 3)) - cells)
 
 
-_SPARE: Final = 0.02
-"""Beside the margin, of the way to the goal [m]."""
-_WIDEST: Final = 2.0
-"""Widest corridor, by the narrowest one that leaves a way."""
-_CELLS: Final = ((3, 6), (2, 5))
-"""Least and greatest number of cells along either side."""
-_REMOVED: Final = 0.1
-"""Fraction of the walls that are missing: there are several ways."""
-
+_SPARE: Final = 0.02  # beside the margin, of the way to the goal [m]
+_WIDEST: Final = 2.0  # widest corridor, by the narrowest one that leaves a way
+_CELLS: Final = ((3, 6), (2, 5))  # least and greatest number of cells along either side
+_REMOVED: Final = 0.1  # fraction of the walls that are missing: there are several ways
 _Cell = tuple[int, int]
 
 

@@ -168,8 +168,7 @@ def test_a_robot_turns_to_what_is_behind_it_and_out_of_sight():
     assert math.dist(drive.pose[:2], drive.settings.goal) < 0.02
 
 
-@pytest.mark.parametrize('when', ['fixed', 'soonest'])
-def test_a_control_step_searches_nothing_and_improves_one_plan(when, monkeypatch):
+def test_a_control_step_searches_nothing_and_improves_one_plan(monkeypatch):
     """Where the final time may move: the first plan is made after a step, as others are."""
     improve, step, solved = Planner.improve, GuidanceLaw.step, []
 
@@ -185,12 +184,11 @@ def test_a_control_step_searches_nothing_and_improves_one_plan(when, monkeypatch
 
     monkeypatch.setattr(Planner, 'improve', counted)
     monkeypatch.setattr(GuidanceLaw, 'step', begun)
-    drive = Drive('clutter', end=3.0, **{'goal.when': when})
+    drive = Drive('clutter', end=3.0, **{'goal.when': 'soonest'})
     first, *later = drive.decisions
     assert (first.level, first.twist.any()) == (FallbackLevel.STOP, False)
     assert 'while the first plan is made' in first.reason
     assert later[0].level is FallbackLevel.NOMINAL
-    assert any('the best of' in each.reason for each in later)
     assert set(drive.searches) == {0}
     in_steps, after = solved[::2], solved[1::2]
     assert (in_steps[0], set(in_steps[1:])) == (0, {1})

@@ -25,8 +25,6 @@ from cmpsp_ros.nodes import MODULES
 from cmpsp_ros.nodes.common.topics import DECISION, MARKERS, PLAN_MARKERS, SIGHTING
 from cmpsp_ros.view import LEVEL_COLORS
 
-pytestmark = pytest.mark.integration
-
 CASE3 = Path(__file__).parents[2] / 'config' / 'case3.yaml'
 NAMES = ('chromium', 'chromium-headless-shell', 'google-chrome', 'chrome', 'chromium-browser')
 BROWSER = next(filter(None, map(shutil.which, NAMES)), None)

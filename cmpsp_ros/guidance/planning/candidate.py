@@ -30,10 +30,8 @@ _HOPELESSLY_DEAR: Final = 2.0
 _ENOUGH: Final = 0.1
 _SCARCE: Final = 0.04
 """Reserves that a plan should leave, and at which it is replanned, as fractions of the limit."""
-_MORE, _LESS = 0.015, 0.01
-"""Differences of reserve that are clear."""
-_TOUCH: Final = 1e-3
-"""Accuracy to which an active constraint of a linearisation is met [m]."""
+_MORE, _LESS = 0.015, 0.01  # differences of reserve that are clear
+_TOUCH: Final = 1e-3  # accuracy to which an active constraint of a linearisation is met [m]
 
 
 class SolveResult(NamedTuple):
@@ -51,8 +49,7 @@ class SolveResult(NamedTuple):
     active_rows: int  # constraints active in the last one
     reason: str  # status of the last one, in words
     work: int = 0  # visits of a stage that the iterations took; 0 if they are not counted
-    # whether too little time is left to come to rest within the limit of jerk
-    brakes_late: bool = False
+    brakes_late: bool = False  # whether there is no time left to come to rest within the jerk limit
 
 
 class Candidate(NamedTuple):
@@ -122,8 +119,7 @@ class Score(NamedTuple):
     slack: float = 0.0  # amount of slack, where nothing else is measured [m]; otherwise 0
     turns: int = 0  # number of times it winds around itself
     blind: bool = False  # whether it drives backward to where nothing has been seen
-    # fraction of the time left that it could do without at full speed; at most `_ENOUGH`
-    reserve: float = 0.0
+    reserve: float = 0.0  # fraction of the time left to spare at full speed; at most `_ENOUGH`
     cost: float = 0.0  # cost (95) of its path and its controls, without the proximal term
 
     @property

@@ -13,6 +13,7 @@ from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.messages.tracks import MovingObject, Track
 from cmpsp_ros.guidance.prediction.obstacle_tracker import (
     ObstacleTracker,
+    StandingPeople,
     as_seen,
     reachable_sets,
     within_reach,
@@ -20,7 +21,6 @@ from cmpsp_ros.guidance.prediction.obstacle_tracker import (
 from cmpsp_ros.guidance.prediction.pending_commands import PendingCommands
 from cmpsp_ros.guidance.prediction.response_estimate import ResponseEstimate
 from cmpsp_ros.guidance.prediction.slip import SlipEstimate
-from cmpsp_ros.guidance.prediction.standing import StandingPeople
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.times import to_nanoseconds
 from cmpsp_ros.guidance.world import World
@@ -32,11 +32,9 @@ from cmpsp_ros.world.roads import project_on_path
 
 AT_REST: Final = np.zeros(2)
 
-_ASTRAY: Final = 0.2
-"""Largest standard deviation of the position of somebody seen that plans take [m]."""
+_ASTRAY: Final = 0.2  # largest standard deviation of a place in sight that plans take [m]
 
-_NOTHING: Final = np.empty((0, 0)), np.empty(0)
-"""Controls that a robot without a delay is driven by until a new one takes effect."""
+_NOTHING: Final = np.empty((0, 0)), np.empty(0)  # no controls, without a delay
 
 
 def as_expected(tracks: Sequence[MovingObject], period: float) -> tuple[MovingObject, ...]:
@@ -76,17 +74,13 @@ class PlanStart(NamedTuple):
     pose: Array  # pose, shape ``(3,)`` [m, m, rad]
     robot: Robot  # kinematics, with the slip that is estimated
     world: World  # road and static obstacles
-    # moving obstacles, from then on, as large as plans take them
-    moving: MovingDiscs = NOTHING_MOVES
-    # arc length along the road of a place near the pose, NaN if not needed [m]
-    progress: float = math.nan
+    moving: MovingDiscs = NOTHING_MOVES  # moving obstacles from then on, as plans take them
+    progress: float = math.nan  # of a place near the pose, NaN if not needed [m]
     previous_control: Array = AT_REST  # control commanded until then, shape ``(r,)``
-    # all places that the same obstacles may reach, and then those of people who have stopped
-    reachable: MovingDiscs = NOTHING_MOVES
+    reachable: MovingDiscs = NOTHING_MOVES  # all that they, and people who have stopped, may reach
     among_people: bool = False  # whether anything that moves was seen in this run
     touchable: MovingDiscs = NOTHING_MOVES  # those of `reachable`, as large as they were seen
-    # difference of that control from the one before ``(r,)``; 0 after a stop, free in jerk
-    previous_change: Array = AT_REST
+    previous_change: Array = AT_REST  # its difference from the one before ``(r,)``; 0 after a stop
 
     def followed(self, settings: LawSettings, controls: Array, durations: Array) -> Array:
         """Controls ``(N + 1, r)`` slowed down until the wheels follow them from this start.
@@ -112,37 +106,23 @@ class Estimate(NamedTuple):
 
     here: PlanStart
     start: PlanStart  # the initial state of a plan
-    # controls in effect from here to there, ``(K, r)``, each for so long ``(K,)`` [s]
-    under_way: tuple[Array, Array]
+    under_way: tuple[Array, Array]  # controls in effect from here to there, and durations [s]
     delay: int  # from a command to its effect, with the lag that is estimated [ns]
     model_changed: bool  # whether the slip is another one now
 
 
 class Estimator:
-    """Slip, response and place of the robot in one run, and the commands under way.
-
-    Attributes:
-        robot: Kinematics, with the slip in use.
-        used_slip: That slip.
-        commands: The commands of the run.
-        response: Estimate of how the robot responds to commands.
-        tracker: Slots of moving obstacles.
-        people: Seen people who have stopped.
-        among_people: Whether anything that moves was seen.
-        progress: Arc length of the robot along the road, NaN if not needed [m].
-        delay: From a command to its effect, with the lag that is estimated [ns].
-        change: `previous_change` of plans that begin now.
-    """
+    """Slip, response and place of the robot in one run, and the commands under way."""
 
     def __init__(self, settings: LawSettings) -> None:
-        """Begin on unknown ground, at rest."""
         self._slip = SlipEstimate(settings.max_slip)
         self._use(settings)
         self.commands = PendingCommands(self.robot.n_controls)
         self.response, self.tracker = ResponseEstimate(settings), ObstacleTracker()
         self.people, self.among_people = StandingPeople(), False
+        # Arc length of the robot along the road, and delay with the lag that is estimated.
         self.progress, self.delay = math.nan, 0
-        self.change = self.commands.latest
+        self.change = self.commands.latest  # `previous_change` of plans that begin now
 
     def _use(self, settings: LawSettings) -> None:
         """Rebuild the model with the current slip estimate."""

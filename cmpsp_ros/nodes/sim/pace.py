@@ -69,10 +69,9 @@ class RealTime:
 
 
 class Lockstep:
-    """Simulated time stands still at every control instant until its odometry is answered.
+    """Simulated time stands still at control instants until their odometry is answered.
 
-    Where the odometry of that instant is lost, or falls due later, it stands still at the next. It
-    also waits for subscribers that fall behind, such as a recorder: no message of a run is lost.
+    It also waits for subscribers that fall behind, such as a recorder: no message of a run is lost.
     """
 
     def __init__(self, sim: SimNode) -> None:

@@ -15,8 +15,6 @@ from sim_client import CONTROL_NS, MS, PERIOD_NS, Client, place, stamp, twist
 from cmpsp_ros.bags import Bag
 from cmpsp_ros.robots import DifferentialDrive
 
-pytestmark = pytest.mark.integration
-
 LOCKSTEP = {'lockstep': 'true', 'publish_clock': 'true'}
 
 

@@ -19,8 +19,7 @@ from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.mpsp.jit import allocation_free
 from cmpsp_ros.world.roads import Annulus, arc_length_to, lookahead_points
 
-SPACING: Final = 0.2
-"""Least distance of stations [m]."""
+SPACING: Final = 0.2  # least distance of stations [m]
 _MAX_STATIONS: Final = 400
 _LEAST_STRETCH: Final = 0.05
 """Least distance of stations on the inner side of a bend, relative to that on the line."""
@@ -45,8 +44,7 @@ class RoadFrame(NamedTuple):
     y: float  # centre of polar coordinates [m]
     begin: float  # bearing of the pose from there [rad]
     side: float  # 1 anticlockwise, -1 clockwise
-    # points of the line at the stations, shape ``(K, 2)`` [m]; none in polar coordinates
-    points: Array
+    points: Array  # points of the line at the stations ``(K, 2)`` [m]; none in polar coordinates
     directions: Array  # unit vectors along it there, shape ``(K, 2)``
     curvature: Array  # curvature of the line, positive to the left, shape ``(K,)`` [1/m]
 

@@ -183,7 +183,7 @@ class Ranking:
             elastic=result.elastic,
             turns=_turns(winding),
             blind=drives_blind(self._settings, candidate.plan, start),
-            reserve=min(self._reserve(candidate.plan), _ENOUGH),
+            reserve=min(reserve(candidate.plan, self._settings.robot.kinematics), _ENOUGH),
             cost=self._cost(candidate.plan, start.previous_control, off_center),
         )
 
@@ -196,20 +196,9 @@ class Ranking:
             candidate.verdict.worst_margin < -_TOUCH
             or candidate.terminal_error > self._goal_tolerance
             or _turns(_along(plan.poses, start.world.road_space)[0]) > 0
-            or self._reserve(plan) < _SCARCE
+            or reserve(plan, self._settings.robot.kinematics) < _SCARCE
             or (start.world.seen is not None and drives_blind(self._settings, plan, start))
         )
-
-    def _reserve(self, plan: Plan) -> float:
-        """Fraction of the time left that a plan could do without at full speed; 1 if unlimited.
-
-        With wheel speeds w: 1 - sum_k max_i |w_ki| dt_k / (w_max T). Nothing in the cost keeps any
-        time.
-        """
-        edges, robot = plan.horizon.edges, self._settings.robot.kinematics
-        needed = _turned(plan.controls, plan.horizon.durations, robot)
-        left = (edges.item(-1) - edges.item(0)) / NANOSECONDS
-        return 1.0 - needed / robot.max_wheel_speed / left
 
     def _cost(self, plan: Plan, previous_control: Array, off_center: float) -> float:
         """Cost (95) without its proximal term, with the weights of controls and their changes."""
@@ -221,6 +210,18 @@ class Ranking:
             changes = np.diff(controls, axis=0, prepend=previous_control[None])
             cost += weights.control_rate * float((changes**2).sum())
         return cost / 2.0
+
+
+def reserve(plan: Plan, robot: Kinematics) -> float:
+    """Fraction of the time left that a plan could do without at full speed; 1 if unlimited.
+
+    With wheel speeds w: 1 - sum_k max_i |w_ki| dt_k / (w_max T). Nothing in the cost keeps any
+    time.
+    """
+    edges = plan.horizon.edges
+    needed = _turned(plan.controls, plan.horizon.durations, robot)
+    left = (edges.item(-1) - edges.item(0)) / NANOSECONDS
+    return 1.0 - needed / robot.max_wheel_speed / left
 
 
 def _turns(winding: float) -> int:

@@ -169,7 +169,7 @@ def test_a_robot_turns_to_what_is_behind_it_and_out_of_sight():
 
 
 def test_a_control_step_searches_nothing_and_improves_one_plan(monkeypatch):
-    """Where the final time may move: the first plan is made after a step, as others are."""
+    """Other plans, and the first one where the final time may move, are made after a step."""
     improve, step, solved = Planner.improve, GuidanceLaw.step, []
 
     def counted(*arguments):

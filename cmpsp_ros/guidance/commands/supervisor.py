@@ -7,6 +7,7 @@ import math
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.commands.decision_builder import DecisionBuilder
 from cmpsp_ros.guidance.commands.escalation import Escalation
+from cmpsp_ros.guidance.commands.looking import turn_to_look
 from cmpsp_ros.guidance.commands.making_way import Checks, Choice, MakingWay
 from cmpsp_ros.guidance.commands.waiting import PATIENCE, meets_soon, reason_to_wait, turns
 from cmpsp_ros.guidance.decision import Decision, FallbackLevel, Plan
@@ -95,6 +96,8 @@ class Supervisor:
             return self.decisions.stop(
                 state, seen.stamp, seen.pose, reason, result, moving=start.moving
             )
+        if standby is None:
+            limited = turn_to_look(self._settings, self._validator, context, limited[0]) or limited
         slower, verdict, remark = limited
         errors = selected.terminal_error, selected.heading_error
         if plan is not selected.plan:

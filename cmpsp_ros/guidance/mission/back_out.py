@@ -44,11 +44,13 @@ def back_out(
     return _plan(settings, start, horizon, delay, controls)
 
 
-def turn_round(settings: LawSettings, start: PlanStart, horizon: Horizon, delay: int) -> Plan:
-    """Plan of a turn on the spot; `delay` [ns]."""
-    robot = start.robot
+def turn_round(
+    settings: LawSettings, start: PlanStart, horizon: Horizon, delay: int, angle: float = math.pi
+) -> Plan:
+    """Plan of a turn on the spot, to the side of an angle [rad]; `delay` [ns]."""
+    robot, rate = start.robot, math.copysign(turn_rate(settings), angle)
     controls = np.zeros((len(horizon.durations) + 1, robot.n_controls))
-    controls[:-1] = robot.limited(robot.straight_or_turning(0.0, turn_rate(settings), 1.0))
+    controls[:-1] = robot.limited(robot.straight_or_turning(0.0, rate, 1.0))
     return _plan(settings, start, horizon, delay, controls)
 
 

@@ -11,12 +11,10 @@ from typing import Any
 
 import numpy as np
 
+# Key in the bag's custom data: JSON text `{node: {parameter: value}}`.
 PARAMETERS_KEY = 'cmpsp_ros.parameters'
-"""Key in the bag's custom data: JSON text `{node: {parameter: value}}`."""
-
+# Key in the bag's custom data: version of this package that wrote the bag.
 VERSION_KEY = 'cmpsp_ros.version'
-"""Key in the bag's custom data: version of this package that wrote the bag."""
-
 SOFTWARE_KEY = 'cmpsp_ros.software'  # key in the bag's custom data: JSON text `{name: version}`
 
 # Versions that determine the last bits of a decision, and the writer of the file.

@@ -52,7 +52,7 @@ class DecisionRecord:
 
     source: str  # bag and topic, for errors
     received: int  # time of reception [ns]
-    reason: str  # reason, in words
+    reason: str  # in words
     entries: Mapping[str, str]  # all other entries of its message, as text by key
     # Forward, to the left and turning on the command's topic [m/s, m/s, rad/s]; None where not
     # recorded.

@@ -6,7 +6,6 @@ import re
 from functools import cache
 
 from rosbags.interfaces import Connection, MessageDefinition, MessageDefinitionFormat, Nodetype
-from rosbags.interfaces.typing import Typesdict
 from rosbags.rosbag2 import ReaderError
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
@@ -42,7 +41,14 @@ def types_of(connection: Connection) -> Typestore:
         msg = f'definition of its type {name} has {len(text)} bytes, at most {_MAX_TEXT} are read'
         raise ReaderError(msg)
     types = get_types_from_msg(text, name)
-    if _elements(types) > _MAX_ELEMENTS:
+    arrays = (
+        each
+        for _, fields in types.values()
+        for _, each in fields
+        if each[0] == Nodetype.ARRAY
+        and (each[1][0][0] == Nodetype.NAME or each[1][0][1][0] == 'string')
+    )
+    if sum(each[1][1] for each in arrays) > _MAX_ELEMENTS:
         msg = f'definition of its type {name} has arrays of more than {_MAX_ELEMENTS} messages'
         raise ReaderError(msg)
     store = get_typestore(Stores.EMPTY)
@@ -66,13 +72,3 @@ def _is_known(connection: Connection) -> bool:
     if connection.digest:
         return connection.digest == jazzy().hash_rihs01(name)
     return not text or connection.msgdef == known_definition(name)
-
-
-def _elements(types: Typesdict) -> int:
-    descriptions = (each for _, fields in types.values() for _, each in fields)
-    return sum(
-        each[1][1]
-        for each in descriptions
-        if each[0] == Nodetype.ARRAY
-        and (each[1][0][0] == Nodetype.NAME or each[1][0][1][0] == 'string')
-    )

@@ -77,7 +77,14 @@ def scene(
     Of `way` and `ends` each is a line ``(K, 2)`` [m]. Goals are balls `goal 0`, ...; `moving`
     and `people` are ids of bodies `moving 7` and `person 3`, to be placed later.
     """
-    posts = (each for index, place in enumerate(goals) for each in _goal(index, place))
+    posts = [
+        geom
+        for index, place in enumerate(goals)
+        for geom in (
+            _geom('cylinder', f'0.01 {HEIGHT}', (*place, HEIGHT), _GREEN),
+            _geom('sphere', '0.05', (*place, 2.0 * HEIGHT), _GREEN, f'goal {index}'),
+        )
+    ]
     parts = course([settings.road], settings.obstacles, hidden)
     drawn = (*_way(way), *(each for line in ends for each in _way(line)))
     decoration = '\n    '.join((*_course(parts), *drawn, *posts))
@@ -149,11 +156,6 @@ def _course(parts: Iterable[Part]) -> Iterator[str]:
 def _way(way: Array) -> Iterator[str]:
     # On the floor, not in it: two surfaces at one height take turns from pixel to pixel.
     yield from _line(way, _LINE / 2.0, '0.1 0.35 0.8 1', height=_LINE / 2.0)
-
-
-def _goal(index: int, place: Point) -> Iterator[str]:
-    yield _geom('cylinder', f'0.01 {HEIGHT}', (*place, HEIGHT), _GREEN)
-    yield _geom('sphere', '0.05', (*place, 2.0 * HEIGHT), _GREEN, f'goal {index}')
 
 
 def _line(corners: Array, radius: float, color: str, height: float = 0.0) -> Iterator[str]:
@@ -234,7 +236,11 @@ def film(bag: Path, output: Path, seconds: Sequence[float]) -> int:
                 output, save_all=True, append_images=frames[1:], duration=1000 // _RATE, loop=0
             )
         else:
-            _side_by_side(frames).save(output)
+            across, height = frames[0].size
+            strip = Image.new('RGB', (across * len(frames), height))
+            for index, frame in enumerate(frames):
+                strip.paste(frame, (index * across, 0))
+            strip.save(output)
     return len(frames)
 
 
@@ -315,11 +321,3 @@ def _mujoco() -> Any:
     except ImportError as error:
         raise BagError(f'this needs the package mujoco (pip install mujoco): {error}') from None
     return mujoco
-
-
-def _side_by_side(frames: list[Image.Image]) -> Image.Image:
-    width, height = frames[0].size
-    strip = Image.new('RGB', (width * len(frames), height))
-    for index, frame in enumerate(frames):
-        strip.paste(frame, (index * width, 0))
-    return strip

@@ -19,22 +19,12 @@ from rosbags.rosbag2.metadata import dump_qos_v9
 from cmpsp_ros.bags import custom_data
 from cmpsp_ros.bags.definitions import jazzy, known_definition
 from cmpsp_ros.bags.errors import BagError, UnknownTypeError
-from cmpsp_ros.bags.storage.common import (
-    INFORMATION,
-    METADATA,
-    NO_MESSAGE_YET,
-    REFUSALS,
-    UNFINISHED,
-    Form,
-    locked,
-    write_atomically,
-)
+from cmpsp_ros.bags.storage import common
 from cmpsp_ros.bags.storage.mcap_writer import McapStorage
 from cmpsp_ros.bags.storage.sqlite import SqliteStorage
 
+# A file being written. When the disk refuses a call (`REFUSALS`), it can be repeated.
 Storage = McapStorage | SqliteStorage
-"""A file being written. When the disk refuses a call (`REFUSALS`), it can be repeated."""
-
 _METADATA_VERSION = 9
 
 _TOPIC_METADATA_SIZE = 1536  # size of a topic in the metadata, with a few publishers [bytes]
@@ -51,7 +41,7 @@ class _File(NamedTuple):
     @classmethod
     def of(cls, storage: Storage) -> _File:
         counts = dict(storage.channel_stats)
-        start = storage.message_start_time if any(counts.values()) else NO_MESSAGE_YET
+        start = storage.message_start_time if any(counts.values()) else common.NO_MESSAGE_YET
         return cls(storage.path.name, counts, start, storage.message_end_time)
 
     @property
@@ -67,9 +57,9 @@ class BagWriter:
     written before stays valid. The folder must not exist; missing parents are made.
     """
 
-    def __init__(self, path: Path, form: Form | None = None) -> None:
+    def __init__(self, path: Path, form: common.Form | None = None) -> None:
         self.path = path
-        self._form = form or Form()
+        self._form = form or common.Form()
         self._topics: dict[str, Connection] = {}
         self._parameters: dict[str, dict[str, object]] = {}
         self._custom = {
@@ -83,11 +73,10 @@ class BagWriter:
         if self._form.compressed and self._form.storage != 'mcap':
             raise BagError(f'{path}: only mcap can be compressed, not {self._form.storage}')
         if path.exists():
-            msg = f'{path}: exists already, a new bag needs a path that does not exist'
-            raise BagError(msg)
+            raise BagError(f'{path}: exists already, a new bag needs a path that does not exist')
         with self._writing('cannot create the bag'):
             path.mkdir(parents=True)
-            self._lock = locked(path)
+            self._lock = common.locked(path)
             self._storage: Storage | None = self._begin_file()
             os.fsync(self._lock)
 
@@ -139,7 +128,7 @@ class BagWriter:
         """Make everything so far survive a loss of power: `recover` finds it in an unclosed bag."""
         with self._writing():
             if self._custom != self._kept:
-                write_atomically(self.path / UNFINISHED, json.dumps(self._custom))
+                common.write_atomically(self.path / common.UNFINISHED, json.dumps(self._custom))
                 self._kept = dict(self._custom)
             if self._storage is not None:
                 self._storage.flush()
@@ -173,8 +162,8 @@ class BagWriter:
         try:
             self._close()
         finally:
-            if (self.path / METADATA).exists():
-                (self.path / UNFINISHED).unlink(missing_ok=True)
+            if (self.path / common.METADATA).exists():
+                (self.path / common.UNFINISHED).unlink(missing_ok=True)
             os.close(self._lock)
 
     def __enter__(self) -> Self:
@@ -191,7 +180,7 @@ class BagWriter:
     def _close(self) -> None:
         try:
             self._finish()
-        except REFUSALS as error:
+        except common.REFUSALS as error:
             try:
                 before = self.message_count
                 if self._storage is not None:
@@ -199,9 +188,9 @@ class BagWriter:
                     self._storage.make_room(_TOPIC_METADATA_SIZE * (len(self._topics) + 1) + texts)
                 lost = before - self.message_count
                 self._finish()
-            except REFUSALS:
+            except common.REFUSALS:
                 if self._storage is not None:
-                    with suppress(*REFUSALS):
+                    with suppress(*common.REFUSALS):
                         self._storage.abort()
                 msg = f'{self.path}: cut off, without index and metadata: {error}'
                 raise BagError(msg) from error
@@ -210,8 +199,8 @@ class BagWriter:
 
     def _finish(self) -> None:
         self._end_file()
-        text = _as_yaml({INFORMATION: self._information(self._done)})
-        write_atomically(self.path / METADATA, text)
+        text = _as_yaml({common.INFORMATION: self._information(self._done)})
+        common.write_atomically(self.path / common.METADATA, text)
 
     def _begin_file(self) -> Storage:
         name = f'{self.path.resolve().name}_{len(self._done)}'
@@ -281,7 +270,7 @@ class BagWriter:
             raise BagError(f'{self.path}: the bag is closed')
         try:
             yield
-        except REFUSALS as error:
+        except common.REFUSALS as error:
             raise BagError(f'{self.path}: {what}: {error}') from error
 
 

@@ -126,20 +126,6 @@ def run(
         write_fleet_file(path, {each.namespace: each.values for each in robots})
     else:
         write_parameter_file(path, robots[0].values)
-    with _driven(robots, folder, progress, view_port):
-        from cmpsp_ros.demo.results import sum_up  # noqa: PLC0415 (imported meanwhile)
-
-        return sum_up(robots, folder)
-
-
-@contextmanager
-def _driven(
-    robots: Sequence[Scenario],
-    folder: Path,
-    progress: Callable[[float], None],
-    view_port: int | None,
-) -> Iterator[None]:
-    """Make a run; its bag is complete when the block begins, and the other nodes end during it."""
 
     def tell(robot: Scenario, seen: GuidanceStatus) -> None:
         progress(robot.settings.final_time - float(seen.decision['time_left']))
@@ -159,7 +145,10 @@ def _driven(
                     child.check()
                 for warning in child.warnings():
                     sys.stderr.write(f'{child.name}: {warning}\n')
-        yield
+        # The bag is complete, and the other nodes end meanwhile.
+        from cmpsp_ros.demo.results import sum_up  # noqa: PLC0415 (imported while they started)
+
+        return sum_up(robots, folder)
 
 
 @contextmanager

@@ -87,8 +87,8 @@ def load_scenario(
     given['autostart'] = False
     if lockstep:
         given['lockstep'] = True
-    if given.get('lockstep'):
-        # Time then stands still while the simulator waits, and all nodes must know.
+    if given.get('lockstep') or given.get('real_time_factor', 1.0) != 1.0:
+        # Time then passes otherwise than by the clocks of the nodes, and all must know.
         given['publish_clock'] = True
     name, remarks = Path(preset).stem, []
     if robot:

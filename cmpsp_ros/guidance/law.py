@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from cmpsp_ros.guidance.commands.decision_builder import Step
 from cmpsp_ros.guidance.commands.supervisor import Supervisor
 from cmpsp_ros.guidance.decision import Decision
 from cmpsp_ros.guidance.goals import Goal
@@ -97,14 +98,14 @@ class GuidanceLaw:
         task = self._update_task(observation, estimate)
         if task.is_over:
             return self._record(observation, supervisor.finish(state, observation, estimate))
-        context = self._context(estimate, task)
+        step = Step(state, observation, estimate, self._context(estimate, task))
         if task.goes_on:
-            decision = supervisor.go_on(state, observation, context)
+            decision = supervisor.go_on(step)
         elif late and not task.is_new and state.following.plan is not None:
-            decision = supervisor.follow_late(state, observation, context, late)
+            decision = supervisor.follow_late(step, late)
         else:
-            decision = self._plan(observation, estimate, context)
-        decision = supervisor.slowed(state, decision, estimate, ramp)
+            decision = self._plan(step)
+        decision = supervisor.slowed(step, decision, ramp)
         decision = decision._replace(reason=task.note + decision.reason)
         state.estimator.begin_period(observation, state.following.previous_control)
         self._decide_in_time(estimate, decision)
@@ -204,11 +205,9 @@ class GuidanceLaw:
             ends_at_rest=self._settings.comes_to_rest and not target.drives_on,
         )
 
-    def _plan(
-        self, observation: Observation, estimate: Estimate, context: PlanningContext
-    ) -> Decision:
+    def _plan(self, step: Step) -> Decision:
         """Plan, check, and select: a plan, the previous one, or a stop."""
-        state, supervisor = self._state, self._supervisor
+        supervisor, (state, _, estimate, context) = self._supervisor, step
         reason = supervisor.reason_not_to_begin(state, estimate)
         if not reason:
             if state.estimator.tracker.new_obstacle_seen:
@@ -218,8 +217,7 @@ class GuidanceLaw:
             if not reason and context.plan is None:
                 reason = state.mission.search_moves(context)
         if reason:
-            stamp, pose, moving = observation.stamp, observation.pose, estimate.start.moving
-            return supervisor.decisions.stop(state, stamp, pose, reason, moving=moving)
+            return supervisor.decisions.stand(step, reason)
         selected = self._selector.best(context)
         goals, clock = state.mission.goals, state.clock
         if self._settings.is_soonest and goals.goal is not None:
@@ -227,7 +225,7 @@ class GuidanceLaw:
             context, selected = choose(self._selector, context, selected, latest)
             goals.reach_at(context.horizon.edges.item(-1) + context.delay)
             clock.due = remaining(clock.now, goals.period, goals.final).edges.item(1)
-        return supervisor.choose(state, observation, estimate, context, selected)
+        return supervisor.choose(step._replace(context=context), selected)
 
     def _pending(self, estimate: Estimate) -> Validation | None:
         """Validation on the path under commands given before, if there is one."""

@@ -31,10 +31,7 @@ _TYPES = {'geometry_msgs/msg/Twist': Twist, 'geometry_msgs/msg/TwistStamped': Tw
 
 
 class Excitation(Node):
-    """Drives once, records itself, and ends its process; its last command is a zero twist.
-
-    `problem` is why the drive was cut short; empty if it was not.
-    """
+    """Drives once, records itself, and ends its process; `problem` is why it was cut short."""
 
     def __init__(self, bag: Path, odom: str, cmd_vel: str, commands: Commands) -> None:
         super().__init__('excitation')
@@ -126,10 +123,7 @@ class Excitation(Node):
 
 
 def drive(bag: Path, odom: str, cmd_vel: str, commands: Commands) -> str:
-    """Drive and record a robot; why that was cut short, if it was.
-
-    `commands` are when each phase ends [s], and its twist [m/s, rad/s].
-    """
+    """Drive and record a robot by ends of phases [s] and twists; why that was cut short, if so."""
     nodes: list[Excitation] = []
 
     def make() -> Excitation:

@@ -24,10 +24,7 @@ _WAKE_PERIOD = 0.02
 
 @dataclass
 class GuidanceStatus:
-    """Latest diagnostics and decision of a guidance node, as text, empty before the first.
-
-    `commands` counts the decisions that were sent, and not withdrawn since they were late.
-    """
+    """Latest diagnostics and decision of a guidance node, as text, empty before the first."""
 
     health: dict[str, str] = field(default_factory=dict)
     level: bytes = DiagnosticStatus.STALE
@@ -35,14 +32,14 @@ class GuidanceStatus:
     decision: dict[str, str] = field(default_factory=dict)
     reason: str = ''
     decisions: int = 0
-    commands: int = 0
+    commands: int = 0  # decisions that were sent, and not withdrawn since they were late
 
 
 class LifecycleClient:
     """Listens to the guidance node of each robot and activates it; a context manager.
 
-    It has a ROS context of its own, in this process, and is spun only while it waits.
-    `on_decision` is called with each decision received, and the namespace of the robot.
+    It has a ROS context of its own, and is spun only while it waits. `on_decision` is called
+    with the namespace of a robot and each decision received.
     """
 
     def __init__(self, domain_id: int, namespaces: Iterable[str] = ('',)) -> None:

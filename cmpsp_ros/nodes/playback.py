@@ -35,17 +35,14 @@ _OF_OTHERS = frozenset(('/rosout', '/parameter_events'))
 
 @dataclass(frozen=True)
 class Playback:
-    """Options of a playback: times in seconds of the recording; without topics, all of them.
-
-    When paused, it waits for `~/resume` or the space key.
-    """
+    """Options of a playback, with times of the recording."""
 
     rate: float = 1.0
-    start_offset: float = 0.0
-    duration: float | None = None
+    start_offset: float = 0.0  # [s]
+    duration: float | None = None  # [s]
     loop: bool = False
-    paused: bool = False
-    topics: tuple[str, ...] = ()
+    paused: bool = False  # True if it waits for `~/resume` or the space key
+    topics: tuple[str, ...] = ()  # all of them when empty
 
 
 class _Keyboard:
@@ -79,10 +76,7 @@ class _Keyboard:
 
 
 class Player(Node):
-    """Publishes serialised messages of an open bag as they were recorded, with `/clock`.
-
-    The clock is the recorded one if there is one; else the time of reception.
-    """
+    """Publishes messages of an open bag as recorded, with its `/clock` or times of reception."""
 
     def __init__(self, bag: Bag, topics: Sequence[str], playback: Playback) -> None:
         super().__init__('player')

@@ -28,11 +28,9 @@ _STRING, _DOUBLES = ParameterType.STRING, ParameterType.DOUBLE_ARRAY
 _INTEGER: Final = ParameterType.INTEGER
 _FIXED: Final = {'reconfigurable': False}
 
-NO_MAP: Final = 'none'
-"""Cells of no map."""
+NO_MAP: Final = 'none'  # cells of no map
 
-HIDDEN: Final = 'sim.obstacles'
-"""Section of the obstacles that only the simulator knows."""
+HIDDEN: Final = 'sim.obstacles'  # section of the obstacles that only the simulator knows
 
 _CELLS: Final = re.compile(r'(\d{1,9}) x (\d{1,9}) ([A-Za-z0-9+/=]+)', re.ASCII)
 _WANTED: Final = 'what map.file makes of a map, or none'

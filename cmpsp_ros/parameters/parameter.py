@@ -20,8 +20,7 @@ T = TypeVar('T')
 
 Node = Literal['guidance', 'sim']
 
-NAME: Final = '<name>'
-"""Stands in a parameter's name for the names that the user lists."""
+NAME: Final = '<name>'  # stands in a parameter's name for the names that the user lists
 
 
 class ParameterType(Enum):

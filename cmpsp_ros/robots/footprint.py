@@ -23,13 +23,11 @@ _MOST: Final = 5
 _TOLERANCE: Final = 0.125
 """Fraction of half the width by which discs may reach beyond a footprint at the side."""
 
-_WIDE: Final = 2.0
-"""Width, in lengths, from which the discs stand side by side."""
+_WIDE: Final = 2.0  # width, in lengths, from which the discs stand side by side
 
 _ROUNDING: Final = 1e-9
 
-_POINTS: Final = 400
-"""Number of points of an outline, about."""
+_POINTS: Final = 400  # number of points of an outline, about
 
 _FINEST: Final = 10
 """Slices of the longer side, at most, where discs may not reach far beyond a footprint."""

@@ -16,8 +16,7 @@ from cmpsp_ros.robots.motion.acceleration import TimeScaling
 from cmpsp_ros.robots.motion.arcs import speeds_and_turns
 from cmpsp_ros.robots.motion.kinematics import Kinematics
 
-_ROUNDING: Final = 1e-9
-"""Part of a limit that rounding may add to it."""
+_ROUNDING: Final = 1e-9  # part of a limit that rounding may add to it
 
 
 class Signal(NamedTuple):

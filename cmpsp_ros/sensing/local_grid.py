@@ -24,14 +24,12 @@ Places = NDArray[np.float32]
 _NEVER = np.iinfo(np.int64).min
 _FREE, _OCCUPIED = int(Cell.FREE), int(Cell.OCCUPIED)
 
-_UNSEEN = 2.0
-"""Width of the strip around the footprint that no beam need ever pass [cells]."""
+_UNSEEN = 2.0  # width of the strip around the footprint that no beam need ever pass [cells]
 
 _BESIDE = 0.25
 """Distance from the end of an earlier beam at which another one shows that it is gone [cells]."""
 
-_BEYOND = 4.0
-"""Distance by which that beam must go on [cells]: one that grazes a wall does not."""
+_BEYOND = 4.0  # distance by which that beam must go on [cells]: one that grazes a wall does not
 
 
 class LocalGrid:

@@ -77,7 +77,6 @@ class ScanHistory:
     """Views of one sensor."""
 
     def __init__(self) -> None:
-        """Start without views."""
         self._views: list[View] = []
 
     def labels(self, points: Array, stamp: int) -> IntArray:

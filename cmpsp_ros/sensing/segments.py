@@ -15,8 +15,7 @@ _GAP_BY_STEP: Final = 1.5
 """Distance of neighbours on one object [m], and by that of two beams at their range."""
 _HOLE: Final = 5.5
 """Angle between neighbours on one object, in steps of the scanner: returns between may be lost."""
-_DEEP: Final = 0.1
-"""Depth of the notch between two round objects that touch [m]."""
+_DEEP: Final = 0.1  # depth of the notch between two round objects that touch [m]
 _WIDE: Final = 0.8
 """Width above which a segment shows more than one person, and of each part then [m]."""
 _PERSON: Final = 0.6
@@ -27,12 +26,9 @@ _LARGEST: Final = 0.6
 _FEWEST: Final = 3
 _LEG: Final = 0.15
 """Radius up to which a segment may be a leg [m]."""
-_STRIDE: Final = 0.6
-"""Distance of the legs of one person [m]."""
-_AROUND: Final = 0.15
-"""Distance from where a mover is expected at which a hit may be on it [m]."""
-_BESIDE: Final = 0.05
-"""Distance from a mover up to which the nearest hit of a segment is on it [m]."""
+_STRIDE: Final = 0.6  # distance of the legs of one person [m]
+_AROUND: Final = 0.15  # distance from where a mover is expected at which a hit may be on it [m]
+_BESIDE: Final = 0.05  # distance from a mover up to which the nearest hit of a segment is on it [m]
 _STATIC, _ENTERED = 1, 2
 
 

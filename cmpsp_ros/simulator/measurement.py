@@ -14,7 +14,6 @@ class Measurement:
     """Odometry of one run, a message each call; noise does not depend on which are lost."""
 
     def __init__(self, seed: int) -> None:
-        """Begin the streams of a run."""
         self._position = generator(seed, Stream.POSITION)
         self._heading = generator(seed, Stream.HEADING)
         self._dropout = generator(seed, Stream.DROPOUT)

@@ -58,16 +58,13 @@ _MOST_CELLS: Final = 20_000
 
 @dataclass(frozen=True)
 class Look:
-    """Appearance of a kind of parts: name in legends, lines [pt] as plotly has them, and filling.
+    """Appearance of a kind of parts."""
 
-    Without a colour of their own, lines have that of the run.
-    """
-
-    label: str
-    color: str
+    label: str  # name in legends
+    color: str  # of lines; empty for that of the run
     fill: str = ''
-    width: float = 0.0
-    dash: str = 'solid'
+    width: float = 0.0  # of lines [pt]
+    dash: str = 'solid'  # as plotly has it
 
     @property
     def of_names(self) -> tuple[str, str]:
@@ -95,15 +92,12 @@ LOOKS: Final = {
 
 @dataclass(frozen=True)
 class Part:
-    """All of one kind, at its place [m]: lines ``(K, 2)``, closed where they are filled.
-
-    Its discs, by centre and radius, are solids in a picture of three dimensions.
-    """
+    """All of one kind, at its place [m]."""
 
     kind: str
-    outlines: Lines
+    outlines: Lines  # each ``(K, 2)``, closed where it is filled
     names: tuple[tuple[str, Point], ...] = ()
-    discs: tuple[tuple[Point, float], ...] = ()
+    discs: tuple[tuple[Point, float], ...] = ()  # solids in a picture of three dimensions
 
     @property
     def lines(self) -> Lines:

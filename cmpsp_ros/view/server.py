@@ -40,11 +40,7 @@ class ViewError(ValueError):
 
 
 class Access:
-    """Decides for each request if it is answered.
-
-    Attributes:
-        token: The token required; empty on loopback, which other machines cannot reach.
-    """
+    """Decides for each request if it is answered."""
 
     def __init__(self, host: str) -> None:
         is_loopback = _is_loopback(host)
@@ -177,7 +173,8 @@ class _Handler(BaseHTTPRequestHandler):
             self._send_updates(url.query)
         elif url.path in _PAGES:
             name, kind = _PAGES[url.path]
-            self._send(HTTPStatus.OK, _asset(name), kind)
+            asset = (files('cmpsp_ros.view') / 'assets' / name).read_bytes()
+            self._send(HTTPStatus.OK, asset, kind)
         else:
             self._send(HTTPStatus.NOT_FOUND, b'There is nothing here.\n', 'text/plain')
 
@@ -212,10 +209,6 @@ def _client_state(query: str) -> ClientState:
         raise ValueError(query)
     course, run = numbers.pop('course', -1), numbers.pop('run', -1)
     return ClientState(course, run, {name: max(rows, 0) for name, rows in numbers.items()})
-
-
-def _asset(name: str) -> bytes:
-    return (files('cmpsp_ros.view') / 'assets' / name).read_bytes()
 
 
 LONGEST: Final = 20_000  # rows of a series; one that is full begins again

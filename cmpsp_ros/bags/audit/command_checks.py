@@ -110,10 +110,7 @@ def acceleration(record: AuditRecord) -> Iterator[Sample]:
     bad='The change of a wheel is to change by {worst:.4g} rad/s from one command to the next.',
 )  # fmt: skip
 def jerk(record: AuditRecord) -> Iterator[Sample]:
-    """Second difference of the wheel speeds of each command of a plan.
-
-    Stops are exempt, and two commands after a gap. After a stop, the acceleration counts as 0.
-    """
+    """Second difference of the wheel speeds of each command of a plan, but after gaps."""
     limit = record.settings.max_second_difference
     if not math.isfinite(limit):
         raise SkippedError('The wheels have no such limit (robot.max_wheel_jerk is 0).')
@@ -213,8 +210,7 @@ def obeyed(record: AuditRecord) -> Iterator[Sample]:
     settings = record.settings
     robot = settings.robot
     if not math.isfinite(robot.max_wheel_speed):
-        reason = 'The wheels have no limit (robot.max_wheel_speed is 0) to measure by.'
-        raise SkippedError(reason)
+        raise SkippedError('The wheels have no limit (robot.max_wheel_speed is 0) to measure by.')
     for leg in record.legs:
         begins, ends, twists = _held(leg, settings)
         known = [

@@ -31,10 +31,7 @@ class CheckOutcome(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Finding:
-    """Result of a check, or why it was impossible, in a sentence and by the worst value.
-
-    Worst value and limit have one unit; `at` is its time, from time 0 of the first run [s].
-    """
+    """Result of a check, or why it was impossible, in a sentence and by the worst value."""
 
     check: str
     title: str
@@ -42,8 +39,8 @@ class Finding:
     sentence: str
     worst: float | None = None
     limit: float | None = None
-    unit: str = ''
-    at: float | None = None
+    unit: str = ''  # of worst value and limit
+    at: float | None = None  # time of the worst value, from time 0 of the first run [s]
 
     @property
     def worst_text(self) -> str:
@@ -88,9 +85,9 @@ class Sample:
     words: Mapping[str, Any] = field(default_factory=dict)  # for the sentence
 
     @classmethod
-    def upper(cls, value: float, limit: float, at: int, rounding: float = 0.0) -> Sample:
+    def upper(cls, value: float, limit: float, at: int) -> Sample:
         """A value that is to be at most its limit."""
-        return cls(value, limit, at, value - limit - rounding)
+        return cls(value, limit, at, value - limit)
 
     @classmethod
     def count(cls, count: int, at: int | None, **words: Any) -> Sample:
@@ -129,7 +126,7 @@ class Check:
     # Parameters without which it cannot be judged; `road` stands for those of a road.
     needs: tuple[str, ...] = ()
     of_decisions: bool = False  # needs decisions
-    unit: str = ''  # unit of its values
+    unit: str = ''  # of its values
     # Sentence where it passes, with ``{worst}`` and the words of the worst sample.
     good: str | Callable[[Sample], str] = ''
     bad: str | Callable[[Sample], str] = ''  # the same where it fails

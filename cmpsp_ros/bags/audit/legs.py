@@ -142,16 +142,13 @@ class RunSpan:
 
 @dataclass(frozen=True)
 class KnownPath:
-    """Driven path by one source (`by`, empty for odometry), since a leg's first run.
+    """Driven path by one source, since a leg's first run."""
 
-    Its clearance may be wrong by `tolerance`; `off` is its largest distance from the true path [m].
-    """
-
-    by: str
+    by: str  # the source; empty for odometry
     pieces: tuple[DrivenPath, ...]
     holes: tuple[Hole, ...]
-    tolerance: float = 0.0
-    off: float = 0.0
+    tolerance: float = 0.0  # error of its clearance [m]
+    off: float = 0.0  # largest distance from the true path [m]
 
     def at(self, stamp: int) -> Array | None:
         """Pose ``(3,)`` at an instant [ns]; None in a hole."""
@@ -251,7 +248,6 @@ def split(
 def _runs(
     commands: Commands, decisions: Sequence[DecisionRecord], end: int, settings: GuidanceSettings
 ) -> tuple[RunSpan, ...]:
-    """Time 0 of a run is the stamp of its first odometry, which is decided on at once."""
     answers = [each for each in decisions if not each.halted]
     starts = [_begin_of(answers[0], settings)] if answers else [int(commands.stamps[0])]
     for before, after in pairwise(answers):

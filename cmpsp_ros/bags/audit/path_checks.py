@@ -112,8 +112,7 @@ def moving(record: AuditRecord) -> Iterator[Sample]:
         known = (key for each in record.decisions for key, _ in each.tracks)
         if any(isinstance(key, int) for key in known) or record.history.has_traffic:
             topics = f'{record.places.moving} or {record.places.tracks}'
-            reason = f'The bag lacks the moving obstacles in {topics}.'
-            raise NotJudgedError(reason)
+            raise NotJudgedError(f'The bag lacks the moving obstacles in {topics}.')
         raise SkippedError(f'No moving obstacle is in {record.places.moving}.')
     yield from _apart(record.encounters, ', at its predicted position')
 

@@ -40,10 +40,10 @@ EDGES = 2  # the first columns of a clearance are the road's edges
 class Sweep:
     """Arcs with the clearance of the robot itself."""
 
-    settings: GuidanceSettings  # settings in force
+    settings: GuidanceSettings  # in force
     stamps: IntArray  # beginning of each arc [ns], shape ``(K,)``
     clearance: Array  # distance from both road edges and each obstacle, shape ``(K, 2 + M)`` [m]
-    names: tuple[str, ...]  # names of its columns, in messages
+    names: tuple[str, ...]  # of its columns, in messages
     by: str = ''  # source of the path, if it is not odometry
     tolerance: float = 0.0  # error of the clearance [m]; less is no proof of a contact
 
@@ -59,10 +59,7 @@ class Sweep:
 def sweep(
     path: DrivenPath, history: History, by: str = '', tolerance: float = 0.0, off: float = 0.0
 ) -> Iterator[Sweep]:
-    """Arcs of a path, by the parameters in force at the beginning of each.
-
-    Obstacles that only the simulator knows count as `off` farther away [m].
-    """
+    """Arcs of a path by the parameters in force; hidden obstacles count `off` farther away [m]."""
     begins = path.stamps[:-1]
     edges = np.searchsorted(begins, history.starts[1:])
     for epoch, index in zip(history.epochs, np.split(np.arange(len(begins)), edges), strict=True):
@@ -211,7 +208,6 @@ class AuditRecord:
                 yield from sweep(path, self.history, each.by, each.tolerance, each.off)
 
     def _met(self, found_along: Callable[[DrivenPath], Iterable[Encounter]]) -> Iterator[Encounter]:
-        """Encounters on every known part of the path, with the tolerance of its source."""
         for known in (each for leg in self.legs for each in leg.known):
             for each in (one for path in known.pieces for one in found_along(path)):
                 yield replace(each, clearance=each.clearance + known.tolerance)

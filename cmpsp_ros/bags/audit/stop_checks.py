@@ -230,7 +230,6 @@ def goal(record: AuditRecord) -> Iterator[Sample]:
 
 
 def _passings(record: AuditRecord) -> tuple[list[tuple[Passing, GuidanceSettings]], str]:
-    """Positions at the times of goals, and a sentence on missing ones."""
     passings, missing = [], ''
     for leg in record.legs:
         for run in leg.runs:
@@ -249,11 +248,7 @@ def _passings(record: AuditRecord) -> tuple[list[tuple[Passing, GuidanceSettings
 
 
 def _goals_of(record: AuditRecord, run: RunSpan) -> list[Goal]:
-    """The goals of a run that were in force at their times, in order.
-
-    The first goal on `goal_pose` replaces those of the parameters; a later one replaces those
-    before whose time has not come. So does a postponed one.
-    """
+    """Goals of a run that were in force at their times; later ones replace pending ones."""
     is_put_off = record.history.at(run.start).moves_final_time
     received = [each for each in record.decisions if run.start <= each.stamp <= run.end]
     received = [
@@ -275,10 +270,10 @@ def _goals_of(record: AuditRecord, run: RunSpan) -> list[Goal]:
 
 
 def _lost(record: AuditRecord, leg: Leg) -> list[Hole]:
-    """When odometry is missing in the recording and there was some: between receptions [ns].
+    """When odometry was there but not recorded, between receptions [ns].
 
-    A decision rests on odometry that is not there, decisions themselves are missing, or nothing
-    at all was recorded.
+    A decision rests on odometry that is not there, decisions are missing, or nothing was
+    recorded.
     """
     limit = record.settings.odom_timeout + _SLACK
     received, stamps = leg.odometry.received, leg.odometry.stamps

@@ -21,9 +21,8 @@ from cmpsp_ros.bags.runs.odometry import OdometrySeries, read_odometry
 from cmpsp_ros.guidance import NANOSECONDS
 from cmpsp_ros.robots.motion import with_side
 
+# Usual times after which robots stop without a command [s].
 TIMEOUTS: Final = (math.inf, 0.2, 0.25, 0.5, 0.6, 1.0)
-"""Usual times after which robots stop without a command [s]."""
-
 _ODOMETRY: Final = 'nav_msgs/msg/Odometry'
 _TWIST: Final = 'geometry_msgs/msg/Twist'
 _STAMPED: Final = 'geometry_msgs/msg/TwistStamped'
@@ -40,10 +39,10 @@ class Series:
     """Steps of a drive along one axis, 0 ahead or 1 turning, and the command there."""
 
     axis: int
-    stamps: Array  # stamps of odometry, ``(N + 1,)`` [s]
+    stamps: Array  # of odometry, ``(N + 1,)`` [s]
     steps: Array  # change between messages, ``(N,)`` [m] or [rad]
     changes: Array  # times of the changes of the command, ``(C,)`` [s]
-    commands: Array  # commands from then on, ``(C,)`` [m/s] or [rad/s]
+    commands: Array  # from then on, ``(C,)`` [m/s] or [rad/s]
 
     @property
     def command(self) -> tuple[Array, Array]:
@@ -63,7 +62,7 @@ class Drive:
 
     label: str  # bag and topics
     stamped: bool  # true if commands were TwistStamped
-    stamps: Array  # stamps of odometry, ``(N + 1,)`` [s]
+    stamps: Array  # of odometry, ``(N + 1,)`` [s]
     steps: Array  # change between messages: distance ahead and turn, ``(N, 2)`` [m, rad]
     ages: Array  # time of reception of each odometry message minus its stamp, ``(N + 1,)`` [s]
     times: Array  # when commands were received, less the median of `ages`, ``(C,)`` [s]

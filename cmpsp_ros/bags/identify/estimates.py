@@ -13,9 +13,8 @@ from cmpsp_ros.arrays import Array
 from cmpsp_ros.bags.identify.drives import Drive
 from cmpsp_ros.bags.identify.fit import LAG, LIMIT, RATIO, SCALE, SUM, Fit, fit
 
+# Quantile of 99 %, to keep 95 % although noise is estimated and no robot is quite the model.
 QUANTILE: Final = 2.58
-"""Quantile of 99 %, to keep 95 % although noise is estimated and no robot is quite the model."""
-
 _BLOCK: Final = 0.5
 _BISECTIONS: Final = 5
 _BETTER: Final = 0.1
@@ -121,8 +120,8 @@ def _inflation(found: Fit, places: list[int]) -> Array:
     return np.asarray(np.maximum(robust / np.maximum(np.diag(inverse), 1e-300), 1.0))
 
 
+# Names of the axes with units of their speeds, and of their poses.
 AXES: Final = (('linear', 'm/s', 'position', 'm'), ('angular', 'rad/s', 'heading', 'rad'))
-"""Names of the axes with units of their speeds, and of their poses."""
 
 # Standard deviations of a median's rank: more than elsewhere, for neighbours are late together.
 _RANK: Final = 3.0

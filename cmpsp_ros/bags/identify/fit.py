@@ -26,8 +26,8 @@ from cmpsp_ros.bags.identify.model import (
     whitened,
 )
 
+# Places of parameters: delay with lag, lag, ratio, two scales, and limits that were found.
 SUM, LAG, RATIO, SCALE, LIMIT = 0, 1, 2, 3, 5
-"""Places of parameters: delay with lag, lag, ratio, two scales, and limits that were found."""
 
 # Sizes of the parameters, to scale steps of the fit.
 _SIZES: Final = np.array([0.01, 0.01, 0.1, 0.1, 0.1, 0.1])
@@ -48,7 +48,7 @@ class Fit:
     timeout: float  # time after which the robot stops without a command [s]
     p: Array  # parameters
     noises: tuple[Noise, Noise]  # noise of odometry ahead and turning
-    factors: Sequence[Array]  # factors of the covariance of the steps of each series
+    factors: Sequence[Array]  # of the covariance of the steps of each series
     # Limits that are among the parameters: axis, and field of `Response`.
     limits: tuple[tuple[int, str], ...] = ()
     # Whitened, and that of the prior of a motor.
@@ -170,7 +170,6 @@ def fit(drives: Sequence[Drive]) -> Fit:
 
 
 def _initial(drives: Sequence[Drive], timeout: float) -> Fit:
-    """A start: the best of many delays, at a lag between them."""
     series = [each.series(axis, timeout) for each in drives for axis in (0, 1)]
     noise, least, best = Noise(3e-3, 1e-2), math.inf, np.empty(0)
     factors = [noise.factor(np.diff(each.stamps), each.leaps) for each in series]

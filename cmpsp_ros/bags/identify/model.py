@@ -102,9 +102,8 @@ def _advance(
 
 
 Flags = BoolArray
+# Residuals of the steps of each drive, durations of the steps [s], and flags of jumps.
 Steps = Sequence[tuple[Array, Array, Flags]]
-"""Residuals of the steps of each drive, durations of the steps [s], and flags of jumps."""
-
 _FLOOR: Final = 1e-5  # standard deviation of a pose that is always allowed for [m] or [rad]
 _JUMP: Final = 1e6  # variance of a jump, which thereby does not count [m^2] or [rad^2]
 

@@ -61,16 +61,14 @@ class Change:
 
 @dataclass
 class WhatIf:
-    """Two laws on the same odometry: the recorded one, and a changed one by its first settings.
-
-    Its decisions have the time of reception of odometry [ns]; `left_out` are topics not copied.
-    """
+    """Two laws on the same odometry: the recorded one, and a changed one by its first settings."""
 
     settings: GuidanceSettings
     odometry: list[OdometrySample] = field(default_factory=list)
     recorded: list[DecisionRecord] = field(default_factory=list)
+    # With the time of reception of their odometry [ns].
     decisions: list[tuple[int, Decision]] = field(default_factory=list)
-    left_out: list[str] = field(default_factory=list)
+    left_out: list[str] = field(default_factory=list)  # topics not copied
 
     def __str__(self) -> str:
         return '\n'.join(

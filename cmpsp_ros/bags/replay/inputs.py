@@ -91,16 +91,12 @@ Input = (
 
 
 class Inputs:
-    """The inputs of a recorded guidance law; can be iterated over once.
-
-    Attributes:
-        skipped: Decisions before the first run in the bag, of a law whose state is unknown.
-    """
+    """The inputs of a recorded guidance law; can be iterated over once."""
 
     def __init__(self, bag: Bag, names: Names) -> None:
         self._bag, self._node = bag, names.node
         self._parameters = NodeParameters(bag, names.node)
-        self.skipped = 0
+        self.skipped = 0  # decisions before the first run in the bag: its law's state is unknown
         values = self.values
         self._recording = Recording(bag, names, values['frame_id'], values['others.namespaces'])
         self._pose: Array | None = None
@@ -125,7 +121,12 @@ class Inputs:
             if before is None and decision.step > 0:
                 self.skipped += 1
                 continue
-            begins = before is None or _began_anew(before, decision)
+            # Another law decides where the node was configured or started again.
+            begins = before is None or (
+                decision.run < before.run
+                or decision.revision < before.revision
+                or (decision.run == before.run and decision.step < before.step)
+            )
             odometry = None if decision.halted else self._find(decision)
             if odometry is not None and decision.pose is None:
                 received_all = received_all and not begins and not decision.skipped
@@ -136,7 +137,9 @@ class Inputs:
                 yield from self._changes_between(before, decision)
             goals = self._goals(None if begins else before, decision)
             if odometry is None and not decision.halted:
-                yield self._missing(decision)
+                if not recording.odometry and recording.unusable:
+                    raise BagError(f'{self._bag.path}: no usable odometry: {recording.unusable}')
+                yield OdometryMissing(decision)
             else:
                 yield from goals
             if decision.halted:
@@ -179,7 +182,6 @@ class Inputs:
         yield RunStarted(self.values)
 
     def _changes_between(self, before: DecisionRecord, decision: DecisionRecord) -> Iterator[Input]:
-        """Live changes and resets since the previous decision."""
         for _ in range(decision.revision - before.revision):
             if not self._has_change():
                 raise BagError(
@@ -220,17 +222,6 @@ class Inputs:
         received, changes = self._recording.changes.popleft()
         if received >= since:
             self._parameters.change(received, changes, used=used)
-
-    def _missing(self, decision: DecisionRecord) -> OdometryMissing:
-        if not self._recording.odometry and self._recording.unusable:
-            raise BagError(f'{self._bag.path}: no usable odometry: {self._recording.unusable}')
-        return OdometryMissing(decision)
-
-
-def _began_anew(before: DecisionRecord, decision: DecisionRecord) -> bool:
-    """True if the node was configured or started again, so that another law decides."""
-    again = decision.run == before.run and decision.step < before.step
-    return bool(decision.run < before.run or decision.revision < before.revision or again)
 
 
 class Follower:

@@ -16,7 +16,7 @@ EVENTS = '/parameter_events'  # topic of the changes
 class NodeParameters:
     """The complete set of parameters of one node, from its start on."""
 
-    values: Values  # values after all changes applied so far
+    values: Values  # after all changes applied so far
     given: frozenset[str]  # keys that were recorded; the others are defaults
 
     def __init__(self, bag: Bag, node: str) -> None:

@@ -55,10 +55,7 @@ class Difference:
 
 
 class Comparison:
-    """Comparison of decisions, bit by bit, or floats within a tolerance, which is absolute below 1.
-
-    Numbers in sentences are left out then.
-    """
+    """Comparison bit by bit, or of floats within a tolerance, which is absolute below 1."""
 
     def __init__(self, tolerance: float | None = None) -> None:
         self._tolerance = tolerance

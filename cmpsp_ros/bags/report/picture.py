@@ -29,7 +29,10 @@ def draw_report(views: Sequence[View], output: Path) -> Figure:
     handles: dict[str, Any] = {}
     for number, members in enumerate(places):
         axes = figure.add_subplot(grid[number])
-        _draw_path(axes, path(views), suffix(number))
+        chart, on = path(views), suffix(number)
+        draw(axes, (each for each in chart['data'] if each['xaxis'] == f'x{on}'))
+        x, y = (chart['layout'][f'{letter}axis{on}']['range'] for letter in 'xy')
+        axes.set(xlim=x, ylim=y, xlabel='x [m]', ylabel='y [m]', aspect='equal')
         draw(axes, traces([seen([grid for _, grid in views[k].grids]) for k in members], ''))
         handles |= dict(zip(*axes.get_legend_handles_labels()[::-1], strict=True))
     keys = figure.add_subplot(grid[-1])
@@ -47,13 +50,6 @@ def draw_report(views: Sequence[View], output: Path) -> Figure:
     with written(output):
         figure.savefig(output, dpi=110)
     return figure
-
-
-def _draw_path(axes: Axes, chart: Chart, on: str) -> None:
-    draw(axes, (each for each in chart['data'] if each['xaxis'] == f'x{on}'))
-    x, y = (chart['layout'][f'{letter}axis{on}']['range'] for letter in 'xy')
-    axes.set(xlim=x, ylim=y, xlabel='x [m]', ylabel='y [m]')
-    axes.set_aspect('equal')
 
 
 def _draw_chart(axes: Axes, chart: Chart, on: str) -> None:

@@ -56,7 +56,7 @@ class View:
     plans: tuple[Planned, ...]
     # Some of the grids that sensors had shown, with their times [ns].
     grids: tuple[tuple[int, OccupancyGrid], ...]
-    version: str  # version of this package that recorded it, or empty
+    version: str  # of this package that recorded it, or empty
 
     @property
     def settings(self) -> GuidanceSettings:
@@ -227,19 +227,12 @@ class View:
 
     def _person(self, tracks: Sequence[Track]) -> Part:
         """Path of a person, and the body where it was nearest to the robot, with the time."""
-        nearest, seconds = self._nearest(tracks)
-        center = nearest.x, nearest.y
-        name = f'{seconds:.1f} s', center
-        return Part('person', (_places(tracks),), (name,), ((center, nearest.radius),))
-
-    def _nearest(self, tracks: Sequence[Track]) -> tuple[Track, float]:
-        """Track at the closest approach to the robot, and its time [s]."""
         times = self._seconds(np.array([each.stamp for each in tracks], dtype=np.int64))
-        robot = np.column_stack(
-            [np.interp(times, self.times, each) for each in self.poses[:, :2].T]
-        )
-        index = int(np.hypot(*(_places(tracks) - robot).T).argmin())
-        return tracks[index], float(times[index])
+        robot = [np.interp(times, self.times, each) for each in self.poses[:, :2].T]
+        index = int(np.hypot(*(_places(tracks).T - robot)).argmin())
+        center = tracks[index].x, tracks[index].y
+        name = f'{times[index]:.1f} s', center
+        return Part('person', (_places(tracks),), (name,), ((center, tracks[index].radius),))
 
     def _other(self, name: str, driven: DrivenPath) -> Part:
         ends = bodies(disc(self.settings.moving_obstacles.others_radius), driven.poses[[0, -1]])
@@ -283,7 +276,6 @@ def labels(paths: Sequence[Path]) -> list[str]:
 
 
 def _least(times: Array, values: dict[str, Array]) -> tuple[Array, dict[str, Array]]:
-    """Thinned such that the minima stay."""
     width = -(-len(times) // MOST_POINTS)
     begins = np.arange(0, len(times), width)
     return times[begins], {name: np.minimum.reduceat(each, begins) for name, each in values.items()}

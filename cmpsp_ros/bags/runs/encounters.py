@@ -25,7 +25,7 @@ _DIGITS = 9  # digits of a depth behind the point [m]; those behind are rounding
 class Encounter:
     """Part of a path, with its distance from one moving obstacle or other robot."""
 
-    name: str  # name in messages
+    name: str  # in messages
     stamps: IntArray  # beginning of each arc [ns], shape ``(K,)``
     clearance: Array  # distance from it, less the robot's radius, shape ``(K,)`` [m]
     # True if the robot stood or crept, shape ``(K,)``: a collision is then not its own.

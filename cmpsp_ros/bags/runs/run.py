@@ -46,27 +46,23 @@ def seen_at(tracks: Iterable[Track], stamp: int, settings: GuidanceSettings) -> 
         for each in tracks
         if 0 <= stamp - each.stamp <= round(lifetime(each, settings) * NANOSECONDS)
     }
-    return [_after(each, stamp) for each in latest.values()]
+    ages = {number: (stamp - each.stamp) / NANOSECONDS for number, each in latest.items()}
+    return [
+        replace(
+            each,
+            stamp=stamp,
+            x=each.x + ages[number] * each.vx,
+            y=each.y + ages[number] * each.vy,
+            position_stddev=each.position_stddev + ages[number] * each.velocity_stddev,
+        )
+        for number, each in latest.items()
+    ]
 
 
 def lifetime(track: Track, settings: GuidanceSettings) -> float:
-    """Time for which a track counts without being seen again [s].
-
-    The sensors of the robot say by their next sighting what they do not see any longer.
-    """
+    """Time for which a track counts without being seen again [s]; own sensors say it sooner."""
     return (
         _PERIODS * settings.control_period if track.is_seen else settings.moving_obstacles.timeout
-    )
-
-
-def _after(track: Track, stamp: int) -> Track:
-    age = (stamp - track.stamp) / NANOSECONDS
-    return replace(
-        track,
-        stamp=stamp,
-        x=track.x + age * track.vx,
-        y=track.y + age * track.vy,
-        position_stddev=track.position_stddev + age * track.velocity_stddev,
     )
 
 
@@ -203,16 +199,13 @@ def _wheels(bag: Bag, topic: str) -> tuple[IntArray, Array]:
 
 @dataclass(frozen=True)
 class Passing:
-    """Position at the time of a goal [ns]: distance [m] and heading error [rad] or None.
-
-    `ratio` is the larger of both errors, each divided by its tolerance.
-    """
+    """Position at the time of a goal [ns]: distance [m] and heading error [rad] or None."""
 
     goal: Goal
     stamp: int
     miss: float
     heading_miss: float | None
-    ratio: float
+    ratio: float  # the larger of both errors, each divided by its tolerance
 
     @classmethod
     def of(cls, settings: GuidanceSettings, goal: Goal, stamp: int, pose: Array) -> Passing:
@@ -243,10 +236,7 @@ def mean_speed(settings: GuidanceSettings, poses: Array, seconds: float) -> floa
 def goals_driven_to(
     decisions: Sequence[DecisionRecord], settings: GuidanceSettings
 ) -> list[tuple[int, Goal]]:
-    """Each goal with the stamp [ns] from which it was the current one; none on a followed road.
-
-    A decision that names no goal has the only one there is.
-    """
+    """Goals with the stamps [ns] from which they were current; none on a followed road."""
     if settings.follow is not None:
         return []
     alone = Goal(settings.goal, settings.final_time, settings.goal_heading)

@@ -35,7 +35,7 @@ class SensorClearance:
     """Distance of a robot from the sightings of its sensors."""
 
     stamps: IntArray  # times of poses, in order, shape ``(K,)`` [ns]
-    poses: Array  # the poses, shape ``(K, 3)`` [m, m, rad]
+    poses: Array  # shape ``(K, 3)`` [m, m, rad]
     # Distance of the robot's outline at each from the nearest spot that a beam met and no later
     # beam (before: no earlier one) passed, negative inside, shape ``(K,)`` [m].
     clearance: Array

@@ -63,7 +63,7 @@ def check_bag(path: Path) -> dict[str, Any]:
 
 
 def salvage(path: Path, folder: Path, remark: Remark) -> Iterator[Found]:
-    """Iterate over the readable remains of a storage file, each topic before its messages.
+    """Iterate over the readable remains of a file, each topic before its messages.
 
     Temporary files go to `folder`; `remark` is called with each reason for an omission.
     """

@@ -114,7 +114,6 @@ class McapStorage(McapWriter):
         self._cut_back()
 
     def _write_index_checksum(self) -> None:
-        """Checksum of all from the first byte of the index to the checksum itself."""
         with self.path.open('r+b') as file:
             footer = file.seek(-_FOOTER_SIZE, os.SEEK_END)
             file.seek(footer + _INDEX_START)

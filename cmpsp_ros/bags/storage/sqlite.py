@@ -18,15 +18,7 @@ from rosbags.interfaces import Connection, MessageDefinition
 from rosbags.rosbag2 import ReaderError
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Writer
 
-from cmpsp_ros.bags.storage import limits
-from cmpsp_ros.bags.storage.common import (
-    NO_MESSAGE_YET,
-    Found,
-    FoundTopic,
-    Remark,
-    read_definition,
-    read_profiles,
-)
+from cmpsp_ros.bags.storage import common, limits
 
 _TABLES = ('schema', 'metadata', 'topics', 'message_definitions', 'messages')
 
@@ -98,7 +90,7 @@ def _check_tables(database: sqlite3.Connection, path: Path) -> None:
         limits.check_yaml(str(profiles))
 
 
-def salvage_sqlite(path: Path, folder: Path, remark: Remark) -> Iterator[Found]:
+def salvage_sqlite(path: Path, folder: Path, remark: common.Remark) -> Iterator[common.Found]:
     """Topics and messages of a file that may be cut off, not closed, or damaged."""
     with TemporaryDirectory(dir=folder, prefix='.salvage_') as name:
         # Opening it merges its write-ahead log, and that must not change the original.
@@ -127,7 +119,7 @@ def _drop_incomplete_page(path: Path) -> None:
         os.truncate(path, path.stat().st_size // size * size)
 
 
-def _from_tables(database: sqlite3.Connection, path: Path) -> Iterator[Found]:
+def _from_tables(database: sqlite3.Connection, path: Path) -> Iterator[common.Found]:
     definitions: dict[str, MessageDefinition | None] = {}
     with suppress(sqlite3.DatabaseError):
         # A damaged page ends the counting of messages, and the reading of them just as well.
@@ -135,12 +127,12 @@ def _from_tables(database: sqlite3.Connection, path: Path) -> Iterator[Found]:
     query = 'SELECT topic_type, encoding, encoded_message_definition FROM message_definitions'
     with suppress(sqlite3.DatabaseError):
         for msgtype, encoding, text in database.execute(query):
-            definitions[msgtype] = read_definition(encoding, text)
-    topics: dict[int, FoundTopic] = {}
+            definitions[msgtype] = common.read_definition(encoding, text)
+    topics: dict[int, common.FoundTopic] = {}
     query = 'SELECT id, name, type, offered_qos_profiles FROM topics LIMIT ?'
     for number, name, msgtype, profiles in database.execute(query, (limits.MAX_TOPICS,)):
-        topics[number] = FoundTopic(
-            str(name), str(msgtype), definitions.get(msgtype), read_profiles(profiles)
+        topics[number] = common.FoundTopic(
+            str(name), str(msgtype), definitions.get(msgtype), common.read_profiles(profiles)
         )
         yield topics[number]
     for number, stamp, raw in database.execute('SELECT topic_id, timestamp, data FROM messages'):
@@ -154,7 +146,7 @@ class SqliteStorage(Sqlite3Writer):
     def __init__(self, path: Path) -> None:
         self.path = path
         self.channel_stats: dict[int, int] = {}
-        self.message_start_time = NO_MESSAGE_YET
+        self.message_start_time = common.NO_MESSAGE_YET
         self.message_end_time = 0
         self.size = 0
         """Approximate size of the file so far [bytes]."""

@@ -7,13 +7,12 @@ from typing import Final
 
 import numpy as np
 
+from cmpsp_ros.guidance.commands.recovery import turn_round
 from cmpsp_ros.guidance.decision import Plan
-from cmpsp_ros.guidance.mission.back_out import turn_round
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 from cmpsp_ros.guidance.safety.reach_check import CREEP, LOST
 from cmpsp_ros.guidance.safety.unseen import looks_ahead
 from cmpsp_ros.guidance.safety.validation import Validation, Validator
-from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.robots.motion import speeds_and_turns
 
 _SOON: Final = 2.0
@@ -21,13 +20,13 @@ _SOON: Final = 2.0
 
 
 def turn_to_look(
-    settings: LawSettings, validator: Validator, context: PlanningContext, slowed: Plan
+    validator: Validator, context: PlanningContext, slowed: Plan
 ) -> tuple[Plan, Validation, str] | None:
     """Turn towards whoever may reach the robot soon from where no sensor looks, and a remark.
 
     None if nobody may, if the robot cannot turn there, or if the plan is faster than creeping.
     """
-    start, durations = context.start, context.horizon.durations
+    settings, start, durations = context.settings, context.start, context.horizon.durations
     speed = abs(float(speeds_and_turns(start.robot.twist(slowed.controls[0]))[0]))
     if speed > CREEP or not start.robot.turns_on_the_spot:
         return None
@@ -41,7 +40,7 @@ def turn_to_look(
         towards = np.array([math.cos(angle), math.sin(angle), 0.0])
         if doubt[k] <= LOST or looks_ahead(settings, start, start.pose[None], towards):
             continue
-        plan = turn_round(settings, start, context.horizon, context.delay, angle)
+        plan = turn_round(context, angle)
         verdict = validator.check(start, plan.controls, durations, context.pending)
         if verdict.passed:
             return plan, verdict, f' It turns to look for {reachable.names[near[k]]}.'

@@ -46,27 +46,14 @@ _RESERVE: Final = 1.1
 _FEW_CONTROLS: Final = 2
 """Controls with which a program without previous controls has code of its own."""
 
-_MAX_ENDS: Final = 64
-"""Goals whose spaces are remembered."""
+_MAX_ENDS: Final = 64  # goals whose spaces are remembered
 
 
 class OcpFormulation:
     """Common part of all plans for one set of settings, and so many obstacles.
 
-    Attributes:
-        settings: All settings of the guidance law.
-        world: Road and static obstacles of the last question.
-        penalty_path: Weight of each path constraint, shape ``(D (2 + M + S) + R,)`` [1/m]: for
-            every disc edges, static obstacles and slots of moving ones, then limits of wheels, of
-            the lateral acceleration, of jerk and of changes.
-        heading_trust_region: Largest change of heading in one iteration, infinite for none [rad].
-        remembers_control: True if the previous control is part of the state: it has a cost, or a
-            limit, or there are three controls, for which code of one size is enough. A jerk limit
-            adds the one before it.
-        jerk_rows: Number of those that limit the jerk.
-        first_jerk_row: Index of the first of them.
-        kind: All that the types of a planner's memory and functions depend on.
-        layout: All that its memory depends on: the kind, and the weights of path constraints.
+    Path constraints of a stage are those of every disc at edges, static obstacles and slots of
+    moving ones, then those of wheels, of the lateral acceleration, of jerk and of changes.
     """
 
     def __init__(self, settings: LawSettings, world: World) -> None:
@@ -77,6 +64,7 @@ class OcpFormulation:
         # The robot cannot exceed its own limits: they are never relaxed.
         changes = rate_rows(settings.max_wheel_change, settings.robot.rate_limits)
         self.jerk_rows = rate_rows(settings.max_second_difference, settings.robot.wheels)
+        # Weight of each path constraint, shape ``(D (2 + M + S) + R,)`` [1/m].
         self.penalty_path = np.array(
             len(settings.footprint.centers)
             * ([PENALTIES['edge']] * N_EDGE_CONSTRAINTS + [PENALTIES['obstacle']] * obstacles)
@@ -87,7 +75,10 @@ class OcpFormulation:
         self.first_jerk_row = len(self.penalty_path) - changes - self.jerk_rows
         self.heading_trust_region = settings.solver.heading_trust_region or math.inf
         has_rates = settings.weights.control_rate > 0.0 or changes > 0
+        # The previous control is part of the state then; with three controls always, for which code
+        # of one size is enough. A jerk limit adds the one before it.
         self.remembers_control = has_rates or settings.robot.n_controls > _FEW_CONTROLS
+        # All that the types of a planner's memory and functions depend on; its layout, the memory.
         self.kind = (
             settings.robot,
             settings.solver.qp,

@@ -12,8 +12,7 @@ from cmpsp_ros.guidance.goals import Goal, GoalError
 from cmpsp_ros.guidance.times import NANOSECONDS
 from cmpsp_ros.sensing import is_place, stamp_of
 
-RECEIVED: Final = 'goal_pose'
-"""Name of a goal that is received during a run."""
+RECEIVED: Final = 'goal_pose'  # name of a goal that is received during a run
 
 
 class OdometryError(ValueError):

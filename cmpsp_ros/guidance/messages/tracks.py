@@ -23,10 +23,8 @@ from cmpsp_ros.guidance.messages.poses import check_age, check_frame
 from cmpsp_ros.guidance.times import NANOSECONDS
 from cmpsp_ros.sensing import FARTHEST, ScanError, Track, is_place, points_of, stamp_of
 
-MAX_TRACKS: Final = 1000
-"""Points in a message; more are not obstacles but a scan."""
-_MAX_POSES: Final = 10_000
-"""Poses of a plan; nobody makes a longer one every control period."""
+MAX_TRACKS: Final = 1000  # points in a message; more are not obstacles but a scan
+_MAX_POSES: Final = 10_000  # poses of a plan; nobody makes a longer one every control period
 _FASTEST: Final = 1e4
 _KEY: Final = re.compile(r'(-?\d{1,10}|(?:/\w+)+)@(\d{1,19})', re.ASCII)
 
@@ -113,8 +111,7 @@ class PeerTrajectory:
         return x, y
 
 
-MovingObject = Track | PeerTrajectory
-"""A report on something that moves."""
+MovingObject = Track | PeerTrajectory  # a report on something that moves
 
 Report = TypeVar('Report', Track, PeerTrajectory)
 
@@ -123,7 +120,6 @@ class Tracks(Generic[Report]):
     """Reports on moving objects, ordered by their stamps, not by their arrival."""
 
     def __init__(self) -> None:
-        """Start without reports."""
         self._known: dict[Any, list[Report]] = {}
 
     def add(self, reports: Iterable[Report]) -> None:

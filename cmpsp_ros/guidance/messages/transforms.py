@@ -15,8 +15,7 @@ from cmpsp_ros.guidance.messages.poses import heading_of
 from cmpsp_ros.guidance.times import NANOSECONDS
 from cmpsp_ros.sensing import stamp_of
 
-_MAX_KEPT: Final = 1000
-"""Transforms of a frame that are remembered."""
+_MAX_KEPT: Final = 1000  # transforms of a frame that are remembered
 
 
 class TransformError(ValueError):
@@ -36,7 +35,6 @@ class Transforms:
     """Buffer of transforms."""
 
     def __init__(self) -> None:
-        """Start empty."""
         self._known: dict[str, _Known] = {}
 
     def add(self, message: Any, *, is_static: bool = False) -> None:

@@ -35,8 +35,7 @@ beside two parts of it."""
 _SHORTEST = 0.5
 """Part of the arc length along the centre line that a way through bends has at least."""
 
-_SOON = 3 * NANOSECONDS
-"""Time that the robot may take to come nearer [ns]."""
+_SOON = 3 * NANOSECONDS  # time that the robot may take to come nearer [ns]
 
 
 @dataclass

@@ -19,8 +19,7 @@ from cmpsp_ros.guidance.world import GuidanceSettings, World
 from cmpsp_ros.world import FreeSpace
 from cmpsp_ros.world.roads import OpenFloor, Point, Road
 
-_SPACING = 0.05
-"""Distance of the points of a line across a map that are looked at [m]."""
+_SPACING = 0.05  # distance of the points of a line across a map that are looked at [m]
 
 
 def shortest_time(settings: LawSettings, road: Road, start: Point) -> float:
@@ -38,7 +37,11 @@ def infeasibility_warnings(settings: LawSettings, world: World, start: Point) ->
         # With one goal the settings are its own already.
         leg = settings.towards(goal, begin) if settings.waypoints else settings
         to = f'On the way to {goal.name}: '
-        found = (*_too_far(leg, world.road, start), *_closed(leg, world, start))
+        found = (
+            *_too_far(leg, world.road, start),
+            *_too_near(leg, world),
+            *_closed(leg, world, start),
+        )
         said += [to + each if settings.waypoints else each for each in found]
         start, begin = goal.position, goal.time
     return said
@@ -60,6 +63,19 @@ def _too_far(settings: LawSettings, road: Road, start: Point) -> Iterator[str]:
             f'The goal is out of reach by {way - speed * final_time:.2f} m: the shortest way is'
             f' {way:.2f} m, and this robot drives at most {speed:.3g} m/s for {final_time:g} s.'
             f' final_time would have to be {math.ceil(10.0 * needed) / 10.0:.1f} s or more.'
+        )
+
+
+def _too_near(settings: LawSettings, world: World) -> Iterator[str]:
+    """Warning about a goal that no plan reaches within its tolerance and with the margin."""
+    space = FreeSpace.of(world.road, world.obstacles, settings.inscribed_radius)
+    clearances = space.at(np.array([[*settings.goal, settings.goal_heading or 0.0]]))[0]
+    nearest = int(np.argmin(clearances))
+    if clearances[nearest] + settings.goal_tolerance < settings.safety.margin:
+        yield (
+            f'At the goal the robot is {max(clearances[nearest], 0.0):.3f} m from'
+            f' {world.names[nearest]}, nearer than safety.margin, {settings.safety.margin:g} m:'
+            ' the plan will end beside the goal.'
         )
 
 

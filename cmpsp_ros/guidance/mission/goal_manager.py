@@ -34,27 +34,16 @@ _LEAST_AHEAD: Final = 0.5
 
 
 class GoalManager:
-    """The present goal.
+    """The present goal."""
 
-    Attributes:
-        goal: That goal; None where a road is followed.
-        target: Terminal target of plans.
-        final: Time to reach it, or the end of the horizon along a road [ns].
-        end: Time to pass the last goal, or to leave the road [ns].
-        is_return: True if it leads back to a goal that was reached before.
-        goals_received: Number of goals received since the run began.
-        given_up: True if the run has ended before the goal.
-    """
-
-    goal: Goal | None
+    goal: Goal | None  # None where a road is followed
     target: Target
-    final: int
-    end: int
-    is_return: bool
-    given_up: bool
+    final: int  # time to reach it, or the end of the horizon along a road [ns]
+    end: int  # time to pass the last goal, or to leave the road [ns]
+    is_return: bool  # true if it leads back to a goal that was reached before
+    given_up: bool  # true if the run has ended before the goal
 
     def __init__(self, settings: LawSettings, world: World) -> None:
-        """Take the goals from the settings."""
         self._settings = settings
         self.goals_received = 0
         self._waiting: tuple[int, Goal] | None = None

@@ -30,10 +30,8 @@ _HOPELESSLY_DEAR: Final = 2.0
 _ENOUGH: Final = 0.1
 _SCARCE: Final = 0.04
 """Reserves that a plan should leave, and at which it is replanned, as fractions of the limit."""
-_MORE, _LESS = 0.015, 0.01
-"""Differences of reserve that are clear."""
-_TOUCH: Final = 1e-3
-"""Accuracy to which an active constraint of a linearisation is met [m]."""
+_MORE, _LESS = 0.015, 0.01  # differences of reserve that are clear
+_TOUCH: Final = 1e-3  # accuracy to which an active constraint of a linearisation is met [m]
 
 
 class SolveResult(NamedTuple):

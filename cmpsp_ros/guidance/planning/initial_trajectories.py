@@ -25,15 +25,12 @@ from cmpsp_ros.robots.motion import Kinematics, drive, fastest_wheel, within_lim
 from cmpsp_ros.robots.motion import steer as steer_by
 from cmpsp_ros.world.roads import RoadSpace, road_functions
 
-SHORTEST_LOOKAHEAD: Final = 0.3
-"""Distance of the nearest point that is pursued [m]."""
+SHORTEST_LOOKAHEAD: Final = 0.3  # distance of the nearest point that is pursued [m]
 _ROAD_LOOKAHEAD: Final = 1.0
 _PATH_LOOKAHEAD: Final = 0.35
 """Distance of the point that is pursued, as the time to get there [s]."""
-_SPOT: Final = 0.5
-"""Angle from which on a robot at rest turns on the spot [rad]."""
-_BACKWARD: Final = 0.5
-"""Largest speed backward, relative to the robot's."""
+_SPOT: Final = 0.5  # angle from which on a robot at rest turns on the spot [rad]
+_BACKWARD: Final = 0.5  # largest speed backward, relative to the robot's
 
 
 class Pursuit(NamedTuple):

@@ -9,19 +9,20 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.guidance.decision import Plan
-from cmpsp_ros.guidance.formulation.guidance_problem import guidance_data, target_of
+from cmpsp_ros.guidance.formulation.guidance_problem import (
+    CompiledProblem,
+    ProblemData,
+    compile_problem,
+    guidance_data,
+    problem_data,
+    target_of,
+)
 from cmpsp_ros.guidance.formulation.ocp_formulation import (
     OcpFormulation,
     terminal_constraint,
     terminal_penalty,
 )
 from cmpsp_ros.guidance.formulation.ocp_functions import LATERAL_PART, WHEEL_ROUNDING, GuidanceData
-from cmpsp_ros.guidance.formulation.rate_problem import (
-    CompiledProblem,
-    ProblemData,
-    compile_problem,
-    problem_data,
-)
 from cmpsp_ros.guidance.goals import Target
 from cmpsp_ros.guidance.horizon import remaining
 from cmpsp_ros.guidance.planning.candidate import SolveResult
@@ -70,9 +71,6 @@ class Planner:
     One for every plan that is improved side by side with others. It keeps memory for the longest
     horizon, and the active constraints of its last plan to warm-start the next one; they change
     the path to the solution of a subproblem, not the solution.
-
-    Attributes:
-        compiled: Machine code of the problem.
     """
 
     def __init__(

@@ -165,7 +165,6 @@ class Guesses:
     """Makes at most `limit` initial control histories ``(N + 1, r)``; of one class if that is 1."""
 
     def __init__(self, formulation: OcpFormulation, limit: int) -> None:
-        """Take the common part of all plans, and the limit."""
         self._limit, self._formulation = limit, formulation
 
     def first(self, context: PlanningContext) -> list[Array]:

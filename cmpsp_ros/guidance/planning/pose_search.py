@@ -17,20 +17,17 @@ import numpy as np
 from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.mpsp.jit import allocation_free
 from cmpsp_ros.robots.motion import point_of
-from cmpsp_ros.world import FreeSpace
-from cmpsp_ros.world.grids import Fields
+from cmpsp_ros.world import SpaceData
 from cmpsp_ros.world.obstacles import distance_from
-from cmpsp_ros.world.roads import RoadSpace, road_functions
+from cmpsp_ros.world.roads import road_functions
 
 _CELL: Final = 1.0 / 1.5
 """Size of the cells in which one pose is kept for a heading and a direction, in strokes."""
 _UNIT: Final = 400.0
 _CUSP: Final = 400
 """Cost of a change of direction."""
-_BEND: Final = 20
-"""Cost of a change of the steering alone."""
-_CHECKS: Final = 2
-"""Poses of a move that are checked, with its end."""
+_BEND: Final = 20  # cost of a change of the steering alone
+_CHECKS: Final = 2  # poses of a move that are checked, with its end
 _NODES: Final = 1 << 17
 _BUCKETS: Final = 1 << 16
 _NONE: Final = -1
@@ -40,14 +37,9 @@ _MIXER: Final = 0x9E3779B1
 
 
 class Surroundings(NamedTuple):
-    """Space to keep to, for compiled code; see `FreeSpace`."""
+    """Space to keep to, and moves, for compiled code."""
 
-    road: RoadSpace
-    fields: Fields
-    corners: Array
-    first: IntArray
-    radii: Array
-    discs: Array
+    space: SpaceData
     # depth in what is kept from things that the start or the goal has, and every pose may have [m]
     depth: float
     radius: float  # turning radius; of a robot that turns on the spot, a length [m]
@@ -87,15 +79,6 @@ class Tree(NamedTuple):
             moves.append(move)
             node = self.numbers[node, 1].item()
         return moves[::-1]
-
-
-def surroundings_of(
-    space: FreeSpace, depth: float, radius: float, stroke: float, *, turns_on_the_spot: bool
-) -> Surroundings:
-    """Free space of the robot's discs, for compiled code."""
-    radii = np.atleast_2d(space.radii)[0]
-    things = space.road, space.fields, space.corners, space.first, radii, space.discs
-    return Surroundings(*things, depth, radius, turns_on_the_spot, stroke)
 
 
 @allocation_free
@@ -218,15 +201,15 @@ def _are_equal(cell: IntArray, other: IntArray) -> bool:
 @allocation_free
 def _is_clear(around: Surroundings, x: float, y: float, heading: float) -> bool:
     """True if no disc of the robot is nearer to anything than it may be."""
-    first, radii = around.first, around.radii
-    for i in range(around.discs.shape[0]):
-        at_x, at_y = point_of(x, y, heading, around.discs, i)
-        place = road_functions.project(around.road, at_x, at_y, heading, math.nan)
-        _, _, over, other = road_functions.lateral_error(around.road, 0, at_x, at_y, place)
+    road, shapes, radii, discs = around.space
+    for i in range(discs.shape[0]):
+        at_x, at_y = point_of(x, y, heading, discs, i)
+        place = road_functions.project(road, at_x, at_y, heading, math.nan)
+        _, _, over, other = road_functions.lateral_error(road, 0, at_x, at_y, place)
         if not (over <= around.depth and other <= around.depth):
             return False
-        for j in range(first.shape[0] - 1):
-            away = distance_from(around.fields, around.corners, first, 0, j, at_x, at_y)
-            if not away - radii[j] >= -around.depth:
+        for j in range(radii.shape[1]):
+            away = distance_from(shapes, 0, j, at_x, at_y)
+            if not away - radii[0, j] >= -around.depth:
                 return False
     return True

@@ -32,12 +32,9 @@ _NEAR: Final = 8.0
 """Distance along the road from which a robot turns to the goal, else to the road half as far."""
 _STRAIGHT_IN: Final = (0.0, 2.0, -2.0)
 """Straight ends of paths to a pose: a bay is entered along its heading."""
-_REVERSAL: Final = 1.0
-"""Cost of a change of direction."""
-_OF_PACE: Final = 0.6
-"""Speed of a guess before it reaches the road, relative to the pace."""
-_PIECE: Final = 0.2
-"""Length of the pieces that are checked for collisions."""
+_REVERSAL: Final = 1.0  # cost of a change of direction
+_OF_PACE: Final = 0.6  # speed of a guess before it reaches the road, relative to the pace
+_PIECE: Final = 0.2  # length of the pieces that are checked for collisions
 _MAX_GUESSES: Final = 4
 
 Solutions = Iterator[tuple[float, ...]]

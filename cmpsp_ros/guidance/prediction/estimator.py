@@ -13,6 +13,7 @@ from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.messages.tracks import MovingObject, Track
 from cmpsp_ros.guidance.prediction.obstacle_tracker import (
     ObstacleTracker,
+    StandingPeople,
     as_seen,
     reachable_sets,
     within_reach,
@@ -20,7 +21,6 @@ from cmpsp_ros.guidance.prediction.obstacle_tracker import (
 from cmpsp_ros.guidance.prediction.pending_commands import PendingCommands
 from cmpsp_ros.guidance.prediction.response_estimate import ResponseEstimate
 from cmpsp_ros.guidance.prediction.slip import SlipEstimate
-from cmpsp_ros.guidance.prediction.standing import StandingPeople
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.times import to_nanoseconds
 from cmpsp_ros.guidance.world import World
@@ -119,30 +119,17 @@ class Estimate(NamedTuple):
 
 
 class Estimator:
-    """Slip, response and place of the robot in one run, and the commands under way.
-
-    Attributes:
-        robot: Kinematics, with the slip in use.
-        used_slip: That slip.
-        commands: The commands of the run.
-        response: Estimate of how the robot responds to commands.
-        tracker: Slots of moving obstacles.
-        people: Seen people who have stopped.
-        among_people: Whether anything that moves was seen.
-        progress: Arc length of the robot along the road, NaN if not needed [m].
-        delay: From a command to its effect, with the lag that is estimated [ns].
-        change: `previous_change` of plans that begin now.
-    """
+    """Slip, response and place of the robot in one run, and the commands under way."""
 
     def __init__(self, settings: LawSettings) -> None:
-        """Begin on unknown ground, at rest."""
         self._slip = SlipEstimate(settings.max_slip)
         self._use(settings)
         self.commands = PendingCommands(self.robot.n_controls)
         self.response, self.tracker = ResponseEstimate(settings), ObstacleTracker()
         self.people, self.among_people = StandingPeople(), False
+        # Arc length of the robot along the road, and delay with the lag that is estimated.
         self.progress, self.delay = math.nan, 0
-        self.change = self.commands.latest
+        self.change = self.commands.latest  # `previous_change` of plans that begin now
 
     def _use(self, settings: LawSettings) -> None:
         """Rebuild the model with the current slip estimate."""

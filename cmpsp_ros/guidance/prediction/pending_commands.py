@@ -18,15 +18,13 @@ from cmpsp_ros.guidance.times import NANOSECONDS
 _REMEMBERED: Final = 5 * NANOSECONDS
 """Age of the oldest command that is kept beside the one before it [ns]."""
 
-_TWISTS: Final = 64
-"""Number of twists that are kept."""
+_TWISTS: Final = 64  # number of twists that are kept
 
 
 class PendingCommands:
     """The commands of one run, as far as they still matter."""
 
     def __init__(self, n_controls: int = 2) -> None:
-        """Begin with a robot that stands still."""
         self._before = self._in_force = np.zeros(n_controls)
         self._given: deque[tuple[int, Array]] = deque()
         self._twists: deque[tuple[int, list[float]]] = deque(maxlen=_TWISTS)

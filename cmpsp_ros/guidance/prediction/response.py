@@ -13,8 +13,7 @@ from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.jit import allocation_free
 from cmpsp_ros.robots.motion import Kinematics, drive, with_lag
 
-SLICES: Final = 4
-"""Arcs in which the robot is moved while a lagging control approaches one command."""
+SLICES: Final = 4  # arcs in which the robot is moved while a lagging control approaches one command
 
 
 class Response(NamedTuple):

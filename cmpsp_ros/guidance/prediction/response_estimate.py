@@ -30,59 +30,45 @@ from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.times import NANOSECONDS, to_nanoseconds
 from cmpsp_ros.robots import Robot
 
-_UNNOTICED: Final = 0.002
-"""Error of a prediction that is always allowed for [m]."""
+_UNNOTICED: Final = 0.002  # error of a prediction that is always allowed for [m]
 
 _EXPLAINS: Final = 0.1
 """Part of the misfit of the settings that the likeliest response may leave, to replace them."""
 
-_STAYS: Final = 0.4
-"""The same once they have been replaced."""
+_STAYS: Final = 0.4  # the same once they have been replaced
 
 _SLOWS: Final = 0.05
 """Error of predictions that slows the robot down where no response explains it [m]."""
 
-_POSSIBLE: Final = 5.0
-"""Standard deviations up to which a response is possible."""
+_POSSIBLE: Final = 5.0  # standard deviations up to which a response is possible
 
 _EXPLAINED: Final = 2.0
 """Standard deviations up to which a response explains a single control period."""
 
-_IN_USE: Final = 3.0
-"""Standard deviations up to which the response in use stays."""
+_IN_USE: Final = 3.0  # standard deviations up to which the response in use stays
 
-_FORGETTING: Final = 0.95
-"""Weight that a period keeps when the next one with information comes."""
+_FORGETTING: Final = 0.95  # weight that a period keeps when the next one with information comes
 
 _DECAY: Final = 0.9
 """Part of the error bound that is left after a control period without such an error."""
 
-_FADING: Final = 0.98
-"""The same of the jitter, without such a deviation."""
+_FADING: Final = 0.98  # the same of the jitter, without such a deviation
 
-_STEP: Final = 0.01
-"""Distance of the delays that are tried [s]."""
+_STEP: Final = 0.01  # distance of the delays that are tried [s]
 
-_LAGS: Final = 12
-"""Number of lags that are tried beside none, evenly spaced."""
+_LAGS: Final = 12  # number of lags that are tried beside none, evenly spaced
 
-_SETTLED: Final = 10.0
-"""Time constants after which a lag is over."""
+_SETTLED: Final = 10.0  # time constants after which a lag is over
 
 _AS_TOLD: Final = Risk([], 0.0, '')
 
 
 class ResponseEstimate:
-    """The response of one run, seen at its control steps.
-
-    Attributes:
-        delay: From a command to its effect, of the response in use [ns].
-        error: Bound of the prediction error that the response in use leaves [m]; 0 up to 2 mm.
-    """
+    """The response of one run, seen at its control steps; `delay` [ns] and `lag` [s] are in use."""
 
     def __init__(self, settings: LawSettings) -> None:
         """Trust the settings until odometry contradicts them."""
-        self.error = 0.0
+        self.error = 0.0  # bound of the prediction error that the response in use leaves [m]
         self.reconfigure(settings)
 
     def reconfigure(self, settings: LawSettings) -> None:

@@ -40,7 +40,6 @@ class SlipEstimate:
     """The slip of one run, seen at its control steps."""
 
     def __init__(self, max_estimate: float) -> None:
-        """Begin on unknown ground."""
         self._prior, self._weight = max_estimate / 2.0, _PRIOR_LENGTH**2
         self._information = self._missed = 0.0
         self._in_use = _in_steps(max_estimate / 2.0)

@@ -36,14 +36,12 @@ _OF_MARGIN: Final = 0.2
 """Part of `safety.margin` that wheels which lag must keep: lags between those tried may lead a
 little nearer to something."""
 
-STANDSTILL: Final = 0.02
-"""Speed below which the robot may as well stand [m/s]."""
+STANDSTILL: Final = 0.02  # speed below which the robot may as well stand [m/s]
 
 _SOME_CELLS: Final = 4.0
 """Cells by which the part of a grid that counts is larger than what a path can touch."""
 
-_UNSEEN: Final = 'unseen'
-"""Name of space that no sensor has seen yet, among the names of obstacles."""
+_UNSEEN: Final = 'unseen'  # name of space that no sensor has seen yet, among the names of obstacles
 
 
 class Contact(NamedTuple):
@@ -59,11 +57,19 @@ class Contact(NamedTuple):
         return f'{self.name} is {self.distance:.2g} m ahead, and no plan passes it.'
 
 
+class Conditions(NamedTuple):
+    """All that a plan must be clear under."""
+
+    start: PlanStart
+    pending: Validation | None  # verdict on the path to the start, if there is one
+    here: PlanStart  # the present state
+    risk: Risk  # other responses of the robot
+
+
 class Approach:
     """Slows plans down before obstacles that they lead into."""
 
     def __init__(self, settings: LawSettings, validator: Validator) -> None:
-        """Take limits from the settings."""
         self._validator = validator
         part = replace(settings.safety, margin=_OF_MARGIN * settings.safety.margin)
         self._lag_validator = Validator(replace(settings, safety=part), with_margin=True)
@@ -145,32 +151,25 @@ class Approach:
         )
 
     def limited(
-        self,
-        plan: Plan,
-        verdict: Validation,
-        ahead: Contact | None,
-        start: PlanStart,
-        pending: Validation | None,
-        here: PlanStart,
-        risk: Risk,
+        self, plan: Plan, verdict: Validation, ahead: Contact | None, under: Conditions
     ) -> tuple[Plan, Validation, str] | None:
         """Slow a plan to a safe speed before its contact, for every possible response of the robot.
 
         Returns plan, verdict and a remark for the reason; None where no speed is safe.
         """
-        remark = ''
+        remark, start = '', under.start
         slowed = None if ahead is None else self.slowed(plan, start, ahead.speed)
         if slowed is not None:
             durations = slowed.horizon.durations
-            checked = self._validator.check(start, slowed.controls, durations, pending)
+            checked = self._validator.check(start, slowed.controls, durations, under.pending)
             if checked.passed:
                 plan, verdict = slowed, checked
                 remark = f' Slows down to {self._speed_of(plan):.3g} m/s: {ahead}'
-        calm = self.calmed(plan, verdict, start, pending, here, risk)
+        calm = self.calmed(plan, verdict, under)
         if calm is None:
             return None
         if calm[0] is not plan:
-            why = verdict.reason or self._why_slow(plan, verdict, start) or risk.remark
+            why = verdict.reason or self._why_slow(plan, verdict, start) or under.risk.remark
             remark += f' Slowed to {self._speed_of(calm[0]):.3g} m/s: {why}'
         return (*calm, remark)
 
@@ -200,13 +199,7 @@ class Approach:
         return plan._replace(controls=controls, poses=poses)
 
     def calmed(
-        self,
-        plan: Plan,
-        verdict: Validation,
-        start: PlanStart,
-        pending: Validation | None,
-        here: PlanStart,
-        risk: Risk,
+        self, plan: Plan, verdict: Validation, under: Conditions
     ) -> tuple[Plan, Validation] | None:
         """A plan so slow that its first command and a stop are clear however the robot responds.
 
@@ -214,20 +207,14 @@ class Approach:
         """
         if self._calmed is not None and self._calmed[0] is plan and self._calmed[1] is verdict:
             return self._calmed[2]
-        calm = self._calm(plan, verdict, start, pending, here, risk)
+        calm = self._calm(plan, verdict, under)
         self._calmed = plan, verdict, calm
         return calm
 
     def _calm(
-        self,
-        plan: Plan,
-        verdict: Validation,
-        start: PlanStart,
-        pending: Validation | None,
-        here: PlanStart,
-        risk: Risk,
+        self, plan: Plan, verdict: Validation, under: Conditions
     ) -> tuple[Plan, Validation] | None:
-        """As `calmed`."""
+        start, pending, here, risk = under
         watches = start.world.seen is not None and watches_unseen(self._settings, start)
         if verdict.passed and not risk.responses and not watches:
             return plan, verdict

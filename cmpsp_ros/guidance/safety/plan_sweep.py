@@ -8,7 +8,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.arrays import Array, IntArray
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.formulation.ocp_functions import N_EDGE_CONSTRAINTS
 from cmpsp_ros.mpsp.jit import allocation_free
 from cmpsp_ros.robots.motion import (
@@ -19,11 +19,9 @@ from cmpsp_ros.robots.motion import (
     fastest_wheel,
     point_of,
 )
-from cmpsp_ros.world.grids import Fields
+from cmpsp_ros.world import SpaceData
 from cmpsp_ros.world.obstacles import ROUGHNESS, disc_after, distance_from, sweep, sweep_moving
-from cmpsp_ros.world.roads import RoadSpace, road_functions
-
-Indices = IntArray
+from cmpsp_ros.world.roads import road_functions
 
 
 class PlanSweep(NamedTuple):
@@ -62,14 +60,9 @@ def sweep_plan(
     robot: Kinematics,
     committed: int,
     between: bool,
-    road: RoadSpace,
-    fields: Fields,
-    corners: Array,
-    first: Indices,
-    radii: Array,
+    space: SpaceData,
     moving: Array,
     progress: float,
-    discs: Array,
 ) -> None:
     """Drive a plan arc by arc, with every disc of the robot: each drives an arc of its own.
 
@@ -82,16 +75,12 @@ def sweep_plan(
         robot: The robot.
         committed: How many steps must be clear.
         between: Whether the path between samples counts.
-        road: Where on it the centre of a disc may be.
-        fields: The distance fields of obstacles without corners.
-        corners: Of the obstacles, as `shape_functions` has them.
-        first: Where the corners of each begin.
-        radii: Least distances from the obstacles without theirs.
+        space: Free space that stands still.
         moving: States of the moving discs at the beginning of each step, shape ``(N, D, 7)``.
         progress: Arc length along the road of a place near the pose [m].
-        discs: Centres of the robot's discs, in its frame, shape ``(E, 2)``.
     """
     result, fastest = found[0], 0.0
+    road, shapes, radii, discs = space
     for k in range(controls.shape[0]):
         # `max` drops NaN, a sum propagates it.
         speed = fastest_wheel(controls, k, robot)
@@ -100,7 +89,7 @@ def sweep_plan(
     x, y, heading = pose[0], pose[1], pose[2]
     progress = road_functions.project(road, x, y, heading, progress)
     worst, at_rest = scratch[0], scratch[1]
-    moved = N_EDGE_CONSTRAINTS + radii.shape[0]
+    moved = N_EDGE_CONSTRAINTS + radii.shape[1]
     # A robot that is too close already must not get closer than at rest.
     for i in range(discs.shape[0]):
         there_x, there_y = point_of(x, y, heading, discs, i)
@@ -108,9 +97,9 @@ def sweep_plan(
         progress = at if i == 0 else progress
         _keep_least(at_rest, 0, i, -over)
         _keep_least(at_rest, 1, i, -over_other)
-        for j in range(radii.shape[0]):
-            distance = distance_from(fields, corners, first, 0, j, there_x, there_y) - radii[j]
-            if first[j + 1] - first[j] != 1:
+        for j in range(radii.shape[1]):
+            distance = distance_from(shapes, 0, j, there_x, there_y) - radii[0, j]
+            if shapes.first[j + 1] - shapes.first[j] != 1:
                 distance -= ROUGHNESS
             _keep_least(at_rest, N_EDGE_CONSTRAINTS + j, i, distance)
     for k in range(durations.shape[0]):
@@ -129,11 +118,11 @@ def sweep_plan(
             progress = after if i == 0 else progress
             _record(result, worst, at_rest, begins, 0, clearance, must, between)
             _record(result, worst, at_rest, begins, 1, other, must, between)
-            for j in range(radii.shape[0]):
+            for j in range(radii.shape[1]):
                 what = N_EDGE_CONSTRAINTS + j
-                bound = math.inf if begins else worst[what] + radii[j]
-                least = sweep(arc, fields, corners, first, j, bound)
-                _record(result, worst, at_rest, begins, what, least - radii[j], must, between)
+                bound = math.inf if begins else worst[what] + radii[0, j]
+                least = sweep(arc, shapes, j, bound)
+                _record(result, worst, at_rest, begins, what, least - radii[0, j], must, between)
             # Where only the samples count, so does only the end of the time.
             begin, lasting = (0.0, durations[k]) if between else (durations[k], 0.0)
             for j in range(moving.shape[1]):

@@ -24,7 +24,6 @@ from cmpsp_ros.mpsp.jit import entry_for
 from cmpsp_ros.robots import placed
 from cmpsp_ros.robots.motion import NO_RAMP, braking
 from cmpsp_ros.world import FreeSpace
-from cmpsp_ros.world.grids import Fields
 from cmpsp_ros.world.obstacles import NOTHING_MOVES, MovingDiscs
 from cmpsp_ros.world.roads import OpenFloor
 
@@ -38,8 +37,7 @@ _ROUNDING = 1e-6
 
 _SEEN: Final = f'obstacle {SEEN}'
 
-_TO_REST: Final = 4.0
-"""Time constants for which a lagging wheel is watched after the last command."""
+_TO_REST: Final = 4.0  # time constants for which a lagging wheel is watched after the last command
 
 
 class Validation(NamedTuple):
@@ -79,14 +77,13 @@ class Validator:
     """
 
     def __init__(self, settings: LawSettings, *, with_margin: bool = False) -> None:
-        """Take limits from the settings."""
         self._settings = settings
         self._margin = settings.safety.margin if with_margin else 0.0
         self._radius = settings.robot_radius + self._margin
         self._between = settings.safety.between_samples
         self._slots = settings.tracked.slots
         self._has_limits = bool(settings.robot.steering_limits or settings.robot.lateral_rows)
-        self._known: tuple[World, FreeSpace, Fields] | None = None
+        self._known: tuple[World, FreeSpace] | None = None
         self._period, self._max_change = settings.control_period, settings.max_wheel_change
         self._reach = ReachCheck(settings, self._radius)
         self._found, self._scratch = np.zeros(1, SWEEP), np.empty((2, N_EDGE_CONSTRAINTS))
@@ -94,12 +91,11 @@ class Validator:
         rest = np.zeros((2, settings.robot.n_controls))
         self._sweep = entry_for(sweep_plan, *self._arguments(start, rest, np.ones(1)))
 
-    def _space(self, world: World) -> tuple[FreeSpace, Fields]:
-        """Free space of a world, and its fields: the world is mostly that of the last question."""
+    def _space(self, world: World) -> FreeSpace:
+        """Free space of a world, which is mostly that of the last question."""
         if self._known is None or self._known[0] is not world:
-            space = world.free_space(self._settings, self._margin)
-            self._known = world, space, space.fields
-        return self._known[1:]
+            self._known = world, world.free_space(self._settings, self._margin)
+        return self._known[1]
 
     def check(
         self, start: PlanStart, controls: Array, durations: Array, pending: Validation | None = None
@@ -241,7 +237,7 @@ class Validator:
     ) -> tuple[Any, ...]:
         """Arguments of `sweep_plan`, each always of the same type."""
         pose, robot, world, moving, progress, *_ = start
-        (space, fields), legs = self._space(world), _NO_LEGS
+        space, legs = self._space(world), _NO_LEGS
         things = len(world.names) + len(moving.names)
         if moving.names:
             legs = moving.grown(self._radius).legs(durations)
@@ -256,14 +252,9 @@ class Validator:
             robot.kinematics,
             committed,
             self._between,
-            space.road,
-            fields,
-            space.corners,
-            space.first,
-            space.radii,
+            space.data,
             legs,
             float(progress),
-            space.discs,
         )
 
     def clearance_at(
@@ -274,7 +265,7 @@ class Validator:
         progress: float = math.nan,
     ) -> Array:
         """Clearance of a pose from road edges, obstacles, moving ones last ``(2 + M + D,)`` [m]."""
-        space, _ = self._space(world)
+        space = self._space(world)
         static = space.at(pose[None], progress)[0]
         if not moving.names:
             return np.asarray(static)

@@ -18,10 +18,9 @@ from cmpsp_ros.mpsp.problem import (
     OptimalControlProblem,
 )
 from cmpsp_ros.mpsp.qp import QPStatus
-from cmpsp_ros.mpsp.qp.active_set.records import put_derivatives
-from cmpsp_ros.mpsp.qp.riccati.program import Records
+from cmpsp_ros.mpsp.qp.active_set.records import put_derivatives, residual_without_step
 from cmpsp_ros.mpsp.qp.subproblem import Subproblem
-from cmpsp_ros.mpsp.results import SLACK_TOLERANCE, Iterate, Size, Status, Step, residual_at
+from cmpsp_ros.mpsp.results import SLACK_TOLERANCE, Iterate, Size, Status, Step
 from cmpsp_ros.mpsp.sqp.driver import Driver, Functions
 from cmpsp_ros.mpsp.sqp.workspace import Phase, set_weights
 
@@ -47,8 +46,8 @@ class CMPSP:
         self.space = self._driver.space
         # To make memory takes longer than a few iterations.
         finalize(self, idle.append, self._driver)
-        self._loaded: list[Linearisation] = []
-        self._functions = _functions_of(problem, self._loaded)
+        self._loaded: Linearisation | None = None
+        self._functions = Functions(self._predict, self._evaluate, self._linearise)
         self._last: Iterate | None = None
         ws = self._driver.ws
         set_weights(ws.program, *fitted)
@@ -80,10 +79,10 @@ class CMPSP:
         lower, upper = problem.control_lower - at.U, problem.control_upper - at.U
         return Subproblem(linearisation, lower, upper, self._trust_radius)
 
-    def residual(self, at: Iterate, subproblem: Subproblem | None) -> float:
-        """KKT residual of an iterate with its latest multipliers; NaN without its subproblem."""
-        self._loaded[:] = [] if subproblem is None else [subproblem.linearisation]
-        return residual_at(at, subproblem, self.space)
+    def residual(self, at: Iterate, subproblem: Subproblem) -> float:
+        """KKT residual of an iterate with its latest multipliers."""
+        self._loaded = lin = subproblem.linearisation
+        return residual_without_step(self.space, subproblem, *at.multipliers_on(lin))
 
     def step(self, at: Iterate, subproblem: Subproblem | None = None) -> Iterate:
         """One iteration; an iterate that cannot be improved keeps its controls.
@@ -97,7 +96,7 @@ class CMPSP:
         if at is not self._last:
             self._driver.forget()
         self._driver.go_on(self._functions, subproblem.linearisation)
-        self._loaded.clear()
+        self._loaded = None
         size, ws = self._problem.size, self._driver.ws
         U, X, evaluation = at.U, at.X, at.evaluation
         if ws.run['length'][0] > 0.0:
@@ -119,6 +118,23 @@ class CMPSP:
         run['iterations'], run['max_iterations'] = at.index, at.index + 1
         run['length'] = 0.0 if at.step is None else at.step.length
         run['full_change'] = run['active_rows'] = run['is_corrected'] = 0
+
+    # Functions of the derivatives at the iterate, that fill records with more room.
+    def _predict(self, _: Linearisation, U: Array, X: Array) -> None:
+        size = self._problem.size
+        X[:, : size.state] = self._problem.predict(U[:, : size.control])
+
+    def _evaluate(
+        self, _: Linearisation, X: Array, U: Array, output_error: Array, g: Array
+    ) -> float:
+        size = self._problem.size
+        found = self._problem.evaluate(X[:, : size.state], U[:, : size.control])
+        output_error[:], g[:] = found.output_error, found.g
+        return found.cost
+
+    def _linearise(self, data: Linearisation, *_: object) -> None:
+        if self._loaded is not data:
+            put_derivatives(self.space.derivatives, data)
 
     def terminate(self, at: Iterate) -> Status | None:
         """Status where the iteration is over by itself, else None.
@@ -164,30 +180,6 @@ class CMPSP:
             miss <= self._options.output_tolerance * self._target_size
             and evaluation.g.max(initial=-np.inf) <= self._options.violation_tolerance
         )
-
-
-def _functions_of(problem: OptimalControlProblem, loaded: list[Linearisation]) -> Functions:
-    """A problem in Python as functions that fill records, which may have more room.
-
-    Their data are its derivatives at the iterate; the records have those that are `loaded`.
-    """
-    n, r = problem.size.state, problem.size.control
-
-    def predict(_: Linearisation, U: Array, X: Array) -> None:
-        X[:, :n] = problem.predict(U[:, :r])
-
-    def evaluate(_: Linearisation, X: Array, U: Array, output_error: Array, g: Array) -> float:
-        found = problem.evaluate(X[:, :n], U[:, :r])
-        output_error[:], g[:] = found.output_error, found.g
-        return found.cost
-
-    def linearise(
-        data: Linearisation, _X: Array, _U: Array, stages: Records, path: Records, terminal: Records
-    ) -> None:
-        if not (loaded and loaded[0] is data):
-            put_derivatives(stages, path, terminal, data)
-
-    return Functions(predict, evaluate, linearise)
 
 
 def _size(U: Array, evaluation: Evaluation) -> Size:

@@ -140,7 +140,7 @@ class _Run:
             at = self.at
             # The subproblem at the new iterate gives its KKT residual, and the next step needs it.
             subproblem = None if at.not_finite else self._method.subproblem(at)
-            residual = self._method.residual(at, subproblem)
+            residual = math.nan if subproblem is None else self._method.residual(at, subproblem)
             history.append(self._record(residual))
             progress(history[-1])
             status, is_minimum, goes_on = self._status(residual), None, False
@@ -176,16 +176,13 @@ class _Run:
         at, unit, step, value = self.at, self.scaling, self.at.step, self.at.evaluation
         lower, upper = self.given.control_lower, self.given.control_upper
         U = np.minimum(np.maximum(at.U * unit.control, lower), upper)
-        terminal, path, bounds = at.multipliers
-        before = at.U if at.previous_U is None else at.previous_U
+        terminal, path, bounds = unit.unscaled_multipliers(at.multipliers)
+        change = 0.0 if at.previous_U is None else _length((at.U - at.previous_U) * unit.control)
         return Record(
-            at.index, U, value.cost * unit.cost,
-            _length((at.U - before) * unit.control),
-            0.0 if step is None else step.length,
+            at.index, U, value.cost * unit.cost, change, 0.0 if step is None else step.length,
             _length(value.output_error * unit.output),
             float((value.g * unit.path).max(initial=0.0)), at.gap, residual,
-            terminal * unit.cost / unit.output, path * unit.cost / unit.path,
-            bounds * unit.cost / unit.control, 0.0 if step is None else step.shift,
+            terminal, path, bounds, 0.0 if step is None else step.shift,
         )  # fmt: skip
 
     def _status(self, residual: float) -> Status | None:
@@ -198,7 +195,7 @@ class _Run:
 
     def _go_on_elsewhere(self, status: Status | None, guess: Iterate) -> bool:
         """Go on by multiple shooting, or by it from the guess, where this gets no further."""
-        at, guess = self.at, replace(guess, index=self.at.index)
+        at = self.at
         if self.is_shooting:
             assert self.shooting is not None  # noqa: S101 (it is at work)
             is_over = status in {Status.INFEASIBLE, Status.STALLED, Status.QP_FAILED}
@@ -207,11 +204,12 @@ class _Run:
             if self.before is None or _violation(at) <= _violation(self.before):
                 self.before = at
             self.until = at.index + _SECOND
-            return self._shoot(guess, exact=True)
+            return self._shoot(replace(guess, index=at.index), exact=True)
         if not self.can_shoot or (status is None and not self._is_slow()):
             return False
         self.before = at
-        return self._shoot(at if _violation(at) <= _WORTH_KEEPING * _violation(guess) else guess)
+        is_worth_keeping = _violation(at) <= _WORTH_KEEPING * _violation(guess)
+        return self._shoot(at if is_worth_keeping else replace(guess, index=at.index))
 
     def _is_slow(self) -> bool:
         """True where the paper's iteration has had its time, or does not get on."""

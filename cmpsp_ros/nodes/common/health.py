@@ -18,15 +18,12 @@ _CHANGE_PERIOD = 0.1
 
 @dataclass(frozen=True)
 class Report:
-    """State of a node: level of `diagnostic_msgs/DiagnosticStatus`, and a sentence.
-
-    A change of `marks` is published at once; `values` are computed only when they are published.
-    """
+    """State of a node: level of `diagnostic_msgs/DiagnosticStatus`, and a sentence."""
 
     level: bytes
     message: str
-    marks: tuple[object, ...]
-    values: Callable[[], Mapping[str, object]]
+    marks: tuple[object, ...]  # a change of these is published at once
+    values: Callable[[], Mapping[str, object]]  # computed only when they are published
 
 
 class Health:

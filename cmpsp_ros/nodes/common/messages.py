@@ -38,10 +38,7 @@ def set_pose(message: Pose, pose: Iterable[float]) -> None:
 
 
 def cloud_of(tracks: Sequence[Track], stamp_ns: int, frame_id: str) -> PointCloud2:
-    """The message that describes moving obstacles; numbers read back exactly.
-
-    They lie in the plane: RViz shows a cloud only if its points have a z.
-    """
+    """Moving obstacles as a message, exactly; RViz shows only points that have a z."""
     signed = any(each.id < 0 for each in tracks)
     doubts = tuple(name for name in Track.DOUBTS if any(getattr(each, name) for each in tracks))
     floats = (*Track.FIELDS, *doubts)

@@ -41,8 +41,7 @@ def for_bag(profile: QoSProfile) -> bag.Qos:
 def offering(recorded: Iterable[bag.Qos]) -> QoSProfile:
     """Offer that reaches all subscribers that recorded publishers reached.
 
-    It is reliable if any was, or none is known, and transient local if any was. Deadlines and
-    lifespans are left out: a paused playback could not keep them.
+    Deadlines and lifespans are left out: a paused playback could not keep them.
     """
     profiles = list(recorded)
     reliable = any(each.reliability == bag.QosReliability.RELIABLE for each in profiles)

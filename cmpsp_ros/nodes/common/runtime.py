@@ -28,11 +28,10 @@ from rclpy.signals import SignalHandlerOptions
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
+# Longest wait for work [s]: an executor does not notice signals, so this bounds the answer.
 WAKE_PERIOD = 0.05
-"""Longest wait for work [s]: an executor does not notice signals, so this bounds the answer."""
-
+# Longest wait at the end for subscribers to confirm what was published last [s].
 DELIVERY_LIMIT = 0.5
-"""Longest wait at the end for subscribers to confirm what was published last [s]."""
 
 
 class StartupError(ValueError):
@@ -48,11 +47,10 @@ def run(
 ) -> int:
     """Make a node, spin it until SIGINT or SIGTERM, and stop it in good order; the exit code.
 
-    To be called in the main thread, as the last thing a process does: both signals stay ignored
-    when it returns. The node's `stop` is called once before it is destroyed; an exception in
-    its `failure` ends it as if it had been raised. A `ValueError` of `make_node` is logged by
-    its message alone. It goes on for `outlasts` [s] after the process that it is to stop with:
-    the last command is still to be driven, shown and recorded.
+    To be called in the main thread, as the last thing a process does: both signals stay
+    ignored. The node's `stop` is called once; an exception in its `failure` ends it. A
+    `ValueError` of `make_node` is logged by its message alone. It outlasts the process that it
+    is to stop with by some time [s], in which the last command is driven, shown and recorded.
     """
     stopping = _stop_on_signal()
     logger = get_logger(name)
@@ -111,11 +109,7 @@ def _live(
 
 
 def _deliver(node: Node) -> None:
-    """Wait until reliable subscribers have received the last message.
-
-    A publisher that is destroyed drops messages not yet delivered: on a busy machine about one in
-    ten last zero twists was lost, and the robot drove on.
-    """
+    """Wait until reliable subscribers have received the last message: one destroyed drops it."""
     end = time.monotonic() + DELIVERY_LIMIT
     for publisher in sorted(node.publishers, key=lambda each: each.qos_profile.depth):
         left = max(0.0, end - time.monotonic())

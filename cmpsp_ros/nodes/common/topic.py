@@ -31,7 +31,7 @@ class Topic:
     name: str  # as the node uses it, before namespaces and remapping
     type: Any  # message or service class
     notes: str  # for the user
-    depth: int = 10  # depth of its queue; 0 for a service
+    depth: int = 10  # of its queue; 0 for a service
     best_effort: bool = False  # true if a subscription accepts best-effort publishers as well
     latched: bool = False  # true if late subscribers get the last message (transient local)
     # True if it only repeats the content of other topics; it is then not recorded.

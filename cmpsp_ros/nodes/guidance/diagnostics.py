@@ -31,10 +31,7 @@ def report_on(
     warnings: Sequence[str] = (),
     errors: Sequence[str] = (),
 ) -> Report:
-    """Report on the guidance node in a state of its lifecycle, with sentences of others.
-
-    `refusal` is a reason not to go on to another state.
-    """
+    """Report on the guidance node in a state, or on its `refusal` to leave it, with sentences."""
     decision = None if loop is None else loop.decision
     connections = {} if loop is None else loop.connections
     level, message = _state(state, refusal, loop)
@@ -95,10 +92,7 @@ class StepTimes:
         *,
         is_late: bool = False,
     ) -> None:
-        """Count a step: its time, and that from the stamp of odometry to its command [ms].
-
-        The control period, and the known delay until a command takes effect, are in seconds.
-        """
+        """Count a step: its time, and that from stamp to command [ms]; period and delay in [s]."""
         self._times.append(step_ms)
         self._answers.append(answer_ms)
         self._period_ms, self._delay_ms = 1e3 * period, 1e3 * delay

@@ -37,10 +37,7 @@ _LATEST_ODOMETRY = 5_000_000
 
 
 class GuidanceLoop:
-    """Feeds odometry to the guidance law and publishes its decisions, while active.
-
-    Lost or unusable odometry, and any exception, leads to a stop.
-    """
+    """Feeds odometry to the law and publishes its decisions while active; stops for any fault."""
 
     def __init__(
         self,
@@ -241,7 +238,6 @@ class GuidanceLoop:
         self._use_slack(period - (time.perf_counter_ns() - began) / 1e9)
 
     def _expect_end(self, decision: Decision, now: int) -> None:
-        """Schedule the final stop, in case no odometry arrives just then."""
         end = self._law.ends_at
         # In lockstep it comes; the order of clock and odometry would be chance.
         if decision.finished or end is None or self._in_lockstep:

@@ -52,11 +52,7 @@ SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FA
 
 
 class GuidanceNode(LifecycleNode):
-    """Lifecycle node that guides the robot while active.
-
-    However its activity ends - deactivation, shutdown, a signal, an exception, lost or unusable
-    odometry - the last command it publishes is a zero twist.
-    """
+    """Lifecycle node that guides the robot while active; its last command is a zero twist."""
 
     def __init__(self) -> None:
         super().__init__('guidance')
@@ -200,7 +196,6 @@ class GuidanceNode(LifecycleNode):
         return [f'No course: {each}' for each in course_problems(self._values, self._given)]
 
     def _remarks(self) -> list[str]:
-        """Remarks on the parameters before the run, in sentences."""
         return [*self._missing(), *plausibility_warnings(self._values or {}), *self._foretold]
 
     def _give_way(self, rival: str) -> None:

@@ -16,8 +16,8 @@ from cmpsp_ros.guidance.messages import PeerTrajectory
 from cmpsp_ros.nodes.common.runtime import StartupError
 from cmpsp_ros.nodes.common.topics import TOPICS
 
+# Recorded with any choice of topics: without them a run cannot be replayed.
 ALWAYS: Final = ('/clock', '/parameter_events')
-"""Recorded with any choice of topics: without them a run cannot be replayed."""
 
 # Type of `~/parameters` of any node, which is always recorded, too.
 _PARAMETER_EVENT: Final = 'rcl_interfaces/msg/ParameterEvent'

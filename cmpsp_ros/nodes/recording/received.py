@@ -20,8 +20,8 @@ from rosgraph_msgs.msg import Clock
 
 CLOCK: Final = '/clock'
 
+# Maximum wait of a message for the next `/clock` [ns]; what is lost comes again within 3 s.
 PATIENCE: Final = 4_000_000_000
-"""Maximum wait of a message for the next `/clock` [ns]; what is lost comes again within 3 s."""
 
 # Time after which a message that the middleware has received is in its queue [ns].
 _CROSSING = 2_000_000
@@ -113,9 +113,7 @@ class RawSubscriptions:
 class SimulatedTime:
     """Simulated time by time of publication, and messages that wait for a later `/clock`.
 
-    In lockstep much simulated time passes before a busy recorder receives a message, so the time of
-    publication counts. A message published after the latest known `/clock` has to wait, because a
-    later `/clock` may still arrive.
+    In lockstep much simulated time passes before a busy recorder receives a message.
     """
 
     def __init__(self) -> None:
@@ -133,8 +131,9 @@ class SimulatedTime:
     ) -> list[tuple[int, Received]]:
         """Messages whose time is known by now, each with it [ns], in the order of publication.
 
-        A message received long before the time `now` [ns] does not wait any more: simulated time is
-        paused. With `all_` nothing waits; messages before the first `/clock` are dated 0.
+        One received long before `now` [ns] does not wait any more: simulated time is
+        paused. With `all_` nothing waits, and messages before the first `/clock` are dated
+        0.
         """
         for each in came:
             self._waiting.append(each)

@@ -49,7 +49,8 @@ class SimNode(Node):
         tells = self.values['road.source'] == 'topic'
         self._road = topics.SIM_ROAD.publish_on(self) if tells else None
         self._tell_road()
-        self._truth = topics.TRUTH.publish_on(self)
+        # Of the topics of a run that with the most messages.
+        self._truth, self.published = topics.TRUTH.publish_on(self), 0
         self._wheels = topics.SIM_WHEELS.publish_on(self)
         self._clock_out = topics.CLOCK.publish_on(self) if has_clock else None
         # As a broadcaster of tf2_ros; without the message RViz shows the course alone.
@@ -163,6 +164,7 @@ class SimNode(Node):
             return
         message = self._odometry(motion.stamp_ns, motion.pose, motion.twist)
         self._truth.publish(message)
+        self.published += 1
         wheels = JointState(header=message.header, name=self.values['robot.joint_names'])
         wheels.velocity = motion.wheel_speeds.tolist()
         self._wheels.publish(wheels)

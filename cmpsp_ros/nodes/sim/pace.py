@@ -6,7 +6,10 @@ import math
 import time
 from typing import TYPE_CHECKING
 
+from rclpy.duration import Duration
+
 from cmpsp_ros.nodes.common.topic import steady_timer
+from cmpsp_ros.nodes.common.topics import OF_A_RUN
 
 if TYPE_CHECKING:
     from geometry_msgs.msg import Twist
@@ -66,9 +69,9 @@ class RealTime:
 
 
 class Lockstep:
-    """Simulated time stands still at every control instant until its odometry is answered.
+    """Simulated time stands still at control instants until their odometry is answered.
 
-    Where the odometry of that instant is lost, or falls due later, it stands still at the next.
+    It also waits for subscribers that fall behind, such as a recorder: no message of a run is lost.
     """
 
     def __init__(self, sim: SimNode) -> None:
@@ -79,6 +82,7 @@ class Lockstep:
         self._begun_ns = sim.plant.stamp_ns
         self._asked_at = 0.0
         self._is_heard = self._is_overdue = False
+        self._confirmed, self._waits = 0, True
         self._timer = steady_timer(sim, REPEAT_PERIOD, self._on_timer)
 
     def hear(self, twist: Twist, stamp_ns: int | None = None) -> None:
@@ -110,6 +114,7 @@ class Lockstep:
             self._go_on()
 
     def _go_to(self, stamp_ns: int) -> None:
+        self._confirm()
         self._awaited = self._sim.run_to(stamp_ns)
         if self._sim.measured_ns < stamp_ns:
             self._awaited = None
@@ -119,6 +124,19 @@ class Lockstep:
         """Drive on while odometry is lost or not yet due: nobody could answer it."""
         while self._awaited is None:
             self._awaited = self._sim.run_to(self._sim.instants.next_ns)
+
+    def _confirm(self) -> None:
+        """Wait until subscribers have what was published, before a queue is half full."""
+        if self._sim.published - self._confirmed < OF_A_RUN // 2 or not self._waits:
+            return
+        limit = Duration(seconds=self._sim.values['lockstep_timeout'])
+        self._waits = all(each.wait_for_all_acked(limit) for each in self._sim.publishers)
+        self._confirmed = self._sim.published
+        if not self._waits:
+            self._sim.get_logger().warning(
+                f'lockstep: a subscriber is behind by more than {limit.nanoseconds / _NS} s; '
+                'it is not waited for any more and may lose messages'
+            )
 
     def _next_instant(self, now_ns: int) -> int:
         """The next control instant but for one nearer than half a period; later, a period on."""

@@ -81,7 +81,7 @@ def _compose(text: str, source: str) -> Any:
 def _collect(node: Any, name: str, sections: Sections, source: str) -> None:
     for key, value in node.value:
         if not isinstance(key, yaml.ScalarNode) or not isinstance(value, yaml.MappingNode):
-            wanted = f"a node's name with {_MARK} below it"
+            wanted = f'"/**:" or a node\'s name, and below it {_MARK} with all values'
             found = f'a value without {_MARK} around it'
             raise ParameterError(Problem(_at(source, key), found, wanted))
         if key.value == _MARK:

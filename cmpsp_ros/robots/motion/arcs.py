@@ -10,8 +10,7 @@ import numpy as np
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.jit import allocation_free
 
-REFERENCE_POINT = np.zeros((1, 2))
-"""A robot's reference point as the only one of some in its frame."""
+REFERENCE_POINT = np.zeros((1, 2))  # a robot's reference point as the only one of some in its frame
 
 # Below this turn [rad] an arc is taken for its chord, from which it is nowhere further than an
 # eighth of that part of its length.

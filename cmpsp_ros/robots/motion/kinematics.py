@@ -212,8 +212,7 @@ def addresses(*functions: Any) -> IntArray:
     return np.array([address_of(None, each, *given) for each in functions])
 
 
-_kept: Final[list[Any]] = []
-"""Functions whose machine code is called by its address."""
+_kept: Final[list[Any]] = []  # functions whose machine code is called by its address
 
 
 @cache

@@ -83,13 +83,10 @@ class DrivenRun:
 
 
 class Computer:
-    """A computer that needs time for each step: uniformly distributed, up to the longest.
-
-    It is busy until the end of a step [ns], and keeps the decision until the robot receives it.
-    """
+    """A computer that needs random time for each step, and keeps the decision until it is sent."""
 
     def __init__(self, task: RunTask) -> None:
-        self._period, self._lateness = task.settings.control_period, task.lateness
+        self._period, self._lateness = task.settings.control_period, task.kind.lateness
         self._random = np.random.default_rng([task.scenario.seed, task.scenario.number])
         self.busy_until = 0
         self.decision: Decision | None = None
@@ -108,10 +105,7 @@ class Computer:
 
 
 def drive(task: RunTask) -> DrivenRun:
-    """Make a run: odometry at its rate, commands of the law until the final time, then to rest.
-
-    An exception in the law ends its part as in the node: the robot is stopped.
-    """
+    """Make a run until the robot is at rest; an exception in the law stops it, as in the node."""
     if task.foreign is not None:
         return _drive_foreign(task, task.foreign)
     driven, plant = DrivenRun(task, walking=task.people()), Plant(task.plant)
@@ -222,8 +216,8 @@ def outcome(driven: DrivenRun) -> StudyOutcome:
         y=y,
         time=task.settings.final_time if task.foreign else driven.end / NANOSECONDS,
         told_error=None if task.foreign is None else task.foreign.told_error,
-        pace=_shortest(task) / (final / NANOSECONDS) / settings.pace if task.has_map else None,
-        slowness=None if task.scored is None else _slowness(driven, *task.scored),
+        pace=_shortest(task) / (final / NANOSECONDS) / settings.pace if task.kind.has_map else None,
+        slowness=_slowness(driven),
         crowd=_crowd(driven),
     )
 
@@ -247,12 +241,14 @@ def _over_limit(driven: DrivenRun) -> int:
     return int(sum(sudden | [bool(robot.over_limit(each[None])) for each in controls]))
 
 
-def _slowness(driven: DrivenRun, speed: float, tolerance: float) -> float:
-    """Time until the robot is within a tolerance [m], by that of the shortest path at a speed."""
-    goal = driven.task.settings.goal
-    near = (each for each in driven.motions if math.dist(each.pose[:2], goal) <= tolerance)
+def _slowness(driven: DrivenRun) -> float | None:
+    """Time until the robot has arrived, by that of the shortest path at the speed of the score."""
+    goal, kind = driven.task.settings.goal, driven.task.kind
+    if kind.score_speed is None:
+        return None
+    near = (each for each in driven.motions if math.dist(each.pose[:2], goal) <= kind.tolerance)
     arrived = next(near, driven.motions[-1]).stamp_ns / NANOSECONDS
-    return arrived * speed / _shortest(driven.task)
+    return arrived * kind.score_speed / _shortest(driven.task)
 
 
 def _shortest(task: RunTask) -> float:
@@ -282,7 +278,6 @@ def _advance(plant: Plant, driven: DrivenRun, stamp: int) -> None:
 
 
 def _walk(driven: DrivenRun, plant: Plant) -> None:
-    """Let people walk up to the time of the plant, from the first decision on."""
     if driven.walking is None:
         return
     if driven.decisions:

@@ -70,7 +70,6 @@ class Eyes:
         return self._surroundings.at(stamp, pose)
 
     def _message(self, scan: Scan) -> SimpleNamespace:
-        """A scan as a `sensor_msgs/LaserScan`, of whose precision its ranges are."""
         scanner, (seconds, nanoseconds) = self._scanner, divmod(scan.stamp_ns, NANOSECONDS)
         stamp = SimpleNamespace(sec=seconds, nanosec=nanoseconds)
         return SimpleNamespace(

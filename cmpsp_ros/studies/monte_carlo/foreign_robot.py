@@ -34,12 +34,12 @@ _TO_REST = 1.5
 class ForeignRobot:
     """Properties of the robot, drawn for a run."""
 
-    rate: float  # rate of its loop and its odometry [Hz]
+    rate: float  # of its loop and its odometry [Hz]
     lag: float  # time constant of speed and turn rate [s]
     clock_offset: float  # lead of its clock over the computer's [s]
     told_error: float  # error of the `command_delay` given to the law [s]
     busy: float  # mean delay of a control step by other work [s]
-    seed: int  # seed of latencies and noise
+    seed: int  # of latencies and noise
 
     @classmethod
     def draw(cls, seed: int, number: int) -> ForeignRobot:
@@ -91,13 +91,7 @@ class _Unicycle:
 
 
 class ForeignDrive:
-    """A drive: the robot, the messages under way, and the law on a computer that takes its time.
-
-    Attributes:
-        motions: Pose and twist at each tick, stamped by the robot's clock.
-        decisions: Decisions of the law, up to the final time.
-        end: The final time, by the robot's clock [ns]; 0 before the first decision.
-    """
+    """A drive: the robot, the messages under way, and the law on a computer that takes its time."""
 
     def __init__(
         self, foreign: ForeignRobot, model: Robot, pose: tuple[float, float, float]
@@ -110,9 +104,9 @@ class ForeignDrive:
         self._odometry: deque[tuple[float, int, Array]] = deque()
         self._commands: deque[tuple[float, tuple[float, float]]] = deque()
         self._free_at = 0.0
-        self.motions: list[Motion] = []
-        self.decisions: list[Decision] = []
-        self.end = 0
+        self.motions: list[Motion] = []  # pose and twist at each tick, by the robot's clock
+        self.decisions: list[Decision] = []  # up to the final time
+        self.end = 0  # the final time, by the robot's clock [ns]; 0 before the first decision
 
     def run(self, law: GuidanceLaw, period: float) -> None:
         """Drive, with a control period [s], until the robot is at rest after the final time."""

@@ -94,7 +94,7 @@ class StudyKind:
     # Range of the time constant of the wheels, drawn for each run [s]; None for that of the
     # parameters.
     lag: tuple[float, float] | None = None
-    preset: str = PRESET  # preset that is changed
+    preset: str = PRESET  # that is changed
     sees: bool = False  # true if the law knows obstacles only from a scanner
     # True if the law knows obstacles from a map, and its driving times are compared with the
     # shortest path.

@@ -8,7 +8,8 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import asdict, dataclass, fields
 from enum import StrEnum
 from functools import cache
@@ -37,15 +38,15 @@ class RunVerdict(StrEnum):
     MISSED = 'clear, but missed the goal'
 
 
+# Verdicts that ask for no explanation.
 HARMLESS = frozenset({RunVerdict.ARRIVED, RunVerdict.TOO_FAR})
-"""Verdicts that ask for no explanation."""
 
 
 @dataclass(frozen=True)
 class StudyOutcome:
     """Figures of one run."""
 
-    number: int  # number of the run in its study
+    number: int  # of the run in its study
     miss: float  # distance from the goal at the final time [m]
     # Least clearance of the true path from the road's edges, also between samples and until the
     # robot is at rest, less its radius [m].
@@ -167,7 +168,12 @@ def open_results_log(folder: Path, study: Study) -> dict[int, StudyOutcome]:
             _append(path, json.dumps(head))
             return {}
         lines = path.read_text(encoding='utf-8', errors='replace').splitlines()
-    values = list(_values(lines))
+    values = []
+    for line in lines:
+        # A truncated line is an unfinished run.
+        with suppress(ValueError):
+            values.append(json.loads(line))
+    values = [each for each in values if isinstance(each, dict)]
     found = values[0] if values else {}
     if found != json.loads(json.dumps(head)):
         differing = [key for key in head if found.get(key) != head[key]]
@@ -175,7 +181,12 @@ def open_results_log(folder: Path, study: Study) -> dict[int, StudyOutcome]:
         raise StudyError(
             f'{path}: found other {", ".join(differing) or "content"}, wanted {wanted}'
         )
-    return {each.number: each for each in _outcomes(values[1:])}
+    done = {}
+    for each in values[1:]:
+        with suppress(KeyError, TypeError):
+            outcome = StudyOutcome.from_values(each)
+            done[outcome.number] = outcome
+    return done
 
 
 def append(folder: Path, outcome: StudyOutcome) -> None:
@@ -215,22 +226,3 @@ def _head(study: Study) -> dict[str, Any]:
         'obstacles': study.most_obstacles,
         'parameters': study.values(),
     }
-
-
-def _values(lines: list[str]) -> Iterator[dict[str, Any]]:
-    """Whole lines; a truncated one is an unfinished run."""
-    for line in lines:
-        try:
-            value = json.loads(line)
-        except ValueError:
-            continue
-        if isinstance(value, dict):
-            yield value
-
-
-def _outcomes(values: list[dict[str, Any]]) -> Iterator[StudyOutcome]:
-    for each in values:
-        try:
-            yield StudyOutcome.from_values(each)
-        except (KeyError, TypeError):
-            continue

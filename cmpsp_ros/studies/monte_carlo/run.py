@@ -16,16 +16,8 @@ from typing import Any, Final
 
 from cmpsp_ros.guidance import NANOSECONDS
 from cmpsp_ros.studies.common import StudyError, disk_errors
-from cmpsp_ros.studies.monte_carlo import pictures
+from cmpsp_ros.studies.monte_carlo import judging, pictures
 from cmpsp_ros.studies.monte_carlo.driving import DrivenRun, drive, outcome
-from cmpsp_ros.studies.monte_carlo.judging import (
-    COSTS,
-    JUDGED,
-    compare_cost,
-    judge_failure,
-    read_answers,
-    write_answers,
-)
 from cmpsp_ros.studies.monte_carlo.outcome import (
     RunVerdict,
     StudyOutcome,
@@ -45,8 +37,8 @@ _CONTINUES: Final = 'is kept, and the same command continues'
 # A worker may have several threads; a run has kernels to load and is not made for company.
 _ONE_AT_A_TIME: Final = threading.Lock()
 
+# Called with a part of the work and its pieces; returns a function for pieces done.
 Progress = Callable[[str, int], Callable[[int], None]]
-"""Called with a part of the work and its pieces; returns a function for pieces done."""
 
 
 @dataclass(frozen=True)
@@ -81,8 +73,8 @@ def run_study(order: Order, progress: Progress) -> dict[str, Any]:
     failed = [each.number for each in outcomes if each.failed(study.tolerance)]
     arrived = [each.number for each in outcomes if each.miss <= study.tolerance]
     solved = partial(_solved, order, progress)
-    judged = solved('judge', failed if order.judge else [], JUDGED, judge_failure)
-    compared = solved('costs', arrived[: order.costs], COSTS, compare_cost)
+    judged = solved('judge', failed if order.judge else [], judging.JUDGED, judging.judge_failure)
+    compared = solved('costs', arrived[: order.costs], judging.COSTS, judging.compare_cost)
     values = figures(study, outcomes, judged, compared)
     with disk_errors(folder):
         (folder / 'summary.json').write_text(json.dumps(values, indent=2) + '\n', encoding='utf-8')
@@ -206,7 +198,6 @@ def _made(study: Study, number: int) -> StudyOutcome:
 
 
 def _make_remotely(study: Study, numbers: Sequence[int], code: str) -> list[StudyOutcome]:
-    """Runs made by a worker that has the code of this digest."""
     found = digest()
     if found != code:
         raise StudyError(f'a worker has other code: found {found}, wanted {code}')
@@ -222,16 +213,15 @@ def _solved(
     name: str,
     solve: Callable[[RunTask], dict[str, Any]],
 ) -> dict[int, dict[str, Any]]:
-    """IPOPT's answers on some runs, and those found before."""
     path = order.folder / name
-    found = read_answers(path)
+    found = judging.read_answers(path)
     if not numbers:
         return found
     advance = progress(part, len(numbers))
     for number in numbers:
         if number not in found:
             found[number] = solve(order.study.run(number))
-            write_answers(path, found)
+            judging.write_answers(path, found)
         advance(1)
     return found
 

@@ -56,8 +56,8 @@ _ALWAYS: Final = {
 class Study:
     """A study: every run of it depends only on this value and the run's number."""
 
-    name: str  # name of its kind
-    seed: int = 1  # seed of all its scenarios
+    name: str  # of its kind
+    seed: int = 1  # of all its scenarios
     most_obstacles: int = MOST_OBSTACLES  # maximum number on the road in one run
     assignments: tuple[str, ...] = ()  # further parameters, each as `key=value`
     robot: str = ''  # name or file of a robot, for which the courses are made then
@@ -87,7 +87,8 @@ class Study:
             raise StudyError(f'--scene: found {self.scene!r}, wanted one of {", ".join(SCENES)}')
         assigned = dict(parse_assignment(each) for each in self.assignments)
         if self.kind.has_people:
-            given |= _among_people(self.robot)
+            own = {} if self.robot in {'', OWN} else load_robot(self.robot)
+            given |= {**own, **ROBOTS.get(self.robot, {}), **_ALWAYS}
         elif self.robot:
             given |= self._fitted(given, assigned)
         values = TABLE.resolve(given | assigned)
@@ -106,7 +107,6 @@ class Study:
         return dict(values)
 
     def _fitted(self, given: Mapping[str, Any], assigned: Mapping[str, Any]) -> dict[str, Any]:
-        """The robot, and a course in proportion to it."""
         if self.kind is not KINDS['nominal']:
             raise StudyError(f'--robot: found study {self.name}, wanted nominal: it has its own')
         changes = load_robot(self.robot) | _ALWAYS
@@ -118,7 +118,7 @@ class Study:
 
     def setup(self) -> tuple[GuidanceSettings, PlantSettings]:
         """Settings of law and plant in every run, but for start, obstacles and seed."""
-        return _setup(self)
+        return _setup(self)[:2]
 
     def run(self, number: int) -> RunTask:
         """Task of the run of that number."""
@@ -144,18 +144,19 @@ class Study:
             periods = math.ceil(time / settings.control_period)
             changes = {**changes, 'final_time': periods * settings.control_period}
             known = (map_of(drawn.obstacles),)
-        return RunTask(
-            drawn,
-            replace(settings, obstacles=known, **changes),
-            replace(plant, initial_pose=drawn.pose, seed=drawn.seed),
-            self.kind.lateness,
-            replace(_scanner(self), seed=drawn.seed) if self.kind.sees else None,
-            has_map=self.kind.has_map,
-            scored=None
-            if self.kind.score_speed is None
-            else (self.kind.score_speed, self.tolerance),
-            foreign=foreign,
-        )
+        return self._task(drawn, replace(settings, obstacles=known, **changes), plant, foreign)
+
+    def _task(
+        self,
+        drawn: Scenario,
+        settings: GuidanceSettings,
+        plant: PlantSettings,
+        foreign: ForeignRobot | None = None,
+    ) -> RunTask:
+        laser = _setup(self)[2]
+        scanner = None if laser is None else replace(laser, seed=drawn.seed)
+        plant = replace(plant, initial_pose=drawn.pose, seed=drawn.seed)
+        return RunTask(drawn, settings, plant, self.kind, scanner, foreign)
 
     def _run_among_people(self, number: int) -> RunTask:
         """Task of a run with people: scenes and robots in turn, every fourth turn with noise."""
@@ -169,14 +170,10 @@ class Study:
         settings, plant = study.setup()
         drawn = crowd_scenario(settings, self.seed, number, scenes[scene])
         straight = math.dist(drawn.pose[:2], drawn.changes['goal']) / settings.pace
-        return RunTask(
-            drawn,
-            replace(settings, **drawn.changes),
-            replace(plant, initial_pose=drawn.pose, seed=drawn.seed),
-            scanner=replace(_scanner(study), seed=drawn.seed),
-            patience=_PATIENCE[0] + _PATIENCE[1] * straight,
-            crowd=Crowd(scenes[scene], robots[robot], bool(noise), self.told),
-        )
+        patience = _PATIENCE[0] + _PATIENCE[1] * straight
+        crowd = Crowd(scenes[scene], robots[robot], bool(noise), self.told)
+        task = study._task(drawn, replace(settings, **drawn.changes), plant)  # noqa: SLF001 (own)
+        return replace(task, patience=patience, crowd=crowd)
 
     def command(self, number: int) -> str:
         """The command that makes one run again."""
@@ -193,15 +190,12 @@ class Study:
 
 @dataclass(frozen=True)
 class Crowd:
-    """Circumstances of a run among people, who are known exactly if `told`, or else seen.
-
-    A noisy run has missed returns, and noise of odometry.
-    """
+    """Circumstances of a run among people."""
 
     scene: str
     robot: str
-    is_noisy: bool
-    told: bool
+    is_noisy: bool  # with missed returns, and noise of odometry
+    told: bool  # True if people are known exactly, or else seen
 
 
 @dataclass(frozen=True)
@@ -209,17 +203,13 @@ class RunTask:
     """Everything that one run depends on."""
 
     scenario: Scenario  # start and obstacles
-    settings: GuidanceSettings  # settings of the guidance law
+    settings: GuidanceSettings  # of the guidance law
     plant: PlantSettings  # settings of the simulated robot
-    lateness: float = 0.0  # maximum duration of a control step, in control periods
-    scanner: LaserSettings | None = None  # scanner of a robot that knows obstacles only by sight
-    patience: float = 180.0  # time after which a run with repeatedly postponed goals ends [s]
-    has_map: bool = False  # same as in `StudyKind`
+    kind: StudyKind
+    scanner: LaserSettings | None = None  # of a robot that knows obstacles only by sight
     foreign: ForeignRobot | None = None  # the robot that is driven instead, if any
+    patience: float = 180.0  # time after which a run with repeatedly postponed goals ends [s]
     crowd: Crowd | None = None  # circumstances of a run among people; None without
-    # Speed along the planned path [m/s], and distance from the goal that counts as arrived [m], for
-    # the score of the BARN challenge; None for none.
-    scored: tuple[float, float] | None = None
 
     @property
     def truth(self) -> GuidanceSettings:
@@ -241,19 +231,9 @@ class RunTask:
         return Eyes(self.settings, self.scanner, self.scenario.obstacles, seen)
 
 
-def _among_people(robot: str) -> dict[str, Any]:
-    """Parameters of a robot among people, by its name or file; of one at 1 m/s for none."""
-    own = robot in {'', OWN}
-    return {**({} if own else load_robot(robot)), **ROBOTS.get(robot, {}), **_ALWAYS}
-
-
 @cache
-def _setup(study: Study) -> tuple[GuidanceSettings, PlantSettings]:
+def _setup(study: Study) -> tuple[GuidanceSettings, PlantSettings, LaserSettings | None]:
     """Settings shared by all runs of a study; reading them takes as long as a run."""
     values = study.values()
-    return guidance_settings(values), plant_settings(values)
-
-
-@cache
-def _scanner(study: Study) -> LaserSettings:
-    return laser_settings(study.values())
+    laser = laser_settings(values) if study.kind.sees else None
+    return guidance_settings(values), plant_settings(values), laser

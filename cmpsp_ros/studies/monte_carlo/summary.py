@@ -264,7 +264,6 @@ def _crowd_tables(values: Mapping[str, Any]) -> list[Table]:
 def _group(
     runs: Sequence[tuple[StudyOutcome, CrowdOutcome]], tolerance: float
 ) -> dict[str, float | None]:
-    """Counts of runs, and medians of their times by those of others."""
     arrived = [each.verdict(tolerance) is RunVerdict.ARRIVED for each, _ in runs]
     told = [crowd.told_time is not None for _, crowd in runs]
     both = [(each, crowd) for (each, crowd), *good in zip(runs, arrived, told, strict=True)

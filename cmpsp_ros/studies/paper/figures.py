@@ -269,7 +269,6 @@ def _admissible(
 
 
 def _optima(sheet: Sheet) -> dict[str, Any]:
-    """IPOPT's optimum of each run with the bound, if wanted."""
     if not sheet.lab.judge:
         return {}
     optima = {}

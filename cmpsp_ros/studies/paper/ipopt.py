@@ -44,14 +44,11 @@ class ReferenceSolution:
 
 
 class Limits(NamedTuple):
-    """Limits of quantities that are linear functions of the control, by `rows` ``(q, r)``.
+    """Limits of quantities that are linear functions of the control; infinite for none."""
 
-    Their largest magnitude and change in a second, both ``(q,)``, are infinite for none.
-    """
-
-    rows: Array
-    largest: Array
-    change: Array
+    rows: Array  # the functions, ``(q, r)``
+    largest: Array  # largest magnitudes, ``(q,)``
+    change: Array  # largest changes in a second, ``(q,)``
 
     @classmethod
     def of(cls, robot: Robot) -> Limits:
@@ -85,7 +82,10 @@ def reference_solution(settings: GuidanceSettings, pose: Array, start: Path) -> 
     steps = round(settings.final_time / settings.control_period)
     robot, space = settings.robot, sample_space(settings, settings.world)
     end = goal_space(settings, settings.world, settings.target) or space
-    stopping = 0 if settings.is_soonest else _stopping_steps(settings)
+    stopping, change = 0, settings.max_wheel_change
+    if change < math.inf and not settings.is_soonest:
+        # Afterwards it comes to rest from any speed.
+        stopping = math.ceil(settings.robot.max_wheel_speed / change) + 1
     start = _braked(start, steps, stopping)
     opti = casadi.Opti()
     U = opti.variable(robot.n_controls, steps + stopping)
@@ -202,12 +202,6 @@ def _limit(
                 steady = robot.max_wheel_jerk * period**2
                 opti.subject_to(smooth <= steady)
                 opti.subject_to(smooth >= -steady)
-
-
-def _stopping_steps(settings: GuidanceSettings) -> int:
-    """Steps in which the robot comes to rest after the final time, from any speed."""
-    change = settings.max_wheel_change
-    return 0 if change == math.inf else math.ceil(settings.robot.max_wheel_speed / change) + 1
 
 
 def _braked(start: Path, steps: int, stopping: int) -> Path:

@@ -42,14 +42,10 @@ _DIFFERENCE = 1e-3
 
 
 class Recipe(Enum):
-    """Computation of the two iterations of a control step.
+    """Computation of the two iterations of a control step."""
 
-    Attributes:
-        AS_WRITTEN: Squared constraints (92) (93), hard, and the full step (43).
-        ONE_PLAN: The law's relaxation, trust region and line search, but the warm start alone.
-    """
-
-    AS_WRITTEN = 'as written'
+    AS_WRITTEN = 'as written'  # squared constraints (92) (93), hard, and the full step (43)
+    # The law's relaxation, trust region and line search, but the warm start alone.
     ONE_PLAN = 'one plan'
 
 
@@ -241,7 +237,6 @@ def _improve(
 
 
 def _options(settings: GuidanceSettings, terminal: Array, path: Array, additions: bool) -> Options:
-    """Penalties of the rows, with or without the law's relaxation, trust region and line search."""
     trust = np.array([np.inf, np.inf, settings.solver.heading_trust_region])
     return Options(
         penalty_terminal=terminal,

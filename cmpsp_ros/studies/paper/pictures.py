@@ -154,7 +154,6 @@ def _grid(
     looks: Sequence[Look],
     keys: Sequence[Line2D] = (),
 ) -> tuple[Figure, list[list[Axes]]]:
-    """A row of axes for each quantity, a column for each panel, and the legend above all."""
     figure = Figure(figsize=(WIDTH, 0.5 + 1.45 * len(names)), layout='constrained')
     heights = (0.22, *(1.0 for _ in names))
     grid = figure.add_gridspec(len(heights), len(panels), height_ratios=heights)
@@ -175,7 +174,6 @@ def _grid(
 
 
 def _share(panels: Sequence[Axes]) -> None:
-    """One range of values for panels that are to be compared."""
     limits = [axes.get_ylim() for axes in panels]
     for axes in panels:
         axes.set_ylim(min(low for low, _ in limits), max(high for _, high in limits))

@@ -12,11 +12,9 @@ from cmpsp_ros.mpsp.jit import allocation_free
 from cmpsp_ros.world.grids.field_functions import FRAME, DistanceField
 from cmpsp_ros.world.grids.occupancy_grid import Cell, OccupancyGrid, is_free
 
-AROUND: Final = 2
-"""Cells that a field has around its grid."""
+AROUND: Final = 2  # cells that a field has around its grid
 
-_FAR: Final = 1e4
-"""Distance where nothing is occupied, or nothing free [cells]."""
+_FAR: Final = 1e4  # distance where nothing is occupied, or nothing free [cells]
 
 
 def distance_field(grid: OccupancyGrid, *, unknown_is_free: bool = False) -> DistanceField:

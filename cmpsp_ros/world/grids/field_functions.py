@@ -58,8 +58,7 @@ class DistanceField(NamedTuple):
 NO_FIELD: Final = DistanceField(np.ones(1, FRAME), np.full((4, 4), math.inf))
 """Stands where there is none."""
 
-Fields = tuple[DistanceField, DistanceField]
-"""The fields of a map and of what sensors see."""
+Fields = tuple[DistanceField, DistanceField]  # the fields of a map and of what sensors see
 
 
 @allocation_free

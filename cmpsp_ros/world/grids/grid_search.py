@@ -14,19 +14,16 @@ from cmpsp_ros.mpsp.jit import allocation_free
 Indices = IntArray
 Links = NDArray[np.int32]
 
-NARROW: Final = 2.0
-"""By how much more a cell costs where there is no clearance to spare."""
+NARROW: Final = 2.0  # by how much more a cell costs where there is no clearance to spare
 
-ROOM: Final = 0.4
-"""Clearance below which a cell costs more [m]."""
+ROOM: Final = 0.4  # clearance below which a cell costs more [m]
 
 _NONE: Final = -1
 NEIGHBOURS: Final = np.array(
     [[-1, -1], [-1, 0], [-1, 1], [0, -1], [0, 1], [1, -1], [1, 0], [1, 1]], dtype=np.int64
 )
 """Rows and columns from a cell to those beside it."""
-STEPS: Final = np.hypot(*NEIGHBOURS.T)
-"""Lengths of these steps [cells]."""
+STEPS: Final = np.hypot(*NEIGHBOURS.T)  # lengths of these steps [cells]
 
 
 def costs_of(clearance: Array) -> Array:

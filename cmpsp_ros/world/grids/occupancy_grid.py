@@ -15,8 +15,7 @@ from cmpsp_ros.arrays import Array, BoolArray, IntArray
 Cells = NDArray[np.uint8]
 Indices = IntArray
 
-MOST_CELLS: Final = 100_000_000
-"""Larger grids are refused."""
+MOST_CELLS: Final = 100_000_000  # larger grids are refused
 
 
 class Cell(IntEnum):

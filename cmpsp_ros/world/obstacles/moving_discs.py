@@ -41,7 +41,6 @@ class MovingDiscs:
     ways: Mapping[int, Array] = field(default_factory=dict)
 
     def __len__(self) -> int:
-        """The number of discs."""
         return len(self.names)
 
     def after(self, seconds: float) -> MovingDiscs:
@@ -183,8 +182,7 @@ class MovingDiscs:
         return radii, np.hypot(legs[..., 2], legs[..., 3])
 
 
-NOTHING_MOVES = MovingDiscs((), np.empty((0, _COLUMNS)), np.empty(0, np.int64))
-"""No discs."""
+NOTHING_MOVES = MovingDiscs((), np.empty((0, _COLUMNS)), np.empty(0, np.int64))  # no discs
 
 _NO_LEGS = np.empty((0, 0, _COLUMNS))
 

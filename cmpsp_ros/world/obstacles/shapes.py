@@ -15,8 +15,7 @@ from cmpsp_ros.setting import POSITIVE, setting
 
 Point = tuple[float, float]
 
-_TURN = math.tau / 72.0
-"""Between two points of a rounded outline [rad]."""
+_TURN = math.tau / 72.0  # between two points of a rounded outline [rad]
 
 
 class Shape(ABC):

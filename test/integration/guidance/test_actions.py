@@ -14,7 +14,7 @@ from rclpy.action import ActionClient
 from cmpsp_ros.nodes import MODULES
 from cmpsp_ros.nodes.common.messages import path_of
 
-pytestmark = [pytest.mark.integration, pytest.mark.timeout(300)]
+pytestmark = pytest.mark.timeout(300)
 
 
 class Goal:

@@ -11,8 +11,6 @@ from sensor_msgs.msg import PointCloud2
 from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.nodes.common.messages import cloud_of
 
-pytestmark = pytest.mark.integration
-
 POSE = (0.0, -9.25, 0.0)
 ROOM = {'odom_timeout': 60.0, 'moving_obstacles.capacity': 2, 'moving_obstacles.timeout': 50.0}
 

@@ -9,8 +9,6 @@ from live import PERIOD_NS
 from nav_msgs.msg import Path
 from rclpy.time import Time
 
-pytestmark = pytest.mark.integration
-
 POSE = (0.0, -9.25, 0.0)
 OTHERS = {'odom_timeout': 60.0, 'others.namespaces': ['/r2'], 'others.radius': 0.2}
 AWAY = [(20.0, 0.0), (20.1, 0.0)]

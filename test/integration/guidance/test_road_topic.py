@@ -13,8 +13,6 @@ from cmpsp_ros.bags.audit import CheckOutcome, audit
 from cmpsp_ros.nodes.common.messages import path_of
 from cmpsp_ros.robots.motion import arc_ends
 
-pytestmark = pytest.mark.integration
-
 START = (0.0, -10.0, 0.0)
 
 # Odometry is stamped ahead of time here, and the test may be slow between two messages.

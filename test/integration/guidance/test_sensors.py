@@ -11,8 +11,6 @@ from rclpy.qos import qos_profile_sensor_data
 from rclpy.time import Time
 from sensor_msgs.msg import LaserScan, PointCloud2, PointField
 
-pytestmark = pytest.mark.integration
-
 POSE = (0.0, -9.25, 0.0)
 # Tests take their time between messages.
 SEEING = {'odom_timeout': 60.0, 'sensors.names': '[front]', 'sight.timeout': 0.5}

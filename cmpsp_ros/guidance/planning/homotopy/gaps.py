@@ -17,22 +17,18 @@ from cmpsp_ros.world.grids import DistanceField, field_functions
 from cmpsp_ros.world.obstacles import outline_of
 from cmpsp_ros.world.roads import RoadSpace, road_functions
 
-Gap = tuple[float, float]
-"""Lateral positions of both ends [m]."""
+Gap = tuple[float, float]  # lateral positions of both ends [m]
 
 HomotopyClass = tuple[int, ...]
 """Side on which each obstacle is passed: 1 to its left, -1 to its right, 0 if it is not passed."""
 
 _ROUNDING: Final = 100.0
 """Gaps are rounded inwards to this, so that a road of one width has the same everywhere [1/m]."""
-_BESIDE: Final = 1.0
-"""Free width beside all obstacles on open floor [m]."""
-_ASIDE: Final = 2.0
-"""Width searched beside the line and its ends, in the cells of a grid [m]."""
+_BESIDE: Final = 1.0  # free width beside all obstacles on open floor [m]
+_ASIDE: Final = 2.0  # width searched beside the line and its ends, in the cells of a grid [m]
 _TOO_FAR: Final = 0.9
 """Largest lateral position towards the centre of a bend, as a fraction of its radius."""
-_BEAM: Final = 32
-"""Trails followed at a time while searching: all of five obstacles in a row."""
+_BEAM: Final = 32  # trails followed at a time while searching: all of five obstacles in a row
 
 
 class Trail(NamedTuple):

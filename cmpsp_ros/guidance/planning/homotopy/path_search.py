@@ -54,10 +54,8 @@ _CLEARANCE_FRACTION: Final = 0.25
 """Distance kept from the bounds of a gap [m], and its limit as a fraction of the gap's width."""
 _TOO_LONG: Final = 100.0
 """Cost of a path that is too long for the time left, for every metre too much [m^2]."""
-_ROUGHLY: Final = 1.1
-"""Bound on the length of a path on a grid, relative to the shortest path."""
-_NAMED: Final = 6
-"""Number of sides in a message, the last of which may stand for the rest."""
+_ROUGHLY: Final = 1.1  # bound on the length of a path on a grid, relative to the shortest path
+_NAMED: Final = 6  # number of sides in a message, the last of which may stand for the rest
 _CELL: Final = 0.1
 _MAX_CELLS: Final = 160
 _AROUND: Final = 1.0

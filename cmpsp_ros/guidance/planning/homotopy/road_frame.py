@@ -19,8 +19,7 @@ from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.mpsp.jit import allocation_free
 from cmpsp_ros.world.roads import Annulus, arc_length_to, lookahead_points
 
-SPACING: Final = 0.2
-"""Least distance of stations [m]."""
+SPACING: Final = 0.2  # least distance of stations [m]
 _MAX_STATIONS: Final = 400
 _LEAST_STRETCH: Final = 0.05
 """Least distance of stations on the inner side of a bend, relative to that on the line."""

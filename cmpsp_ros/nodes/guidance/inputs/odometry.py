@@ -27,8 +27,8 @@ _PATIENCE = 1.0  # time for which ROS time may stand still without a warning [s]
 def read_odometry(data: bytes) -> OdometryReading:
     """Read a serialised `nav_msgs/Odometry` without covariance and twist, or raise OdometryError.
 
-    rclpy makes a Python object of each part of a message, which takes as long as deciding on it.
-    The bytes are CDR (OMG DDS-RTPS 2.5, section 10, with the alignment of XCDR version 1).
+    rclpy takes as long for it as deciding does. The bytes are CDR (OMG DDS-RTPS 2.5, section
+    10, with the alignment of XCDR version 1).
     """
     try:
         stamp, length, numbers = _LITTLE_ENDIAN if data[1] & 1 else _BIG_ENDIAN

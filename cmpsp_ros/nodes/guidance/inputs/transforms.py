@@ -17,18 +17,7 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.guidance import NANOSECONDS, Goal, GoalError, GuidanceSettings
-from cmpsp_ros.guidance.messages import (
-    OdometryError,
-    OdometryReading,
-    Track,
-    TrackError,
-    TransformError,
-    Transforms,
-    compose,
-    goal_of,
-    tracks_of,
-)
+from cmpsp_ros.guidance import NANOSECONDS, Goal, GoalError, GuidanceSettings, messages
 from cmpsp_ros.nodes.common.messages import cloud_of, road_in, set_pose
 from cmpsp_ros.nodes.common.topic import Listener
 from cmpsp_ros.nodes.common.topics import OWN_GOAL_POSE, OWN_MOVING, OWN_ODOM
@@ -56,7 +45,7 @@ class TransformInput(Listener):
     def __init__(self, node: LifecycleNode, robot_frame: str, settings: GuidanceSettings) -> None:
         super().__init__(node)
         self.settings, self._robot_frame = settings, robot_frame
-        self._transforms = Transforms()
+        self._transforms = messages.Transforms()
         self._unread: deque[bytes] = deque(maxlen=_DEPTH)
         self._odometry = self._publish_on(OWN_ODOM)
         self._goals = self._publish_on(OWN_GOAL_POSE)
@@ -74,19 +63,19 @@ class TransformInput(Listener):
         """Frame of the robot's centre, where odometry is of a child frame."""
         return self._robot_frame or child_frame
 
-    def pose_of(self, reading: OdometryReading, data: bytes) -> tuple[Array, bool]:
+    def pose_of(self, reading: messages.OdometryReading, data: bytes) -> tuple[Array, bool]:
         """Pose of the robot's centre by odometry, and True if transformed; raises OdometryError."""
         stamp, frame, child = reading[:3]
         center = self.robot_frame(child)
         if frame == self.settings.frame_id and center == child:
             return reading.pose_in(frame), False
-        there = self._in_frame('Odometry is', frame, stamp, OdometryError)
+        there = self._in_frame('Odometry is', frame, stamp, messages.OdometryError)
         try:
             upon = self._look_up(child, center, stamp)
-        except TransformError as error:
+        except messages.TransformError as error:
             why = f'Odometry is of {child!r}, wanted {center!r} (robot_frame): {error}.'
-            raise OdometryError(why) from error
-        pose = compose(compose(there, reading.pose_in(frame)), upon)
+            raise messages.OdometryError(why) from error
+        pose = messages.compose(messages.compose(there, reading.pose_in(frame)), upon)
         if self._odometry.get_subscription_count():
             self._publish_odometry(data, center, pose, upon)
         return pose, True
@@ -95,33 +84,40 @@ class TransformInput(Listener):
         """Stamp [ns] and goal of a message, in the frame of the course, published; GoalError."""
         wanted, frame = self.settings.frame_id, message.header.frame_id
         if frame != wanted:
-            stamp, goal = goal_of(message, frame)
+            stamp, goal = messages.goal_of(message, frame)
             there = self._in_frame('The goal is', frame, stamp, GoalError)
             message = PoseStamped(header=Header(stamp=message.header.stamp, frame_id=wanted))
-            set_pose(message.pose, compose(there, np.array([*goal.position, goal.heading or 0.0])))
+            set_pose(
+                message.pose,
+                messages.compose(there, np.array([*goal.position, goal.heading or 0.0])),
+            )
             if goal.heading is None:
                 message.pose.orientation.z = message.pose.orientation.w = 0.0
-        received = goal_of(message, wanted)
+        received = messages.goal_of(message, wanted)
         self._goals.publish(message)
         return received
 
-    def tracks_of(self, message: PointCloud2) -> list[Track]:
+    def tracks_of(self, message: PointCloud2) -> list[messages.Track]:
         """Moving obstacles in a message; velocities are over ground, along its axes; TrackError."""
         wanted, frame = self.settings.frame_id, message.header.frame_id
-        tracks, stamp = tracks_of(message, frame), stamp_of(message)
+        tracks, stamp = messages.tracks_of(message, frame), stamp_of(message)
         if frame == wanted:
             return tracks
-        there = self._in_frame('Obstacles are', frame, stamp, TrackError)
-        tracks = [_moved(each, there) for each in tracks]
-        self._moving.publish(cloud_of(tracks, stamp, wanted))
-        return tracks
+        there = self._in_frame('Obstacles are', frame, stamp, messages.TrackError)
+        moved = []
+        for each in tracks:
+            x, y, _ = messages.compose(there, np.array([each.x, each.y, 0.0])).tolist()
+            vx, vy = _turned(each.vx, each.vy, float(there[2]))
+            moved.append(replace(each, x=x, y=y, vx=vx, vy=vy))
+        self._moving.publish(cloud_of(moved, stamp, wanted))
+        return moved
 
     def frame_at(self, frame: str, stamp: int, *, with_motion: bool) -> tuple[Array, Array]:
         """Pose and velocity ``(3,)`` of a tracker's frame in that of the course; TrackError."""
-        there = self._in_frame('Objects are', frame, stamp, TrackError)
+        there = self._in_frame('Objects are', frame, stamp, messages.TrackError)
         if not with_motion:
             return there, np.zeros(3)
-        change = there - self._in_frame('Objects are', frame, stamp - _MOTION, TrackError)
+        change = there - self._in_frame('Objects are', frame, stamp - _MOTION, messages.TrackError)
         change[2] = math.remainder(change[2], math.tau)
         return there, change / (_MOTION / NANOSECONDS)
 
@@ -133,12 +129,12 @@ class TransformInput(Listener):
             return changes
         try:
             there = self.frame_pose(frame)
-        except TransformError as error:
+        except messages.TransformError as error:
             problem = Problem('road', f'frame {frame!r}', f'{wanted!r} (frame_id): {error}')
             raise ParameterError(problem) from error
         numbers = changes['road.points']
         points = zip(numbers[::2], numbers[1::2], strict=True)
-        moved = [compose(there, np.array([*each, 0.0]))[:2].tolist() for each in points]
+        moved = [messages.compose(there, np.array([*each, 0.0]))[:2].tolist() for each in points]
         return {**changes, 'road.points': [number for each in moved for number in each]}
 
     def frame_pose(self, frame: str) -> Array:
@@ -160,7 +156,7 @@ class TransformInput(Listener):
         wanted = self.settings.frame_id
         try:
             return self._look_up(wanted, frame, stamp)
-        except TransformError as why:
+        except messages.TransformError as why:
             raise error(f'{what} in frame {frame!r}, wanted {wanted!r} (frame_id): {why}.') from why
 
     def _look_up(self, target: str, source: str, stamp: int) -> Array:
@@ -168,7 +164,7 @@ class TransformInput(Listener):
         if target == source:
             return np.zeros(3)
         if TFMessage is None:
-            raise TransformError('tf2_msgs, for a transform, is not installed')
+            raise messages.TransformError('tf2_msgs, for a transform, is not installed')
         self.drain()
         while self._unread:
             self._transforms.add(deserialize_message(self._unread.popleft(), TFMessage))
@@ -185,9 +181,3 @@ class TransformInput(Listener):
 def _turned(x: float, y: float, angle: float) -> tuple[float, float]:
     cosine, sine = math.cos(angle), math.sin(angle)
     return cosine * x - sine * y, sine * x + cosine * y
-
-
-def _moved(track: Track, there: Array) -> Track:
-    x, y, _ = compose(there, np.array([track.x, track.y, 0.0])).tolist()
-    vx, vy = _turned(track.vx, track.vy, float(there[2]))
-    return replace(track, x=x, y=y, vx=vx, vy=vy)

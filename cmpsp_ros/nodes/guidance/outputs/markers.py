@@ -130,12 +130,11 @@ def _point(place: Sequence[float], z: float = 0.0) -> Point:
 
 
 class PlanMarkers:
-    """Markers of the latest decision.
+    """Markers of the latest decision: the plan in the colour of its level, and what moves.
 
-    The plan is a band in the colour of its fallback level, and in it a line in the colours of
-    the clearance: `NEAR` with only `safety.margin` left, `FAR` with `PLENTY` beyond it. A
-    moving obstacle has an arrow to its position a second later; rings around both ends are the
-    distance kept by the robot's centre or discs, pale discs the doubt at two sigma.
+    A line in the plan has the colours of its clearance: `NEAR` with only `safety.margin` left,
+    `FAR` with `PLENTY` beyond it. Arrows lead to positions a second later; rings are the
+    distances kept, pale discs the doubt at two sigma.
     """
 
     def __init__(self, settings: GuidanceSettings) -> None:

@@ -17,23 +17,13 @@ from cmpsp_ros.nodes.common.health import hardware_id
 from cmpsp_ros.nodes.common.messages import BASE, set_stamp
 from cmpsp_ros.nodes.common.topic import Topic
 from cmpsp_ros.nodes.common.topics import GUIDANCE_ODOM
+from cmpsp_ros.nodes.guidance.outputs import messages
 from cmpsp_ros.nodes.guidance.outputs.markers import PlanMarkers, marker_array
-from cmpsp_ros.nodes.guidance.outputs.messages import (
-    DecisionMessage,
-    PathMessage,
-    frame_bytes,
-    polygon_message,
-    stamped_bytes,
-    twist_bytes,
-)
 from cmpsp_ros.parameters import Values
 
 
 class GuidanceOutputs:
-    """Publishers of one configured guidance node, and the `listeners` that a run waits for.
-
-    The command leaves before anything else is made or sent.
-    """
+    """Publishers of one configured guidance node, and the `listeners` that a run waits for."""
 
     def __init__(self, node: LifecycleNode, values: Values, settings: GuidanceSettings) -> None:
         self._node = node
@@ -54,12 +44,12 @@ class GuidanceOutputs:
         self.listeners = Listeners(
             node, self._command, (self._wheels, self._decisions), values['recorder_timeout']
         )
-        self._robot_frame = BASE, frame_bytes(BASE)
+        self._robot_frame = BASE, messages.frame_bytes(BASE)
         self._footprint, self._frame_id = settings.footprint, settings.frame_id
         name = f'{node.get_fully_qualified_name()}: decision'
         self._wheel_message = JointState(name=values['robot.joint_names'])
-        self._decision_message = DecisionMessage(name, hardware_id(node), self._frame_id)
-        self._path_message = PathMessage(self._frame_id)
+        self._decision_message = messages.DecisionMessage(name, hardware_id(node), self._frame_id)
+        self._path_message = messages.PathMessage(self._frame_id)
         self._plan_message = PlanMarkers(settings)
 
     @property
@@ -79,14 +69,14 @@ class GuidanceOutputs:
     def command(self, decision: Decision) -> None:
         """Send the command of a decision, stamped as the odometry that it answers."""
         if self._topic is topics.STAMPED_COMMAND:
-            self._command.publish(stamped_bytes(decision, self._robot_frame[1]))
+            self._command.publish(messages.stamped_bytes(decision, self._robot_frame[1]))
         else:
-            self._command.publish(twist_bytes(decision))
+            self._command.publish(messages.twist_bytes(decision))
 
     def name_robot(self, frame: str) -> None:
         """Name the robot's frame, of commands that are stamped; `base_link` where unknown."""
         if frame != self._robot_frame[0]:
-            self._robot_frame = frame, frame_bytes(frame or BASE)
+            self._robot_frame = frame, messages.frame_bytes(frame or BASE)
 
     def report(self, decision: Decision, pose: Sequence[float]) -> None:
         """Send a decision, at a pose ``(3,)`` or none; path and markers only to listeners."""
@@ -103,7 +93,7 @@ class GuidanceOutputs:
             self._plan_markers.publish(self._plan_message.fill(decision))
         if self._footprint.corners and len(pose) and self._corners.get_subscription_count():
             corners = self._footprint.at(np.array(pose))
-            self._corners.publish(polygon_message(corners, self._frame_id, decision.stamp))
+            self._corners.publish(messages.polygon_message(corners, self._frame_id, decision.stamp))
 
     def show(self, settings: LawSettings, world: World, ahead: Goal | None) -> None:
         """Send road, obstacles and goals, latched; goals before the one ahead are paler."""
@@ -121,12 +111,10 @@ class GuidanceOutputs:
             self._node.destroy_publisher(publisher)
 
 
+# Names of nodes that record: ours, and that of `ros2 bag`.
 RECORDERS = frozenset({'recorder', 'rosbag2_recorder'})
-"""Names of nodes that record: ours, and that of `ros2 bag`."""
-
+# Names of nodes that hear commands and obey none; those of the command line begin with `_`.
 ONLOOKERS = RECORDERS | {'viewer', 'foxglove_bridge'}
-"""Names of nodes that hear commands and obey none; those of the command line begin with `_`."""
-
 _UNKNOWN = '_NODE_NAME_UNKNOWN_'
 # Time in which a recorder that is known here finds the publishers of odometry, too [s].
 _SETTLING_TIME = 0.5
@@ -168,10 +156,13 @@ class Listeners:
         return [f'Nobody listens to {self._command.topic_name}.']
 
     def _robot(self) -> str:
-        topic, kind = self._command.topic_name, _name_of(self._command.msg_type)
+        topic, message = self._command.topic_name, self._command.msg_type
+        kind = f'{message.__module__.partition(".")[0]}/msg/{message.__name__}'
         found = self._node.get_subscriptions_info_by_topic(topic)
         alike = [each for each in found if each.topic_type == kind]
-        onlookers = sum(_only_looks_on(each.node_name) for each in alike)
+        names = [each.node_name for each in alike]
+        hidden = [each for each in names if each.startswith('_') and each != _UNKNOWN]
+        onlookers = sum(each in ONLOOKERS for each in names) + len(hidden)
         if len(alike) > onlookers and self._command.get_subscription_count() > onlookers:
             return ''
         others = [
@@ -210,11 +201,3 @@ class Listeners:
             return False
         self._recorded_since = self._recorded_since or now
         return now - self._recorded_since > _SETTLING_TIME
-
-
-def _only_looks_on(name: str) -> bool:
-    return name in ONLOOKERS or (name.startswith('_') and name != _UNKNOWN)
-
-
-def _name_of(kind: type) -> str:
-    return f'{kind.__module__.partition(".")[0]}/msg/{kind.__name__}'

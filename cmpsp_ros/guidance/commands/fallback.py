@@ -9,10 +9,11 @@ import numpy as np
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.horizon import remaining, shift
+from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.safety.validation import Validation, Validator
 from cmpsp_ros.guidance.settings import LawSettings
-from cmpsp_ros.guidance.times import NANOSECONDS, Horizon, to_nanoseconds
+from cmpsp_ros.guidance.times import NANOSECONDS, to_nanoseconds
 
 _SPEEDS: Final = (1.0, 0.75, 0.5, 0.25, 0.125)
 _INSTANTS: Final = 5
@@ -22,33 +23,28 @@ class Fallback:
     """The last audited plan on a later horizon, and how long its last command may go on."""
 
     def __init__(self, settings: LawSettings, validator: Validator) -> None:
-        """Set up the checks of plans."""
         self._validator, self._settings = validator, settings
         self._period = to_nanoseconds(settings.control_period)
         self._margin_validator = Validator(settings, with_margin=True)
 
     def shifted(
-        self,
-        plan: Plan | None,
-        start: PlanStart,
-        horizon: Horizon,
-        delay: int,
-        pending: Validation | None,
+        self, plan: Plan | None, context: PlanningContext
     ) -> tuple[Plan, Validation] | None:
-        """The last plan, shifted by the time that has passed [ns], if it is still clear."""
+        """The last plan, shifted by the time that has passed, if it is still clear."""
         if plan is None:
             return None
+        start, horizon = context.start, context.horizon
         if horizon.edges[-1] > plan.horizon.edges[-1] + self._period:
             # Put off: to go on beyond its end would lead past the goal.
             begin = int(horizon.edges[0])
             horizon = remaining(begin, self._period, int(plan.horizon.edges[-1]))
         controls = shift(plan.controls, plan.horizon, horizon)
         controls = start.followed(self._settings, controls, horizon.durations)
-        verdict = self._validator.check(start, controls, horizon.durations, pending)
+        verdict = self._validator.check(start, controls, horizon.durations, context.pending)
         if not verdict.passed:
             return None
         poses = start.robot.roll_out(start.pose, controls, horizon.durations)
-        return Plan(horizon, controls, poses, delay), verdict
+        return Plan(horizon, controls, poses, context.delay), verdict
 
     def may_outlast(self, start: PlanStart, controls: Array, nanoseconds: int) -> bool:
         """True if the first command may go on for so long [ns], with the margin that plans keep."""

@@ -55,10 +55,8 @@ class Target(NamedTuple):
     """Terminal target of a plan."""
 
     position: Point  # a point (x, y) [m]
-    # heading required there, or the road's direction for a line [rad]; None for any
-    heading: float | None = None
-    # true for the line through the point across the heading, which is free then
-    is_line: bool = False
+    heading: float | None = None  # required there; of a line the road's [rad]; None for any
+    is_line: bool = False  # true for the line through it across the heading, which is free then
     drives_on: bool = False  # true if another goal comes after this one
 
     def distance(self, x: float, y: float) -> float:

@@ -48,13 +48,11 @@ class Clock:
 class Lateness:
     """Delays of commands in a run."""
 
-    # duration of the last step, if its command came too late to be sent; else 0 [s]
-    last: float = 0.0
+    last: float = 0.0  # duration of the last step if its command came too late, else 0 [s]
     expected: float = 0.0  # longest duration of the late steps not yet forgiven [s]
     late_steps: int = 0  # number of late steps not yet forgiven, as far as they count
     steps_in_time: int = 0  # number of steps in time since the last of them
-    # number of times the work of a step is halved: a single late step may be chance
-    halvings: int = 0
+    halvings: int = 0  # of the work of a step: a single late step may be chance
 
     def add(self, took: float) -> None:
         """Count a late step that took so long [s]."""
@@ -82,20 +80,15 @@ class Mission:
 
     goals: GoalManager  # the present goal, and those to come
     arrival: ArrivalTime  # search for the earliest time to pass it
-    # obstacles that close the road to it
-    closed_road: ClosedRoad = field(default_factory=ClosedRoad)
+    closed_road: ClosedRoad = field(default_factory=ClosedRoad)  # what closes the road to it
     searched: Searched = NOT_SEARCHED  # inputs of the search for the next control step
-    # number of control steps without progress, since a plan could reach the goal
-    idle_steps: int = 0
-    # true if the last plan ended within the tolerance of the goal, and was clear
-    reaches_goal: bool = True
-    # pose at the final time, shape ``(3,)`` [m, m, rad]; None before
-    final_pose: Array | None = None
+    idle_steps: int = 0  # steps without progress since a plan could reach the goal
+    reaches_goal: bool = True  # true if the last plan reached the goal, and was clear
+    final_pose: Array | None = None  # at the final time, ``(3,)`` [m, m, rad]; None before
     warnings: tuple[str, ...] = ()  # tasks that no plan of the run can fulfil, in sentences
     watch: ProgressWatch = field(default_factory=ProgressWatch)  # progress on the way to the goal
     unreachable: str = ''  # why the run has ended before the goal, a sentence; '' if it has not
-    # search for the moves to a goal where there is no space to turn; None for none
-    manoeuvres: ManoeuvreSearch | None = None
+    manoeuvres: ManoeuvreSearch | None = None  # moves where there is no space to turn
 
     def search_moves(self, context: PlanningContext) -> str:
         """Without a plan, why to stand while moves are searched for; else the context has them."""
@@ -136,13 +129,11 @@ class Following:
 
     previous_control: Array  # control commanded last, shape ``(r,)``
     commanded_at: int = 0  # time stamp that this command answers [ns]
-    # commands by which it can be stopped, checked; shape ``(K, r)``
-    ramp: Array = field(default_factory=lambda: NO_RAMP)
+    ramp: Array = field(default_factory=lambda: NO_RAMP)  # checked commands to stop it ``(K, r)``
     plan: Plan | None = None  # the plan that is followed, if any
     standby: Plan | None = None  # a plan that is improved while the robot waits
     failures: int = 0  # failed control steps in a row
-    # largest speed at which a car may come to the goal; infinite for any [m/s]
-    end_speed: float = math.inf
+    end_speed: float = math.inf  # largest speed of a car at the goal; infinite for any [m/s]
     refuge: tuple[float, float] | None = None  # where the robot makes way to, if it does (x, y) [m]
     waited: int = 0  # number of steps for which it has waited there
 
@@ -175,8 +166,7 @@ class LawState:
     sighted: int | None = None  # time stamp of the seen grid [ns]; None without sensors
     clock: Clock = field(default_factory=Clock)  # time of the run
     lateness: Lateness = field(default_factory=Lateness)  # control steps that took too long
-    # the last observation and the decision on it; None before
-    last: tuple[Observation, Decision] | None = None
+    last: tuple[Observation, Decision] | None = None  # observation and decision; None before
 
     @classmethod
     def begin(cls, settings: LawSettings, world: World, run: int, revision: int) -> LawState:

@@ -28,8 +28,7 @@ class Searched(NamedTuple):
 
     seen: GridObstacle | None = None  # grid seen then; None for none
     kept: KeptLine | None = None  # the path before, while that is open; of a map none
-    # relative improvement required of another path while the present one is open
-    hysteresis: float = 0.1
+    hysteresis: float = 0.1  # relative improvement required of another path while it is open
     blocked: tuple[tuple[float, float], ...] = ()  # places that did not fit in this run (x, y) [m]
     is_another: bool = False  # true if the path found differs from the one before
 

@@ -11,8 +11,7 @@ from typing import Any, Final
 from cmpsp_ros.parameters.errors import ParameterError, Problem, Problems, describe
 from cmpsp_ros.parameters.parameter import Parameter
 
-Values = dict[str, Any]
-"""A complete set, by key: every value is of the type that its parameter in the table says."""
+Values = dict[str, Any]  # a complete set by key, each value of its parameter's type
 
 _NAME: Final = re.compile(r'[A-Za-z][A-Za-z0-9_]*')
 _OF_ROS: Final = re.compile(r'use_sim_time|start_type_description_service|qos_overrides\..*')

@@ -29,8 +29,7 @@ _ROUNDING: Final = 1e-9
 
 _POINTS: Final = 400  # number of points of an outline, about
 
-_FINEST: Final = 10
-"""Slices of the longer side, at most, where discs may not reach far beyond a footprint."""
+_FINEST: Final = 10  # most slices of the longer side, where discs may not reach far beyond
 
 
 @dataclass(frozen=True)
@@ -121,17 +120,12 @@ def placed(points: Array, pose: Array) -> Array:
 
 
 def covered(corners: Sequence[Point], excess: float = 0.0) -> tuple[Footprint, float]:
-    """A polygon covered by as few equal discs in a row as are little wider than it.
+    """A polygon covered by as few equal discs in a row as are little wider than it; their radius.
 
     It is cut into slices of equal length, and each disc contains the corners of its slice. The row
-    lies along the robot: a gap is driven through in that direction. With an excess, rows side by
-    side cover the outline.
-
-    Args:
-        corners: Of a polygon that does not cross itself, in either sense of rotation [m].
-        excess: Distance by which discs may reach beyond the polygon; 0 for one row [m].
-
-    Returns footprint and radius of the discs [m]; ValueError where they are too many.
+    lies along the robot: a gap is driven through in that direction. With an `excess` by which discs
+    may reach beyond the polygon [m], rows side by side cover the outline; ValueError if they are
+    too many. The polygon does not cross itself, and has either sense of rotation [m].
     """
     points = np.array(corners, dtype=float)
     after = np.roll(points, -1, axis=0)

@@ -26,8 +26,7 @@ _FREE, _OCCUPIED = int(Cell.FREE), int(Cell.OCCUPIED)
 
 _UNSEEN = 2.0  # width of the strip around the footprint that no beam need ever pass [cells]
 
-_BESIDE = 0.25
-"""Distance from the end of an earlier beam at which another one shows that it is gone [cells]."""
+_BESIDE = 0.25  # distance from an earlier beam's end at which another shows it gone [cells]
 
 _BEYOND = 4.0  # distance by which that beam must go on [cells]: one that grazes a wall does not
 

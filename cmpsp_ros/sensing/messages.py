@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from cmpsp_ros.sensing.beams import ScanError, Sensor, Sight
 from cmpsp_ros.world.grids import Cell, Cells, GridError, OccupancyGrid, check_size
 
-FARTHEST: Final = 1e8
-"""Coordinates beyond which squares and differences lose their meaning; no place on Earth [m]."""
+FARTHEST: Final = 1e8  # beyond, squares and differences lose their meaning [m]
 
 _SCAN_NUMBERS: Final = (
     'angle_min',
@@ -57,11 +56,10 @@ def sight_of(message: Any, sensor: Sensor) -> Sight:
     A beam of a cloud to the floor, beyond the reach or above all heights that count shows as much
     free space as one to an obstacle: only within reach and at heights that count. Above and below
     them it may pass over an obstacle, or down a staircase. A cloud does not say where the sensor
-    has looked in vain.
+    looked in vain.
 
-    Raises:
-        ScanError: It is in another frame, its header or layout is inconsistent, it has too many
-            points, or nothing in it is known.
+    ScanError if it is in another frame, inconsistent, of too many points, or nothing in it is
+    known.
     """
     sensor.check_frame(message)
     return _scan(message, sensor) if sensor.type == 'scan' else _cloud(message, sensor)
@@ -185,9 +183,8 @@ def points_of(message: Any, floats: Sequence[str], integers: Sequence[str], name
 def grid_of(message: Any, frame_id: str, lethal: int = LETHAL) -> OccupancyGrid:
     """Grid of a `nav_msgs/OccupancyGrid` of any origin and resolution, occupied from `lethal` on.
 
-    Raises:
-        GridError: It is in another frame, its data do not fit its size, its resolution is not a
-            positive number, or its origin is not finite, not flat or no place on Earth.
+    GridError if it is in another frame, its data do not fit its size, its resolution is not
+    positive, or its origin is not finite, not flat or no place on Earth.
     """
     found = message.header.frame_id
     if found != frame_id:
@@ -205,8 +202,7 @@ def grid_of(message: Any, frame_id: str, lethal: int = LETHAL) -> OccupancyGrid:
 def updated(grid: OccupancyGrid, message: Any, lethal: int = LETHAL) -> OccupancyGrid:
     """A grid after a `map_msgs/OccupancyGridUpdate`; `lethal` as of `grid_of`.
 
-    Raises:
-        GridError: It has no cells, other data than its size says, or is not within the grid.
+    GridError if it has no cells, other data than its size says, or is not within the grid.
     """
     shape = int(message.height), int(message.width)
     check_size(shape)

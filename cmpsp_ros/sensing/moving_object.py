@@ -11,14 +11,10 @@ from cmpsp_ros.sensing.track import Track
 _NS: Final = 1_000_000_000
 _ASIDE: Final = 0.3
 """Distance from where it is expected at which one that was lost may be found (one sigma) [m]."""
-_SURPRISING: Final = 4.0
-"""Squared Mahalanobis distance beyond which an object does not move as expected."""
-_RISE, _FALL = 0.5, 0.1
-"""Fractions by which the radius follows greater and smaller ones that are seen."""
-_STILL_SPEED, _STILL_AFTER = 0.15, _NS
-"""Speed of what stands still [m/s], and time after which it is static again [ns]."""
-_FIRST_VELOCITY: Final = 1.0
-"""Standard deviation of a velocity that is not known yet [m/s]."""
+_SURPRISING: Final = 4.0  # squared Mahalanobis distance of an unexpected motion
+_RISE, _FALL = 0.5, 0.1  # fractions by which the radius follows greater and smaller ones
+_STILL_SPEED, _STILL_AFTER = 0.15, _NS  # of what stands still [m/s], and until it is static [ns]
+_FIRST_VELOCITY: Final = 1.0  # standard deviation of one not known yet [m/s]
 
 
 @dataclass

@@ -26,10 +26,8 @@ _TURNED: Final = math.radians(1.0)
 """Angle by which odometry may be wrong."""
 _DENSE, _SPAN, _SLOT = _NS * 55 // 100, _NS * 16 // 10, _NS // 4
 """Ages up to which all scans are kept, and one in each slot of time [ns]."""
-_OLDEST: Final = 6 * _NS
-"""Age up to which one in each second is kept, for places that no scan has shown since [ns]."""
-_BESIDE: Final = 2.0
-"""Distance up to which these count [m]: farther away odometry may have turned too far by then."""
+_OLDEST: Final = 6 * _NS  # age up to which one a second is kept, for places not shown since [ns]
+_BESIDE: Final = 2.0  # distance up to which these count [m]: odometry turns too far later
 _RECENT: Final = _SPAN / _NS
 _LONG_AGO: Final = 1.0
 """Age of a hit from which the thing that was hit stands still [s]."""

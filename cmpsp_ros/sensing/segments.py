@@ -13,16 +13,14 @@ from cmpsp_ros.mpsp.jit import allocation_free
 _GAP: Final = 0.1
 _GAP_BY_STEP: Final = 1.5
 """Distance of neighbours on one object [m], and by that of two beams at their range."""
-_HOLE: Final = 5.5
-"""Angle between neighbours on one object, in steps of the scanner: returns between may be lost."""
+_HOLE: Final = 5.5  # angle between neighbours on one object, in steps of the scanner
 _DEEP: Final = 0.1  # depth of the notch between two round objects that touch [m]
 _WIDE: Final = 0.8
 """Width above which a segment shows more than one person, and of each part then [m]."""
 _PERSON: Final = 0.6
 _LONG: Final = 2.5
 """Width from which it is a wall, which does not move [m]."""
-_LARGEST: Final = 0.6
-"""Radius of the largest disc that is one object [m]; what is larger is a wall or has parts."""
+_LARGEST: Final = 0.6  # radius of the largest object [m]; walls and what has parts are larger
 _FEWEST: Final = 3
 _LEG: Final = 0.15
 """Radius up to which a segment may be a leg [m]."""
@@ -40,13 +38,11 @@ class Segment(NamedTuple):
     left: float  # direction of its left edge, not less [rad]
     near: float  # distance of its nearest point [m]
     front: tuple[float, float]  # that point [m]
-    # whether what is left of it, and right of it, is hidden or out of view
-    is_cut: tuple[bool, bool]
+    is_cut: tuple[bool, bool]  # whether its left and its right side are hidden or out of view
     entered: int  # number of points in places that were just seen free
     static: int  # number of points where something has long stood
     radius: float  # radius of a disc that looks as wide from there [m]
-    # distances of the middles of the legs that it shows [m]; none for a body
-    legs: tuple[float, ...] = ()
+    legs: tuple[float, ...] = ()  # distances of the middles of its legs [m]; none for a body
 
     @property
     def has_entered(self) -> bool:
@@ -79,15 +75,10 @@ def segments_of(
 ) -> list[Segment] | None:
     """Segments that may be people, or parts of something larger that moves; no walls.
 
-    None stands for a scan in which walls seem to have moved: odometry has jumped.
-
-    Args:
-        origin: Place of the sensor, shape ``(2,)`` [m].
-        points: Hits, shape ``(P, 2)`` [m].
-        labels: `Label` of each, shape ``(P,)``.
-        movers: Discs where movers are expected (x, y, radius), shape ``(M, 3)`` [m].
-        view: Angle between two beams, and directions of its right and left edge, NaN of a view
-            all around [rad].
+    None stands for a scan in which walls seem to have moved: odometry has jumped. Hits ``(P, 2)``
+    are seen from `origin` ``(2,)``; `movers` are discs where they are expected (x, y, radius) ``(M,
+    3)`` [m]; the `view` has the angle between two beams, and directions of its edges, NaN of one
+    all around [rad].
     """
     if len(points) < _FEWEST:
         return []

@@ -32,8 +32,7 @@ _SPACING: Final = 0.7  # distance between the members of a group [m]
 _FROM_WALL, _SHORTEST, _ATTEMPTS = 0.1, 0.5, 16
 _LEG, _HALF_STANCE, _STRIDE, _SWING = 0.06, 0.1, 1.3, 0.16
 """Radius of a leg, half the distance of both, length of two steps, amplitude of a foot [m]."""
-_BRAKING: Final = 0.8
-"""Fraction of the acceleration limit that is planned for braking before walls and waypoints."""
+_BRAKING: Final = 0.8  # fraction of the acceleration limit planned before walls and waypoints
 _RELAXATION, _PUSH, _RANGE, _FORESIGHT, _ASIDE = 0.5, 4.0, 0.35, 3.0, 0.7
 """Social force: relaxation [s], size [m/s^2], decay with the gap [m], foresight [s], turn [rad]."""
 
@@ -206,33 +205,19 @@ def _formation(count: int) -> Array:
 
 @allocation_free
 def choose_velocities(
-    chosen: Array,
-    places: Array,
-    velocities: Array,
-    targets: Array,
-    people: Array,
-    edges: Array,
-    posts: Array,
-    robot: Array,
+    chosen: Array,  # ``(P, 2)`` [m/s]
+    places: Array,  # ``(P, 2)`` [m]
+    velocities: Array,  # those before, ``(P, 2)`` [m/s]
+    targets: Array,  # next waypoint of each, ``(P, 2)`` [m]
+    people: Array,  # radius, speed, 1 for giving way, and group, ``(P, 4)``
+    edges: Array,  # as of `cast`
+    posts: Array,  # discs, as of `cast`
+    robot: Array,  # centres of its discs ``(D, 2)`` [m]
     robot_radius: float,
-    limit: float,
-    duration: float,
+    limit: float,  # of accelerations [m/s^2]
+    duration: float,  # until then [s]
 ) -> None:
-    """Fill in velocities until the next step.
-
-    Args:
-        chosen: Where they go, shape ``(P, 2)`` [m/s].
-        places: Shape ``(P, 2)`` [m].
-        velocities: Those before, shape ``(P, 2)`` [m/s].
-        targets: Next waypoint of each, shape ``(P, 2)`` [m].
-        people: Radius, speed, 1 for giving way, and group of each, shape ``(P, 4)``.
-        edges: As of `cast`, like the posts.
-        posts: Discs.
-        robot: Centres of its discs, shape ``(D, 2)`` [m].
-        robot_radius: Their radius [m].
-        limit: Limit of accelerations [m/s^2].
-        duration: Time until then [s].
-    """
+    """Fill in velocities until the next step."""
     step = limit * duration
     for i in range(places.shape[0]):
         x, y, u, v = places[i, 0], places[i, 1], velocities[i, 0], velocities[i, 1]

@@ -100,10 +100,8 @@ class Plant:
 
         A controller with a period takes it at its next instant. It takes effect in `advance`, also
         when there is no delay. However the delay may vary, no command overtakes another.
-
-        Raises:
-            TwistError: The twist is not finite; the last one before stays in force.
-            ValueError: ``stamp_ns`` lies in the past, or before the command that came last.
+        TwistError, and the last one stays in force, if it is not finite; ValueError if ``stamp_ns``
+        is before now or the last command.
         """
         earliest_ns = max(self._now_ns, self._heard_ns)
         if stamp_ns < earliest_ns:

@@ -36,8 +36,7 @@ class OdometryErrors:
         'Rate at which the error of the measured pose grows (x, y, heading).')
     dropout: float = setting(0.0, '',
         'Probability that an odometry message is lost.', Range(0.0, 1.0, high_open=True))
-    # intervals [begin, end) since the start in which every message is lost [s]
-    dropout_windows: tuple[tuple[float, float], ...] = ()
+    dropout_windows: tuple[tuple[float, float], ...] = ()  # [begin, end) of lost odometry [s]
 
 
 @dataclass(frozen=True)

@@ -45,28 +45,16 @@ class GuidanceProblem(OptimalControlProblem):
     def __init__(
         self,
         robot: Robot,
-        space: FreeSpace,
-        weights: Weights,
-        pose: Array,
-        goal: Array,
-        durations: Array,
-        heading: float = math.nan,
+        space: FreeSpace,  # of the robot's discs at the samples
+        weights: Weights,  # those of rates are not used
+        pose: Array,  # ``(3,)`` [m, m, rad]
+        goal: Array,  # point to pass at the end ``(2,)`` [m]
+        durations: Array,  # of every step ``(N,)`` [s]
+        heading: float = math.nan,  # as in `PARAMETERS`, not for a `POINT` [rad]
         outputs: int = TerminalConstraint.POINT,
-        progress: float = math.nan,
+        progress: float = math.nan,  # as in `GuidanceData` [m]
     ) -> None:
-        """Set the problem up from a pose ``(3,)`` [m, m, rad].
-
-        Args:
-            robot: Kinematics and wheel-speed limit.
-            space: Free space of the robot's discs at the samples.
-            weights: Weights of the cost; those of its rates are not used.
-            pose: Present pose.
-            goal: Point to pass at the end, shape ``(2,)`` [m].
-            durations: Length of every step, shape ``(N,)`` [s].
-            heading: As in `PARAMETERS`; not used for a `TerminalConstraint.POINT` [rad].
-            outputs: A `TerminalConstraint`.
-            progress: As in `GuidanceData` [m].
-        """
+        """Set the problem up from a pose."""
         steps, things = len(durations), N_EDGE_CONSTRAINTS + len(space.first) - 1
         self.size = Dimensions(
             horizon=steps,
@@ -158,10 +146,8 @@ class CompiledProblem(NamedTuple):
 
     kind: tuple[object, ...]
     entries: Entries  # of the problem and the iteration
-    # addresses of the functions that `CONTROL_RATE` calls; None without it
-    inner: IntArray | None = None
-    # addresses of those that `CONTROL_JERK` calls; None without it
-    innermost: IntArray | None = None
+    inner: IntArray | None = None  # addresses of functions that `CONTROL_RATE` calls, if it does
+    innermost: IntArray | None = None  # addresses of those that `CONTROL_JERK` calls
 
 
 def problem_data(

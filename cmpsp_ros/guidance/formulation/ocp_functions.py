@@ -38,11 +38,9 @@ from cmpsp_ros.world.roads import road_functions
 
 Records = NDArray[np.void]
 
-N_EDGE_CONSTRAINTS = 2
-"""Path constraints of a disc at the road's edges; those at obstacles follow, then wheel speeds."""
+N_EDGE_CONSTRAINTS = 2  # path constraints of a disc at edges; then obstacles, then wheels
 
-WHEEL_ROUNDING: Final = 1e-6
-"""Distance of plans from a limit of wheel speeds that is a constraint, for rounding [rad/s]."""
+WHEEL_ROUNDING: Final = 1e-6  # distance of plans from a wheel limit, for rounding [rad/s]
 
 LATERAL_PART: Final = 0.99
 """Part of the lateral acceleration that plans use: iterations that are not at their end exceed it.
@@ -65,8 +63,7 @@ class TerminalConstraint(IntEnum):
     POSE = 3
 
 
-HEADING_SCALE: Final = 0.02
-"""Weight of a radian of heading relative to a metre of distance in the terminal error [m]."""
+HEADING_SCALE: Final = 0.02  # weight of a radian, relative to a metre, in the terminal error [m]
 
 
 PARAMETERS: Final = np.dtype(

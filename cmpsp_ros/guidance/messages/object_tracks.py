@@ -19,15 +19,12 @@ from cmpsp_ros.sensing import MotionFilter, Track, TrackSource, stamp_of
 
 _GATE: Final = 9.21  # squared Mahalanobis distance that 99 % of true pairs in a plane have at most
 
-_AGILITY: Final = 0.1
-"""Power spectral density of the accelerations of an object that is detected [m^2/s^3]."""
-_SPEED: Final = 1.0
-"""Standard deviation of its velocity when it is detected first, along each axis [m/s]."""
+_AGILITY: Final = 0.1  # power spectral density of accelerations of a detection [m^2/s^3]
+_SPEED: Final = 1.0  # standard deviation of its velocity at first, along each axis [m/s]
 _EXACT: Final = 0.01  # smallest standard deviation of a place that is filtered [m]
 _SAME: Final = 13.28
 """Squared Mahalanobis distance of place and velocity that 99 % of true pairs have at most."""
-_CENTER: Final = 0.5
-"""Part of its radius by which two sources may see the centre of an object apart (one sigma)."""
+_CENTER: Final = 0.5  # part of its radius by which two sources see its centre apart (sigma)
 _VELOCITY: Final = 0.3  # as much for its velocity [m/s]
 _ACCELERATION: Final = 1.0  # acceleration of an object since it was seen (one sigma) [m/s^2]
 _HYSTERESIS: Final = 2.0
@@ -51,14 +48,10 @@ class ObjectTracks:
     def tracks_of(self, message: Any, there: Array, motion: Array, timeout: float) -> list[Track]:
         """Tracks in a message, in the frame of the course.
 
-        Args:
-            message: Of the type of the source.
-            there: Pose of its frame in that of the course, shape ``(3,)`` [m, m, rad].
-            motion: Velocity of its frame ``(3,)`` [m/s, m/s, rad/s], for velocities relative to it.
-            timeout: Time after which an object that is not seen is forgotten [s].
-
-        Raises TrackError, and uses nothing, if an object is not finite, no place on Earth, or has a
-        negative radius or standard deviation.
+        `there` ``(3,)`` is the pose of the message's frame in that of the course [m, m, rad],
+        `motion` ``(3,)`` its velocity, for velocities relative to it; an object not seen for
+        `timeout` [s] is forgotten. TrackError, and no track, for an object that is not finite, no
+        place on Earth, or of a negative radius or standard deviation.
         """
         objects, stamp = objects_of(message, self._source.type), stamp_of(message)
         if len(objects) > MAX_TRACKS:

@@ -26,8 +26,7 @@ class TrackedObject(NamedTuple):
     x: float  # place [m]
     y: float  # place [m]
     radius: float  # radius that covers it [m]; 0 where the message has no extent
-    # along the axes of the frame [m/s]; None where the message has none
-    velocity: tuple[float, float] | None
+    velocity: tuple[float, float] | None  # in the frame [m/s]; None where the message has none
     position_stddev: float = 0.0  # worst axis [m]; 0 where the message has none
     velocity_stddev: float = 0.0  # worst axis [m/s]; 0 where the message has none
 
@@ -36,9 +35,7 @@ def objects_of(message: Any, kind: str) -> list[TrackedObject]:
     """Objects in a message of a type, such as `radar_msgs/msg/RadarTracks`.
 
     A name that occurs twice names nobody, as the id 0 of a costmap_converter that does not track.
-
-    Raises:
-        TrackError: An object is in another frame than the message, or the message is inconsistent.
+    TrackError for an object in another frame than the message, or an inconsistent message.
     """
     found = list(_CONVERTERS[kind](message))
     names = [each.name for each in found]

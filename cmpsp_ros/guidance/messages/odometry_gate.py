@@ -14,8 +14,7 @@ from cmpsp_ros.robots import Robot
 
 _OVERSPEED: Final = 1.25  # ratio of the speed that odometry may show to the limit of the wheels
 
-_TURN_PER_METER: Final = 2.0
-"""Tolerated jump of the heading per tolerated jump of the position [rad/m]."""
+_TURN_PER_METER: Final = 2.0  # tolerated jump of the heading for one of the position [rad/m]
 
 
 class Arrival(Enum):
@@ -69,11 +68,8 @@ class OdometryGate:
         """Take a pose ``(3,)`` [m, m, rad] at a time [ns], unless it is older than the newest.
 
         Time has jumped back where the newest does not fit the clock any more. After a fault older
-        odometry must be consistent as well.
-
-        Raises:
-            OdometryError: It does not fit the clock, or the wheels cannot have moved the robot
-                there; the next is compared with this pose.
+        odometry must be consistent as well. OdometryError if it does not fit the clock, or the
+        wheels cannot have moved the robot there; the next is compared with this pose.
         """
         before = stamp if self.newest is None else self.newest
         pose_before = pose if self._pose is None else self._pose

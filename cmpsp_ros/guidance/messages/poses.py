@@ -38,9 +38,8 @@ class OdometryReading(NamedTuple):
     def pose_in(self, frame_id: str) -> Array:
         """Planar pose ``(x, y, heading)`` [m, m, rad] in the frame that it must be in.
 
-        Raises:
-            OdometryError: It is in another frame, is not finite, has no orientation, or is no
-                place on Earth.
+        OdometryError if it is in another frame, not finite, without orientation, or no place on
+        Earth.
         """
         check_frame('Odometry is', self.frame_id, frame_id, OdometryError)
         (x, y), length = self.position, math.sqrt(sum(each * each for each in self.orientation))
@@ -59,8 +58,7 @@ class OdometryReading(NamedTuple):
 def goal_of(message: Any, frame_id: str) -> tuple[int, Goal]:
     """Time stamp [ns] and goal of a PoseStamped without its time; zeros mean any orientation.
 
-    Raises:
-        GoalError: It is in another frame, is not finite, or has an orientation that is none.
+    GoalError if it is in another frame, is not finite, or has an orientation that is none.
     """
     check_frame('The goal is', message.header.frame_id, frame_id, GoalError)
     position, q = message.pose.position, message.pose.orientation

@@ -1,10 +1,8 @@
 """Moving obstacles and other robots as messages report them.
 
-Obstacles arrive as `sensor_msgs/PointCloud2`, a point each, as trackers and radars publish them:
-fields ``x`` and ``y`` [m], ``vx`` and ``vy`` [m/s], ``radius`` [m] and ``id``, a whole number; with
-``position_stddev`` [m] and ``velocity_stddev`` [m/s] where the tracker knows them.
-Another robot publishes its plan as `nav_msgs/Path`, each pose with the time when it should be
-there, as `~/predicted_path` is; at rest it publishes one pose.
+Obstacles arrive as `sensor_msgs/PointCloud2`, a point each, with the fields of
+``doc/user/obstacles.md``. Another robot publishes its plan as `nav_msgs/Path`, each pose with the
+time when it should be there.
 """
 
 from __future__ import annotations
@@ -47,9 +45,8 @@ class PeerTrajectory:
     def of(cls, message: Any, namespace: str, frame_id: str) -> PeerTrajectory:
         """The plan in a `nav_msgs/Path` of the robot with this namespace.
 
-        Raises:
-            TrackError: It is in another frame, has no pose, or one that is not finite or no place
-                on Earth, or times that do not increase.
+        TrackError if it is in another frame, has no pose, one that is not finite or no place on
+        Earth, or times that do not increase.
         """
         whose = f'The plan of {namespace}'
         check_frame(f'{whose} is', message.header.frame_id, frame_id, TrackError)
@@ -155,10 +152,9 @@ class Tracks(Generic[Report]):
 def tracks_of(message: Any, frame_id: str) -> list[Track]:
     """The obstacles in a `sensor_msgs/PointCloud2`.
 
-    Raises:
-        TrackError: It is in another frame, lacks a field, does not fit its own sizes, has two
-            obstacles of one number, or one that is not finite, farther or faster than anything on
-            Earth, or of negative radius; nothing of it is used then.
+    TrackError, and no obstacle, if it is in another frame, lacks a field, does not fit its own
+    sizes, has a number twice, or one that is not finite, farther or faster than anything on Earth,
+    or of negative radius.
     """
     check_frame('Obstacles are', message.header.frame_id, frame_id, TrackError)
     count, stamp = int(message.width) * int(message.height), stamp_of(message)

@@ -58,17 +58,10 @@ class Transforms:
                 known.poses.append(pose)
 
     def look_up(self, target: str, source: str, stamp: int, timeout: float) -> Array:
-        """Pose of the source frame in the target frame, shape ``(3,)`` [m, m, rad].
+        """Pose of the source frame in the target frame at `stamp` [ns], 0 for the latest, ``(3,)``.
 
         Between two instants it is interpolated; before the first and after the last that one holds.
-
-        Args:
-            target: Frame in which the pose is given.
-            source: Frame whose pose it is.
-            stamp: Time [ns]; 0 for the latest.
-            timeout: Largest distance of the nearest transform from that time [s].
-
-        Raises TransformError if it is not known for that time.
+        TransformError if the nearest is farther away than `timeout` [s].
         """
         chains = [self._ancestors(each) for each in (target, source)]
         common = next((each for each in chains[1] if each in chains[0]), None)

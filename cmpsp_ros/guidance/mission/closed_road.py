@@ -32,8 +32,7 @@ _LONGEST: Final = 4.0
 """Widths of the road along which a chain may lie: where a road crosses itself, a longer one may lie
 beside two parts of it."""
 
-_SHORTEST = 0.5
-"""Part of the arc length along the centre line that a way through bends has at least."""
+_SHORTEST = 0.5  # least part of the centre line's length that a way through bends has
 
 _SOON = 3 * NANOSECONDS  # time that the robot may take to come nearer [ns]
 
@@ -42,8 +41,7 @@ _SOON = 3 * NANOSECONDS  # time that the robot may take to come nearer [ns]
 class ClosedRoad:
     """Obstacles that close the road to the present goal, as far as it has been checked."""
 
-    # names of the obstacles between which there is no passage
-    obstacles: frozenset[str] = frozenset()
+    obstacles: frozenset[str] = frozenset()  # names of those that leave no passage between them
     goal: Point | None = None  # goal to which the road was checked (x, y) [m]; None for not at all
     wait_reason: str = ''  # reason to wait before them, a sentence; '' if none
     nearest: float = math.inf  # least distance from them so far [m]
@@ -91,10 +89,9 @@ class ClosedRoad:
 def closures(
     road: Road, obstacles: Sequence[Shape], start: Point, goal: Point, wanted: float
 ) -> Iterator[tuple[list[str], float]]:
-    """Obstacles between which no disc of diameter `wanted` [m] gets through from start to goal.
+    """Chains of obstacles between which no disc of diameter `wanted` [m] gets from start to goal.
 
-    Yields:
-        Names of the obstacles of each chain, none in two of them, and its widest gap [m].
+    With names, none of them in two chains, and widest gap of each [m].
     """
     if not road.has_center_line:
         return

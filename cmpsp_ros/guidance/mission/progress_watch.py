@@ -41,17 +41,13 @@ class ProgressWatch:
 
     steps: int = 0  # control steps without progress, since the last remedy
     remedy: Remedy = Remedy.NONE  # the last one tried
-    # pose at which it began to back out or to turn; None while it does neither
-    begun_at: Array | None = None
+    begun_at: Array | None = None  # pose where it began to back out or to turn; None if it does not
     refused: int = 0  # number of control steps in a row in which no such move was clear
     nearest: float = math.inf  # least length of the way to the goal so far [m]
-    # position at which the last progress was counted (x, y) [m]
-    stood_at: tuple[float, float] = (math.inf, math.inf)
+    stood_at: tuple[float, float] = (math.inf, math.inf)  # where it was at the last progress [m]
     is_closed: bool = False  # true while every way leads through a place that did not fit
-    # squares of the floor that it has been in
-    visited: set[tuple[int, int]] = field(default_factory=set)
-    # positions driven through, the latest last (x, y) [m]
-    trail: list[tuple[float, float]] = field(default_factory=list)
+    visited: set[tuple[int, int]] = field(default_factory=set)  # squares of the floor
+    trail: list[tuple[float, float]] = field(default_factory=list)  # positions, the last one last
     driven: float = 0.0  # length of all that was driven, but for backing out [m]
 
     def drive(self, pose: Array) -> None:

@@ -49,8 +49,7 @@ class SolveResult(NamedTuple):
     active_rows: int  # constraints active in the last one
     reason: str  # status of the last one, in words
     work: int = 0  # visits of a stage that the iterations took; 0 if they are not counted
-    # whether too little time is left to come to rest within the limit of jerk
-    brakes_late: bool = False
+    brakes_late: bool = False  # whether there is no time left to come to rest within the jerk limit
 
 
 class Candidate(NamedTuple):
@@ -120,8 +119,7 @@ class Score(NamedTuple):
     slack: float = 0.0  # amount of slack, where nothing else is measured [m]; otherwise 0
     turns: int = 0  # number of times it winds around itself
     blind: bool = False  # whether it drives backward to where nothing has been seen
-    # fraction of the time left that it could do without at full speed; at most `_ENOUGH`
-    reserve: float = 0.0
+    reserve: float = 0.0  # fraction of the time left to spare at full speed; at most `_ENOUGH`
     cost: float = 0.0  # cost (95) of its path and its controls, without the proximal term
 
     @property
@@ -185,7 +183,7 @@ class Ranking:
             elastic=result.elastic,
             turns=_turns(winding),
             blind=drives_blind(self._settings, candidate.plan, start),
-            reserve=min(self._reserve(candidate.plan), _ENOUGH),
+            reserve=min(reserve(candidate.plan, self._settings.robot.kinematics), _ENOUGH),
             cost=self._cost(candidate.plan, start.previous_control, off_center),
         )
 
@@ -198,20 +196,9 @@ class Ranking:
             candidate.verdict.worst_margin < -_TOUCH
             or candidate.terminal_error > self._goal_tolerance
             or _turns(_along(plan.poses, start.world.road_space)[0]) > 0
-            or self._reserve(plan) < _SCARCE
+            or reserve(plan, self._settings.robot.kinematics) < _SCARCE
             or (start.world.seen is not None and drives_blind(self._settings, plan, start))
         )
-
-    def _reserve(self, plan: Plan) -> float:
-        """Fraction of the time left that a plan could do without at full speed; 1 if unlimited.
-
-        With wheel speeds w: 1 - sum_k max_i |w_ki| dt_k / (w_max T). Nothing in the cost keeps any
-        time.
-        """
-        edges, robot = plan.horizon.edges, self._settings.robot.kinematics
-        needed = _turned(plan.controls, plan.horizon.durations, robot)
-        left = (edges.item(-1) - edges.item(0)) / NANOSECONDS
-        return 1.0 - needed / robot.max_wheel_speed / left
 
     def _cost(self, plan: Plan, previous_control: Array, off_center: float) -> float:
         """Cost (95) without its proximal term, with the weights of controls and their changes."""
@@ -223,6 +210,18 @@ class Ranking:
             changes = np.diff(controls, axis=0, prepend=previous_control[None])
             cost += weights.control_rate * float((changes**2).sum())
         return cost / 2.0
+
+
+def reserve(plan: Plan, robot: Kinematics) -> float:
+    """Fraction of the time left that a plan could do without at full speed; 1 if unlimited.
+
+    With wheel speeds w: 1 - sum_k max_i |w_ki| dt_k / (w_max T). Nothing in the cost keeps any
+    time.
+    """
+    edges = plan.horizon.edges
+    needed = _turned(plan.controls, plan.horizon.durations, robot)
+    left = (edges.item(-1) - edges.item(0)) / NANOSECONDS
+    return 1.0 - needed / robot.max_wheel_speed / left
 
 
 def _turns(winding: float) -> int:

@@ -36,8 +36,7 @@ _ATTEMPTS: Final = 6  # attempts in a call: they bound its work, which takes 10 
 _MAX_ATTEMPTS: Final = 600
 _NEAR: Final = 8.0
 """Distance, in lengths, from which moves are searched for a robot that turns on the spot."""
-_STROKES: Final = 0.05, 0.025, 0.0125
-"""Lengths of a move, in turning radii: shorter ones are for where no path of longer ones fits."""
+_STROKES: Final = 0.05, 0.025, 0.0125  # lengths of a move, in turning radii, the longest first
 _TOO_DEEP: Final = 0.05  # depth of a path in margins that no iterations are trusted to lead out [m]
 _SAME: Final = 0.05  # distance, in turning radii, and angle up to which a pose is the same [rad]
 _FEW: Final = 3  # paths of an attempt that are checked

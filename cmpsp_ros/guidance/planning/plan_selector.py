@@ -239,7 +239,14 @@ class PlanSelector:
         improver.begin_step(context)
         # The plan that is followed comes first; the others share the work that it leaves.
         guess, first = self._guesses_of(context)
-        warm = improver.improve(selection.pool.followed, guess, context, generosity=_GENEROUS)
+        has_others = first is not None and len(first) > 1
+        warm = improver.improve(
+            selection.pool.followed,
+            guess,
+            context,
+            generosity=1 if has_others else _GENEROUS,
+            most_work=improver.work_left // 2 if has_others else None,
+        )
         if selection.limit == 1:
             return selection.only(warm, context)
         if context.plan is not None:
@@ -273,7 +280,7 @@ class PlanSelector:
         """Improve a plan that ends earlier or later, and follow it if it is accepted."""
         pool, improver = self._selection.pool, self.improver
         planner, left = pool.take(), improver.work_left
-        improver.work_left = granted = max(left // 2, min(left, improver.work_limit // 8))
+        improver.work_left = granted = max(left // 2, improver.work_limit // 8)
         guess = improver.guess_from(plan, context)
         found = improver.improve(planner, guess, context, SCREENING)
         improver.work_left += left - granted

@@ -66,11 +66,10 @@ class _Counters(NamedTuple):
 
 
 class Planner:
-    """Improves control histories.
+    """Improves control histories, one planner for each that is improved side by side with others.
 
-    One for every plan that is improved side by side with others. It keeps memory for the longest
-    horizon, and the active constraints of its last plan to warm-start the next one; they change
-    the path to the solution of a subproblem, not the solution.
+    It keeps memory for the longest horizon, and the active constraints of its last plan: a warm
+    start changes the path to the solution of a subproblem, not the solution.
     """
 
     def __init__(
@@ -119,18 +118,11 @@ class Planner:
     def improve(
         self,
         context: PlanningContext,
-        guess: Array,
+        guess: Array,  # ``(N + 1, r)``
         iterations: int | None = None,
-        work_limit: int = UNLIMITED,
+        work_limit: int = UNLIMITED,  # visits of a stage after which a subproblem is given up
     ) -> SolveResult:
-        """Run iterations from a guess ``(N + 1, r)``.
-
-        Args:
-            context: The control step.
-            guess: Controls to start from.
-            iterations: Maximum number; by default that of a control step.
-            work_limit: Visits of a stage after which a subproblem is given up.
-        """
+        """Run iterations from a guess, by default as many as in a control step."""
         limit = iterations or self._formulation.settings.solver.iterations_per_step
         horizon, steps = context.horizon, len(context.horizon.durations)
         target = context.goal if steps > 1 else context.target

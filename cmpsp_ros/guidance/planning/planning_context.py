@@ -37,8 +37,7 @@ from cmpsp_ros.world.roads import remaining_arc_length
 _WORTH_WHILE: Final = 0.05
 _FRACTION: Final = 0.1
 """Gain that makes a plan worth driving [m], and its limit as a fraction of the wheels' reach."""
-_SOON: Final = NANOSECONDS
-"""Time within which it must gain that: later gains may be only what it loses first [ns]."""
+_SOON: Final = NANOSECONDS  # time within which it must gain that: later it may be regained [ns]
 
 
 @dataclass(frozen=True)
@@ -73,8 +72,7 @@ class PlanningContext:
     pending: Validation | None = None  # validation on the path to the start, if there is one
     halvings: int = 0  # number of times that the work of the step is halved
     delay: int = 0  # time from a command to its effect [ns]
-    # largest speed of a car at the end of a plan; infinite for none [m/s]
-    end_speed: float = math.inf
+    end_speed: float = math.inf  # largest speed of a car at the end; infinite for none [m/s]
     ends_at_rest: bool = False  # whether the command after the last may be that of rest
     moves: Path = ()  # moves to the goal that have been searched for; empty for none
 

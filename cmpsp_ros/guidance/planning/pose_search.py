@@ -21,8 +21,7 @@ from cmpsp_ros.world import SpaceData
 from cmpsp_ros.world.obstacles import distance_from
 from cmpsp_ros.world.roads import road_functions
 
-_CELL: Final = 1.0 / 1.5
-"""Size of the cells in which one pose is kept for a heading and a direction, in strokes."""
+_CELL: Final = 1.0 / 1.5  # size of the cells with one pose a heading and direction, in strokes
 _UNIT: Final = 400.0
 _CUSP: Final = 400
 """Cost of a change of direction."""
@@ -40,8 +39,7 @@ class Surroundings(NamedTuple):
     """Space to keep to, and moves, for compiled code."""
 
     space: SpaceData
-    # depth in what is kept from things that the start or the goal has, and every pose may have [m]
-    depth: float
+    depth: float  # allowed depth in what is kept from things: that of start or goal [m]
     radius: float  # turning radius; of a robot that turns on the spot, a length [m]
     turns_on_the_spot: bool  # whether it does
     stroke: float  # length of a move, and the turn of one that is no straight line [rad]

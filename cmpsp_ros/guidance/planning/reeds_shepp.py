@@ -28,10 +28,8 @@ _TURNS: Final = {'L': LEFT, 'S': STRAIGHT, 'R': RIGHT}
 _QUARTER: Final = math.pi / 2.0
 _WIDER: Final = 1.1
 """Turning radius of a guess, relative to the smallest: the steering needs time."""
-_NEAR: Final = 8.0
-"""Distance along the road from which a robot turns to the goal, else to the road half as far."""
-_STRAIGHT_IN: Final = (0.0, 2.0, -2.0)
-"""Straight ends of paths to a pose: a bay is entered along its heading."""
+_NEAR: Final = 8.0  # distance along the road from which it turns to the goal, not the road
+_STRAIGHT_IN: Final = (0.0, 2.0, -2.0)  # straight ends of paths to a pose, as into a bay
 _REVERSAL: Final = 1.0  # cost of a change of direction
 _OF_PACE: Final = 0.6  # speed of a guess before it reaches the road, relative to the pace
 _PIECE: Final = 0.2  # length of the pieces that are checked for collisions

@@ -25,8 +25,7 @@ from cmpsp_ros.world import FreeSpace
 from cmpsp_ros.world.obstacles import MovingDiscs
 from cmpsp_ros.world.roads import Point
 
-_CELLS: Final = 16
-"""Cells of the grid from the robot to its border, and times at which it is looked at."""
+_CELLS: Final = 16  # cells from the robot to the grid's border, and times looked at
 _ROOM, _SOONEST, _LATEST = 2.0, 3.0, 6.0
 """Distance that a robot can retreat in the time that is looked ahead [m], and its limits [s]."""
 _LONG: Final = 15.0  # time from which on a place is as good as one for good [s]

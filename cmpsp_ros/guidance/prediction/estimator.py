@@ -32,11 +32,9 @@ from cmpsp_ros.world.roads import project_on_path
 
 AT_REST: Final = np.zeros(2)
 
-_ASTRAY: Final = 0.2
-"""Largest standard deviation of the position of somebody seen that plans take [m]."""
+_ASTRAY: Final = 0.2  # largest standard deviation of a place in sight that plans take [m]
 
-_NOTHING: Final = np.empty((0, 0)), np.empty(0)
-"""Controls that a robot without a delay is driven by until a new one takes effect."""
+_NOTHING: Final = np.empty((0, 0)), np.empty(0)  # no controls, without a delay
 
 
 def as_expected(tracks: Sequence[MovingObject], period: float) -> tuple[MovingObject, ...]:
@@ -76,17 +74,13 @@ class PlanStart(NamedTuple):
     pose: Array  # pose, shape ``(3,)`` [m, m, rad]
     robot: Robot  # kinematics, with the slip that is estimated
     world: World  # road and static obstacles
-    # moving obstacles, from then on, as large as plans take them
-    moving: MovingDiscs = NOTHING_MOVES
-    # arc length along the road of a place near the pose, NaN if not needed [m]
-    progress: float = math.nan
+    moving: MovingDiscs = NOTHING_MOVES  # moving obstacles from then on, as plans take them
+    progress: float = math.nan  # of a place near the pose, NaN if not needed [m]
     previous_control: Array = AT_REST  # control commanded until then, shape ``(r,)``
-    # all places that the same obstacles may reach, and then those of people who have stopped
-    reachable: MovingDiscs = NOTHING_MOVES
+    reachable: MovingDiscs = NOTHING_MOVES  # all that they, and people who have stopped, may reach
     among_people: bool = False  # whether anything that moves was seen in this run
     touchable: MovingDiscs = NOTHING_MOVES  # those of `reachable`, as large as they were seen
-    # difference of that control from the one before ``(r,)``; 0 after a stop, free in jerk
-    previous_change: Array = AT_REST
+    previous_change: Array = AT_REST  # its difference from the one before ``(r,)``; 0 after a stop
 
     def followed(self, settings: LawSettings, controls: Array, durations: Array) -> Array:
         """Controls ``(N + 1, r)`` slowed down until the wheels follow them from this start.
@@ -112,8 +106,7 @@ class Estimate(NamedTuple):
 
     here: PlanStart
     start: PlanStart  # the initial state of a plan
-    # controls in effect from here to there, ``(K, r)``, each for so long ``(K,)`` [s]
-    under_way: tuple[Array, Array]
+    under_way: tuple[Array, Array]  # controls in effect from here to there, and durations [s]
     delay: int  # from a command to its effect, with the lag that is estimated [ns]
     model_changed: bool  # whether the slip is another one now
 

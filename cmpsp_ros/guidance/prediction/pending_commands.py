@@ -15,8 +15,7 @@ import numpy as np
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.times import NANOSECONDS
 
-_REMEMBERED: Final = 5 * NANOSECONDS
-"""Age of the oldest command that is kept beside the one before it [ns]."""
+_REMEMBERED: Final = 5 * NANOSECONDS  # age of the oldest command kept, beside one before it [ns]
 
 _TWISTS: Final = 64  # number of twists that are kept
 

@@ -40,8 +40,7 @@ class Response(NamedTuple):
 class Risk(NamedTuple):
     """Responses of the robot other than the one that plans assume."""
 
-    # quickest, slowest, and one between; none while odometry agrees with settings without lag
-    responses: list[Response]
+    responses: list[Response]  # quickest, slowest, one between; none while the settings hold
     error: float  # bound of the prediction error that the response in use leaves [m]
     remark: str  # reason to drive more slowly
 
@@ -71,26 +70,21 @@ def settle(
 
 @allocation_free
 def put_misfits(
-    misfits: Array,
-    delays: Array,
-    lags: Array,
-    times: Array,
-    commands: Array,
-    duration: float,
-    before: Array,
-    after: Array,
+    misfits: Array,  # ``(C,)`` [m^2]
+    delays: Array,  # ``(C,)`` [s]
+    lags: Array,  # ``(C,)`` [s]
+    times: Array,  # as of `settle` ``(K,)`` [s]
+    commands: Array,  # as of `settle` ``(K + 1, r)``
+    duration: float,  # of the period [s]
+    before: Array,  # pose ``(3,)``
+    after: Array,  # pose ``(3,)``
     half_track: float,
     robot: Kinematics,
-    poses: Array,
-    control: Array,
-    effective: Array,
+    poses: Array,  # memory ``(2, 3)``
+    control: Array,  # memory ``(1, r)``
+    effective: Array,  # memory ``(r,)``
 ) -> None:
-    """Squared distance between odometry and where each response leads in a control period.
-
-    Fills `misfits` ``(C,)`` [m^2] for `delays` and `lags` ``(C,)`` [s]; `times` ``(K,)`` [s] and
-    `commands` ``(K + 1, r)`` as of `settle`; poses `before` and `after` ``(3,)``. Memory: `poses`
-    ``(2, 3)``, `control` ``(1, r)``, `effective` ``(r,)``.
-    """
+    """Squared distance between odometry and where each response leads in a control period."""
     count = times.shape[0]
     for c in range(misfits.shape[0]):
         delay, lag, now = delays[c], lags[c], -duration

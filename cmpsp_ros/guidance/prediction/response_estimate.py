@@ -1,18 +1,15 @@
 """Estimate of the robot's response to commands, from predictions compared with odometry.
 
-A response is a delay ``d`` from a command's stamp to its effect, and a first-order lag ``T`` behind
-it. At each control step the pose predicted for it by the response in use is compared with odometry.
-While they agree, nothing else is done. Once they do not, all responses within the bounds that the
-settings give are tried side by side: each leads from where odometry was to where it should be now,
-and the squared distances sum up to a misfit ``S`` of each. With ``n`` periods and errors of
-``sigma`` each, a response is possible as long as
+A response is a delay from a command's stamp to its effect, and a first-order lag behind it. Once
+odometry contradicts the one in use, all within the bounds of the settings are tried side by side:
+each leads from where odometry was to where it should be now, and the squared distances sum up to
+its misfit ``S``. With ``n`` periods and errors of ``sigma`` each, a response is possible as long as
 
-    S - min S <= (5 sigma)^2,   sigma^2 = max(min S, n (2 mm)^2) / (n - 1)
+    S - min S <= (5 sigma)^2,   sigma^2 = max(min S, n (2 mm)^2) / (n - 1),
 
-which is the likelihood-ratio interval of five standard deviations. The settings are replaced by the
-likeliest response when they are beyond three and it leaves at most a tenth of their misfit: slip, a
-push, or wheels that speed up slowly are no delay. The variation of the delay from command to
-command (jitter) is taken from the periods one by one.
+a likelihood-ratio interval of five standard deviations. The likeliest replaces the settings when
+they are beyond three and it leaves at most a tenth of their misfit: slip, a push, or wheels that
+speed up slowly are no delay. The jitter is taken from the periods one by one.
 """
 
 from __future__ import annotations
@@ -32,25 +29,21 @@ from cmpsp_ros.robots import Robot
 
 _UNNOTICED: Final = 0.002  # error of a prediction that is always allowed for [m]
 
-_EXPLAINS: Final = 0.1
-"""Part of the misfit of the settings that the likeliest response may leave, to replace them."""
+_EXPLAINS: Final = 0.1  # part of the settings' misfit that a response may leave to replace them
 
 _STAYS: Final = 0.4  # the same once they have been replaced
 
-_SLOWS: Final = 0.05
-"""Error of predictions that slows the robot down where no response explains it [m]."""
+_SLOWS: Final = 0.05  # error of predictions that slows the robot down, if unexplained [m]
 
 _POSSIBLE: Final = 5.0  # standard deviations up to which a response is possible
 
-_EXPLAINED: Final = 2.0
-"""Standard deviations up to which a response explains a single control period."""
+_EXPLAINED: Final = 2.0  # standard deviations up to which a response explains one period
 
 _IN_USE: Final = 3.0  # standard deviations up to which the response in use stays
 
 _FORGETTING: Final = 0.95  # weight that a period keeps when the next one with information comes
 
-_DECAY: Final = 0.9
-"""Part of the error bound that is left after a control period without such an error."""
+_DECAY: Final = 0.9  # part of the error bound that is left after a period without such error
 
 _FADING: Final = 0.98  # the same of the jitter, without such a deviation
 

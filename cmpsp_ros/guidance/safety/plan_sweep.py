@@ -1,4 +1,4 @@
-"""The sweep of a plan, arc by arc, past everything that it must not touch: compiled code."""
+"""The sweep of a plan, arc by arc, past all that it must not touch; its clearance for displays."""
 
 from __future__ import annotations
 
@@ -9,7 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.arrays import Array
+from cmpsp_ros.guidance.decision import Decision
 from cmpsp_ros.guidance.formulation.ocp_functions import N_EDGE_CONSTRAINTS
+from cmpsp_ros.guidance.prediction.estimator import ObstacleTracker, as_expected, within_reach
+from cmpsp_ros.guidance.settings import LawSettings
+from cmpsp_ros.guidance.times import NANOSECONDS
+from cmpsp_ros.guidance.world import World
 from cmpsp_ros.mpsp.jit import allocation_free
 from cmpsp_ros.robots.motion import (
     Kinematics,
@@ -42,8 +47,7 @@ class PlanSweep(NamedTuple):
     others: float  # the same from all other obstacles
 
 
-SWEEP: Final = np.dtype([(name, np.float64) for name in PlanSweep._fields])
-"""A `PlanSweep` for compiled code."""
+SWEEP: Final = np.dtype([(name, np.float64) for name in PlanSweep._fields])  # the same, compiled
 
 # With `safety.between_samples` off only the samples are held clear, and an active constraint is
 # met there to the accuracy of a linearisation.
@@ -52,33 +56,19 @@ _SAMPLE_TOLERANCE = 1e-3
 
 @allocation_free
 def sweep_plan(
-    found: NDArray[np.void],
-    scratch: Array,
-    pose: Array,
+    found: NDArray[np.void],  # filled with the result, one record of `SWEEP`
+    scratch: Array,  # shape ``(2, 2 + M + D)``
+    pose: Array,  # where it begins ``(3,)``
     controls: Array,
     durations: Array,
     robot: Kinematics,
-    committed: int,
-    between: bool,
-    space: SpaceData,
-    moving: Array,
-    progress: float,
+    committed: int,  # number of steps that must be clear
+    between: bool,  # whether the path between samples counts
+    space: SpaceData,  # of all that stands still
+    moving: Array,  # states at the beginnings of steps ``(N, D, 7)``
+    progress: float,  # arc length of a place near the pose [m]
 ) -> None:
-    """Drive a plan arc by arc, with every disc of the robot: each drives an arc of its own.
-
-    Args:
-        found: Filled with the result, one record of `SWEEP`, shape ``(1,)``.
-        scratch: Shape ``(2, 2 + M + D)``.
-        pose: Where it begins.
-        controls: Of the robot.
-        durations: Of the steps.
-        robot: The robot.
-        committed: How many steps must be clear.
-        between: Whether the path between samples counts.
-        space: Free space that stands still.
-        moving: States of the moving discs at the beginning of each step, shape ``(N, D, 7)``.
-        progress: Arc length along the road of a place near the pose [m].
-    """
+    """Drive a plan arc by arc, with every disc of the robot: each drives an arc of its own."""
     result, fastest = found[0], 0.0
     road, shapes, radii, discs = space
     for k in range(controls.shape[0]):
@@ -173,3 +163,29 @@ def _record(
     # NaN comes in, and nothing replaces it.
     if begins or clearance < worst[what] or math.isnan(clearance):
         worst[what] = clearance
+
+
+def plan_clearance(settings: LawSettings, world: World, decision: Decision) -> Array:
+    """Least clearance ``(N + 1,)`` [m] of a plan from each pose to the next, and at the last.
+
+    From road edges and obstacles, moving ones too, minus the robot's radius; its minimum is the
+    decision's `worst_margin` where no command is pending. ValueError for a decision without a plan.
+    """
+    plan, radius = decision.plan, settings.robot_radius
+    if plan is None:
+        raise ValueError('decision: found one without a plan, wanted one with a plan')
+    # The end is an arc that takes no time.
+    durations = np.append(plan.horizon.durations, 0.0)
+    twists = (1.0 - decision.wheel_slip) * settings.robot.twist(plan.controls)
+    clearance = world.free_space(settings).along(plan.poses, twists, durations)
+    if decision.tracks:
+        known = settings.moving_obstacles
+        begin = plan.poses[0]
+        near = within_reach(decision.tracks, begin, settings.robot.max_speed)
+        tracks = as_expected(near, settings.control_period)
+        moving = ObstacleTracker().update(decision.stamp, begin, tracks, known)
+        times = plan.delay / NANOSECONDS + np.cumsum(durations) - durations
+        points = settings.footprint.discs
+        discs = moving.grown(radius).along(plan.poses, twists, durations, times, points)
+        clearance = np.hstack([clearance, discs])
+    return np.asarray(clearance.min(axis=1))

@@ -19,11 +19,9 @@ from cmpsp_ros.world.obstacles import ROUGHNESS, MovingDiscs
 
 _ROUNDING: Final = 1e-6
 
-LOST: Final = 0.5
-"""Three standard deviations of a position beyond which an obstacle is out of sight [m]."""
+LOST: Final = 0.5  # three standard deviations of a position that is out of sight [m]
 
-_APART: Final = 1.0
-"""Distance from where such an obstacle is expected from which the robot drives away from it [m]."""
+_APART: Final = 1.0  # distance from such an obstacle from which the robot drives away [m]
 
 CREEP: Final = 0.05
 """Speed up to which the robot counts as standing [m/s]: faster, a contact would be one of a robot

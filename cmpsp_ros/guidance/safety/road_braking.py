@@ -15,8 +15,7 @@ from cmpsp_ros.world.roads import lookahead_points
 
 _AHEAD: Final = 1.0  # time in which the point that is pursued would be reached [s]
 
-_BESIDE: Final = (0.0, 0.25, -0.25)
-"""Offsets of paths to brake on, in widths of the road to the left of its centre line."""
+_BESIDE: Final = (0.0, 0.25, -0.25)  # paths to brake on: road widths left of the centre line
 
 
 def brakings_on_road(

@@ -14,7 +14,6 @@ from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.formulation.ocp_functions import N_EDGE_CONSTRAINTS
 from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.prediction.response import Response, driven
-from cmpsp_ros.guidance.safety.command_changes import reason_not_to_change
 from cmpsp_ros.guidance.safety.plan_sweep import SWEEP, PlanSweep, sweep_plan
 from cmpsp_ros.guidance.safety.reach_check import ReachCheck
 from cmpsp_ros.guidance.safety.road_braking import brakings_on_road
@@ -27,8 +26,7 @@ from cmpsp_ros.world import FreeSpace
 from cmpsp_ros.world.obstacles import NOTHING_MOVES, MovingDiscs
 from cmpsp_ros.world.roads import OpenFloor
 
-TOUCHING: Final = 1e-3
-"""Penetration up to which something is said to touch [m]: odometry errs by more."""
+TOUCHING: Final = 1e-3  # penetration that is said to touch [m]: odometry errs by more
 
 _NO_LEGS: Final = NOTHING_MOVES.legs(np.empty(0))
 
@@ -38,6 +36,7 @@ _ROUNDING = 1e-6
 _SEEN: Final = f'obstacle {SEEN}'
 
 _TO_REST: Final = 4.0  # time constants for which a lagging wheel is watched after the last command
+CHANGE_ROUNDING: Final = 1e-6  # excess over a limit that a solver may leave [rad/s]
 
 
 class Validation(NamedTuple):
@@ -50,8 +49,7 @@ class Validation(NamedTuple):
     nearest: str  # name of the obstacle nearest to the whole plan
     edge_margin: float  # minimum clearance of the whole plan from the road's edges [m]
     obstacle_margin: float  # the same from obstacles, moving ones too; infinite without any [m]
-    # commands ``(K, r)`` to stop after the first one; none where it stops at once
-    ramp: Array = NO_RAMP
+    ramp: Array = NO_RAMP  # commands ``(K, r)`` to stop after the first; none to stop at once
 
     def followed_by(self, later: Validation) -> Validation:
         """The verdict on this path and the one that follows, of which the margins are."""
@@ -308,3 +306,28 @@ def _name_of(number: float, start: PlanStart) -> str:
 
 def _refused(reason: str) -> Validation:
     return Validation(False, reason, -math.inf, -math.inf, 'nothing', -math.inf, -math.inf)
+
+
+def reason_not_to_change(settings: LawSettings, start: PlanStart, controls: Array) -> str:
+    """Reason not to send the first of some controls ``(K, r)``, in a sentence; '' for none.
+
+    All must keep the limit of acceleration, the first that of jerk.
+    """
+    commands, robot = np.vstack([start.previous_control, controls]), start.robot
+    limit = settings.max_wheel_change
+    change = float(np.abs(np.diff(commands, axis=0) @ robot.rate_limits.T).max())
+    if not change <= limit + CHANGE_ROUNDING:
+        return (
+            f'The plan changes a wheel by {change!r} rad/s from one command to the next, the'
+            f' limit is {limit!r} rad/s.'
+        )
+    if (limit := settings.max_second_difference) == math.inf:
+        return ''
+    second = controls[0] - start.previous_control - start.previous_change
+    change = float(np.abs(robot.wheels @ second).max())
+    if change <= limit + CHANGE_ROUNDING:
+        return ''
+    return (
+        f'The plan changes the acceleration of a wheel by {change!r} rad/s per control period, the'
+        f' limit is {limit!r} rad/s.'
+    )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
 from weakref import finalize
 
@@ -40,13 +41,15 @@ class CMPSP:
         fitted = options.fitted(size)
         self._problem = problem
         self._options = options
+        self._target_size = float(np.linalg.norm(problem.target)) or 1.0
         self._trust_radius = fitted[-1]
         idle = _idle[size, options.qp, options.hessian]
         self._driver = idle.pop() if idle else Driver(size, *fitted, (options.qp, options.hessian))
         self.space = self._driver.space
         # To make memory takes longer than a few iterations.
         finalize(self, idle.append, self._driver)
-        self._loaded: Linearisation | None = None
+        # Derivatives that are in the records already.
+        self.loaded: Linearisation | None = None
         self._functions = Functions(self._predict, self._evaluate, self._linearise)
         self._last: Iterate | None = None
         ws = self._driver.ws
@@ -72,16 +75,16 @@ class CMPSP:
         evaluation = self._problem.evaluate(X, U)
         return Iterate(0, U, X, evaluation, _size(U, evaluation))
 
-    def subproblem(self, at: Iterate) -> Subproblem:
-        """The quadratic program (45) (54) (57) at an iterate."""
+    def subproblem(self, at: Iterate, hessian: Hessian | None = None) -> Subproblem:
+        """The quadratic program (45) (54) (57) at an iterate; gaps are not in it."""
         problem = self._problem
-        linearisation = problem.linearise(at.X, at.U, self._options.hessian)
+        linearisation = problem.linearise(at.X, at.U, hessian or self._options.hessian)
         lower, upper = problem.control_lower - at.U, problem.control_upper - at.U
         return Subproblem(linearisation, lower, upper, self._trust_radius)
 
     def residual(self, at: Iterate, subproblem: Subproblem) -> float:
         """KKT residual of an iterate with its latest multipliers."""
-        self._loaded = lin = subproblem.linearisation
+        self.loaded = lin = subproblem.linearisation
         return residual_without_step(self.space, subproblem, *at.multipliers_on(lin))
 
     def step(self, at: Iterate, subproblem: Subproblem | None = None) -> Iterate:
@@ -96,7 +99,7 @@ class CMPSP:
         if at is not self._last:
             self._driver.forget()
         self._driver.go_on(self._functions, subproblem.linearisation)
-        self._loaded = None
+        self.loaded = None
         size, ws = self._problem.size, self._driver.ws
         U, X, evaluation = at.U, at.X, at.evaluation
         if ws.run['length'][0] > 0.0:
@@ -133,7 +136,7 @@ class CMPSP:
         return found.cost
 
     def _linearise(self, data: Linearisation, *_: object) -> None:
-        if self._loaded is not data:
+        if self.loaded is not data:
             put_derivatives(self.space.derivatives, data)
 
     def terminate(self, at: Iterate) -> Status | None:
@@ -169,17 +172,12 @@ class CMPSP:
             return Status.INFEASIBLE if at_bottom else Status.STALLED
         return None
 
-    @property
-    def _target_size(self) -> float:
-        return float(np.linalg.norm(self._problem.target)) or 1.0
-
     def _is_met(self, evaluation: Evaluation) -> bool:
         """True where terminal and path constraints are within their tolerances."""
-        miss = np.linalg.norm(evaluation.output_error)
-        return bool(
-            miss <= self._options.output_tolerance * self._target_size
-            and evaluation.g.max(initial=-np.inf) <= self._options.violation_tolerance
-        )
+        error, options = evaluation.output_error, self._options
+        if not math.sqrt(np.vdot(error, error)) <= options.output_tolerance * self._target_size:
+            return False
+        return bool((evaluation.g <= options.violation_tolerance).all())
 
 
 def _size(U: Array, evaluation: Evaluation) -> Size:
@@ -193,7 +191,7 @@ def _summary(driver: Driver, subproblem: Subproblem) -> Step:
     solution, elastic = back_end.solution, bool(run['level'] > 0)
     solved = solution.status is QPStatus.SOLVED
     not_finite = '' if solved else subproblem.linearisation.not_finite
-    slack, miss = np.zeros_like(solution.path), np.zeros_like(solution.terminal)
+    slack, miss = np.zeros(solution.path.shape), np.zeros(solution.terminal.shape)
     if elastic and not not_finite:
         dX = subproblem.propagate(solution.dU)
         slack = np.maximum(subproblem.path(solution.dU, dX), 0.0)

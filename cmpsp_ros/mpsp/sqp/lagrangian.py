@@ -101,8 +101,7 @@ def _with_rows(found: Curvature, path: BoolArray, bounds: BoolArray, weight: flo
     if path.any():
         g_Z = np.where(path[:, :, None], np.concatenate([lin.g_X, lin.g_U], axis=2), 0.0)
         H += weight * g_Z.swapaxes(1, 2) @ g_Z
-    own = range(lin.A.shape[1], H.shape[1])
-    H[:, own, own] += weight * bounds
+    np.einsum('kaa->ka', H)[:, lin.A.shape[1] :] += weight * bounds
     return H
 
 

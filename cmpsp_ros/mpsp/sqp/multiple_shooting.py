@@ -27,17 +27,16 @@ from cmpsp_ros.mpsp.options import Options
 from cmpsp_ros.mpsp.problem import Evaluation, Linearisation, OptimalControlProblem
 from cmpsp_ros.mpsp.qp import RICCATI_ACTIVE_SET, QPStatus, solve_qp
 from cmpsp_ros.mpsp.qp.active_set.records import (
-    Space,
     is_positive_definite,
     program_in,
     put_derivatives,
     put_solution,
-    residual_without_step,
 )
 from cmpsp_ros.mpsp.qp.back_ends import answer_in
 from cmpsp_ros.mpsp.qp.riccati.program import Outcome
 from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 from cmpsp_ros.mpsp.results import Iterate, Step
+from cmpsp_ros.mpsp.sqp.cmpsp import CMPSP
 from cmpsp_ros.mpsp.sqp.iteration import LEVELS, relax
 from cmpsp_ros.mpsp.sqp.lagrangian import Curvature, lagrangian_curvature, stage_blocks
 from cmpsp_ros.mpsp.sqp.shooting_program import Direction, Point, entries_for, memory
@@ -61,17 +60,18 @@ class MultipleShooting:
         self,
         problem: OptimalControlProblem,
         options: Options,
-        space: Space,
+        papers: CMPSP,
         at: Iterate,
         *,
         exact: bool,
     ) -> None:
         """Take a problem that gives `next_states` and `constraint_curvature`, and a start.
 
-        `space` has the weights of the rows. Unless `exact`, the Hessian is that of Gauss and Newton
-        as long as the violation is large.
+        It works in the records of `papers`, which have the weights of the rows. Unless `exact`, the
+        Hessian is that of Gauss and Newton as long as the violation is large.
         """
-        self._problem, self._options, self._space = problem, options, space
+        self._problem, self._options, self._papers = problem, options, papers
+        self._space = space = papers.space
         self._memory = memory(problem.size)
         self._compiled = entries_for(*space.program.stages['B'].shape[1:])
         relax(space.program, 0)
@@ -80,22 +80,13 @@ class MultipleShooting:
         self._funnel, self.is_exact = max(1.0, 1.25 * violation), exact or violation < _FAR
         self._proximal = self._convexifying = 0.0
         self._violation, self._in_vain, self._is_cautious = 0.0, 0, False
-        self._loaded: Linearisation | None = None
         space.warm.clear()
 
-    def subproblem(self, at: Iterate) -> Subproblem:
-        """Derivatives at an iterate with the exact Hessian of the cost; gaps are not in it."""
-        lin, free = self._problem.linearise(at.X, at.U, 'exact'), self._problem.size.state
-        lower, upper = self._problem.control_lower - at.U, self._problem.control_upper - at.U
-        return Subproblem(lin, lower, upper, np.full(free, np.inf))
-
-    def residual(self, at: Iterate, subproblem: Subproblem) -> float:
-        """KKT residual of an iterate with its latest multipliers."""
-        self._loaded = lin = subproblem.linearisation
-        return residual_without_step(self._space, subproblem, *at.multipliers_on(lin))
-
     def step(self, at: Iterate, subproblem: Subproblem) -> Iterate:
-        """One iteration; an iterate that cannot be improved keeps its controls."""
+        """One iteration; an iterate that cannot be improved keeps its controls.
+
+        Of the subproblem it takes the derivatives, with the exact Hessian of the cost.
+        """
         point = self._here
         found = lagrangian_curvature(self._problem, at, subproblem.linearisation)
         if point.violation > _FAR and not self.is_exact:
@@ -124,8 +115,9 @@ class MultipleShooting:
     def _load(self, at: Iterate, point: Point, found: Curvature) -> None:
         """Put derivatives and multipliers where the program is assembled from."""
         lin, s, p = found.linearisation, self._memory, self._space.program
-        if self._loaded is not lin:
+        if self._papers.loaded is not lin:
             put_derivatives(self._space.derivatives, lin)
+        self._papers.loaded = None
         p.head['trust_radius'], p.head['horizon'] = np.inf, len(lin.A)
         n = lin.A.shape[1]
         s.H[:], s.gradient[:, :n], s.gradient[:, n:] = found.H, lin.L_X, lin.L_U

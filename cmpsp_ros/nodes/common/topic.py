@@ -13,11 +13,12 @@ from typing import Any, Literal
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 
 from cmpsp_ros.bags import UnknownTypeError
+from cmpsp_ros.nodes.common.qos import quality
 
 _NAME = re.compile(r'([a-z][a-z0-9_]*)/msg/([A-Z][A-Za-z0-9]*)')
 
@@ -40,12 +41,7 @@ class Topic:
     @property
     def qos(self) -> QoSProfile:
         """Quality of service."""
-        reliability, durability = ReliabilityPolicy, DurabilityPolicy
-        return QoSProfile(
-            depth=self.depth,
-            reliability=reliability.BEST_EFFORT if self.best_effort else reliability.RELIABLE,
-            durability=durability.TRANSIENT_LOCAL if self.latched else durability.VOLATILE,
-        )
+        return quality(self.depth, reliable=not self.best_effort, latched=self.latched)
 
     def publish_on(self, node: Node) -> Publisher:
         """Create a publisher."""

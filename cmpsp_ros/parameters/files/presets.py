@@ -60,16 +60,11 @@ def load_parameter_file(
 ) -> dict[str, Any]:
     """The values of a parameter file, flat, before keys and values are checked.
 
-    If several sections set a key, the later one counts. Road and map of files are read, too.
-
-    Args:
-        path_or_preset_name: A file; or, as text without folder and suffix, a preset.
-        node: Full name of a node, such as ``/r1/guidance``: the values that ROS passes to it.
-        namespace: Namespace of a robot, such as ``/r1``, whose guidance and simulator are meant.
-            Without either, the values for guidance and simulator in any namespace.
-
-    Raises ParameterError if there is no such file or preset, it is not YAML of ROS parameters, or
-    it has different values for several nodes and none is selected.
+    `path_or_preset_name` is a file or, as text without folder and suffix, a preset. Values are
+    those that ROS passes to a `node` such as ``/r1/guidance``, or those of guidance and simulator
+    in a `namespace` such as ``/r1``, else in any; the later section counts. ParameterError if there
+    is no such file, it has no ROS parameters, or different values for several nodes and none is
+    selected.
     """
     path = _path(path_or_preset_name)
     sections = _sections(path)

@@ -16,8 +16,7 @@ import yaml
 
 from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
 
-Sections = dict[str, dict[str, Any]]
-"""Flat parameters by the name of the node, in the order in which the names first appear."""
+Sections = dict[str, dict[str, Any]]  # flat parameters by node, in order of appearance
 
 _MARK: Final = 'ros__parameters'
 _TRUE: Final = re.compile(r'[Yy]|yes|Yes|YES|true|True|TRUE|on|On|ON')

@@ -157,7 +157,16 @@ _READ_WRITE: Final = 0o644
 
 def open_results_log(folder: Path, study: Study) -> dict[int, StudyOutcome]:
     """Begin a study in a folder, or continue the one there; its outcomes so far, by number."""
-    head = _head(study)
+    head = {
+        'code': digest(),
+        'study': study.name,
+        'seed': study.seed,
+        'robot': study.robot,
+        'scene': study.scene,
+        'told': study.told,
+        'obstacles': study.most_obstacles,
+        'parameters': study.values(),
+    }
     path = folder / NAME
     with disk_errors(folder):
         if not path.exists():
@@ -213,16 +222,3 @@ def _append(path: Path, line: str) -> None:
         os.write(file, f'\n{line}\n'.encode())
     finally:
         os.close(file)
-
-
-def _head(study: Study) -> dict[str, Any]:
-    return {
-        'code': digest(),
-        'study': study.name,
-        'seed': study.seed,
-        'robot': study.robot,
-        'scene': study.scene,
-        'told': study.told,
-        'obstacles': study.most_obstacles,
-        'parameters': study.values(),
-    }

@@ -55,8 +55,7 @@ class DistanceField(NamedTuple):
     distances: Array  # negative inside occupied cells, at least four rows and columns [m]
 
 
-NO_FIELD: Final = DistanceField(np.ones(1, FRAME), np.full((4, 4), math.inf))
-"""Stands where there is none."""
+NO_FIELD: Final = DistanceField(np.ones(1, FRAME), np.full((4, 4), math.inf))  # there is none
 
 Fields = tuple[DistanceField, DistanceField]  # the fields of a map and of what sensors see
 

@@ -25,8 +25,7 @@ class GridObstacle(Shape):
 
     name: str  # the user's name for it, used in messages
     grid: OccupancyGrid  # the grid
-    # true if unknown cells are free, and all beyond the grid; else they are occupied
-    unknown_is_free: bool = False
+    unknown_is_free: bool = False  # true if unknown cells and all beyond are free
 
     corners: ClassVar[tuple[Point, ...]] = ()
     """None: it has a distance field instead."""

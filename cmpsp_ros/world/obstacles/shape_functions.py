@@ -20,8 +20,7 @@ from cmpsp_ros.world.grids.field_functions import DistanceField, Fields
 
 Indices = IntArray
 
-ROUGHNESS = 1e-5
-"""Error, on the safe side, of the distance of a path from a shape that is no point [m]."""
+ROUGHNESS = 1e-5  # safe error of the distance of a path from a shape that is no point [m]
 
 _MOST_PIECES = 256
 

@@ -42,8 +42,7 @@ class Samples(NamedTuple):
     sine: Array  # see `cosine`
     curvature: Array  # positive to the left [1/m]
     curvature_slope: Array  # its derivative by the length [1/m^2]
-    # left and right, with first and second derivatives by the length, ``(2, 3, Z)`` [m, 1, 1/m]
-    widths: Array
+    widths: Array  # left and right, and two derivatives by length, ``(2, 3, Z)`` [m, 1, 1/m]
 
 
 def fit(points: Array, left: Array, right: Array, *, closed: bool) -> CenterLine:

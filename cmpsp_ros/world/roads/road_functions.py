@@ -19,8 +19,7 @@ from cmpsp_ros.arrays import Array, BoolArray, IntArray
 from cmpsp_ros.mpsp.jit import address_of, allocation_free, call, inner
 from cmpsp_ros.robots.motion import Arc
 
-FAR = 1e6
-"""Clearance from an edge that is not there [m]: a number that can be added, written and read."""
+FAR = 1e6  # clearance from an edge that is not there [m]: a number that can be added
 
 _PROJECT, _LATERAL_ERROR, _GRADIENTS, _SWEEP, _ARC_LENGTH_TO, _POINT_AHEAD = range(6)
 

@@ -18,13 +18,8 @@ ROOM = {'odom_timeout': 60.0, 'moving_obstacles.capacity': 2, 'moving_obstacles.
 @pytest.fixture
 def tell(client):
     """Tell of obstacles as they are in a frame: `tell(tracks, frame_id='odom')`."""
-    publisher = client.node.create_publisher(PointCloud2, 'moving_obstacles', 10)
-
-    def send(tracks, frame_id='odom'):
-        client.until(publisher.get_subscription_count)
-        publisher.publish(cloud_of(tracks, tracks[0].stamp, frame_id))
-
-    return send
+    send = client.teller(PointCloud2, 'moving_obstacles')
+    return lambda tracks, frame_id='odom': send(cloud_of(tracks, tracks[0].stamp, frame_id))
 
 
 def test_what_cannot_be_used_changes_nothing_and_is_said(

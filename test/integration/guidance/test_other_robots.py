@@ -30,13 +30,7 @@ def plan(stamp, places, frame_id='odom', step=PERIOD_NS):
 @pytest.fixture
 def tell(client):
     """Publish a plan of /r2: `tell(message)`."""
-    publisher = client.node.create_publisher(Path, '/r2/guidance/predicted_path', 10)
-
-    def send(message):
-        client.until(publisher.get_subscription_count)
-        publisher.publish(message)
-
-    return send
+    return client.teller(Path, '/r2/guidance/predicted_path')
 
 
 def test_what_cannot_be_used_changes_nothing_and_is_said(

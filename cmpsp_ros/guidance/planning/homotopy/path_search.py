@@ -52,8 +52,7 @@ MAX_CLASSES: Final = 8
 _CLEARANCE: Final = 0.08
 _CLEARANCE_FRACTION: Final = 0.25
 """Distance kept from the bounds of a gap [m], and its limit as a fraction of the gap's width."""
-_TOO_LONG: Final = 100.0
-"""Cost of a path that is too long for the time left, for every metre too much [m^2]."""
+_TOO_LONG: Final = 100.0  # cost of each metre that is too long for the time left [m^2]
 _ROUGHLY: Final = 1.1  # bound on the length of a path on a grid, relative to the shortest path
 _NAMED: Final = 6  # number of sides in a message, the last of which may stand for the rest
 _CELL: Final = 0.1
@@ -73,8 +72,7 @@ class GuidePath(NamedTuple):
     # squared distance to the centre line along it, and a penalty on the length by which it is too
     # long even as the shortest path [m^3]
     cost: float
-    # length of its beginning to drive backward [m]; None if it leads ahead
-    backward: float | None = None
+    backward: float | None = None  # length at its beginning to drive backward [m]; None for none
 
 
 def guide_paths(

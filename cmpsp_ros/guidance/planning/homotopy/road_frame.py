@@ -44,8 +44,7 @@ class RoadFrame(NamedTuple):
     y: float  # centre of polar coordinates [m]
     begin: float  # bearing of the pose from there [rad]
     side: float  # 1 anticlockwise, -1 clockwise
-    # points of the line at the stations, shape ``(K, 2)`` [m]; none in polar coordinates
-    points: Array
+    points: Array  # points of the line at the stations ``(K, 2)`` [m]; none in polar coordinates
     directions: Array  # unit vectors along it there, shape ``(K, 2)``
     curvature: Array  # curvature of the line, positive to the left, shape ``(K,)`` [1/m]
 

@@ -260,8 +260,9 @@ def definite_from(qp: Subproblem, sign: float) -> Iterator[Callable[[float], boo
     """`is_positive_definite` of one program, as a function of the shift."""
     with borrowed_space(qp.size) as mine:
         fill(mine, qp)
-        for block in mine.derivatives[4:7]:
-            np.multiply(block, sign, out=block)
+        if sign != 1.0:
+            for block in mine.derivatives[4:7]:
+                np.multiply(block, sign, out=block)
         diagonal = np.einsum('kaa->ka', mine.derivatives[6])
         unshifted = diagonal.copy()
         free_all(mine.program)

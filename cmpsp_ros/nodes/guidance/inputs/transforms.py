@@ -11,7 +11,6 @@ import numpy as np
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry, Path
 from rclpy.lifecycle import LifecycleNode
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
@@ -19,7 +18,7 @@ from std_msgs.msg import Header
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance import NANOSECONDS, Goal, GoalError, GuidanceSettings, messages
 from cmpsp_ros.nodes.common.messages import cloud_of, road_in, set_pose
-from cmpsp_ros.nodes.common.topic import Listener
+from cmpsp_ros.nodes.common.topic import Listener, Topic
 from cmpsp_ros.nodes.common.topics import OWN_GOAL_POSE, OWN_MOVING, OWN_ODOM
 from cmpsp_ros.parameters import ParameterError, Problem
 from cmpsp_ros.sensing import stamp_of
@@ -50,14 +49,10 @@ class TransformInput(Listener):
         self._odometry = self._publish_on(OWN_ODOM)
         self._goals = self._publish_on(OWN_GOAL_POSE)
         self._moving = self._publish_on(OWN_MOVING)
-        topics = (
-            ('/tf', DurabilityPolicy.VOLATILE, self._keep),
-            ('/tf_static', DurabilityPolicy.TRANSIENT_LOCAL, self._hear_static),
-        )
-        for topic, durability, hear in topics if TFMessage is not None else ():
-            qos = QoSProfile(depth=_DEPTH, durability=durability)
-            listen = node.create_subscription(TFMessage, topic, hear, qos, raw=True)
-            self._subscriptions.append(listen)
+        topics = ('/tf', False, self._keep), ('/tf_static', True, self._hear_static)
+        for name, latched, hear in topics if TFMessage is not None else ():
+            topic = Topic('guidance', 'in', name, TFMessage, '', depth=_DEPTH, latched=latched)
+            self._subscriptions.append(topic.listen_on(node, hear, raw=True))
 
     def robot_frame(self, child_frame: str) -> str:
         """Frame of the robot's centre, where odometry is of a child frame."""

@@ -150,7 +150,7 @@ def test_of_several_the_strongest():
         QoSProfile(depth=3, reliability=BEST_EFFORT, durability=LATCHED),
         QoSProfile(depth=9, reliability=RELIABLE, durability=VOLATILE),
     ]
-    offer = offering(map(for_bag, profiles))
+    offer = offering([for_bag(each) for each in profiles])
     assert (offer.depth, offer.reliability, offer.durability) == (9, RELIABLE, LATCHED)
 
 

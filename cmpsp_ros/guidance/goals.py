@@ -54,7 +54,7 @@ class Follow:
 class Target(NamedTuple):
     """Terminal target of a plan."""
 
-    position: Point  # a point (x, y) [m]
+    position: Point  # (x, y) [m]
     heading: float | None = None  # required there; of a line the road's [rad]; None for any
     is_line: bool = False  # true for the line through it across the heading, which is free then
     drives_on: bool = False  # true if another goal comes after this one

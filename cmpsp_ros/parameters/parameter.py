@@ -62,7 +62,7 @@ class Parameter:
     description: str  # one or more sentences for the table
     group: str  # heading under which it is documented
     nodes: frozenset[Node]  # nodes that use it
-    range: Range = ANY  # range of its numbers
+    range: Range = ANY  # of its numbers
     choices: tuple[str, ...] = ()  # its possible texts; empty for any
     length: int | None = None  # length of an array; None for any
     reconfigurable: bool = True  # whether it may be changed while a node runs

@@ -22,8 +22,7 @@ from cmpsp_ros.robots.motion.arcs import with_side
 from cmpsp_ros.robots.robot import Signal, TwistLimits
 
 _SAMPLES: Final = 21
-_ALL: Final = 1.01
-"""By which bounds of all twists are larger than those of the samples."""
+_ALL: Final = 1.01  # by which bounds of all twists are larger than those of the samples
 
 _STOPPED: Final = 1e-9
 

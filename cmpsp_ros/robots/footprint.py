@@ -20,8 +20,7 @@ Bodies = Sequence[tuple[Array, float]]
 """Unions of discs: their centres in the robot's frame, ``(D, 2)``, and their radius [m]."""
 
 _MOST: Final = 5
-_TOLERANCE: Final = 0.125
-"""Fraction of half the width by which discs may reach beyond a footprint at the side."""
+_TOLERANCE: Final = 0.125  # part of half the width by which discs may reach beyond the side
 
 _WIDE: Final = 2.0  # width, in lengths, from which the discs stand side by side
 

@@ -87,7 +87,7 @@ class SightSettings:
 class Sight:
     """Beams in the frame of the sensor."""
 
-    sensor: Sensor  # their sensor
+    sensor: Sensor
     stamp: int  # time of the last one [ns]
     stamps: IntArray  # time of each, ascending, shape ``(B,)`` [ns]
     begins: Array  # first point of each that shows free space, shape ``(B, 2)`` [m]

@@ -26,8 +26,7 @@ _COUNT_TOLERANCE: Final = 1.5
 """Beams by which count and angles may disagree: drivers differ on whether both ends count."""
 _LONGEST_SCAN: Final = 10.0  # maximum duration of a scan [s]
 _MAX_POINTS: Final = 2_000_000
-_APART: Final = 0.025
-"""Distance between ends of beams that free cells; of nearer ones the first counts [m]."""
+_APART: Final = 0.025  # distance of ends of beams that free cells; of nearer ones the first [m]
 _TYPES: Final = {1: 'i1', 2: 'u1', 3: 'i2', 4: 'u2', 5: 'i4', 6: 'u4', 7: 'f4', 8: 'f8'}
 """numpy types by datatype of a PointField."""
 REMEMBERED: Final = 1  # value of a free cell out of sight, in the grids that guidance publishes

@@ -9,8 +9,7 @@ from typing import Final
 from cmpsp_ros.sensing.track import Track
 
 _NS: Final = 1_000_000_000
-_ASIDE: Final = 0.3
-"""Distance from where it is expected at which one that was lost may be found (one sigma) [m]."""
+_ASIDE: Final = 0.3  # distance from where it is expected of one that was lost (one sigma) [m]
 _SURPRISING: Final = 4.0  # squared Mahalanobis distance of an unexpected motion
 _RISE, _FALL = 0.5, 0.1  # fractions by which the radius follows greater and smaller ones
 _STILL_SPEED, _STILL_AFTER = 0.15, _NS  # of what stands still [m/s], and until it is static [ns]

@@ -19,18 +19,15 @@ from cmpsp_ros.mpsp.jit import allocation_free
 N_DIRECTIONS: Final = 720
 _WIDTH: Final = math.tau / N_DIRECTIONS
 _NS: Final = 1_000_000_000
-_OFF: Final = 0.1
-"""Distance by which odometry and beams may be wrong [m]."""
+_OFF: Final = 0.1  # distance by which odometry and beams may be wrong [m]
 _OFF_BY_RANGE: Final = 0.01
-_TURNED: Final = math.radians(1.0)
-"""Angle by which odometry may be wrong."""
+_TURNED: Final = math.radians(1.0)  # angle by which odometry may be wrong
 _DENSE, _SPAN, _SLOT = _NS * 55 // 100, _NS * 16 // 10, _NS // 4
 """Ages up to which all scans are kept, and one in each slot of time [ns]."""
 _OLDEST: Final = 6 * _NS  # age up to which one a second is kept, for places not shown since [ns]
 _BESIDE: Final = 2.0  # distance up to which these count [m]: odometry turns too far later
 _RECENT: Final = _SPAN / _NS
-_LONG_AGO: Final = 1.0
-"""Age of a hit from which the thing that was hit stands still [s]."""
+_LONG_AGO: Final = 1.0  # age of a hit from which the thing that was hit stands still [s]
 _IN_A_ROW: Final = 2
 _ENOUGH, _A_MISS, _HOLE = 2.0, 0.4, 4
 """Hits beyond a place that is free, weight of a beam that hits nothing, directions without any."""

@@ -10,20 +10,16 @@ import numpy as np
 from cmpsp_ros.arrays import Array, BoolArray, IntArray
 from cmpsp_ros.mpsp.jit import allocation_free
 
-_GAP: Final = 0.1
-_GAP_BY_STEP: Final = 1.5
-"""Distance of neighbours on one object [m], and by that of two beams at their range."""
+_GAP: Final = 0.1  # distance of neighbours on one object [m]
+_GAP_BY_STEP: Final = 1.5  # the same, by that of two beams at their range
 _HOLE: Final = 5.5  # angle between neighbours on one object, in steps of the scanner
 _DEEP: Final = 0.1  # depth of the notch between two round objects that touch [m]
-_WIDE: Final = 0.8
-"""Width above which a segment shows more than one person, and of each part then [m]."""
+_WIDE: Final = 0.8  # width of more than one person, and of each part then [m]
 _PERSON: Final = 0.6
-_LONG: Final = 2.5
-"""Width from which it is a wall, which does not move [m]."""
+_LONG: Final = 2.5  # width from which it is a wall, which does not move [m]
 _LARGEST: Final = 0.6  # radius of the largest object [m]; walls and what has parts are larger
 _FEWEST: Final = 3
-_LEG: Final = 0.15
-"""Radius up to which a segment may be a leg [m]."""
+_LEG: Final = 0.15  # radius up to which a segment may be a leg [m]
 _STRIDE: Final = 0.6  # distance of the legs of one person [m]
 _AROUND: Final = 0.15  # distance from where a mover is expected at which a hit may be on it [m]
 _BESIDE: Final = 0.05  # distance from a mover up to which the nearest hit of a segment is on it [m]

@@ -21,7 +21,7 @@ class Track:
 
     id: int  # its number, the same in each message
     stamp: int  # time at which it was seen [ns]
-    radius: float  # radius [m]
+    radius: float  # [m]
     x: float  # centre [m]
     y: float  # centre [m]
     vx: float  # velocity [m/s]

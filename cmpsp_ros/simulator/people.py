@@ -21,8 +21,7 @@ from cmpsp_ros.simulator.settings import PeopleSettings, Walker
 Point = tuple[float, float]
 
 _NS: Final = 1_000_000_000
-_REMEMBERED: Final = 100
-"""Steps that are kept, so that a scan finds people where they were when it began."""
+_REMEMBERED: Final = 100  # steps that are kept: a scan finds people where they were
 
 _ARRIVED, _STUCK, _SLOW = 0.2, 1.0, 0.05
 """Distance from a waypoint [m], and time [s] below a speed [m/s], after which the next is due."""

@@ -29,8 +29,7 @@ from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.state import LawState
 
 _BACK: Final = 1.0  # length of the trail that it backs out along [m]
-_AHEAD: Final = 1.5
-"""Length of the way ahead on which the place that does not fit is looked for [m]."""
+_AHEAD: Final = 1.5  # length of the way on which the place that does not fit is looked for [m]
 _NO_MOVES: Final = (
     'The goal is unreachable: no moves to it were found among the obstacles. With a lower '
     'robot.max_wheel_speed or a shorter control_period they need less space.'
@@ -39,8 +38,7 @@ _BACKS_OUT: Final = 'The robot backs out along the path that it has driven.'
 _EDGES: Final = 'The robot edges away from what is near before it backs out.'
 _STANDS: Final = 'The robot stands: no short move leads away from what is near.'
 _TURNS: Final = 'The robot turns on the spot to look for another way.'
-_SAME: Final = 0.5
-"""Distance of places that count as one [m]."""
+_SAME: Final = 0.5  # distance of places that count as one [m]
 _SOONER: Final = 3  # part of the patience, as a divisor, after which the next remedy is tried
 _SPEED: Final = 0.3  # speed of a robot that backs out, at most [m/s], and half of its pace
 _PURSUED: Final = 0.12  # distance of the point of its trail that it drives to [m]

@@ -82,11 +82,11 @@ PARAMETERS: Final = np.dtype(
 class GuidanceData(NamedTuple):
     """The problem of one robot from its present pose."""
 
-    pose: Array  # present pose, shape ``(3,)`` [m, m, rad]
+    pose: Array  # at present ``(3,)`` [m, m, rad]
     progress: float  # arc length along the road of a place near the pose, NaN if unknown [m]
     durations: Array  # length of every step, shape ``(N,)`` [s]
     parameters: Records  # one record of `PARAMETERS`, shape ``(1,)``, which is never written to
-    robot: Kinematics  # the robot
+    robot: Kinematics
     # number of path constraints that limit its wheel speeds; those of its lateral acceleration and
     # of a control rate follow in a stage
     wheel_rows: int

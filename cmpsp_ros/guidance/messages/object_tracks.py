@@ -22,13 +22,11 @@ _GATE: Final = 9.21  # squared Mahalanobis distance that 99 % of true pairs in a
 _AGILITY: Final = 0.1  # power spectral density of accelerations of a detection [m^2/s^3]
 _SPEED: Final = 1.0  # standard deviation of its velocity at first, along each axis [m/s]
 _EXACT: Final = 0.01  # smallest standard deviation of a place that is filtered [m]
-_SAME: Final = 13.28
-"""Squared Mahalanobis distance of place and velocity that 99 % of true pairs have at most."""
+_SAME: Final = 13.28  # as `_GATE`, of place and velocity
 _CENTER: Final = 0.5  # part of its radius by which two sources see its centre apart (sigma)
 _VELOCITY: Final = 0.3  # as much for its velocity [m/s]
 _ACCELERATION: Final = 1.0  # acceleration of an object since it was seen (one sigma) [m/s^2]
-_HYSTERESIS: Final = 2.0
-"""Factor on distances that keeps pairs together, and on doubts that keeps the chosen track."""
+_HYSTERESIS: Final = 2.0  # factor on distances that keeps pairs, and on doubts the chosen track
 _TINY: Final = 1e-9
 
 

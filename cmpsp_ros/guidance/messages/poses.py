@@ -22,11 +22,11 @@ class OdometryError(ValueError):
 class OdometryReading(NamedTuple):
     """A `nav_msgs/Odometry` as far as it is used (REP-105)."""
 
-    stamp: int  # time stamp [ns]
-    frame_id: str  # frame of the pose
+    stamp: int  # [ns]
+    frame_id: str  # of the pose
     child_frame_id: str  # frame whose pose it is
-    position: tuple[float, float]  # position (x, y) [m]
-    orientation: tuple[float, float, float, float]  # quaternion (x, y, z, w)
+    position: tuple[float, float]  # (x, y) [m]
+    orientation: tuple[float, float, float, float]  # (x, y, z, w)
 
     @classmethod
     def of(cls, message: Any) -> OdometryReading:

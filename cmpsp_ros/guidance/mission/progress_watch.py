@@ -18,9 +18,8 @@ from cmpsp_ros.world.roads import Point, remaining_arc_length
 
 _PLACE: Final = 0.25  # side of the squares that count as new ground once [m]
 _NEARER: Final = 0.02  # least length by which the way becomes shorter [m]
-_SPACING: Final = 0.05
-_LONGEST: Final = 400
-"""Distance of the points of the trail [m], and their number."""
+_SPACING: Final = 0.05  # distance of the points of the trail [m]
+_LONGEST: Final = 400  # their number
 SPACING: Final = 0.05  # distance of the points of a way at which its clearance is measured [m]
 
 

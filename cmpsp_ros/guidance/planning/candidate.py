@@ -25,11 +25,9 @@ from cmpsp_ros.world.roads import RoadSpace, road_functions
 # less. Two plans that are about as good must not take turns.
 _CLEARLY_LESS: Final = 0.5
 _CLEARLY_CHEAPER: Final = 0.8
-_HOPELESSLY_DEAR: Final = 2.0
-"""Relative cost of a plan that will not be selected while the other one is without a flaw."""
-_ENOUGH: Final = 0.1
-_SCARCE: Final = 0.04
-"""Reserves that a plan should leave, and at which it is replanned, as fractions of the limit."""
+_HOPELESSLY_DEAR: Final = 2.0  # relative cost of a plan that another one without a flaw rules out
+_ENOUGH: Final = 0.1  # reserve that a plan should leave, as a fraction of the limit
+_SCARCE: Final = 0.04  # the same at which it is replanned
 _MORE, _LESS = 0.015, 0.01  # differences of reserve that are clear
 _TOUCH: Final = 1e-3  # accuracy to which an active constraint of a linearisation is met [m]
 
@@ -44,7 +42,7 @@ class SolveResult(NamedTuple):
     # indices of the path constraints with slack, outer and inner edge first
     slack_where: tuple[int, ...]
     slack_terminal: bool  # whether the terminal constraint has slack
-    iterations: int  # iterations done
+    iterations: int  # done
     qp_iterations: int  # iterations of the QP back end in the last one
     active_rows: int  # constraints active in the last one
     reason: str  # status of the last one, in words

@@ -26,9 +26,8 @@ from cmpsp_ros.robots.motion import steer as steer_by
 from cmpsp_ros.world.roads import RoadSpace, road_functions
 
 SHORTEST_LOOKAHEAD: Final = 0.3  # distance of the nearest point that is pursued [m]
-_ROAD_LOOKAHEAD: Final = 1.0
-_PATH_LOOKAHEAD: Final = 0.35
-"""Distance of the point that is pursued, as the time to get there [s]."""
+_ROAD_LOOKAHEAD: Final = 1.0  # distance of the point pursued on a road, as a time [s]
+_PATH_LOOKAHEAD: Final = 0.35  # the same on a path
 _SPOT: Final = 0.5  # angle from which on a robot at rest turns on the spot [rad]
 _BACKWARD: Final = 0.5  # largest speed backward, relative to the robot's
 

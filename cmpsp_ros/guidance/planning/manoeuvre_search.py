@@ -34,8 +34,7 @@ from cmpsp_ros.world import FreeSpace
 _AT_ONCE: Final = 16  # nodes that are expanded between two attempts to reach the robot
 _ATTEMPTS: Final = 6  # attempts in a call: they bound its work, which takes 10 to 20 ms
 _MAX_ATTEMPTS: Final = 600
-_NEAR: Final = 8.0
-"""Distance, in lengths, from which moves are searched for a robot that turns on the spot."""
+_NEAR: Final = 8.0  # distance, in lengths, from which one that turns on the spot searches
 _STROKES: Final = 0.05, 0.025, 0.0125  # lengths of a move, in turning radii, the longest first
 _TOO_DEEP: Final = 0.05  # depth of a path in margins that no iterations are trusted to lead out [m]
 _SAME: Final = 0.05  # distance, in turning radii, and angle up to which a pose is the same [rad]

@@ -38,8 +38,7 @@ from cmpsp_ros.robots import Robot
 from cmpsp_ros.world import FreeSpace
 
 _ROUNDED_UP: Final = 1.0 + 1e-9
-_WORK_OF_BACK_END: Final = 10_000
-"""Work of an iteration of a QP back end at a stage, in visits of a stage."""
+_WORK_OF_BACK_END: Final = 10_000  # of an iteration at a stage, in visits of a stage
 _STATUS: Final[dict[int, QPStatus]] = {
     Outcome.SOLVED: QPStatus.SOLVED,
     Outcome.INFEASIBLE: QPStatus.INFEASIBLE,

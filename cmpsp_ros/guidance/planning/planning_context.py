@@ -65,9 +65,9 @@ class PlanningContext:
     """A control step that plans are made for."""
 
     settings: LawSettings
-    start: PlanStart  # beginning of the plans
-    goal: Target  # goal of the robot
-    horizon: Horizon  # horizon of the plans
+    start: PlanStart
+    goal: Target
+    horizon: Horizon
     plan: Plan | None = None  # the plan followed until now, if any
     pending: Validation | None = None  # validation on the path to the start, if there is one
     halvings: int = 0  # number of times that the work of the step is halved

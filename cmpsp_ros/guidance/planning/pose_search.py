@@ -23,8 +23,7 @@ from cmpsp_ros.world.roads import road_functions
 
 _CELL: Final = 1.0 / 1.5  # size of the cells with one pose a heading and direction, in strokes
 _UNIT: Final = 400.0
-_CUSP: Final = 400
-"""Cost of a change of direction."""
+_CUSP: Final = 400  # cost of a change of direction
 _BEND: Final = 20  # cost of a change of the steering alone
 _CHECKS: Final = 2  # poses of a move that are checked, with its end
 _NODES: Final = 1 << 17

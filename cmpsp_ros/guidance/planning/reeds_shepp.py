@@ -26,8 +26,7 @@ LEFT, STRAIGHT, RIGHT = 1, 0, -1
 
 _TURNS: Final = {'L': LEFT, 'S': STRAIGHT, 'R': RIGHT}
 _QUARTER: Final = math.pi / 2.0
-_WIDER: Final = 1.1
-"""Turning radius of a guess, relative to the smallest: the steering needs time."""
+_WIDER: Final = 1.1  # turning radius of a guess, in smallest ones: the steering needs time
 _NEAR: Final = 8.0  # distance along the road from which it turns to the goal, not the road
 _STRAIGHT_IN: Final = (0.0, 2.0, -2.0)  # straight ends of paths to a pose, as into a bay
 _REVERSAL: Final = 1.0  # cost of a change of direction

@@ -29,13 +29,11 @@ _CELLS: Final = 16  # cells from the robot to the grid's border, and times looke
 _ROOM, _SOONEST, _LATEST = 2.0, 3.0, 6.0
 """Distance that a robot can retreat in the time that is looked ahead [m], and its limits [s]."""
 _LONG: Final = 15.0  # time from which on a place is as good as one for good [s]
-_LONGER: Final = 2.0
-"""Factor on the time for which a plan must be clear before a robot that makes way follows it."""
+_LONGER: Final = 2.0  # factor on the time that a plan is clear before it is followed again
 _KEPT: Final = 1.0  # time that another place must be better than the one chosen before [s]
 _SLOWED: Final = 0.7  # speed of a robot that turns on its way, as a fraction of its largest
 _TURN_RATE, _ALIGNED = 2.0, 0.5  # as of `Pace`
-_MOVES: Final = 0.05
-"""Speed from which on something counts that comes at the robot [m/s]."""
+_MOVES: Final = 0.05  # speed from which on something counts that comes at the robot [m/s]
 
 
 class RetreatPlanner:

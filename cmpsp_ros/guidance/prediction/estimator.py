@@ -71,9 +71,9 @@ class Observation(NamedTuple):
 class PlanStart(NamedTuple):
     """The initial state of a plan, and the models that predict it on from there."""
 
-    pose: Array  # pose, shape ``(3,)`` [m, m, rad]
+    pose: Array  # ``(3,)`` [m, m, rad]
     robot: Robot  # kinematics, with the slip that is estimated
-    world: World  # road and static obstacles
+    world: World
     moving: MovingDiscs = NOTHING_MOVES  # moving obstacles from then on, as plans take them
     progress: float = math.nan  # of a place near the pose, NaN if not needed [m]
     previous_control: Array = AT_REST  # control commanded until then, shape ``(r,)``

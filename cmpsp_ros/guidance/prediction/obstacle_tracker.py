@@ -20,8 +20,7 @@ from cmpsp_ros.world.obstacles import NOTHING_MOVES, MovingDiscs
 _AHEAD: Final = 10.0  # time after which no encounter is predicted [s]
 _CERTAIN: Final = 3.0  # standard deviations that a reachable set covers
 _ROUNDING: Final = 1e-9
-_BESIDE: Final = 1.5
-"""Distance from a cell that was occupied before, at which another shows nothing new [cells]."""
+_BESIDE: Final = 1.5  # distance from a cell occupied before in which another is not new [cells]
 
 
 def within_reach(

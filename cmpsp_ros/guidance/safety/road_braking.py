@@ -21,25 +21,19 @@ _BESIDE: Final = (0.0, 0.25, -0.25)  # paths to brake on: road widths left of th
 def brakings_on_road(
     start: PlanStart, first: Array, held: float, period: float, max_change: float
 ) -> Iterator[Array]:
-    """As `braking_on_road`: along the centre line, to its left and to its right."""
+    """Commands as of `braking` to stop on the centre line, to its left and to its right.
+
+    The first one, ``(r,)``, is `held` for a time, the others for a period [s].
+    """
     for part in _BESIDE:
         beside = part * start.world.road.width
-        yield braking_on_road(start, first, held, period, max_change, beside=beside)
+        yield _braking_on_road(start, first, held, period, max_change, beside)
 
 
-def braking_on_road(
-    start: PlanStart,
-    first: Array,
-    held: float,
-    period: float,
-    max_change: float,
-    *,
-    beside: float = 0.0,
+def _braking_on_road(
+    start: PlanStart, first: Array, held: float, period: float, max_change: float, beside: float
 ) -> Array:
-    """Commands that stop a robot on the road, in the direction in which it drives, as of `braking`.
-
-    `first` ``(r,)``, `held` [s], `period` [s], `beside` [m].
-    """
+    """Commands to stop, `beside` [m] to the left of the centre line in the direction driven."""
     road, robot, controls = start.world.road, start.robot, [first]
     speed = float(robot.twist(first)[0])
     pose = robot.roll_out(start.pose, first[None], np.array([held]))[-1]

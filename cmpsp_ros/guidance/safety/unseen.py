@@ -22,8 +22,7 @@ from cmpsp_ros.robots.motion import speeds_and_turns
 from cmpsp_ros.world.grids import Cell
 
 PEEP: Final = 0.1  # speed at which the robot looks behind corners, however near they are [m/s]
-_BESIDE: Final = 0.25
-"""Distance beyond the robot at which it looks where it drives [m]: beside it, cells are free."""
+_BESIDE: Final = 0.25  # distance beyond the robot, where cells are free, at which it looks [m]
 
 _ROUNDING: Final = 1e-9
 

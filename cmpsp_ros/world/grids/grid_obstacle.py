@@ -24,7 +24,7 @@ class GridObstacle(Shape):
     """Occupied cells of a grid."""
 
     name: str  # the user's name for it, used in messages
-    grid: OccupancyGrid  # the grid
+    grid: OccupancyGrid
     unknown_is_free: bool = False  # true if unknown cells and all beyond are free
 
     corners: ClassVar[tuple[Point, ...]] = ()

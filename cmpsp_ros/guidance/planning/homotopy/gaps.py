@@ -24,8 +24,7 @@ HomotopyClass = tuple[int, ...]  # side of each obstacle: 1 left of it, -1 right
 _ROUNDING: Final = 100.0  # gaps are rounded inwards to this: a road of one width has one [1/m]
 _BESIDE: Final = 1.0  # free width beside all obstacles on open floor [m]
 _ASIDE: Final = 2.0  # width searched beside the line and its ends, in the cells of a grid [m]
-_TOO_FAR: Final = 0.9
-"""Largest lateral position towards the centre of a bend, as a fraction of its radius."""
+_TOO_FAR: Final = 0.9  # largest lateral position towards the centre of a bend, in its radius
 _BEAM: Final = 32  # trails followed at a time while searching: all of five obstacles in a row
 
 

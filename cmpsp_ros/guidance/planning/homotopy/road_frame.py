@@ -21,11 +21,9 @@ from cmpsp_ros.world.roads import Annulus, arc_length_to, lookahead_points
 
 SPACING: Final = 0.2  # least distance of stations [m]
 _MAX_STATIONS: Final = 400
-_LEAST_STRETCH: Final = 0.05
-"""Least distance of stations on the inner side of a bend, relative to that on the line."""
+_LEAST_STRETCH: Final = 0.05  # least distance of stations inside a bend, relative to the line
 _PASSES: Final = 3
-_RETURN: Final = 1.5
-"""Length over which a path that was pushed aside returns to the centre line [m]."""
+_RETURN: Final = 1.5  # length over which a path that was pushed aside returns [m]
 _SWEEPS: Final = 40
 _RELAXATION: Final = 1.6
 
@@ -35,7 +33,7 @@ class RoadFrame(NamedTuple):
 
     stations: Array  # evenly spaced from 0, shape ``(K,)`` [rad or m]
     step: float  # distance of two stations [rad or m]
-    length: float  # length of the path [m]
+    length: float  # of the path [m]
     middle: float  # lateral position of the centre line [m]
     ends: tuple[float, float]  # lateral positions of the pose and of the goal [m]
     left: float  # 1 if lateral positions grow to the left, -1 if to the right

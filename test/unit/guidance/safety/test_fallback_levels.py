@@ -194,12 +194,14 @@ def test_repeated_lateness_halves_the_work_and_steps_in_time_take_it_back():
 
 def test_half_the_work_is_done_where_it_is_bounded():
     tight = replace(CASE_3, solver=replace(CASE_3.solver, work_share=2e-4))
-    reasons = []
-    for halvings in (0, 3):
+    iterations = []
+    for late in (0.0, 0.3):
         law = GuidanceLaw(tight, tight.world)
-        law._state.lateness.halvings = halvings
-        reasons.append(law.step(Observation(0, np.array(START))).iterations)
-    assert reasons[1] < reasons[0]
+        for step in range(6):
+            decision = law.step(Observation(step * PERIOD, np.array(START)))
+            law.after_step(late)
+        iterations.append(decision.iterations)
+    assert iterations[1] < iterations[0]
 
 
 @pytest.mark.parametrize('delay', [0.0, 0.6])

@@ -16,6 +16,7 @@ from cmpsp_ros.guidance.goals import Goal
 from cmpsp_ros.guidance.horizon import remaining
 from cmpsp_ros.guidance.mission.feasibility_precheck import infeasibility_warnings
 from cmpsp_ros.guidance.mission.return_to_goal import return_to_goal
+from cmpsp_ros.guidance.plan_ahead import PlanAhead
 from cmpsp_ros.guidance.planning.grid_path_memory import search_ahead
 from cmpsp_ros.guidance.planning.plan_selector import PlanSelector
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
@@ -55,6 +56,7 @@ class GuidanceLaw:
         self._validator = Validator(settings)
         self._selector = PlanSelector(settings, world, self._validator, timer)
         self._supervisor = Supervisor(settings, self._validator, self._selector)
+        self._ahead = PlanAhead(settings, self._selector)
         self._prepare_search()
 
     def _prepare_search(self) -> None:
@@ -80,6 +82,7 @@ class GuidanceLaw:
             self._validator = Validator(settings)
             self._supervisor = Supervisor(settings, self._validator, self._selector)
         self._selector.reconfigure(settings, self.world, self._validator)
+        self._ahead = PlanAhead(settings, self._selector)
         self._prepare_search()
 
     def is_due(self, stamp: int) -> bool:
@@ -92,6 +95,7 @@ class GuidanceLaw:
         if not self.is_due(observation.stamp):
             return None
         state, supervisor = self._state, self._supervisor
+        state.planned = None
         late = self._observe(observation)
         estimate = self._predict(observation, late)
         ramp = state.following.ramp
@@ -115,7 +119,8 @@ class GuidanceLaw:
     def _observe(self, observation: Observation) -> float:
         """Take in sightings and search results; delay of the last command [s]."""
         self._see(observation)
-        if observation.sighting is not None and self._state.clock.start is None:
+        is_first = observation.sighting is not None and self._state.clock.start is None
+        if is_first and not self._settings.moves_final_time:
             # Before time 0 there is time for it.
             self._search(observation)
             self._see(observation)
@@ -207,7 +212,7 @@ class GuidanceLaw:
 
     def _plan(self, step: Step) -> Decision:
         """Plan, check, and select: a plan, the previous one, or a stop."""
-        supervisor, (state, _, estimate, context) = self._supervisor, step
+        supervisor, (state, observation, estimate, context) = self._supervisor, step
         reason = supervisor.reason_not_to_begin(state, estimate)
         if not reason:
             if state.estimator.tracker.new_obstacle_seen:
@@ -215,16 +220,14 @@ class GuidanceLaw:
             state.following.standby = None
             reason = supervisor.reason_to_stand(state, estimate)
             if not reason and context.plan is None:
-                reason = state.mission.search_moves(context)
+                reason = self._ahead.reason_to_prepare(state, observation, context)
+                reason = reason or state.mission.search_moves(context)
         if reason:
             return supervisor.decisions.stand(step, reason)
         selected = self._selector.best(context)
-        goals, clock = state.mission.goals, state.clock
-        if self._settings.is_soonest and goals.goal is not None:
-            latest, choose = goals.latest(clock.now, estimate.start), state.mission.arrival.choose
-            context, selected = choose(self._selector, context, selected, latest)
-            goals.reach_at(context.horizon.edges.item(-1) + context.delay)
-            clock.due = remaining(clock.now, goals.period, goals.final).edges.item(1)
+        if self._settings.is_soonest:
+            context, selected = self._ahead.at_soonest(state, context, selected)
+        state.planned = context, selected
         return supervisor.choose(step._replace(context=context), selected)
 
     def _pending(self, estimate: Estimate) -> Validation | None:
@@ -249,7 +252,7 @@ class GuidanceLaw:
         return self._state.last[1]
 
     def after_step(self, late: float = 0.0) -> Decision:
-        """Run the slow tasks of a step, once the command is out: warnings and searches of grids.
+        """Run the slow tasks of a step, once the command is out: searches, warnings, further plans.
 
         Args:
             late: Duration of the step if its command came too late to be sent [s]: it is withdrawn,
@@ -265,12 +268,15 @@ class GuidanceLaw:
             self._state.take_back(late)
             why = f'It took {late:.3g} s and was not sent, for it came too late.'
             decision = decision._replace(reason=f'{why} {decision.reason}', late=late)
+            self._state.planned = None
+        self._search(observation)
         if decision.step == 0 and not decision.finished:
+            self._see(observation)
             place = float(observation.pose[0]), float(observation.pose[1])
             found = tuple(infeasibility_warnings(self.task, self.world, place))
             self._state.mission.warnings = found
             decision = decision._replace(reason=' '.join([decision.reason, *found]))
-        self._search(observation)
+        self._ahead.go_on(self._state)
         return decision
 
     def _search(self, observation: Observation) -> None:

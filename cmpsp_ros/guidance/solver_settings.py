@@ -10,7 +10,6 @@ from cmpsp_ros.sensing import TrackSource
 from cmpsp_ros.setting import NOT_NEGATIVE, POSITIVE, Range, setting
 
 SCREENING: Final = 6  # initial iterations after which plans are compared
-
 UNLIMITED: Final = 1 << 58  # a limit of work that is never reached
 
 

@@ -13,6 +13,7 @@ from cmpsp_ros.guidance.mission.closed_road import ClosedRoad
 from cmpsp_ros.guidance.mission.goal_manager import GoalManager
 from cmpsp_ros.guidance.mission.progress_watch import ProgressWatch
 from cmpsp_ros.guidance.planning.arrival_time import ArrivalTime
+from cmpsp_ros.guidance.planning.candidate import Candidate
 from cmpsp_ros.guidance.planning.manoeuvre_search import ManoeuvreSearch, needs_manoeuvres
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 from cmpsp_ros.guidance.prediction.estimator import Estimator, Observation
@@ -167,6 +168,8 @@ class LawState:
     clock: Clock = field(default_factory=Clock)  # time of the run
     lateness: Lateness = field(default_factory=Lateness)  # control steps that took too long
     last: tuple[Observation, Decision] | None = None  # observation and decision; None before
+    # control step to go on planning for after the command, and its plan: None for the first
+    planned: tuple[PlanningContext, Candidate | None] | None = None
 
     @classmethod
     def begin(cls, settings: LawSettings, world: World, run: int, revision: int) -> LawState:

@@ -29,7 +29,6 @@ _INTEGER: Final = ParameterType.INTEGER
 _FIXED: Final = {'reconfigurable': False}
 
 NO_MAP: Final = 'none'  # cells of no map
-
 HIDDEN: Final = 'sim.obstacles'  # section of the obstacles that only the simulator knows
 
 _CELLS: Final = re.compile(r'(\d{1,9}) x (\d{1,9}) ([A-Za-z0-9+/=]+)', re.ASCII)

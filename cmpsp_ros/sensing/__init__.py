@@ -6,17 +6,9 @@ from cmpsp_ros.front_door import lazy_exports
 
 if TYPE_CHECKING:
     from cmpsp_ros.sensing.beams import Beams, ScanError, Sensor, Sight, SightSettings
+    from cmpsp_ros.sensing.grid_messages import REMEMBERED, grid_of, updated
     from cmpsp_ros.sensing.local_grid import LocalGrid
-    from cmpsp_ros.sensing.messages import (
-        FARTHEST,
-        REMEMBERED,
-        grid_of,
-        is_place,
-        points_of,
-        sight_of,
-        stamp_of,
-        updated,
-    )
+    from cmpsp_ros.sensing.messages import FARTHEST, is_place, points_of, sight_of, stamp_of
     from cmpsp_ros.sensing.moving_object import MotionFilter
     from cmpsp_ros.sensing.surroundings import Sighting, Surroundings
     from cmpsp_ros.sensing.track import Track, TrackSource

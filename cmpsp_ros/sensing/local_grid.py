@@ -25,9 +25,7 @@ _NEVER = np.iinfo(np.int64).min
 _FREE, _OCCUPIED = int(Cell.FREE), int(Cell.OCCUPIED)
 
 _UNSEEN = 2.0  # width of the strip around the footprint that no beam need ever pass [cells]
-
 _BESIDE = 0.25  # distance from an earlier beam's end at which another shows it gone [cells]
-
 _BEYOND = 4.0  # distance by which that beam must go on [cells]: one that grazes a wall does not
 
 

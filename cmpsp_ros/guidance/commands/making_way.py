@@ -16,9 +16,7 @@ from cmpsp_ros.guidance.safety.validation import Validation, Validator
 from cmpsp_ros.guidance.settings import LawSettings
 
 PATIENCE: Final = 3  # steps for which a plan that gains too little is driven: it may improve
-
 _TINY: Final = 1e-6  # tolerance of lengths and of angles [m, rad]
-
 _SOON: Final = 2.0  # time within which a moving obstacle must be met for it to matter [s]
 _FAST: Final = 4.0  # speed of a robot without a limit, for that [m/s]
 

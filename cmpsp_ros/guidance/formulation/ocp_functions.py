@@ -39,7 +39,6 @@ from cmpsp_ros.world.roads import road_functions
 Records = NDArray[np.void]
 
 N_EDGE_CONSTRAINTS = 2  # path constraints of a disc at edges; then obstacles, then wheels
-
 WHEEL_ROUNDING: Final = 1e-6  # distance of plans from a wheel limit, for rounding [rad/s]
 
 LATERAL_PART: Final = 0.99

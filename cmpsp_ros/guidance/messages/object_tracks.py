@@ -18,7 +18,6 @@ from cmpsp_ros.guidance.times import NANOSECONDS
 from cmpsp_ros.sensing import MotionFilter, Track, TrackSource, stamp_of
 
 _GATE: Final = 9.21  # squared Mahalanobis distance that 99 % of true pairs in a plane have at most
-
 _AGILITY: Final = 0.1  # power spectral density of accelerations of a detection [m^2/s^3]
 _SPEED: Final = 1.0  # standard deviation of its velocity at first, along each axis [m/s]
 _EXACT: Final = 0.01  # smallest standard deviation of a place that is filtered [m]

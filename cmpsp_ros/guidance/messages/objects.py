@@ -15,7 +15,6 @@ from cmpsp_ros.guidance.messages.tracks import TrackError, tracks_of
 from cmpsp_ros.sensing import TrackSource
 
 _CYLINDER, _POLYGON = 1, 2  # shapes of autoware_perception_msgs
-
 _TRACKED: Final = 1  # detection level of derived_object_msgs from which on a velocity is valid
 
 

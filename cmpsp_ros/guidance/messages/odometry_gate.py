@@ -13,7 +13,6 @@ from cmpsp_ros.guidance.times import NANOSECONDS, to_nanoseconds
 from cmpsp_ros.robots import Robot
 
 _OVERSPEED: Final = 1.25  # ratio of the speed that odometry may show to the limit of the wheels
-
 _TURN_PER_METER: Final = 2.0  # tolerated jump of the heading for one of the position [rad/m]
 
 

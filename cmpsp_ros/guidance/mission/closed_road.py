@@ -33,7 +33,6 @@ _LONGEST: Final = 4.0
 beside two parts of it."""
 
 _SHORTEST = 0.5  # least part of the centre line's length that a way through bends has
-
 _SOON = 3 * NANOSECONDS  # time that the robot may take to come nearer [ns]
 
 

@@ -1,9 +1,10 @@
 """The final time of goals that are to be passed as early as possible: a search, step by step.
 
-Within a plan the final time is fixed. At each control step a plan that ends a stride earlier is
-tried, made from the present one driven faster: if it meets every constraint it is followed, and the
-next stride is longer; otherwise the next one is shorter. A plan that has a flaw is tried with more
-time. So the plan that is followed ends at the earliest time found, and a trial changes no command.
+Within a plan the final time is fixed. At each control step, with a scanner after its command, a
+plan that ends a stride earlier is tried, made from the present one driven faster: if it meets every
+constraint it is followed, and the next stride is longer; otherwise the next one is shorter. A plan
+that has a flaw is tried with more time. So the plan that is followed ends at the earliest time
+found, and a trial changes no command.
 """
 
 from __future__ import annotations
@@ -59,6 +60,7 @@ class ArrivalTime:
         delay: By how much the first trial of a flawed plan is later, likewise.
         sets_out: Whether no plan to the goal was made yet.
         slack: Slack that plans need however much time they have: a gap is too narrow [m].
+        trials: Trials after the command.
     """
 
     settings: LawSettings
@@ -66,17 +68,16 @@ class ArrivalTime:
     delay: float = _DELAY
     sets_out: bool = True
     slack: float = 0.0
+    trials: int = _TRIALS
 
-    def choose(
-        self, selector: PlanSelector, context: PlanningContext, selected: Candidate, latest: int
+    def set_out(
+        self, selector: PlanSelector, context: PlanningContext, selected: Candidate
     ) -> tuple[PlanningContext, Candidate]:
-        """The plan to follow instead of the selected one, and its control step.
-
-        `latest` [ns] is the latest final time that is tried.
-        """
-        sets_out, self.sets_out = self.sets_out, False
-        if sets_out:
+        """The plan to follow instead of the first one to a goal, and its control step."""
+        if self.sets_out:
+            self.sets_out = False
             self.stride, self.delay, self.slack = _LONGEST, _DELAY, 0.0
+            self.trials = _INITIAL_TRIALS
             tried = [(context, selected)]
             for _ in range(_INITIAL_DELAYS):
                 if self._is_good(selected):
@@ -92,16 +93,24 @@ class ArrivalTime:
                 context, selected = min(tried, key=lambda each: _flaws(each[1]))
         if selected.feasible:
             self.slack = 0.0
-        if self._is_good(selected):
-            self.delay = _DELAY
-            return self._earlier(
-                selector, context, selected, _INITIAL_TRIALS if sets_out else _TRIALS
-            )
-        return self._later(selector, context, selected, latest)
+        return context, selected
+
+    def another(
+        self, selector: PlanSelector, context: PlanningContext, selected: Candidate, latest: int
+    ) -> tuple[PlanningContext, Candidate]:
+        """A plan that ends earlier, or later if the selected one has a flaw, and its control step.
+
+        Where none is found they are those given. `latest` [ns] is the latest final time tried.
+        """
+        if not self._is_good(selected):
+            return self._later(selector, context, selected, latest)
+        self.delay = _DELAY
+        return self._earlier(selector, context, selected)
 
     def _earlier(
-        self, selector: PlanSelector, context: PlanningContext, selected: Candidate, trials: int
+        self, selector: PlanSelector, context: PlanningContext, selected: Candidate
     ) -> tuple[PlanningContext, Candidate]:
+        trials, self.trials = self.trials, _TRIALS
         period = to_nanoseconds(self.settings.control_period)
 
         def accepts(found: Candidate) -> bool:

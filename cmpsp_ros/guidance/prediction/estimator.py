@@ -33,7 +33,6 @@ from cmpsp_ros.world.roads import project_on_path
 AT_REST: Final = np.zeros(2)
 
 _ASTRAY: Final = 0.2  # largest standard deviation of a place in sight that plans take [m]
-
 _NOTHING: Final = np.empty((0, 0)), np.empty(0)  # no controls, without a delay
 
 

@@ -16,7 +16,6 @@ from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.times import NANOSECONDS
 
 _REMEMBERED: Final = 5 * NANOSECONDS  # age of the oldest command kept, beside one before it [ns]
-
 _TWISTS: Final = 64  # number of twists that are kept
 
 

@@ -28,29 +28,17 @@ from cmpsp_ros.guidance.times import NANOSECONDS, to_nanoseconds
 from cmpsp_ros.robots import Robot
 
 _UNNOTICED: Final = 0.002  # error of a prediction that is always allowed for [m]
-
 _EXPLAINS: Final = 0.1  # part of the settings' misfit that a response may leave to replace them
-
 _STAYS: Final = 0.4  # the same once they have been replaced
-
 _SLOWS: Final = 0.05  # error of predictions that slows the robot down, if unexplained [m]
-
 _POSSIBLE: Final = 5.0  # standard deviations up to which a response is possible
-
 _EXPLAINED: Final = 2.0  # standard deviations up to which a response explains one period
-
 _IN_USE: Final = 3.0  # standard deviations up to which the response in use stays
-
 _FORGETTING: Final = 0.95  # weight that a period keeps when the next one with information comes
-
 _DECAY: Final = 0.9  # part of the error bound that is left after a period without such error
-
 _FADING: Final = 0.98  # the same of the jitter, without such a deviation
-
 _STEP: Final = 0.01  # distance of the delays that are tried [s]
-
 _LAGS: Final = 12  # number of lags that are tried beside none, evenly spaced
-
 _SETTLED: Final = 10.0  # time constants after which a lag is over
 
 _AS_TOLD: Final = Risk([], 0.0, '')

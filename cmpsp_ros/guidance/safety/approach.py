@@ -36,9 +36,7 @@ _OF_MARGIN: Final = 0.2
 little nearer to something."""
 
 STANDSTILL: Final = 0.02  # speed below which the robot may as well stand [m/s]
-
 _SOME_CELLS: Final = 4.0  # cells by which the grid looked at exceeds what a path can touch
-
 _UNSEEN: Final = 'unseen'  # name of space that no sensor has seen yet, among the names of obstacles
 
 

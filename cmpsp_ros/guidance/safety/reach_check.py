@@ -20,7 +20,6 @@ from cmpsp_ros.world.obstacles import ROUGHNESS, MovingDiscs
 _ROUNDING: Final = 1e-6
 
 LOST: Final = 0.5  # three standard deviations of a position that is out of sight [m]
-
 _APART: Final = 1.0  # distance from such an obstacle from which the robot drives away [m]
 
 CREEP: Final = 0.05

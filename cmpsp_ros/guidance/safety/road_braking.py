@@ -14,7 +14,6 @@ from cmpsp_ros.robots.motion import braking
 from cmpsp_ros.world.roads import lookahead_points
 
 _AHEAD: Final = 1.0  # time in which the point that is pursued would be reached [s]
-
 _BESIDE: Final = (0.0, 0.25, -0.25)  # paths to brake on: road widths left of the centre line
 
 

@@ -11,7 +11,6 @@ from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.jit import allocation_free
 
 _REST: Final = 1e-9  # speed of a wheel that rounding may leave of none [rad/s]
-
 NO_RAMP: Array = np.zeros((0, 2))  # the ramp of a robot at rest, and of one that stops at once
 
 

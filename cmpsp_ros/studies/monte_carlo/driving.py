@@ -189,8 +189,10 @@ def outcome(driven: DrivenRun) -> StudyOutcome:
     speeds = [each.wheel_speeds for each in driven.decisions]
     largest = [float(np.abs(each).max()) for each in speeds if np.isfinite(each).all()]
     limit = settings.robot.max_wheel_speed * (1.0 + _ROUNDING)
-    levels = Counter(each.level for each in driven.decisions)
-    worst = max(driven.decisions, key=lambda each: each.level, default=None)
+    # At the first step it may stand to make a plan.
+    decided = [each for each in driven.decisions if each.step or each.plan is not None]
+    levels = Counter(each.level for each in decided)
+    worst = max(decided, key=lambda each: each.level, default=None)
     x, y = _instants(driven, final)
     return StudyOutcome(
         number=task.scenario.number,

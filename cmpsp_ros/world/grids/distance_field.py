@@ -13,7 +13,6 @@ from cmpsp_ros.world.grids.field_functions import FRAME, DistanceField
 from cmpsp_ros.world.grids.occupancy_grid import Cell, OccupancyGrid, is_free
 
 AROUND: Final = 2  # cells that a field has around its grid
-
 _FAR: Final = 1e4  # distance where nothing is occupied, or nothing free [cells]
 
 

@@ -56,7 +56,6 @@ class DistanceField(NamedTuple):
 
 
 NO_FIELD: Final = DistanceField(np.ones(1, FRAME), np.full((4, 4), math.inf))  # there is none
-
 Fields = tuple[DistanceField, DistanceField]  # the fields of a map and of what sensors see
 
 

@@ -15,7 +15,6 @@ Indices = IntArray
 Links = NDArray[np.int32]
 
 NARROW: Final = 2.0  # by how much more a cell costs where there is no clearance to spare
-
 ROOM: Final = 0.4  # clearance below which a cell costs more [m]
 
 _NONE: Final = -1

@@ -18,9 +18,7 @@ from cmpsp_ros.world.obstacles import outline_of
 from cmpsp_ros.world.roads import RoadSpace, road_functions
 
 Gap = tuple[float, float]  # lateral positions of both ends [m]
-
 HomotopyClass = tuple[int, ...]  # side of each obstacle: 1 left of it, -1 right, 0 not passed
-
 _ROUNDING: Final = 100.0  # gaps are rounded inwards to this: a road of one width has one [1/m]
 _BESIDE: Final = 1.0  # free width beside all obstacles on open floor [m]
 _ASIDE: Final = 2.0  # width searched beside the line and its ends, in the cells of a grid [m]

@@ -48,7 +48,7 @@ EXTRAS_REQUIRE = {
         'pytest>=7.4.4,<9.2',  # with 9.2 pytest-xdist 3.8 ignores `xdist_group` (its issue 1386)
         'pytest-cov',
         'pytest-timeout',
-        'pytest-xdist',
+        'pytest-xdist>=3.6.1',  # earlier ones may run a test outside of the main thread
         'hypothesis',
         'casadi',
         'mujoco',

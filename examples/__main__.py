@@ -99,7 +99,7 @@ def main() -> None:
     kept = sum(f'| {Status.CONVERGED.name} |' in line and '| yes |' in line for line in lines)
     summary = (
         f'{kept} of {len(lines)} runs converged at a point that IPOPT keeps. At the median of the\n'
-        f'problems `solve` takes {1.0 / np.median(ratios):.1f} times as long as IPOPT with CasADi.'
+        f'problems `solve` takes {1.0 / np.median(ratios):.2f} times as long as IPOPT with CasADi.'
     )
     print(summary)  # noqa: T201 (a program's output)
     if not asked:

@@ -13,6 +13,7 @@ from rosbags.interfaces import (
     QosTime,
 )
 
+from cmpsp_ros.bags import BagWriter
 from cmpsp_ros.bags.definitions import jazzy
 from cmpsp_ros.guidance.messages import Track
 
@@ -46,6 +47,29 @@ def make(name, *fields):
 
 def raw(message):
     return bytes(jazzy().serialize_cdr(message, message.__msgtype__))
+
+
+def write_bag(path, records, parameters=None, kinds=None):
+    """Write a bag.
+
+    Args:
+        path: New bag.
+        records: Topic, time of reception [ns] and message of each; or its bytes.
+        parameters: By node.
+        kinds: Types of topics whose messages are bytes, or that have none.
+    """
+    with BagWriter(path) as bag:
+        known = dict(kinds or {})
+        for topic, kind in known.items():
+            bag.topic(topic, kind)
+        for topic, received, message in records:
+            if topic not in known:
+                known[topic] = message.__msgtype__
+                bag.topic(topic, known[topic])
+            bag.write(topic, received, message if isinstance(message, bytes) else raw(message))
+        for node, values in (parameters or {}).items():
+            bag.set_parameters(node, values)
+    return path
 
 
 def time(stamp):

@@ -52,8 +52,10 @@ def _part(text):
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config, items):
-    """Mark what is slow by rule (doc/reference/testing.md), and leave out all but one part."""
+    """Mark tests by rule (doc/reference/testing.md), and leave out all but one part."""
     for item in items:
+        if _is_integration(item):
+            item.add_marker(pytest.mark.integration)
         if _is_slow(item):
             item.add_marker(pytest.mark.slow)
         elif not any(item.iter_markers('slow')) and not any(item.iter_markers('timeout')):
@@ -65,10 +67,13 @@ def pytest_collection_modifyitems(config, items):
         config.hook.pytest_deselected(items=others)
 
 
+def _is_integration(item):
+    return item.path.is_relative_to(INTEGRATION)
+
+
 def _is_slow(item):
-    is_integration = item.path.is_relative_to(INTEGRATION)
     is_smoke = item.get_closest_marker('smoke') is not None
-    return (is_integration and not is_smoke) or _takes_minutes(item)
+    return (_is_integration(item) and not is_smoke) or _takes_minutes(item)
 
 
 def _takes_minutes(item):

@@ -11,14 +11,11 @@ from typing import Any
 
 import numpy as np
 
+# Key in the bag's custom data: JSON text `{node: {parameter: value}}`.
 PARAMETERS_KEY = 'cmpsp_ros.parameters'
-"""Key in the bag's custom data: JSON text `{node: {parameter: value}}`."""
-
+# Key in the bag's custom data: version of this package that wrote the bag.
 VERSION_KEY = 'cmpsp_ros.version'
-"""Key in the bag's custom data: version of this package that wrote the bag."""
-
-SOFTWARE_KEY = 'cmpsp_ros.software'
-"""Key in the bag's custom data: JSON text `{name: version}`."""
+SOFTWARE_KEY = 'cmpsp_ros.software'  # key in the bag's custom data: JSON text `{name: version}`
 
 # Versions that determine the last bits of a decision, and the writer of the file.
 _PACKAGES = ('numpy', 'scipy', 'numba', 'llvmlite', 'clarabel', 'rosbags', 'rclpy')
@@ -74,10 +71,7 @@ def plain(value: object) -> object:
 
 
 def parsed(custom: Mapping[str, Any], key: str) -> dict[str, Any]:
-    """Read JSON text in custom data: a mapping, empty if none.
-
-    Raises `TypeError`, `ValueError` or `RecursionError` for anything else.
-    """
+    """Read a JSON mapping in custom data; raises TypeError, ValueError or RecursionError."""
     found = json.loads(expected(custom.get(key, '{}'), str, key))
     mapping: dict[str, Any] = expected(found, dict, key)
     if key == PARAMETERS_KEY:

@@ -29,8 +29,7 @@ from cmpsp_ros.guidance.messages import Track
 
 Waypoint = tuple[float, float, float, float]
 
-_LATEST = 1 << 62
-"""In the year 2116 [ns]; later times fit no array of stamps."""
+_LATEST = 1 << 62  # in the year 2116 [ns]; later times fit no array of stamps
 
 
 def status_of(message: Any) -> Any:
@@ -49,23 +48,16 @@ class DecisionRecord:
 
     It has the fields of `cmpsp_ros.guidance.Decision` too, read from its entries when asked for;
     a level is its name, tracks are their numbers (of other robots: namespaces) and stamps.
-
-    Attributes:
-        source: Bag and topic, for errors.
-        received: Time of reception [ns].
-        reason: Reason, in words.
-        entries: All other entries of its message, as text by key.
-        command: Forward, to the left and turning on the command's topic [m/s, m/s, rad/s]; None
-            where not recorded.
-        path: The predicted path; None where not recorded.
     """
 
-    source: str
-    received: int
-    reason: str
-    entries: Mapping[str, str]
+    source: str  # bag and topic, for errors
+    received: int  # time of reception [ns]
+    reason: str  # in words
+    entries: Mapping[str, str]  # all other entries of its message, as text by key
+    # Forward, to the left and turning on the command's topic [m/s, m/s, rad/s]; None where not
+    # recorded.
     command: tuple[float, float, float] | None = None
-    path: tuple[Waypoint, ...] | None = None
+    path: tuple[Waypoint, ...] | None = None  # the predicted path; None where not recorded
 
     @classmethod
     def of(cls, source: str, received: int, message: Any) -> DecisionRecord:

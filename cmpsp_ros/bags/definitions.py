@@ -6,7 +6,6 @@ import re
 from functools import cache
 
 from rosbags.interfaces import Connection, MessageDefinition, MessageDefinitionFormat, Nodetype
-from rosbags.interfaces.typing import Typesdict
 from rosbags.rosbag2 import ReaderError
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
@@ -14,9 +13,8 @@ from rosbags.typesys.store import Typestore
 from cmpsp_ros.bags.storage.limits import MAX_SEQUENCE
 
 _MAX_TEXT = 1 << 15
+# Elements of all arrays of messages and strings: rosbags writes a line of code for each.
 _MAX_ELEMENTS = 10_000
-"""Elements of all arrays of messages and strings: rosbags writes a line of code for each."""
-
 _TYPE_NAME = re.compile(r'[A-Za-z][A-Za-z0-9_]*/(msg|srv|action)/[A-Za-z][A-Za-z0-9_]*')
 
 
@@ -29,13 +27,9 @@ def jazzy() -> Typestore:
 
 
 def types_of(connection: Connection) -> Typestore:
-    """The deserialiser for the messages of a topic.
+    """Deserialiser for the messages of a topic; a definition that is known here is not parsed.
 
-    A definition in the bag is parsed only if it differs from the one known here.
-
-    Raises:
-        ReaderError: There is no definition, or an unsupported one.
-        Exception: Any error of rosbags' parser on a damaged definition.
+    Raises ReaderError without a usable definition, or any error of rosbags' parser.
     """
     if _is_known(connection):
         return jazzy()
@@ -47,7 +41,14 @@ def types_of(connection: Connection) -> Typestore:
         msg = f'definition of its type {name} has {len(text)} bytes, at most {_MAX_TEXT} are read'
         raise ReaderError(msg)
     types = get_types_from_msg(text, name)
-    if _elements(types) > _MAX_ELEMENTS:
+    arrays = (
+        each
+        for _, fields in types.values()
+        for _, each in fields
+        if each[0] == Nodetype.ARRAY
+        and (each[1][0][0] == Nodetype.NAME or each[1][0][1][0] == 'string')
+    )
+    if sum(each[1][1] for each in arrays) > _MAX_ELEMENTS:
         msg = f'definition of its type {name} has arrays of more than {_MAX_ELEMENTS} messages'
         raise ReaderError(msg)
     store = get_typestore(Stores.EMPTY)
@@ -71,13 +72,3 @@ def _is_known(connection: Connection) -> bool:
     if connection.digest:
         return connection.digest == jazzy().hash_rihs01(name)
     return not text or connection.msgdef == known_definition(name)
-
-
-def _elements(types: Typesdict) -> int:
-    descriptions = (each for _, fields in types.values() for _, each in fields)
-    return sum(
-        each[1][1]
-        for each in descriptions
-        if each[0] == Nodetype.ARRAY
-        and (each[1][0][0] == Nodetype.NAME or each[1][0][1][0] == 'string')
-    )

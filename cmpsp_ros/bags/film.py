@@ -27,15 +27,10 @@ from cmpsp_ros.world.obstacles import Shape
 
 Point = tuple[float, float]
 
-BELOW: Final = -10.0
-"""Height of what is not to be seen [m]."""
-
-HEIGHT: Final = 0.12
-"""Height of obstacles [m]."""
-
+BELOW: Final = -10.0  # height of what is not to be seen [m]
+HEIGHT: Final = 0.12  # height of obstacles [m]
+# Height of people up to their shoulders, and of tracks of own sensors [m].
 _STATURE, _TRACK = 0.4, 0.02
-"""Height of people up to their shoulders, and of tracks of own sensors [m]."""
-
 _PURPLE: Final = '0.62 0.2 0.5 1'
 _DOUBT: Final = '0.62 0.2 0.5 0.25'
 _DARK: Final = '0.35 0.1 0.28 1'
@@ -79,16 +74,17 @@ def scene(
 ) -> str:
     """The scene in MuJoCo's own format, with the robot's free joint first.
 
-    Args:
-        settings: Robot, road and obstacles.
-        way: Points of the driven path, ``(K, 2)`` [m].
-        goals: Each with a ball `goal 0`, `goal 1`, ... on a post (x, y) [m].
-        moving: Ids of the moving obstacles, each a body `moving 7` to be placed later.
-        ends: Lines on the floor where the robot starts and ends, each ``(K, 2)`` [m].
-        hidden: Obstacles that only the simulator knows.
-        people: Numbers of the simulator's people, each a body `person 3` to be placed later.
+    Of `way` and `ends` each is a line ``(K, 2)`` [m]. Goals are balls `goal 0`, ...; `moving`
+    and `people` are ids of bodies `moving 7` and `person 3`, to be placed later.
     """
-    posts = (each for index, place in enumerate(goals) for each in _goal(index, place))
+    posts = [
+        geom
+        for index, place in enumerate(goals)
+        for geom in (
+            _geom('cylinder', f'0.01 {HEIGHT}', (*place, HEIGHT), _GREEN),
+            _geom('sphere', '0.05', (*place, 2.0 * HEIGHT), _GREEN, f'goal {index}'),
+        )
+    ]
     parts = course([settings.road], settings.obstacles, hidden)
     drawn = (*_way(way), *(each for line in ends for each in _way(line)))
     decoration = '\n    '.join((*_course(parts), *drawn, *posts))
@@ -129,7 +125,7 @@ def _shaped(settings: GuidanceSettings) -> str:
 
 
 def _disc(number: int) -> str:
-    """An obstacle that moves, below the floor until it is seen, with its doubt and an arrow."""
+    """An obstacle that moves, with its doubt and an arrow, below the floor until it is seen."""
     name = f'moving {number}'
     height = _TRACK if number >= Track.SEEN else HEIGHT
     geoms = (
@@ -160,11 +156,6 @@ def _course(parts: Iterable[Part]) -> Iterator[str]:
 def _way(way: Array) -> Iterator[str]:
     # On the floor, not in it: two surfaces at one height take turns from pixel to pixel.
     yield from _line(way, _LINE / 2.0, '0.1 0.35 0.8 1', height=_LINE / 2.0)
-
-
-def _goal(index: int, place: Point) -> Iterator[str]:
-    yield _geom('cylinder', f'0.01 {HEIGHT}', (*place, HEIGHT), _GREEN)
-    yield _geom('sphere', '0.05', (*place, 2.0 * HEIGHT), _GREEN, f'goal {index}')
 
 
 def _line(corners: Array, radius: float, color: str, height: float = 0.0) -> Iterator[str]:
@@ -200,8 +191,8 @@ _AMONG_PEOPLE, _FROM_ABOVE = 3.0, -45.0
 def film(bag: Path, output: Path, seconds: Sequence[float]) -> int:
     """Draw the robot in its scene; return the number of frames.
 
-    A `.png` has the frames side by side, by default four; a `.gif` is in real time, by default with
-    ten a second. Without MuJoCo or its renderer it is a `BagError`, too.
+    A `.png` has the frames side by side, by default four; a `.gif` is in real time, by default
+    with ten a second. Raises BagError, also without MuJoCo or its renderer.
     """
     moving = output.suffix == '.gif'
     if output.suffix not in ('.png', '.gif'):
@@ -245,7 +236,11 @@ def film(bag: Path, output: Path, seconds: Sequence[float]) -> int:
                 output, save_all=True, append_images=frames[1:], duration=1000 // _RATE, loop=0
             )
         else:
-            _side_by_side(frames).save(output)
+            across, height = frames[0].size
+            strip = Image.new('RGB', (across * len(frames), height))
+            for index, frame in enumerate(frames):
+                strip.paste(frame, (index * across, 0))
+            strip.save(output)
     return len(frames)
 
 
@@ -298,7 +293,6 @@ def _frames(
 
 
 def _arrange(world: Any, state: Any, moment: _Moment) -> None:
-    """Place the moving obstacles, and highlight the current goal."""
     state.mocap_pos[:, 2] = BELOW
     for kind, tracks in (('moving', moment.moving), ('person', moment.people)):
         for each in tracks:
@@ -327,11 +321,3 @@ def _mujoco() -> Any:
     except ImportError as error:
         raise BagError(f'this needs the package mujoco (pip install mujoco): {error}') from None
     return mujoco
-
-
-def _side_by_side(frames: list[Image.Image]) -> Image.Image:
-    width, height = frames[0].size
-    strip = Image.new('RGB', (width * len(frames), height))
-    for index, frame in enumerate(frames):
-        strip.paste(frame, (index * width, 0))
-    return strip

@@ -44,25 +44,7 @@ class Bag:
 
     Bags are untrusted input: every fault in one becomes a `BagError`, and memory and time are
     bounded by the size of its files (see `cmpsp_ros.bags.storage.limits`). Messages are read on
-    demand, never all at once.
-
-    Args:
-        path: Folder with a `metadata.yaml`, or a single mcap or sqlite3 file.
-
-    Attributes:
-        path: As given.
-        topics: By full name.
-        start: Stamp of the first message [ns], 0 when there is none.
-        end: Stamp of the last message [ns], 0 when there is none.
-        parameters: Parameters, `{node: {name: value}}`, before the first change in
-            `/parameter_events`: of `~/parameters`, or kept with the bag. A parameter is missing if
-            it was changed before the recorder learnt its value.
-        restarts: By node, the times of further `~/parameters` [ns], and their parameters, in order.
-        version: Version of this package that wrote the bag; empty when another program did.
-        software: Versions of the other software installed where the bag was written, by name.
-
-    Raises:
-        BagError: No such path, not a bag, cut off, being written, or damaged.
+    demand. A bag is a folder with a `metadata.yaml`, or a single mcap or sqlite3 file.
     """
 
     def __init__(self, path: Path) -> None:
@@ -93,10 +75,7 @@ class Bag:
         return own if own in self.topics and self.topics[own].count else heard
 
     def raw(self, topic: str) -> Iterator[tuple[int, bytes]]:
-        """Iterate over a topic's stamps [ns] and serialised messages (CDR), in order of time.
-
-        Messages of one stamp come in the order of writing.
-        """
+        """Iterate over a topic's stamps [ns] and serialised messages (CDR), in order of time."""
         for _, stamp, raw in self.raw_together([topic]):
             yield stamp, raw
 
@@ -155,7 +134,7 @@ class Bag:
             yield record
 
     def _read_summary(self, information: dict[str, Any]) -> None:
-        self.topics: dict[str, BagTopic] = {}
+        self.topics: dict[str, BagTopic] = {}  # by full name
         for each in self._reader.connections:
             expected(each.topic, str, 'topic')
             expected(each.msgtype, str, f'type of {each.topic}')
@@ -168,6 +147,7 @@ class Bag:
                 each.msgcount + (before.count if before else 0),
                 (*(before.qos_profiles if before else ()), *ext.offered_qos_profiles),
             )
+        # Stamps of the first and last message [ns], 0 when there is none.
         empty = self._reader.message_count == 0
         self.start = 0 if empty else expected(self._reader.start_time, int, 'first stamp')
         # rosbags counts the end as the first nanosecond after the last message.
@@ -175,12 +155,14 @@ class Bag:
         custom = expected(information.get('custom_data') or {}, dict, 'custom data')
         self.version: str = expected(custom.get(VERSION_KEY, ''), str, VERSION_KEY)
         self.software: dict[str, str] = parsed(custom, SOFTWARE_KEY)
+        # By node and name, before the first change in `/parameter_events`; without those that were
+        # changed before the recorder learnt their values.
         self.parameters: dict[str, dict[str, Any]] = parsed(custom, PARAMETERS_KEY)
+        # By node, times of further `~/parameters` [ns] and their parameters, in order.
         self.restarts: dict[str, list[tuple[int, dict[str, Any]]]] = {}
         self._read_parameters()
 
     def _read_parameters(self) -> None:
-        """Read `~/parameters` of the nodes whose parameters were not kept apart."""
         kept = self.parameters.keys()
         for topic, about in self.topics.items():
             is_one = about.msgtype == _PARAMETER_EVENT and topic.endswith('/parameters')
@@ -213,18 +195,17 @@ class Bag:
 def _check_path(path: Path) -> None:
     if not path.exists():
         raise BagError(f'{path}: no such bag')
-    if path.is_dir() and not (path / METADATA).exists():
-        raise BagError(f'{path}: {_lack_of_metadata(path)}')
     if path.is_file() and path.suffix not in SUFFIXES:
         raise BagError(
             f'{path}: not a bag: expected a folder, or a file that ends in {" or ".join(SUFFIXES)}'
         )
-
-
-def _lack_of_metadata(folder: Path) -> str:
-    wanted = f'expected a {METADATA} in this folder'
-    if not any(next(folder.glob(f'*{each}'), None) for each in SUFFIXES):
-        return f'not a bag: {wanted}'
-    if is_locked(folder):
-        return f'being written right now: {wanted} once it is closed'
-    return f'the recording was cut off: {wanted}; `cmpsp recover {folder}` makes a whole bag of it'
+    if path.is_dir() and not (path / METADATA).exists():
+        wanted = f'expected a {METADATA} in this folder'
+        said = (
+            f'the recording was cut off: {wanted}; `cmpsp recover {path}` makes a whole bag of it'
+        )
+        if not any(next(path.glob(f'*{each}'), None) for each in SUFFIXES):
+            said = f'not a bag: {wanted}'
+        elif is_locked(path):
+            said = f'being written right now: {wanted} once it is closed'
+        raise BagError(f'{path}: {said}')

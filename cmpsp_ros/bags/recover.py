@@ -11,15 +11,8 @@ from rosbags.rosbag2 import ReaderError
 
 from cmpsp_ros.bags.custom_data import PARAMETERS_KEY, SOFTWARE_KEY, parsed
 from cmpsp_ros.bags.errors import BagError, UnknownTypeError
+from cmpsp_ros.bags.storage import common
 from cmpsp_ros.bags.storage.checks import read_metadata, salvage
-from cmpsp_ros.bags.storage.common import (
-    METADATA,
-    SUFFIXES,
-    UNFINISHED,
-    Form,
-    FoundTopic,
-    is_locked,
-)
 from cmpsp_ros.bags.storage.limits import MAX_METADATA, check_file
 from cmpsp_ros.bags.writer import BagWriter
 
@@ -35,14 +28,10 @@ class Recovery:
 
 
 def recover(path: Path, output: Path | None = None) -> Recovery:
-    """Write a valid bag from the readable parts of another, which is not changed.
+    """Write a valid bag from the readable parts of a folder or file, which is not changed.
 
-    Args:
-        path: Folder of the bag, with or without its metadata, or one storage file.
-        output: Folder of the new bag; when absent, beside the other, its name with `_recovered`.
-
-    Raises:
-        BagError: Not a bag, being written, nothing in it can be read, or the disk refuses.
+    Its folder is by default beside the other, its name with `_recovered`. Raises BagError if
+    nothing can be read.
     """
     files = _storage_files(path)
     beside = path.resolve()
@@ -50,7 +39,7 @@ def recover(path: Path, output: Path | None = None) -> Recovery:
     target = output or beside.with_name(f'{name}_recovered')
     remarks: list[str] = []
     topics: set[str] = set()
-    bag = BagWriter(target, Form(SUFFIXES[files[0].suffix]))
+    bag = BagWriter(target, common.Form(common.SUFFIXES[files[0].suffix]))
     try:
         with bag:
             bag.set_custom(_custom_data(path, remarks))
@@ -69,7 +58,7 @@ def _storage_files(path: Path) -> list[Path]:
     """Storage files of a bag in order of time: they are numbered without leading zeros."""
     if not path.exists():
         raise BagError(f'{path}: no such bag')
-    if path.is_dir() and is_locked(path):
+    if path.is_dir() and common.is_locked(path):
         raise BagError(f'{path}: being written right now; stop the recorder first')
 
     def place(file: Path) -> tuple[int, str]:
@@ -77,16 +66,16 @@ def _storage_files(path: Path) -> list[Path]:
         return (int(number) if number.isdecimal() and len(number) < 10 else 0), file.name
 
     files = [path] if path.is_file() else [*path.iterdir()]
-    for suffix in SUFFIXES:
+    for suffix in common.SUFFIXES:
         if found := [each for each in files if each.suffix == suffix]:
             return sorted(found, key=place)
-    raise BagError(f'{path}: not a bag: expected files that end in {" or ".join(SUFFIXES)}')
+    raise BagError(f'{path}: not a bag: expected files that end in {" or ".join(common.SUFFIXES)}')
 
 
 def _copy(file: Path, bag: BagWriter, topics: set[str], remarks: list[str]) -> None:
     left_out: set[str] = set()
     for found in salvage(file, bag.path.parent, remarks.append):
-        topic = found if isinstance(found, FoundTopic) else found[0]
+        topic = found if isinstance(found, common.FoundTopic) else found[0]
         if topic.name not in topics and topic.name not in left_out:
             try:
                 bag.topic(topic.name, topic.msgtype, topic.qos_profiles, topic.definition)
@@ -94,18 +83,18 @@ def _copy(file: Path, bag: BagWriter, topics: set[str], remarks: list[str]) -> N
             except UnknownTypeError as error:
                 left_out.add(topic.name)
                 remarks.append(str(error))
-        if not isinstance(found, FoundTopic) and topic.name in topics:
+        if not isinstance(found, common.FoundTopic) and topic.name in topics:
             bag.write(topic.name, found[1], found[2])
 
 
 def _custom_data(path: Path, remarks: list[str]) -> dict[str, str]:
     """Texts kept with the bag when it was closed, or else while it was written."""
     folder = path if path.is_dir() else path.parent
-    for name in (METADATA, UNFINISHED):
+    for name in (common.METADATA, common.UNFINISHED):
         if not (folder / name).exists():
             continue
         try:
-            if name == METADATA:
+            if name == common.METADATA:
                 found = read_metadata(folder).get('custom_data')
             else:
                 check_file(folder / name, MAX_METADATA)

@@ -19,26 +19,15 @@ from rosbags.rosbag2.metadata import dump_qos_v9
 from cmpsp_ros.bags import custom_data
 from cmpsp_ros.bags.definitions import jazzy, known_definition
 from cmpsp_ros.bags.errors import BagError, UnknownTypeError
-from cmpsp_ros.bags.storage.common import (
-    INFORMATION,
-    METADATA,
-    NO_MESSAGE_YET,
-    REFUSALS,
-    UNFINISHED,
-    Form,
-    locked,
-    write_atomically,
-)
+from cmpsp_ros.bags.storage import common
 from cmpsp_ros.bags.storage.mcap_writer import McapStorage
 from cmpsp_ros.bags.storage.sqlite import SqliteStorage
 
+# A file being written. When the disk refuses a call (`REFUSALS`), it can be repeated.
 Storage = McapStorage | SqliteStorage
-"""A file being written. When the disk refuses a call (`REFUSALS`), it can be repeated."""
-
 _METADATA_VERSION = 9
 
-_TOPIC_METADATA_SIZE = 1536
-"""Size of a topic in the metadata, with a few publishers [bytes]."""
+_TOPIC_METADATA_SIZE = 1536  # size of a topic in the metadata, with a few publishers [bytes]
 
 
 class _File(NamedTuple):
@@ -52,7 +41,7 @@ class _File(NamedTuple):
     @classmethod
     def of(cls, storage: Storage) -> _File:
         counts = dict(storage.channel_stats)
-        start = storage.message_start_time if any(counts.values()) else NO_MESSAGE_YET
+        start = storage.message_start_time if any(counts.values()) else common.NO_MESSAGE_YET
         return cls(storage.path.name, counts, start, storage.message_end_time)
 
     @property
@@ -63,18 +52,14 @@ class _File(NamedTuple):
 class BagWriter:
     """A new bag: metadata version 9, as rosbag2 of ROS 2 Jazzy writes it, and its definitions.
 
-    As a context manager it always closes the bag, also after `KeyboardInterrupt`. Not thread-safe.
-    Every method raises a `BagError` when the bag is closed or the disk refuses; what was written
-    before stays valid.
-
-    Args:
-        path: Folder of the bag; must not exist, missing parents are made.
-        form: Format, compression, and when to begin a new file.
+    As a context manager it always closes the bag, also after `KeyboardInterrupt`. Not thread-
+    safe. Every method raises a `BagError` when the bag is closed or the disk refuses; what was
+    written before stays valid. The folder must not exist; missing parents are made.
     """
 
-    def __init__(self, path: Path, form: Form | None = None) -> None:
+    def __init__(self, path: Path, form: common.Form | None = None) -> None:
         self.path = path
-        self._form = form or Form()
+        self._form = form or common.Form()
         self._topics: dict[str, Connection] = {}
         self._parameters: dict[str, dict[str, object]] = {}
         self._custom = {
@@ -88,11 +73,10 @@ class BagWriter:
         if self._form.compressed and self._form.storage != 'mcap':
             raise BagError(f'{path}: only mcap can be compressed, not {self._form.storage}')
         if path.exists():
-            msg = f'{path}: exists already, a new bag needs a path that does not exist'
-            raise BagError(msg)
+            raise BagError(f'{path}: exists already, a new bag needs a path that does not exist')
         with self._writing('cannot create the bag'):
             path.mkdir(parents=True)
-            self._lock = locked(path)
+            self._lock = common.locked(path)
             self._storage: Storage | None = self._begin_file()
             os.fsync(self._lock)
 
@@ -111,9 +95,7 @@ class BagWriter:
     ) -> None:
         """Add a topic by its full name; its type is defined as in ROS 2 Jazzy if not otherwise.
 
-        Raises:
-            UnknownTypeError: No definition of the type is known; the bag goes on without it.
-            BagError: The topic has been added already, too.
+        Raises UnknownTypeError without a definition: the bag goes on without the topic.
         """
         with self._writing():
             if name in self._topics:
@@ -131,10 +113,7 @@ class BagWriter:
             self._topics[name] = topic
 
     def write(self, topic: str, stamp_ns: int, raw: bytes) -> None:
-        """Write one serialised message (CDR), received at a time [ns], to a topic added before.
-
-        It is in a new file when the last has its size or its duration.
-        """
+        """Write a serialised message (CDR) received at a time [ns], in a new file if one is due."""
         with self._writing():
             connection = self._topics.get(topic)
             if connection is None:
@@ -146,26 +125,17 @@ class BagWriter:
             self._storage.write(connection, stamp_ns, raw)
 
     def flush(self) -> None:
-        """Make everything written so far survive the end of the process, and a loss of power.
-
-        Flushed messages can be recovered from a bag that was never closed.
-        """
+        """Make everything so far survive a loss of power: `recover` finds it in an unclosed bag."""
         with self._writing():
             if self._custom != self._kept:
-                write_atomically(self.path / UNFINISHED, json.dumps(self._custom))
+                common.write_atomically(self.path / common.UNFINISHED, json.dumps(self._custom))
                 self._kept = dict(self._custom)
             if self._storage is not None:
                 self._storage.flush()
             os.fsync(self._lock)
 
     def set_parameters(self, node_name: str, values: Mapping[str, object]) -> None:
-        """Keep the parameters of a node of which the bag has no `~/parameters`.
-
-        Args:
-            node_name: Full name, as in `/guidance`.
-            values: Plain values and sequences of them by name, else a `BagError`; floats read back
-                bit for bit.
-        """
+        """Keep plain parameters of a node, by its full name; floats read back bit for bit."""
         kept = {}
         for name, value in values.items():
             try:
@@ -183,11 +153,8 @@ class BagWriter:
     def close(self) -> None:
         """Write index and metadata; closing twice is closing once.
 
-        After the disk has refused a write, the end of the recording is given up, so that the
-        rest makes a complete bag in the space there is.
-
-        Raises:
-            BagError: The disk refuses: the bag is cut off, or its last messages are missing.
+        After the disk has refused a write, the end of the recording is given up, so that
+        the rest makes a complete bag; then it raises BagError.
         """
         if self._closed:
             return
@@ -195,8 +162,8 @@ class BagWriter:
         try:
             self._close()
         finally:
-            if (self.path / METADATA).exists():
-                (self.path / UNFINISHED).unlink(missing_ok=True)
+            if (self.path / common.METADATA).exists():
+                (self.path / common.UNFINISHED).unlink(missing_ok=True)
             os.close(self._lock)
 
     def __enter__(self) -> Self:
@@ -213,7 +180,7 @@ class BagWriter:
     def _close(self) -> None:
         try:
             self._finish()
-        except REFUSALS as error:
+        except common.REFUSALS as error:
             try:
                 before = self.message_count
                 if self._storage is not None:
@@ -221,9 +188,9 @@ class BagWriter:
                     self._storage.make_room(_TOPIC_METADATA_SIZE * (len(self._topics) + 1) + texts)
                 lost = before - self.message_count
                 self._finish()
-            except REFUSALS:
+            except common.REFUSALS:
                 if self._storage is not None:
-                    with suppress(*REFUSALS):
+                    with suppress(*common.REFUSALS):
                         self._storage.abort()
                 msg = f'{self.path}: cut off, without index and metadata: {error}'
                 raise BagError(msg) from error
@@ -232,8 +199,8 @@ class BagWriter:
 
     def _finish(self) -> None:
         self._end_file()
-        text = _as_yaml({INFORMATION: self._information(self._done)})
-        write_atomically(self.path / METADATA, text)
+        text = _as_yaml({common.INFORMATION: self._information(self._done)})
+        common.write_atomically(self.path / common.METADATA, text)
 
     def _begin_file(self) -> Storage:
         name = f'{self.path.resolve().name}_{len(self._done)}'
@@ -303,7 +270,7 @@ class BagWriter:
             raise BagError(f'{self.path}: the bag is closed')
         try:
             yield
-        except REFUSALS as error:
+        except common.REFUSALS as error:
             raise BagError(f'{self.path}: {what}: {error}') from error
 
 

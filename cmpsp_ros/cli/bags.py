@@ -169,7 +169,6 @@ def replay(
 def _what_if(
     bag: Path, names: Names, assignments: list[str], params_file: str | None, output: Path | None
 ) -> None:
-    """Show the decisions of a changed guidance law."""
     from cmpsp_ros.bags.replay import Change, draw_what_if, what_if  # noqa: PLC0415 (loads kernels)
     from cmpsp_ros.parameters import load_parameter_file  # noqa: PLC0415 (starts faster without)
     from cmpsp_ros.parameters.files import parse_assignment  # noqa: PLC0415 (starts faster without)

@@ -80,7 +80,6 @@ def demo(
 def _loaded(
     preset: str, assignments: list[str], robot: str | None, *, lockstep: bool
 ) -> tuple[Scenario, ...]:
-    """Load the robots of a preset, and print remarks on them."""
     from cmpsp_ros.demo import load_fleet, load_scenario  # noqa: PLC0415 (loads kernels)
     from cmpsp_ros.parameters.files import robots_in  # noqa: PLC0415 (starts faster without)
 
@@ -97,7 +96,6 @@ def _loaded(
 
 
 def _drive(fleet: Sequence[Scenario], folder: Path, view_port: int | None) -> Sequence[Summary]:
-    """Run one robot or several, and show and return the results."""
     from cmpsp_ros.demo import run  # noqa: PLC0415 (a wrong argument needs no ROS)
 
     total, alone = max(each.settings.final_time for each in fleet), fleet[0]
@@ -112,7 +110,6 @@ def _drive(fleet: Sequence[Scenario], folder: Path, view_port: int | None) -> Se
 
 @contextmanager
 def _progress(name: str, total: float, view_port: int | None) -> Iterator[Callable[[float], None]]:
-    """Show the progress of a run of `total` seconds."""
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn  # noqa: PLC0415 (`--help` is quicker without)
 
     signal.signal(signal.SIGTERM, _interrupt)

@@ -150,7 +150,6 @@ def _unrecordable(
     *,
     everything: bool,
 ) -> str:
-    """Reason why this cannot be recorded, '' if it can."""
     if folder.exists():
         return f'{folder}: exists already, a new bag needs a path that does not exist'
     if storage != 'mcap' and compression == 'zstd':
@@ -223,7 +222,6 @@ def identify(
 
 
 def _make(folder: Path, *, drive: bool, force: bool) -> None:
-    """Make a folder."""
     names = ('robot.yaml', 'identify.png', *(('bag',) if drive else ()))
     there = [folder / name for name in names if (folder / name).exists()]
     if there and not force:
@@ -237,7 +235,6 @@ def _make(folder: Path, *, drive: bool, force: bool) -> None:
 
 
 def _drive(bag: Path, topics: tuple[str, str], limits: tuple[float, float], *, yes: bool) -> None:
-    """Move the robot, if the user agrees."""
     from cmpsp_ros.bags.identify import excitation  # noqa: PLC0415 (starts faster)
     from cmpsp_ros.nodes import excitation as driving  # noqa: PLC0415 (loads ROS)
 

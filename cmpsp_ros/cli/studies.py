@@ -204,7 +204,6 @@ def warmup(
 
 
 def _starts(*, judge: bool) -> None:
-    """Drive from every guess and heading of the paper's tables, with the defaults."""
     from cmpsp_ros.studies.paper import StudyError, run_starts  # noqa: PLC0415 (plots, kernels)
 
     with exit_on(StudyError, code=1), progress_bar() as bar:

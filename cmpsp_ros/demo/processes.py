@@ -26,11 +26,8 @@ class DemoError(RuntimeError):
 
 _STOP_TIMEOUT = 10.0
 
-_LEAST_SPACE = 4096
-"""On a disk with less free space a log may lack its end [bytes]."""
-
-_COMPILES = 'Compiling kernels'
-"""Text that `ProgressLine` shows every few seconds."""
+_LEAST_SPACE = 4096  # on a disk with less free space a log may lack its end [bytes]
+_COMPILES = 'Compiling kernels'  # text that `ProgressLine` shows every few seconds
 _DOMAINS = range(1, 101)
 _RCLPY_OF_FAST_DDS_3 = 8
 _PROFILES = 'FASTRTPS_DEFAULT_PROFILES_FILE'
@@ -42,8 +39,7 @@ _prctl = ctypes.CDLL(None).prctl if sys.platform == 'linux' else None
 def use_free_domain() -> int:
     """Choose a ROS domain that is unused on this machine, and keep all traffic on loopback.
 
-    Unless Fast DDS is configured otherwise, nodes that start together discover each other at once.
-    The choice is set in this process' environment, which its children inherit.
+    It is set in this process' environment, which its children inherit.
     """
     # Where to begin differs between processes, so that two that start together do not collide.
     offset = os.getpid() % len(_DOMAINS)
@@ -169,7 +165,7 @@ class Child:
 
 
 def check_all(children: Iterable[Child]) -> None:
-    """Raise `DemoError` with the end of its log if a node has ended by itself."""
+    """Check that no node has ended by itself; raises `DemoError`."""
     for child in children:
         child.check()
 
@@ -221,12 +217,7 @@ _CONTENT = (
 
 
 def make_folder(output: Path | None, *, force: bool) -> Path:
-    """Create the folder of a run.
-
-    Args:
-        output: The folder; None for `runs/<time>`, which `runs/latest` then points at.
-        force: True if an earlier run in that folder may be removed; other files there stay.
-    """
+    """Create the folder of a run, `runs/<time>` by default; `force` replaces an earlier run."""
     folder = output or _RUNS / datetime.now().astimezone().strftime('%Y-%m-%d_%H-%M-%S')
     try:
         if folder.exists():

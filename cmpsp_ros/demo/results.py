@@ -39,10 +39,7 @@ _DRIVEN = 'black'
 def draw_trajectory(
     run: Run, settings: GuidanceSettings, path: Path, hidden: Sequence[Shape] = (), title: str = ''
 ) -> Figure:
-    """Draw road, obstacles with the margin kept, the driven path and the plan at a few instants.
-
-    Moving obstacles are drawn at the robot's closest approach.
-    """
+    """Draw the course, the driven path, plans at a few instants, and what moves where nearest."""
     first, last = window(run, settings)
     part = run.driven.between(first, last)
     driven = view.along(part.poses, part.twists[:-1], part.durations)
@@ -79,10 +76,7 @@ def draw_trajectory(
 
 
 def _draw_moving(axes: Axes, run: Run, settings: GuidanceSettings, first: int, last: int) -> None:
-    """Paths of all that moves, each with its position at the closest approach.
-
-    Of tracks of own sensors only the path: the people of the simulator show where they truly were.
-    """
+    """Paths of all that moves, each with its position at the closest approach; tracks without."""
     for tracks, color, label in (
         (run.told, view.MOVING, 'moving obstacle where nearest'),
         (run.people, view.PERSON, 'person where nearest'),
@@ -237,6 +231,5 @@ def _sum_up_fleet(fleet: Sequence[Scenario], folder: Path) -> tuple[Summary, ...
 
 
 def _write(values: dict[str, Any], folder: Path) -> None:
-    """Write figures as JSON, floats exactly."""
     text = json.dumps(values, indent=2)
     (folder / 'summary.json').write_text(f'{text}\n', encoding='utf-8')

@@ -27,12 +27,9 @@ if TYPE_CHECKING:
     from cmpsp_ros.demo.summary import Summary
     from cmpsp_ros.nodes import GuidanceStatus, LifecycleClient
 
-START_TIMEOUT: Final = 30.0
-"""Time in which a node of one robot changes its state [s]."""
-
+START_TIMEOUT: Final = 30.0  # time in which a node of one robot changes its state [s]
 _STALL_TIMEOUT: Final = 15.0
-_PATIENCE: Final = 2.0
-"""Time after which it is said what a run waits for [s]."""
+_PATIENCE: Final = 2.0  # time after which it is said what a run waits for [s]
 
 
 def guide(
@@ -42,14 +39,9 @@ def guide(
     notice: Callable[[Scenario, GuidanceStatus], None],
     apart: float = 0.0,
 ) -> None:
-    """Activate the robots, and follow them up to the decisions after their final times.
+    """Activate the robots, `apart` seconds from each other, and follow them to their ends.
 
-    Args:
-        observer: From `started`.
-        children: From `started`, too.
-        robots: Robots of the run.
-        notice: Called with each decision.
-        apart: Time between the starts of two robots [s].
+    Observer and children are those of `started`; `notice` is called with each decision.
     """
     named = {each.namespace: each for each in robots}
     heard: dict[str, float] = {}
@@ -112,11 +104,9 @@ _DELIVERY_TIMEOUT, _ASK_AGAIN = 15.0, 0.1
 
 _RECORDER = 'recorder'
 
-_RESULTS = 'cmpsp_ros.demo.results'
-"""Module that is imported while the nodes get ready."""
-
+_RESULTS = 'cmpsp_ros.demo.results'  # module that is imported while the nodes get ready
+# Topics that a simulator publishes again and again.
 _PUBLISHED = ('/odom', '/sim/truth', '/sim/wheel_speeds')
-"""Topics that a simulator publishes again and again."""
 
 
 def run(
@@ -125,36 +115,17 @@ def run(
     progress: Callable[[float], None],
     view_port: int | None = None,
 ) -> tuple[Summary, ...]:
-    """Make one run of a robot, or of several at once, and keep all its results.
+    """Make one run of a robot, or of several with namespaces, and keep its results in a folder.
 
-    Args:
-        robots: Their scenarios; several robots have a namespace each.
-        folder: Existing folder for bag, pictures, figures and logs.
-        progress: Called with the time of the run so far [s].
-        view_port: Port of a page that shows the first robot live; None: no page.
-
-    Returns:
-        Figures of each, as in `summary.json`; a `BagError` if the recording does not cover the run.
+    Progress is called with the time of the run so far [s]; a page on `view_port` shows the
+    first robot. Returns the figures of each; raises BagError if the recording does not cover
+    the run.
     """
     path = folder / 'parameters.yaml'
     if len(robots) > 1:
         write_fleet_file(path, {each.namespace: each.values for each in robots})
     else:
         write_parameter_file(path, robots[0].values)
-    with _driven(robots, folder, progress, view_port):
-        from cmpsp_ros.demo.results import sum_up  # noqa: PLC0415 (imported meanwhile)
-
-        return sum_up(robots, folder)
-
-
-@contextmanager
-def _driven(
-    robots: Sequence[Scenario],
-    folder: Path,
-    progress: Callable[[float], None],
-    view_port: int | None,
-) -> Iterator[None]:
-    """Make a run; its bag is complete when the block begins, and the other nodes end during it."""
 
     def tell(robot: Scenario, seen: GuidanceStatus) -> None:
         progress(robot.settings.final_time - float(seen.decision['time_left']))
@@ -174,7 +145,10 @@ def _driven(
                     child.check()
                 for warning in child.warnings():
                     sys.stderr.write(f'{child.name}: {warning}\n')
-        yield
+        # The bag is complete, and the other nodes end meanwhile.
+        from cmpsp_ros.demo.results import sum_up  # noqa: PLC0415 (imported while they started)
+
+        return sum_up(robots, folder)
 
 
 @contextmanager
@@ -183,11 +157,8 @@ def started(
 ) -> Iterator[tuple[LifecycleClient, Sequence[Child]]]:
     """Start and configure the nodes of one robot or several; all are stopped at the end.
 
-    Args:
-        robots: Their scenarios; several robots have a namespace each.
-        folder: Existing folder with the file `parameters.yaml`, for bag and logs.
-        view_port: Port of a page that shows the first robot live; None: no page.
-        record: True if there is a bag.
+    The folder has `parameters.yaml`, and gets bag and logs; a page on `view_port` shows the
+    first robot.
     """
     children: list[Child] = []
     try:
@@ -263,8 +234,8 @@ def _wait_for_the_end(
 ) -> None:
     """Wait until every decision received is in the bag, with its command and inputs.
 
-    On a busy machine the middleware resends lost messages only after seconds. The simulator
-    continues: once a message that it publishes from now on is in the bag, all earlier ones are.
+    The simulator continues: once a message that it publishes from now on is in the bag, all
+    earlier ones are.
     """
     now = time.time_ns()
     decided = {

@@ -28,8 +28,8 @@ from cmpsp_ros.parameters.files import load_robot, parse_assignment, with_files
 from cmpsp_ros.robots import placed
 from cmpsp_ros.world.obstacles import Shape
 
+# Part of its top speed at which a robot that was chosen goes the shortest way; as in case 3.
 _PACE: Final = 0.8
-"""Part of its top speed at which a robot that was chosen goes the shortest way; as in case 3."""
 
 
 @dataclass(frozen=True)
@@ -75,18 +75,10 @@ def load_scenario(
     robot: str | None = None,
     namespace: str = '',
 ) -> Scenario:
-    """Read a preset or parameter file, change it, and check the whole.
+    """Read a preset or parameter file, change it by `key=value`, and check the whole.
 
-    Args:
-        preset: Name of a preset, or path of a parameter file.
-        assignments: Changes, each as `key=value`.
-        lockstep: True to run in lockstep, overriding the file.
-        robot: Name of a robot, or path of its file, applied on top of the preset. A final time that
-            is too short for it is increased, unless an assignment sets it.
-        namespace: Namespace of the robot, if the file has several.
-
-    Raises:
-        ParameterError: A key or value is wrong.
+    A robot, by name or file, is applied on top of the preset; a final time too short for it is
+    increased unless assigned. Raises ParameterError.
     """
     changes = dict(parse_assignment(each) for each in assignments)
     given = load_parameter_file(preset, namespace=namespace or None)
@@ -95,8 +87,8 @@ def load_scenario(
     given['autostart'] = False
     if lockstep:
         given['lockstep'] = True
-    if given.get('lockstep'):
-        # Time then stands still while the simulator waits, and all nodes must know.
+    if given.get('lockstep') or given.get('real_time_factor', 1.0) != 1.0:
+        # Time then passes otherwise than by the clocks of the nodes, and all must know.
         given['publish_clock'] = True
     name, remarks = Path(preset).stem, []
     if robot:
@@ -125,9 +117,8 @@ def load_fleet(
 ) -> tuple[Scenario, ...]:
     """Load the scenario of each robot in a file, as from `load_scenario`, and check the whole.
 
-    Raises:
-        ParameterError: A key or value is wrong, robots start too close to each other, or simulated
-            time is requested, which several simulators do not share.
+    Raises ParameterError also where robots start too close to each other, or want simulated
+    time.
     """
     fleet = tuple(
         load_scenario(preset, assignments, lockstep=lockstep, robot=robot, namespace=each)

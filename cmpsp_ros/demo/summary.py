@@ -11,24 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from cmpsp_ros.bags import BagError, DecisionRecord
-from cmpsp_ros.bags.runs import (
-    Encounter,
-    Passing,
-    Run,
-    driven_into,
-    encounters,
-    goals_driven_to,
-    holes,
-    in_words,
-    is_within,
-    lifetime,
-    longest_interval,
-    mean_speed,
-    overlaps,
-    pieces,
-    robot_encounters,
-)
+from cmpsp_ros.bags import BagError, DecisionRecord, runs
 from cmpsp_ros.demo.scenario import Scenario
 from cmpsp_ros.guidance import FallbackLevel, Goal, GuidanceSettings, to_nanoseconds
 
@@ -38,43 +21,29 @@ _SPEED_TOLERANCE = 0.02
 
 @dataclass(frozen=True)
 class Summary:
-    """Figures of a run between its first decision and its final time.
+    """Figures of a run between its first decision and its final time."""
 
-    Attributes:
-        preset: Name of the preset or parameter file.
-        reached: True if every goal was passed within its tolerances at its time; for a followed
-            road, if the mean speed was reached.
-        miss: Distance from the goal at the final time [m]; None for a followed road.
-        clearance: Minimum clearance of the driven path, also between samples, from road edges and
-            obstacles, and while the robot moves from moving obstacles, less the robot's radius [m].
-        max_wheel_speed: Maximum wheel speed driven [rad/s].
-        step_times: Median, 99th percentile and maximum from odometry to command [ms]; None if not
-            measured.
-        deadline_misses: Control steps whose command was sent too late, or not at all.
-        levels: Control steps at each fallback level.
-        control_steps: Number of control steps.
-        passings: Passing of each goal, in order, if there are several.
-        speed: Mean speed along a followed road [m/s].
-        reason: Why the run was given up, or else the reason of the first step at the worst fallback
-            level; '' if all were nominal.
-        not_judged: Missing recordings, in words; '' if none.
-        apart: Least distance from any other robot of the run [m].
-    """
-
-    preset: str
+    preset: str  # name of the preset or parameter file
+    # True if every goal was passed within its tolerances at its time; for a followed road, if the
+    # mean speed was reached.
     reached: bool
-    miss: float | None
+    miss: float | None  # distance from the goal at the final time [m]; None for a followed road
+    # Minimum clearance of the driven path, also between samples, from road edges and obstacles, and
+    # while the robot moves from moving obstacles, less the robot's radius [m].
     clearance: float
-    max_wheel_speed: float
+    max_wheel_speed: float  # maximum wheel speed driven [rad/s]
+    # Median, 99th percentile and maximum from odometry to command [ms]; None if not measured.
     step_times: dict[str, float | None]
-    deadline_misses: int
-    levels: dict[str, int]
-    control_steps: int
-    passings: tuple[Passing, ...] = ()
-    speed: float | None = None
+    deadline_misses: int  # control steps whose command was sent too late, or not at all
+    levels: dict[str, int]  # control steps at each fallback level
+    control_steps: int  # number of control steps
+    passings: tuple[runs.Passing, ...] = ()  # passing of each goal, in order, if there are several
+    speed: float | None = None  # mean speed along a followed road [m/s]
+    # Why the run was given up, or else the reason of the first step at the worst fallback level; ''
+    # if all were nominal.
     reason: str = ''
-    not_judged: str = ''
-    apart: float = math.inf
+    not_judged: str = ''  # missing recordings, in words; '' if none
+    apart: float = math.inf  # least distance from any other robot of the run [m]
 
     @property
     def has_failed(self) -> bool:
@@ -132,19 +101,19 @@ class Summary:
         return values
 
 
-def final_time(run: Run, settings: GuidanceSettings) -> float:
+def final_time(run: runs.Run, settings: GuidanceSettings) -> float:
     """The final time [s]; if it may be postponed, that of the last decision."""
     goals = [each.goal for each in run.decisions if each.goal is not None]
     return goals[-1].time if settings.moves_final_time and goals else settings.final_time
 
 
-def _goals_passed(run: Run, settings: GuidanceSettings) -> Sequence[Goal]:
+def _goals_passed(run: runs.Run, settings: GuidanceSettings) -> Sequence[Goal]:
     """Goals at their times; where these are not those of the settings, of the last decisions."""
-    led = goals_driven_to(run.decisions, settings) if settings.is_soonest else []
+    led = runs.goals_driven_to(run.decisions, settings) if settings.is_soonest else []
     return list({goal.name: goal for _, goal in led}.values()) or settings.goals
 
 
-def window(run: Run, settings: GuidanceSettings) -> tuple[int, int]:
+def window(run: runs.Run, settings: GuidanceSettings) -> tuple[int, int]:
     """First odometry that was decided on, and the final time, as stamps [ns]."""
     # Before it the node may have had to wait, for a sensor perhaps.
     answers = (each.stamp for each in run.decisions if not each.halted)
@@ -158,35 +127,35 @@ def window(run: Run, settings: GuidanceSettings) -> tuple[int, int]:
     return first, last
 
 
-def summarise(run: Run, settings: GuidanceSettings, preset: str) -> Summary:
+def summarise(run: runs.Run, settings: GuidanceSettings, preset: str) -> Summary:
     """Figures of a recorded run."""
     first, last = window(run, settings)
-    driven, lifetime_of = run.driven.between(first, last), partial(lifetime, settings=settings)
-    interval = longest_interval(run.driven.stamps, settings)
+    driven, lifetime_of = run.driven.between(first, last), partial(runs.lifetime, settings=settings)
+    interval = runs.longest_interval(run.driven.stamps, settings)
     begin, end = int(run.driven.stamps[0]), int(run.driven.stamps[-1])
     unknown = [
         each
-        for each in holes(run.driven.stamps, begin, end, interval)
-        if overlaps((first, last), [each])
+        for each in runs.holes(run.driven.stamps, begin, end, interval)
+        if runs.overlaps((first, last), [each])
     ]
     nearest: list[float] = []
-    met: list[Encounter] = []
-    for part in pieces(run.driven, first, last, interval):
+    met: list[runs.Encounter] = []
+    for part in runs.pieces(run.driven, first, last, interval):
         clearance = settings.world.clearance(
             settings, part.poses[:-1], part.twists[:-1], part.durations
         )
         nearest.append(float(clearance.min()))
         for tracks in (run.tracks if not run.people else run.told, run.people):
-            met += encounters(part, tracks, settings.bodies, lifetime_of)
-    nearest += [float(clearance.min()) for _, clearance in driven_into(met)]
+            met += runs.encounters(part, tracks, settings.bodies, lifetime_of)
+    nearest += [float(clearance.min()) for _, clearance in runs.driven_into(met)]
     passings = []
     for goal in _goals_passed(run, settings):
         stamp = first + to_nanoseconds(goal.time)
-        if not is_within(stamp, unknown):
-            passings.append(Passing.of(settings, goal, stamp, run.driven.at(stamp)))
+        if not runs.is_within(stamp, unknown):
+            passings.append(runs.Passing.of(settings, goal, stamp, run.driven.at(stamp)))
     speed, follow = None, settings.follow
     if follow is not None:
-        speed = mean_speed(settings, driven.poses, settings.final_time)
+        speed = runs.mean_speed(settings, driven.poses, settings.final_time)
         reached = abs(speed - follow.speed) <= _SPEED_TOLERANCE * abs(follow.speed)
     else:
         reached = all(each.ratio <= 1.0 for each in passings)
@@ -211,26 +180,26 @@ def summarise(run: Run, settings: GuidanceSettings, preset: str) -> Summary:
         passings=tuple(passings) if len(passings) > 1 or settings.goal_heading is not None else (),
         speed=speed,
         reason=_reason(run, steps),
-        not_judged=f'the path is not recorded {in_words(unknown, first)}' if unknown else '',
+        not_judged=f'the path is not recorded {runs.in_words(unknown, first)}' if unknown else '',
     )
 
 
-def nearest_robot(number: int, fleet: Sequence[Scenario], runs: Sequence[Run]) -> float:
+def nearest_robot(number: int, fleet: Sequence[Scenario], recorded: Sequence[runs.Run]) -> float:
     """Least distance of a robot from any other until its final time, also between samples [m]."""
-    own, run, apart = fleet[number], runs[number], math.inf
+    own, run, apart = fleet[number], recorded[number], math.inf
     first, last = window(run, own.settings)
-    longest = longest_interval(run.driven.stamps, own.settings)
-    for path in pieces(run.driven, first, last, longest):
-        for other, its in zip(fleet, runs, strict=True):
+    longest = runs.longest_interval(run.driven.stamps, own.settings)
+    for path in runs.pieces(run.driven, first, last, longest):
+        for other, its in zip(fleet, recorded, strict=True):
             others = {} if other is own else {other.namespace: its.driven}
             timeout = own.settings.moving_obstacles.timeout
             around = other.settings.circumscribed_radius, own.settings.bodies, timeout
-            for each in robot_encounters(path, others, *around):
+            for each in runs.robot_encounters(path, others, *around):
                 apart = min(apart, float(each.clearance.min()))
     return apart
 
 
-def _reason(run: Run, steps: Sequence[DecisionRecord]) -> str:
+def _reason(run: runs.Run, steps: Sequence[DecisionRecord]) -> str:
     """Why the run was given up, or else the reason of the first step at the worst level."""
     if why := next(filter(None, (each.why_given_up for each in run.decisions)), ''):
         return why

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from cmpsp_ros.robots import Robot
 
 UNTIMED: Final[Mapping[str, float]] = MappingProxyType({})
+Interval = tuple[float, float, float]
 
 
 class FallbackLevel(IntEnum):
@@ -72,35 +73,24 @@ class Plan(NamedTuple):
 class Decision(NamedTuple):
     """Outcome of one control step; each field is declared with its entry in messages and bags."""
 
+    # fmt: off
     step: Annotated[int, Entry('Number of the control step, from 0')]
     stamp: Annotated[int, Entry('Time stamp of the odometry that it answers', 'ns')]
     level: Annotated[FallbackLevel, Entry('Fallback level', key='fallback_level')]
     reason: Annotated[str, 'Reason for that level, in a sentence']
-    time_left: Annotated[
-        float, Entry('Time to the final time; 0 once it has passed, infinite without one', 's')
-    ]
-    wheel_speeds: Annotated[
-        Array, WheelSpeedsEntry('Commanded speed of each wheel (W,), right and left first', 'rad/s')
-    ]
+    time_left: Annotated[float, Entry(
+        'Time to the final time; 0 once it has passed, infinite without one', 's')]
+    wheel_speeds: Annotated[Array, WheelSpeedsEntry(
+        'Commanded speed of each wheel (W,), right and left first', 'rad/s')]
     steering_angle: Annotated[float | None, Entry('Of a car', 'rad', seldom=True)]
     twist: Annotated[Array, 'The same as the twist of a `Robot`, shape (2,) or (3,)']
     plan: Annotated[Plan | None, 'The plan followed; None when stopped']
-    terminal_error: Annotated[
-        float,
-        Entry(
-            "Distance of the plan's end, or of a stopped robot, from the goal, which is a line"
-            ' across the road where a road is followed',
-            'm',
-        ),
-    ]
-    clearance: Annotated[
-        float,
-        Entry(
-            'Least clearance from obstacles and road edges, less the robot, until the end of the'
-            ' coming control period',
-            'm',
-        ),
-    ]
+    terminal_error: Annotated[float, Entry(
+        "Distance of the plan's end, or of a stopped robot, from the goal, which is a line"
+        ' across the road where a road is followed', 'm')]
+    clearance: Annotated[float, Entry(
+        'Least clearance from obstacles and road edges, less the robot, until the end of the'
+        ' coming control period', 'm')]
     worst_clearance: Annotated[float, Entry('The same along the whole plan', 'm')]
     slack: Annotated[float, Entry('Largest violation of a linearised constraint', 'm')] = 0.0
     iterations: Annotated[int, Entry('C-MPSP iterations')] = 0
@@ -108,67 +98,41 @@ class Decision(NamedTuple):
     active_rows: Annotated[int, Entry('Constraints active in the last of them')] = 0
     failures: Annotated[int, Entry('Failed control steps in a row, this one included')] = 0
     wheel_slip: Annotated[float, Entry('Estimated wheel-slip ratio', seldom=True)] = 0.0
-    wheel_lag: Annotated[
-        tuple[float, float, float] | None,
-        IntervalEntry('Estimated lag of the wheels', 's', seldom=True),
-    ] = None
-    response_delay: Annotated[
-        tuple[float, float, float] | None,
-        IntervalEntry(
-            'Delay and lag of the response to commands; None while odometry agrees with'
-            ' `command_delay`',
-            's',
-            seldom=True,
-        ),
-    ] = None
-    prediction_error: Annotated[
-        float, Entry('Bound of the distance of odometry from its prediction', 'm', seldom=True)
-    ] = 0.0
+    wheel_lag: Annotated[Interval | None, IntervalEntry(
+        'Estimated lag of the wheels', 's', seldom=True)] = None
+    response_delay: Annotated[Interval | None, IntervalEntry(
+        'Delay and lag of the response to commands; None while odometry agrees with'
+        ' `command_delay`', 's', seldom=True)] = None
+    prediction_error: Annotated[float, Entry(
+        'Bound of the distance of odometry from its prediction', 'm', seldom=True)] = 0.0
     finished: Annotated[bool, Entry('The final time has passed')] = False
     missed: Annotated[bool, Entry('It passed with the robot beyond the tolerance')] = False
     halted: Annotated[bool, Entry('Stop without odometry, by the node', is_input=True)] = False
-    cancelled: Annotated[
-        bool, Entry('The goal was cancelled, or none has come yet', seldom=True)
-    ] = False
-    braking: Annotated[
-        bool, Entry('It brakes along the audited path after a fault of odometry', seldom=True)
-    ] = False
-    late: Annotated[
-        float, Entry('Computing time of one that came too late', 's', seldom=True, is_input=True)
-    ] = 0.0
-    skipped: Annotated[
-        bool, Entry('Older odometry was passed over', seldom=True, is_input=True)
-    ] = False
-    pose: Annotated[
-        tuple[float, ...] | None,
-        Entry(
-            'Pose [m, m, rad] after a transform, or chosen among several publishers',
-            seldom=True,
-            is_input=True,
-        ),
-    ] = None
+    cancelled: Annotated[bool, Entry(
+        'The goal was cancelled, or none has come yet', seldom=True)] = False
+    braking: Annotated[bool, Entry(
+        'It brakes along the audited path after a fault of odometry', seldom=True)] = False
+    late: Annotated[float, Entry(
+        'Computing time of one that came too late', 's', seldom=True, is_input=True)] = 0.0
+    skipped: Annotated[bool, Entry(
+        'Older odometry was passed over', seldom=True, is_input=True)] = False
+    pose: Annotated[tuple[float, ...] | None, Entry(
+        'Pose [m, m, rad] after a transform, or chosen among several publishers',
+        seldom=True, is_input=True)] = None
     run: Annotated[int, Entry('Resets of the law before it', is_input=True)] = 0
     revision: Annotated[int, Entry('Changes of the settings before it', is_input=True)] = 0
-    tracks: Annotated[
-        tuple[MovingObject, ...],
-        TracksEntry(
-            'Moving obstacles and plans of others known then',
-            key='moving_obstacles',
-            seldom=True,
-            is_input=True,
-        ),
-    ] = ()
-    sighting: Annotated[
-        int | None, Entry('Time stamp of the grid that sensors had shown', 'ns', seldom=True)
-    ] = None
-    goal: Annotated[Goal | None, GoalEntry('Goal; None where a road is followed', seldom=True)] = (
-        None
-    )
-    heading_error: Annotated[
-        float | None, Entry("Of the plan's end, where the goal has a heading", 'rad', seldom=True)
-    ] = None
+    tracks: Annotated[tuple[MovingObject, ...], TracksEntry(
+        'Moving obstacles and plans of others known then', key='moving_obstacles',
+        seldom=True, is_input=True)] = ()
+    sighting: Annotated[int | None, Entry(
+        'Time stamp of the grid that sensors had shown', 'ns', seldom=True)] = None
+    goal: Annotated[Goal | None, GoalEntry(
+        'Goal; None where a road is followed', seldom=True)] = None
+    heading_error: Annotated[float | None, Entry(
+        "Of the plan's end, where the goal has a heading", 'rad', seldom=True)] = None
     goals_received: Annotated[int, Entry('Goals since the run began', seldom=True)] = 0
     phases: Annotated[Mapping[str, float], PhasesEntry('Computing time by phase', 'ms')] = UNTIMED
+    # fmt: on
 
 
 def _fields() -> Iterator[tuple[str, Entry]]:
@@ -210,7 +174,7 @@ def is_at_rest(values: Mapping[str, str], robot: Robot) -> bool:
 def response_ms(step_ms: float, odometry_to_command_ms: float, command_delay: float) -> float:
     """Response time of a control step [ms]: beyond the control period its deadline is missed.
 
-    Computing time, or time from odometry to command beyond `command_delay` [s], if that is longer.
+    Computing time, or time from odometry to command beyond `command_delay` [s], if longer.
     """
     return max(step_ms, odometry_to_command_ms - 1e3 * command_delay)
 
@@ -218,8 +182,7 @@ def response_ms(step_ms: float, odometry_to_command_ms: float, command_delay: fl
 def severity(decision: Decision) -> int:
     """0 where all is well, 1 for a warning, 2 for an error, as in diagnostics.
 
-    Having arrived is no error, nor is a goal that was cancelled, and having missed the goal a
-    warning: the robot stands safely.
+    An arrival or a cancelled goal is no error; a missed goal is a warning: the robot stands safely.
     """
     if decision.finished or decision.cancelled:
         return int(decision.missed)

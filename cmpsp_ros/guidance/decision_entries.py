@@ -24,25 +24,15 @@ class Key(NamedTuple):
 
 @dataclass(frozen=True)
 class Entry:
-    """Declaration of a field of a decision.
+    """Declaration of a field of a decision."""
 
-    Attributes:
-        meaning: In a sentence.
-        unit: Empty where there is none.
-        key: Empty where it is the name of the field.
-        seldom: Left out where the field has its default; other keys are required.
-        is_input: Received, not decided: a replay follows it and does not compare it.
-        parse: Conversion of its text; by default that of the field's type.
-        default: Of the field; None where it has none.
-    """
-
-    meaning: str
-    unit: str = ''
-    key: str = ''
-    seldom: bool = False
-    is_input: bool = False
-    parse: Parse = str
-    default: Any = None
+    meaning: str  # in a sentence
+    unit: str = ''  # empty where there is none
+    key: str = ''  # empty where it is the name of the field
+    seldom: bool = False  # left out where the field has its default; other keys are required
+    is_input: bool = False  # received, not decided: a replay follows it and does not compare it
+    parse: Parse = str  # conversion of its text; by default that of the field's type
+    default: Any = None  # of the field; None where it has none
 
     def of_field(self, name: str, kind: Any, default: Any) -> Entry:
         """The same for a field of this name, type and default."""

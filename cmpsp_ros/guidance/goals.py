@@ -52,19 +52,12 @@ class Follow:
 
 
 class Target(NamedTuple):
-    """Terminal target of a plan.
+    """Terminal target of a plan."""
 
-    Attributes:
-        position: A point (x, y) [m].
-        heading: Heading required there, or the road's direction for a line [rad]; None for any.
-        is_line: True for the line through the point across the heading, which is free then.
-        drives_on: True if another goal comes after this one.
-    """
-
-    position: Point
-    heading: float | None = None
-    is_line: bool = False
-    drives_on: bool = False
+    position: Point  # (x, y) [m]
+    heading: float | None = None  # required there; of a line the road's [rad]; None for any
+    is_line: bool = False  # true for the line through it across the heading, which is free then
+    drives_on: bool = False  # true if another goal comes after this one
 
     def distance(self, x: float, y: float) -> float:
         """Distance of a point [m] from it [m]."""

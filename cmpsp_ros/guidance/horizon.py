@@ -16,9 +16,8 @@ from cmpsp_ros.robots import Robot
 def remaining(now: int, period: int, final: int) -> Horizon:
     """Horizon from `now` to the final time; edges at multiples of the period, all in [ns].
 
-    An instant nearer than half a period to the present or the final time is left out, so that late
-    odometry never makes a step so short that it asks for a violent command. A horizon is at least
-    half a period long, even if it then ends after the final time.
+    An instant nearer than half a period to the present or the final time is left out: no step is so
+    short that it asks for a violent command. A horizon lasts at least half a period.
     """
     half = period // 2
     first = -(-(now + half) // period)

@@ -9,12 +9,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from cmpsp_ros.guidance.commands.decision_builder import Step
 from cmpsp_ros.guidance.commands.supervisor import Supervisor
 from cmpsp_ros.guidance.decision import Decision
 from cmpsp_ros.guidance.goals import Goal
 from cmpsp_ros.guidance.horizon import remaining
 from cmpsp_ros.guidance.mission.feasibility_precheck import infeasibility_warnings
 from cmpsp_ros.guidance.mission.return_to_goal import return_to_goal
+from cmpsp_ros.guidance.plan_ahead import PlanAhead
 from cmpsp_ros.guidance.planning.grid_path_memory import search_ahead
 from cmpsp_ros.guidance.planning.plan_selector import PlanSelector
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
@@ -28,45 +30,33 @@ from cmpsp_ros.world.roads import arc_length_to
 
 
 class Task(NamedTuple):
-    """The task of one control step.
+    """The task of one control step."""
 
-    Attributes:
-        is_new: Whether the goal is another one than before.
-        is_over: Whether the last goal's time has passed.
-        horizon: The horizon of plans; that of the last plan where it goes on.
-        goes_on: Whether a new command would come too late to change anything.
-        note: Why the final time was postponed, in a sentence; else empty.
-    """
-
-    is_new: bool
-    is_over: bool
-    horizon: Horizon
-    goes_on: bool
-    note: str
+    is_new: bool  # whether the goal is another one than before
+    is_over: bool  # whether the last goal's time has passed
+    horizon: Horizon  # the horizon of plans; that of the last plan where it goes on
+    goes_on: bool  # whether a new command would come too late to change anything
+    note: str  # why the final time was postponed, in a sentence; else empty
 
 
 class GuidanceLaw:
     """Observe, predict, plan, check, select a plan or fall back, record.
 
     It reads no clock and no file: the same observations give the same decisions, bit for bit.
-    Motion before the next command takes effect, after `command_delay`, is predicted from the
-    commands already issued. Each observation has a `step`, and where that has decided,
-    `after_step` once the command is out.
+    Each observation has a `step`, and where that has decided, `after_step` once the command is out.
     """
 
     def __init__(self, settings: LawSettings, world: World, timer: Callable[[], int] = int) -> None:
         """Start at rest, waiting for the first odometry.
 
-        Args:
-            settings: All numbers.
-            world: Road and static obstacles that are known.
-            timer: Monotonic time [ns], for the computing times in decisions; decides nothing.
+        `timer` gives monotonic time [ns], for the computing times in decisions; it decides nothing.
         """
         self._timer, self._settings = timer, settings
         self._state = LawState.begin(settings, world, run=0, revision=0)
         self._validator = Validator(settings)
         self._selector = PlanSelector(settings, world, self._validator, timer)
         self._supervisor = Supervisor(settings, self._validator, self._selector)
+        self._ahead = PlanAhead(settings, self._selector)
         self._prepare_search()
 
     def _prepare_search(self) -> None:
@@ -92,6 +82,7 @@ class GuidanceLaw:
             self._validator = Validator(settings)
             self._supervisor = Supervisor(settings, self._validator, self._selector)
         self._selector.reconfigure(settings, self.world, self._validator)
+        self._ahead = PlanAhead(settings, self._selector)
         self._prepare_search()
 
     def is_due(self, stamp: int) -> bool:
@@ -104,20 +95,21 @@ class GuidanceLaw:
         if not self.is_due(observation.stamp):
             return None
         state, supervisor = self._state, self._supervisor
+        state.planned = None
         late = self._observe(observation)
         estimate = self._predict(observation, late)
         ramp = state.following.ramp
         task = self._update_task(observation, estimate)
         if task.is_over:
             return self._record(observation, supervisor.finish(state, observation, estimate))
-        context = self._context(estimate, task)
+        step = Step(state, observation, estimate, self._context(estimate, task))
         if task.goes_on:
-            decision = supervisor.go_on(state, observation, context)
+            decision = supervisor.go_on(step)
         elif late and not task.is_new and state.following.plan is not None:
-            decision = supervisor.follow_late(state, observation, context, late)
+            decision = supervisor.follow_late(step, late)
         else:
-            decision = self._plan(observation, estimate, context)
-        decision = supervisor.slowed(state, decision, estimate, ramp)
+            decision = self._plan(step)
+        decision = supervisor.slowed(step, decision, ramp)
         decision = decision._replace(reason=task.note + decision.reason)
         state.estimator.begin_period(observation, state.following.previous_control)
         self._decide_in_time(estimate, decision)
@@ -127,7 +119,8 @@ class GuidanceLaw:
     def _observe(self, observation: Observation) -> float:
         """Take in sightings and search results; delay of the last command [s]."""
         self._see(observation)
-        if observation.sighting is not None and self._state.clock.start is None:
+        is_first = observation.sighting is not None and self._state.clock.start is None
+        if is_first and not self._settings.moves_final_time:
             # Before time 0 there is time for it.
             self._search(observation)
             self._see(observation)
@@ -217,11 +210,9 @@ class GuidanceLaw:
             ends_at_rest=self._settings.comes_to_rest and not target.drives_on,
         )
 
-    def _plan(
-        self, observation: Observation, estimate: Estimate, context: PlanningContext
-    ) -> Decision:
+    def _plan(self, step: Step) -> Decision:
         """Plan, check, and select: a plan, the previous one, or a stop."""
-        state, supervisor = self._state, self._supervisor
+        supervisor, (state, observation, estimate, context) = self._supervisor, step
         reason = supervisor.reason_not_to_begin(state, estimate)
         if not reason:
             if state.estimator.tracker.new_obstacle_seen:
@@ -229,18 +220,15 @@ class GuidanceLaw:
             state.following.standby = None
             reason = supervisor.reason_to_stand(state, estimate)
             if not reason and context.plan is None:
-                reason = state.mission.search_moves(context)
+                reason = self._ahead.reason_to_prepare(state, observation, context)
+                reason = reason or state.mission.search_moves(context)
         if reason:
-            stamp, pose, moving = observation.stamp, observation.pose, estimate.start.moving
-            return supervisor.decisions.stop(state, stamp, pose, reason, moving=moving)
+            return supervisor.decisions.stand(step, reason)
         selected = self._selector.best(context)
-        goals, clock = state.mission.goals, state.clock
-        if self._settings.is_soonest and goals.goal is not None:
-            latest, choose = goals.latest(clock.now, estimate.start), state.mission.arrival.choose
-            context, selected = choose(self._selector, context, selected, latest)
-            goals.reach_at(context.horizon.edges.item(-1) + context.delay)
-            clock.due = remaining(clock.now, goals.period, goals.final).edges.item(1)
-        return supervisor.choose(state, observation, estimate, context, selected)
+        if self._settings.is_soonest:
+            context, selected = self._ahead.at_soonest(state, context, selected)
+        state.planned = context, selected
+        return supervisor.choose(step._replace(context=context), selected)
 
     def _pending(self, estimate: Estimate) -> Validation | None:
         """Validation on the path under commands given before, if there is one."""
@@ -264,9 +252,7 @@ class GuidanceLaw:
         return self._state.last[1]
 
     def after_step(self, late: float = 0.0) -> Decision:
-        """Run the slow tasks of a step, once the command is out.
-
-        Adds feasibility warnings, and searches grids for the paths to the next goals.
+        """Run the slow tasks of a step, once the command is out: searches, warnings, further plans.
 
         Args:
             late: Duration of the step if its command came too late to be sent [s]: it is withdrawn,
@@ -282,12 +268,15 @@ class GuidanceLaw:
             self._state.take_back(late)
             why = f'It took {late:.3g} s and was not sent, for it came too late.'
             decision = decision._replace(reason=f'{why} {decision.reason}', late=late)
+            self._state.planned = None
+        self._search(observation)
         if decision.step == 0 and not decision.finished:
+            self._see(observation)
             place = float(observation.pose[0]), float(observation.pose[1])
             found = tuple(infeasibility_warnings(self.task, self.world, place))
             self._state.mission.warnings = found
             decision = decision._replace(reason=' '.join([decision.reason, *found]))
-        self._search(observation)
+        self._ahead.go_on(self._state)
         return decision
 
     def _search(self, observation: Observation) -> None:

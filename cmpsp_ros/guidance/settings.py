@@ -22,8 +22,7 @@ from cmpsp_ros.sensing import SightSettings
 GOAL: Final = 'goal'
 """Name of the last of several goals."""
 
-_SEEN_AT_A_TIME: Final = 8
-"""Moving obstacles that plans consider where only sensors or other trackers tell of them."""
+_SEEN_AT_A_TIME: Final = 8  # moving obstacles in plans if only sensors or trackers tell
 
 _FRACTION_OF_TOP_SPEED, _WITHOUT_LIMIT = 0.8, 1.0
 
@@ -126,12 +125,7 @@ class LawSettings(TaskSettings):
         return all(getattr(self, name) == getattr(other, name) for name in names)
 
     def towards(self, goal: Goal, begin: float = 0.0) -> Self:
-        """The same with one goal alone.
-
-        Args:
-            goal: The goal.
-            begin: When the way to it begins [s].
-        """
+        """The same with one goal alone, the way to which begins at a time [s]."""
         return replace(
             self,
             goal=goal.position,

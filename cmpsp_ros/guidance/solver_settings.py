@@ -9,11 +9,8 @@ from typing import Final, Literal
 from cmpsp_ros.sensing import TrackSource
 from cmpsp_ros.setting import NOT_NEGATIVE, POSITIVE, Range, setting
 
-SCREENING: Final = 6
-"""Initial iterations after which plans are compared."""
-
-UNLIMITED: Final = 1 << 58
-"""A limit of work that is never reached."""
+SCREENING: Final = 6  # initial iterations after which plans are compared
+UNLIMITED: Final = 1 << 58  # a limit of work that is never reached
 
 
 # fmt: off

@@ -13,6 +13,7 @@ from cmpsp_ros.guidance.mission.closed_road import ClosedRoad
 from cmpsp_ros.guidance.mission.goal_manager import GoalManager
 from cmpsp_ros.guidance.mission.progress_watch import ProgressWatch
 from cmpsp_ros.guidance.planning.arrival_time import ArrivalTime
+from cmpsp_ros.guidance.planning.candidate import Candidate
 from cmpsp_ros.guidance.planning.manoeuvre_search import ManoeuvreSearch, needs_manoeuvres
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 from cmpsp_ros.guidance.prediction.estimator import Estimator, Observation
@@ -28,19 +29,12 @@ _FORGIVEN: Final = 25
 
 @dataclass
 class Clock:
-    """Time of a run; written by `GuidanceLaw.step`.
+    """Time of a run; written by `GuidanceLaw.step`."""
 
-    Attributes:
-        start: Time stamp of the first odometry [ns]; None before it.
-        now: Time of the last odometry since then [ns].
-        due: When the next control step falls due [ns].
-        step: Control steps so far.
-    """
-
-    start: int | None = None
-    now: int = 0
-    due: int = 0
-    step: int = 0
+    start: int | None = None  # time stamp of the first odometry [ns]; None before it
+    now: int = 0  # time of the last odometry since then [ns]
+    due: int = 0  # when the next control step falls due [ns]
+    step: int = 0  # control steps so far
 
     def elapsed(self, stamp: int) -> int:
         """Time from the first odometry to a time stamp [ns]; 0 before it."""
@@ -53,21 +47,13 @@ class Clock:
 
 @dataclass
 class Lateness:
-    """Delays of commands in a run.
+    """Delays of commands in a run."""
 
-    Attributes:
-        last: Duration of the last step, if its command came too late to be sent; else 0 [s].
-        expected: Longest duration of the late steps not yet forgiven [s].
-        late_steps: Number of late steps not yet forgiven, as far as they count.
-        steps_in_time: Number of steps in time since the last of them.
-        halvings: Number of times the work of a step is halved: a single late step may be chance.
-    """
-
-    last: float = 0.0
-    expected: float = 0.0
-    late_steps: int = 0
-    steps_in_time: int = 0
-    halvings: int = 0
+    last: float = 0.0  # duration of the last step if its command came too late, else 0 [s]
+    expected: float = 0.0  # longest duration of the late steps not yet forgiven [s]
+    late_steps: int = 0  # number of late steps not yet forgiven, as far as they count
+    steps_in_time: int = 0  # number of steps in time since the last of them
+    halvings: int = 0  # of the work of a step: a single late step may be chance
 
     def add(self, took: float) -> None:
         """Count a late step that took so long [s]."""
@@ -91,33 +77,19 @@ class Lateness:
 
 @dataclass
 class Mission:
-    """The way to the goal; written where the task is updated and where a plan is chosen.
+    """The way to the goal; written where the task is updated and where a plan is chosen."""
 
-    Attributes:
-        goals: The present goal, and those to come.
-        arrival: Search for the earliest time to pass it.
-        closed_road: Obstacles that close the road to it.
-        searched: Inputs of the search for the next control step.
-        idle_steps: Number of control steps without progress, since a plan could reach the goal.
-        reaches_goal: True if the last plan ended within the tolerance of the goal, and was clear.
-        final_pose: Pose at the final time, shape ``(3,)`` [m, m, rad]; None before.
-        warnings: Tasks that no plan of the run can fulfil, in sentences.
-        watch: Progress on the way to the goal.
-        unreachable: Why the run has ended before the goal, a sentence; '' if it has not.
-        manoeuvres: Search for the moves to a goal where there is no space to turn; None for none.
-    """
-
-    goals: GoalManager
-    arrival: ArrivalTime
-    closed_road: ClosedRoad = field(default_factory=ClosedRoad)
-    searched: Searched = NOT_SEARCHED
-    idle_steps: int = 0
-    reaches_goal: bool = True
-    final_pose: Array | None = None
-    warnings: tuple[str, ...] = ()
-    watch: ProgressWatch = field(default_factory=ProgressWatch)
-    unreachable: str = ''
-    manoeuvres: ManoeuvreSearch | None = None
+    goals: GoalManager  # the present goal, and those to come
+    arrival: ArrivalTime  # search for the earliest time to pass it
+    closed_road: ClosedRoad = field(default_factory=ClosedRoad)  # what closes the road to it
+    searched: Searched = NOT_SEARCHED  # inputs of the search for the next control step
+    idle_steps: int = 0  # steps without progress since a plan could reach the goal
+    reaches_goal: bool = True  # true if the last plan reached the goal, and was clear
+    final_pose: Array | None = None  # at the final time, ``(3,)`` [m, m, rad]; None before
+    warnings: tuple[str, ...] = ()  # tasks that no plan of the run can fulfil, in sentences
+    watch: ProgressWatch = field(default_factory=ProgressWatch)  # progress on the way to the goal
+    unreachable: str = ''  # why the run has ended before the goal, a sentence; '' if it has not
+    manoeuvres: ManoeuvreSearch | None = None  # moves where there is no space to turn
 
     def search_moves(self, context: PlanningContext) -> str:
         """Without a plan, why to stand while moves are searched for; else the context has them."""
@@ -154,35 +126,23 @@ class Mission:
 
 @dataclass
 class Following:
-    """The plan that is followed, and the commands; written by the supervisor.
+    """The plan that is followed, and the commands; written by the supervisor."""
 
-    Attributes:
-        previous_control: Control commanded last, shape ``(r,)``.
-        commanded_at: Time stamp that this command answers [ns].
-        ramp: Commands by which it can be stopped, checked; shape ``(K, r)``.
-        plan: The plan that is followed, if any.
-        standby: A plan that is improved while the robot waits.
-        failures: Failed control steps in a row.
-        end_speed: Largest speed at which a car may come to the goal; infinite for any [m/s].
-        refuge: Where the robot makes way to, if it does (x, y) [m].
-        waited: Number of steps for which it has waited there.
-    """
-
-    previous_control: Array
-    commanded_at: int = 0
-    ramp: Array = field(default_factory=lambda: NO_RAMP)
-    plan: Plan | None = None
-    standby: Plan | None = None
-    failures: int = 0
-    end_speed: float = math.inf
-    refuge: tuple[float, float] | None = None
-    waited: int = 0
+    previous_control: Array  # control commanded last, shape ``(r,)``
+    commanded_at: int = 0  # time stamp that this command answers [ns]
+    ramp: Array = field(default_factory=lambda: NO_RAMP)  # checked commands to stop it ``(K, r)``
+    plan: Plan | None = None  # the plan that is followed, if any
+    standby: Plan | None = None  # a plan that is improved while the robot waits
+    failures: int = 0  # failed control steps in a row
+    end_speed: float = math.inf  # largest speed of a car at the goal; infinite for any [m/s]
+    refuge: tuple[float, float] | None = None  # where the robot makes way to, if it does (x, y) [m]
+    waited: int = 0  # number of steps for which it has waited there
 
     def brake(self, stamp: int, period: int, robot: Robot) -> None:
         """Give the next command of the ramp; one at rest or without a ramp stops at once.
 
-        A stop by the clock and the next odometry may come at once, `stamp` [ns] and less than half
-        a `period` [ns] apart: that is one command.
+        A stop by the clock and the next odometry may be less than half a `period` apart [ns]: that
+        is one command.
         """
         if not len(self.ramp):
             self.previous_control = robot.stopped(self.previous_control)
@@ -196,31 +156,20 @@ class Following:
 
 @dataclass
 class LawState:
-    """One run of the law; a new run begins with a new state.
+    """One run of the law; a new run begins with a new state."""
 
-    Attributes:
-        run: Number of runs before.
-        revision: Number of changes of settings before.
-        world: Road and static obstacles, with the seen grid.
-        sighted: Time stamp of the seen grid [ns]; None without sensors.
-        clock: Time of the run.
-        estimator: Slip, response and position of the robot, and pending commands.
-        mission: The way to the goal.
-        following: The plan that is followed, and the commands.
-        lateness: Control steps that took too long.
-        last: The last observation and the decision on it; None before.
-    """
-
-    run: int
-    revision: int
-    world: World
-    estimator: Estimator
-    mission: Mission
-    following: Following
-    sighted: int | None = None
-    clock: Clock = field(default_factory=Clock)
-    lateness: Lateness = field(default_factory=Lateness)
-    last: tuple[Observation, Decision] | None = None
+    run: int  # number of runs before
+    revision: int  # number of changes of settings before
+    world: World  # road and static obstacles, with the seen grid
+    estimator: Estimator  # slip, response and position of the robot, and pending commands
+    mission: Mission  # the way to the goal
+    following: Following  # the plan that is followed, and the commands
+    sighted: int | None = None  # time stamp of the seen grid [ns]; None without sensors
+    clock: Clock = field(default_factory=Clock)  # time of the run
+    lateness: Lateness = field(default_factory=Lateness)  # control steps that took too long
+    last: tuple[Observation, Decision] | None = None  # observation and decision; None before
+    # control step to go on planning for after the command, and its plan: None for the first
+    planned: tuple[PlanningContext, Candidate | None] | None = None
 
     @classmethod
     def begin(cls, settings: LawSettings, world: World, run: int, revision: int) -> LawState:

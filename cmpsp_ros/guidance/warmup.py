@@ -34,14 +34,7 @@ from cmpsp_ros.sensing import Sight, Surroundings
 from cmpsp_ros.world import FreeSpace
 from cmpsp_ros.world.grids import NO_FIELD, GridObstacle, OccupancyGrid
 from cmpsp_ros.world.obstacles import Capsule, MovingDiscs
-from cmpsp_ros.world.roads import (
-    Annulus,
-    arc_length_to,
-    find_near,
-    kinds,
-    lookahead_point,
-    remaining_arc_length,
-)
+from cmpsp_ros.world.roads import Annulus, find_near, kinds, lookahead_point, remaining_arc_length
 
 _A_LIMIT = 50.0
 _STEPS, _PLANS = 8, 2
@@ -56,11 +49,7 @@ _A_DISC = MovingDiscs(('disc',), np.zeros((1, 7)), np.zeros(1, np.int64))
 def prepare(settings: GuidanceSettings) -> None:
     """Decide in all the ways that the settings, or live changes of them, may ask for.
 
-    After it neither an emergency nor a parameter that is changed live makes a control step
-    wait for a compiler.
-
-    Raises:
-        ValueError: The settings cannot be worked with.
+    After it no control step waits for a compiler. ValueError for settings that do not work.
     """
     if settings.sight.sensors:
         _see_something(settings)
@@ -100,10 +89,7 @@ def warm_up(settings: GuidanceSettings) -> None:
 
 
 def run_kernels(settings: LawSettings) -> None:
-    """Run every kernel of robot and road except those of the planner.
-
-    Each of them is compiled once, for all kinds of road, and each kind has functions of its own.
-    """
+    """Run every kernel of robot and road except those of the planner."""
     for kind in kinds():
         kind.load()
     pose, durations = _A_ROAD.middle(), np.ones(1)
@@ -130,7 +116,6 @@ def run_kernels(settings: LawSettings) -> None:
     if may_need_manoeuvres(on_road):
         ManoeuvreSearch(on_road, start, on_road.target._replace(heading=0.0)).advance()
     remaining_arc_length(_A_ROAD, pose[None], on_road.goal, None)
-    arc_length_to(_A_ROAD, pose, on_road.goal)
     lookahead_point(_A_ROAD, pose, 1.0)
     find_near(_A_ROAD.space(0.0), pose[0], pose[1], pose[2], math.nan, 0.0)
 

@@ -24,21 +24,13 @@ MAP: Final = 'map'
 
 
 class Searched(NamedTuple):
-    """Inputs of the last search for a path across a grid, besides the known map.
+    """Inputs of the last search for a path across a grid, besides the known map."""
 
-    Attributes:
-        seen: Grid seen then; None for none.
-        kept: The path before, while that is open; of a map none.
-        hysteresis: Relative improvement required of another path while the present one is open.
-        blocked: Places that did not fit in this run (x, y) [m].
-        is_another: True if the path found differs from the one before.
-    """
-
-    seen: GridObstacle | None = None
-    kept: KeptLine | None = None
-    hysteresis: float = 0.1
-    blocked: tuple[tuple[float, float], ...] = ()
-    is_another: bool = False
+    seen: GridObstacle | None = None  # grid seen then; None for none
+    kept: KeptLine | None = None  # the path before, while that is open; of a map none
+    hysteresis: float = 0.1  # relative improvement required of another path while it is open
+    blocked: tuple[tuple[float, float], ...] = ()  # places that did not fit in this run (x, y) [m]
+    is_another: bool = False  # true if the path found differs from the one before
 
 
 NOT_SEARCHED: Final = Searched()
@@ -89,11 +81,7 @@ class World:
 
     @property
     def annulus(self) -> Annulus:
-        """The road, where it is one between two circles.
-
-        Raises:
-            ValueError: It is another.
-        """
+        """The road between two circles; ValueError for another one."""
         if not isinstance(self.road, Annulus):
             found = type(self.road).__name__.lower()
             raise ValueError(f'road.type: found {found}, wanted annulus')  # noqa: TRY004

@@ -91,17 +91,16 @@ class Options:
             value = getattr(self, name)
             if not value >= 0.0:
                 raise ProblemError(f'{name}: found {value}, wanted a number >= 0')
-        radius = np.inf if self.trust_radius is None else self.trust_radius
         return (
-            _not_negative('penalty_terminal', self.penalty_terminal, size.output),
-            _not_negative('penalty_path', self.penalty_path, size.path),
-            _not_negative('trust_radius', radius, size.state),
+            _not_negative('penalty_terminal', self.penalty_terminal, size.output, _PENALTY),
+            _not_negative('penalty_path', self.penalty_path, size.path, _PENALTY),
+            _not_negative('trust_radius', self.trust_radius, size.state, np.inf),
         )
 
 
-def _not_negative(name: str, value: ArrayLike | None, length: int) -> Array:
+def _not_negative(name: str, value: ArrayLike | None, length: int, otherwise: float) -> Array:
     if value is None:
-        return np.full(length, _PENALTY)
+        return np.full(length, otherwise)
     array = numbers(name, value)
     if array.shape not in {(), (length,)}:
         raise ProblemError(f'{name}: found shape {array.shape}, wanted {(length,)}')

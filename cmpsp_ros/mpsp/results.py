@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from enum import Enum
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.arguments import not_finite
-from cmpsp_ros.mpsp.problem import Evaluation
-from cmpsp_ros.mpsp.qp import QPSolution, QPStatus, kkt_residual
-from cmpsp_ros.mpsp.qp.active_set.records import Space
-from cmpsp_ros.mpsp.qp.subproblem import Subproblem
+from cmpsp_ros.mpsp.problem import Evaluation, Linearisation
+from cmpsp_ros.mpsp.qp import QPStatus
 
 SLACK_TOLERANCE = 1e-6
 """Violation of a linearised constraint up to which it counts as met."""
@@ -111,7 +109,12 @@ class Iterate:
             return np.zeros_like(value.output_error), np.zeros_like(value.g), np.zeros_like(self.U)
         return step.terminal_multipliers, step.path_multipliers, step.bound_multipliers
 
-    @property
+    def multipliers_on(self, lin: Linearisation) -> tuple[Array, Array, Array]:
+        """`multipliers`, 0 for path constraints that do not apply."""
+        terminal, path, bounds = self.multipliers
+        return terminal, np.where(lin.g == -np.inf, 0.0, path) if path.size else path, bounds
+
+    @cached_property
     def not_finite(self) -> str:
         """The first number of prediction or cost that is not finite; empty where all are."""
         cost = self.evaluation.cost
@@ -165,18 +168,6 @@ class Record:
     def active_bounds(self) -> frozenset[tuple[int, int]]:
         """Active control bounds, each as ``(stage, component)``: those with a multiplier."""
         return frozenset((int(k), int(j)) for k, j in np.argwhere(self.bound_multipliers))
-
-
-def residual_at(at: Iterate, subproblem: Subproblem | None, room: Space | None = None) -> float:
-    """KKT residual of an iterate with its latest multipliers; NaN without a subproblem."""
-    if subproblem is None:
-        return math.nan
-    terminal, path, bounds = at.multipliers
-    path = np.where(subproblem.linearisation.g == -np.inf, 0.0, path)
-    # A point that is its own subproblem's solution, with dU = 0, meets the conditions.
-    still, dX = np.zeros_like(at.U), np.zeros_like(at.X)
-    here = QPSolution(QPStatus.SOLVED, still, terminal, path, dX, bounds)
-    return kkt_residual(subproblem, here, None, dX, room)
 
 
 _NAMED = 4

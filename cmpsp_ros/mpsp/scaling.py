@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -54,7 +55,8 @@ class Scaling:
         units changes all of them alike, and nothing in the scaled problem. Constraints whose
         penalties are given keep the user's units, in which the penalties compare them.
         """
-        start, largest = np.abs(X[0]), np.abs(X).max(axis=0)
+        size, sizes = problem.size, np.abs(X)
+        start, largest = sizes[0], sizes.max(axis=0)
         output = np.maximum(np.abs(problem.target), np.abs(lin.h_X) @ start)
         control = _control_units(problem, U, lin, np.maximum(output, np.abs(lin.output_error)))
         # Over the whole horizon what is unstable would have no scale.
@@ -63,25 +65,24 @@ class Scaling:
         seen = np.maximum(known, np.minimum(largest, _UNLIKELY * np.maximum(known, reach)))
         state = _or_one(np.where(seen > _STANDS_STILL * reach, seen, reach))
         spread = np.abs(lin.h_X) @ state + np.abs(lin.h_U) @ control
-        has_units = options.penalty_terminal is None, options.penalty_path is None
-        applies = (lin.g != -np.inf)[:, :, None]
-        by_state = np.where(applies, np.abs(lin.g_X) * state, 0.0)
-        by_control = np.where(applies, np.abs(lin.g_U) * control, 0.0)
+        outputs, path = np.ones(size.output), np.ones(size.path)
+        if options.penalty_terminal is None:
+            outputs = _or_one(np.where(output > 0.0, output, spread))
+        if options.penalty_path is None and size.path:
+            slopes = np.concatenate([lin.g_X * state, lin.g_U * control], axis=2)
+            applies = (lin.g != -np.inf)[:, :, None]
+            path = _or_one(
+                np.abs(slopes, where=applies, out=np.zeros_like(slopes)).max(axis=(0, 2))
+            )
+        by_stage = lin.L_X, lin.L_U, lin.L_XX, lin.L_UU
+        L_X, L_U, L_XX, L_UU = (np.abs(each).max(axis=0) for each in by_stage)
         parts = (
-            lin.L_X * state, lin.L_U * control,
-            lin.L_XX * state * state[:, None], lin.L_UU * control * control[:, None],
+            L_X * state, L_U * control, L_XX * state * state[:, None],
+            L_UU * control * control[:, None],
         )  # fmt: skip
-        return cls(
-            state,
-            control,
-            _or_one(np.where(output > 0.0, output, spread) if has_units[0] else 0.0 * output),
-            _or_one(
-                np.concatenate([by_state, by_control], axis=2).max(axis=(0, 2), initial=0.0)
-                if has_units[1]
-                else np.zeros(problem.size.path)
-            ),
-            float(_or_one(np.array(max(np.abs(part).max() for part in parts)))),
-        )
+        largest_part = max(float(part.max()) for part in parts)
+        is_unit = 0.0 < largest_part < np.inf
+        return cls(state, control, outputs, path, largest_part if is_unit else 1.0)
 
     @classmethod
     def none(cls, problem: OptimalControlProblem) -> Scaling:
@@ -130,14 +131,27 @@ class Scaling:
         )
 
     def _unscaled_step(self, step: Step) -> Step:
+        multipliers = step.terminal_multipliers, step.path_multipliers, step.bound_multipliers
+        terminal, path, bounds = self.unscaled_multipliers(multipliers)
         return replace(
             step,
             slack_terminal=step.slack_terminal * self.output,
             slack_path=step.slack_path * self.path,
-            terminal_multipliers=step.terminal_multipliers * self.cost / self.output,
-            path_multipliers=step.path_multipliers * self.cost / self.path,
-            bound_multipliers=step.bound_multipliers * self.cost / self.control,
+            terminal_multipliers=terminal,
+            path_multipliers=path,
+            bound_multipliers=bounds,
         )
+
+    def unscaled_multipliers(
+        self, scaled: tuple[Array, Array, Array]
+    ) -> tuple[Array, Array, Array]:
+        """Multipliers of outputs, path constraints and bounds in the user's units."""
+        terminal, path, bounds = self._of_multipliers
+        return scaled[0] * terminal, scaled[1] * path, scaled[2] * bounds
+
+    @cached_property
+    def _of_multipliers(self) -> tuple[Array, Array, Array]:
+        return self.cost / self.output, self.cost / self.path, self.cost / self.control
 
     def __str__(self) -> str:
         """The units in one line."""

@@ -23,29 +23,17 @@ from cmpsp_ros.nodes.common.topics import COMMAND, GUIDANCE_ODOM
 
 Commands = tuple[Array, Array]
 
-PERIOD = 0.05
-"""Time between two commands [s]."""
-
-ODOMETRY_TIMEOUT = 0.5
-"""Age of odometry at which the robot is stopped [s]."""
-
-WAIT = 10.0
-"""Longest wait for odometry and for a subscriber to commands [s]."""
-
-REST = 1.0
-"""Time for which the robot is recorded before and after the drive [s]."""
-
+PERIOD = 0.05  # time between two commands [s]
+ODOMETRY_TIMEOUT = 0.5  # age of odometry at which the robot is stopped [s]
+WAIT = 10.0  # longest wait for odometry and for a subscriber to commands [s]
+REST = 1.0  # time for which the robot is recorded before and after the drive [s]
 _TYPES = {'geometry_msgs/msg/Twist': Twist, 'geometry_msgs/msg/TwistStamped': TwistStamped}
 
 
 class Excitation(Node):
-    """Drives once, records itself, and ends its process; its last command is a zero twist.
-
-    `problem` is why the drive was cut short; empty if it was not.
-    """
+    """Drives once, records itself, and ends its process; `problem` is why it was cut short."""
 
     def __init__(self, bag: Path, odom: str, cmd_vel: str, commands: Commands) -> None:
-        """Create the node, with the arguments of `drive`; StartupError without a bag."""
         super().__init__('excitation')
         self.problem = 'interrupted, and the robot was stopped'
         self._ends, self._twists = (each.tolist() for each in commands)
@@ -135,10 +123,7 @@ class Excitation(Node):
 
 
 def drive(bag: Path, odom: str, cmd_vel: str, commands: Commands) -> str:
-    """Wait for odometry and a robot, drive it, and record it; why that was cut short, if it was.
-
-    `commands` are when each phase ends [s], and its twist [m/s, rad/s].
-    """
+    """Drive and record a robot by ends of phases [s] and twists; why that was cut short, if so."""
     nodes: list[Excitation] = []
 
     def make() -> Excitation:

@@ -24,10 +24,7 @@ _WAKE_PERIOD = 0.02
 
 @dataclass
 class GuidanceStatus:
-    """Latest diagnostics and decision of a guidance node, as text, empty before the first.
-
-    `commands` counts the decisions that were sent, and not withdrawn since they were late.
-    """
+    """Latest diagnostics and decision of a guidance node, as text, empty before the first."""
 
     health: dict[str, str] = field(default_factory=dict)
     level: bytes = DiagnosticStatus.STALE
@@ -35,18 +32,17 @@ class GuidanceStatus:
     decision: dict[str, str] = field(default_factory=dict)
     reason: str = ''
     decisions: int = 0
-    commands: int = 0
+    commands: int = 0  # decisions that were sent, and not withdrawn since they were late
 
 
 class LifecycleClient:
     """Listens to the guidance node of each robot and activates it; a context manager.
 
-    It has a ROS context of its own, in this process, and is spun only while it waits.
-    `on_decision` is called with each decision received, and the namespace of the robot.
+    It has a ROS context of its own, and is spun only while it waits. `on_decision` is called
+    with the namespace of a robot and each decision received.
     """
 
     def __init__(self, domain_id: int, namespaces: Iterable[str] = ('',)) -> None:
-        """Join a domain, to listen to the robots of these namespaces."""
         self.robots = {each: GuidanceStatus() for each in namespaces}
         self.on_decision: Callable[[str, GuidanceStatus], None] = lambda _namespace, _seen: None
         self._context = Context()
@@ -72,7 +68,6 @@ class LifecycleClient:
         return next(iter(self.robots.values()))
 
     def __enter__(self) -> Self:
-        """Return it; it listens from construction on."""
         return self
 
     def __exit__(
@@ -96,10 +91,7 @@ class LifecycleClient:
         return True
 
     def recorded(self, timeout: float, check: Callable[[], None] = lambda: None) -> ByTopic:
-        """Messages that the recorder has written, by topic; TimeoutError without an answer [s].
-
-        `check` is called repeatedly, and may raise an error of its own.
-        """
+        """Messages that the recorder has written, by topic; TimeoutError without an answer [s]."""
         end = time.monotonic() + timeout
 
         def when(condition: Callable[[], bool]) -> bool:

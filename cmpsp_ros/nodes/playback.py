@@ -26,29 +26,23 @@ from cmpsp_ros.nodes.common.runtime import run
 from cmpsp_ros.nodes.common.topic import message_class, steady_timer
 from cmpsp_ros.nodes.common.topics import CLOCK
 
+# Time between two messages of the clock, two looks at the bag, and two at the keyboard [s].
 _CLOCK_PERIOD, _PERIOD, _KEY_PERIOD = 0.01, 0.002, 0.05
-"""Time between two messages of the clock, two looks at the bag, and two at the keyboard [s]."""
-
-_BATCH = 1000
-"""Messages published before the services are looked after again."""
-
+_BATCH = 1000  # messages published before the services are looked after again
+# Topics about nodes that are not there: played only when asked for by name.
 _OF_OTHERS = frozenset(('/rosout', '/parameter_events'))
-"""Topics about nodes that are not there: played only when asked for by name."""
 
 
 @dataclass(frozen=True)
 class Playback:
-    """Options of a playback: times in seconds of the recording; without topics, all of them.
-
-    When paused, it waits for `~/resume` or the space key.
-    """
+    """Options of a playback, with times of the recording."""
 
     rate: float = 1.0
-    start_offset: float = 0.0
-    duration: float | None = None
+    start_offset: float = 0.0  # [s]
+    duration: float | None = None  # [s]
     loop: bool = False
-    paused: bool = False
-    topics: tuple[str, ...] = ()
+    paused: bool = False  # True if it waits for `~/resume` or the space key
+    topics: tuple[str, ...] = ()  # all of them when empty
 
 
 class _Keyboard:
@@ -82,10 +76,7 @@ class _Keyboard:
 
 
 class Player(Node):
-    """Publishes serialised messages of an open bag as they were recorded, with `/clock`.
-
-    The clock is the recorded one if there is one; else the time of reception.
-    """
+    """Publishes messages of an open bag as recorded, with its `/clock` or times of reception."""
 
     def __init__(self, bag: Bag, topics: Sequence[str], playback: Playback) -> None:
         super().__init__('player')
@@ -185,8 +176,7 @@ class Player(Node):
 def play(path: Path, playback: Playback, remappings: Sequence[str] = ()) -> int:
     """Play a bag until its end or a signal, as the last thing a process does; returns exit code.
 
-    Remappings are rules of ROS, as in `/odom:=/r1/odom`. Raises BagError for a bag that cannot be
-    read, is empty, or lacks a topic.
+    Remappings are rules of ROS, as in `/odom:=/r1/odom`. Raises BagError.
     """
     with Bag(path) as bag:
         topics = chosen_topics(bag, playback.topics)
@@ -199,10 +189,7 @@ def play(path: Path, playback: Playback, remappings: Sequence[str] = ()) -> int:
 
 
 def chosen_topics(bag: Bag, wanted: Sequence[str]) -> list[str]:
-    """Topics of a bag to play, whose types are installed here; by default not `_OF_OTHERS`.
-
-    Raises BagError for one that is not there, or not of a type that is installed here.
-    """
+    """Topics to play, of types that are installed; by default not `_OF_OTHERS`; or BagError."""
     chosen = []
     for name in list(dict.fromkeys(wanted)) or sorted(bag.topics.keys() - _OF_OTHERS):
         if name not in bag.topics:

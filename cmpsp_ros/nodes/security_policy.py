@@ -40,10 +40,7 @@ _TF: Final = {'/tf', '/tf_static'}
 
 @dataclass
 class Rights:
-    """Rights of one node; names below its namespace, or absolute, with `*` for anything.
-
-    It publishes and subscribes topics, replies to and requests services.
-    """
+    """Rights of one node; names below its namespace, or absolute, with `*` for anything."""
 
     node: str
     publish: set[str] = field(default_factory=set)

@@ -9,6 +9,7 @@ import math
 import sys
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from functools import partial
 from typing import Any, Final
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -31,12 +32,8 @@ from cmpsp_ros.world.grids import GridError
 
 HOST, PORT = '127.0.0.1', 8765
 
-_PORTS = 10
-"""Ports that are tried."""
-
-_TRAIL_STEP = 0.01
-"""Way after which a point is added to the path driven [m]."""
-
+_PORTS = 10  # ports that are tried
+_TRAIL_STEP = 0.01  # way after which a point is added to the path driven [m]
 _ASK_PERIOD = 0.5
 _ASKED = (
     'robot.radius',
@@ -45,15 +42,12 @@ _ASKED = (
     'robot.max_wheel_speed',
     'robot.max_steering_angle',
     'final_time',
+    'follow.speed',
 )
 
 
 class Viewer(Node):
-    """Subscribes, and serves a live page until stopped; it publishes nothing.
-
-    Namespace and parameters of the command line override those given; StartupError where the page
-    cannot be served at `host` and `port`.
-    """
+    """Subscribes, and serves a live page until stopped; StartupError without a free port."""
 
     def __init__(
         self, namespace: str | None = None, parameters: Mapping[str, Any] | None = None
@@ -80,7 +74,6 @@ class Viewer(Node):
         sys.stderr.flush()
 
     def _serve(self, host: str, port: int) -> ViewServer:
-        """Take the port, or the next one that is free."""
         first: ViewError | None = None
         for candidate in range(port, port + (_PORTS if port else 1)):
             try:
@@ -91,8 +84,7 @@ class Viewer(Node):
                 if candidate != port:
                     self.get_logger().warning(f'port {port} is taken: port {candidate} instead')
                 return server
-        msg = f'parameters host, port: {first}'
-        raise StartupError(msg)
+        raise StartupError(f'parameters host, port: {first}')
 
     def stop(self) -> None:
         """Close the page's port."""
@@ -102,11 +94,11 @@ class Viewer(Node):
         heard: tuple[tuple[topics.Topic, Callable[[Any], None]], ...] = (
             (topics.GUIDANCE_ODOM, self._on_odometry),
             (topics.DECISION, self._on_decision),
-            (topics.PLAN, self._on_plan),
+            (topics.PLAN, partial(self._show, 'plan', plan_of)),
             (topics.MARKERS, self._on_markers),
-            (topics.PLAN_MARKERS, self._on_plan_markers),
-            (topics.SIM_WHEELS, self._on_wheels),
-            (topics.SIGHTING, self._on_sighting),
+            (topics.PLAN_MARKERS, partial(self._show, 'moving', moving_of)),
+            (topics.SIM_WHEELS, partial(self._show, 'driven', speeds_of)),
+            (topics.SIGHTING, partial(self._show, 'seen', seen_of)),
         )
         for topic, callback in heard:
             name = topic.name.replace('~', topic.node)
@@ -132,26 +124,16 @@ class Viewer(Node):
         self._state.show('decision', decision)
         self._state.add('steps', step_of(decision))
 
-    def _on_plan(self, message: Path) -> None:
-        self._state.show('plan', plan_of(message))
-
     def _on_markers(self, message: MarkerArray) -> None:
         self._state.show_course(course_of(message))
         # They are sent anew when parameters have changed.
         self._robot = None
 
-    def _on_plan_markers(self, message: MarkerArray) -> None:
-        self._state.show('moving', moving_of(message))
-
-    def _on_wheels(self, message: JointState) -> None:
-        self._state.show('driven', speeds_of(message))
-
-    def _on_sighting(self, message: OccupancyGrid) -> None:
+    def _show(self, name: str, convert: Callable[[Any], Any], message: Any) -> None:
         with suppress(GridError):
-            self._state.show('seen', seen_of(message))
+            self._state.show(name, convert(message))
 
     def _ask(self) -> None:
-        """Ask the guidance node for data that no topic carries."""
         if self._robot is None and self._client.service_is_ready():
             self._robot = self._client.call_async(GetParameters.Request(names=list(_ASKED)))
             self._robot.add_done_callback(self._on_parameters)
@@ -163,8 +145,7 @@ class Viewer(Node):
             self._state.show('robot', dict(named))
 
 
-SERIES: Final = ('path', 'steps')
-"""Series kept row by row: (x, y); and `step_of` each decision."""
+SERIES: Final = ('path', 'steps')  # series kept row by row: (x, y); and `step_of` each decision
 _SHOWN: Final = {**DECISION_KEYS, 'step_ms': Key(float)}
 _MOST_MARKERS: Final = 500
 _MOST_POINTS: Final = 2000
@@ -186,10 +167,7 @@ def place_of(message: Odometry) -> tuple[float, float, float] | None:
 
 
 def decision_of(message: DiagnosticArray) -> dict[str, Any]:
-    """A decision by key; missing or meaningless values are None.
-
-    The level of one after the final time is `arrived`, unless the goal was missed.
-    """
+    """A decision by key; missing values are None. After the final time its level is `arrived`."""
     # Of anybody's making: an array of none is a decision that lacks everything.
     status = next(iter(message.status), DiagnosticStatus())
     texts = {each.key: _short(each.value) for each in status.values}
@@ -254,10 +232,7 @@ def course_of(message: MarkerArray) -> list[dict[str, Any]]:
 
 
 def moving_of(message: MarkerArray) -> list[dict[str, Any]]:
-    """Moving obstacles among the markers of a plan: position, diameters and destination.
-
-    Of the diameters one is that of the obstacle, the other that of the disc that it may fill.
-    """
+    """Moving obstacles among markers: position, diameters of body and doubt, and destination."""
     there = [each for each in message.markers[:_MOST_MARKERS] if each.action == Marker.ADD]
     ways = {each.id: each.points[-1] for each in there if each.type == Marker.ARROW and each.points}
     doubts = {each.id: each.scale.x for each in there if each.ns == 'moving_doubts'}

@@ -213,7 +213,8 @@ def _parameters() -> Iterator[Parameter]:
         'Whether simulated time waits for the command of every control step; needs '
         '`publish_clock`, and `use_sim_time` in the other nodes.', **_FIXED)
     yield sim('lockstep_timeout', _DOUBLE, 10.0, 's',
-        'Wall time to wait for a command in lockstep before an error is reported.',
+        'Wall time to wait in lockstep for a command before an error is reported, and for a '
+        'subscriber that is behind.',
         range=POSITIVE)
 
     plant = Group('Disturbances of the simulator', 'sim')

@@ -30,21 +30,13 @@ _ROUNDING: Final = 1e-9
 
 @dataclass(frozen=True)
 class Course:
-    """Road, obstacles and footprint.
+    """Road, obstacles and footprint."""
 
-    Attributes:
-        road: The road; open floor where it is invalid.
-        knows_road: Whether it is valid, and no placeholder.
-        obstacles: Static obstacles, including the map; none where one is invalid.
-        footprint: The robot's corners, and the discs that cover it.
-        radius: Radius of each of these discs [m]; `radius_name` is its description.
-    """
-
-    road: Road
-    knows_road: bool
-    obstacles: tuple[Shape, ...]
-    footprint: Footprint
-    radius: float
+    road: Road  # the road; open floor where it is invalid
+    knows_road: bool  # whether it is valid, and no placeholder
+    obstacles: tuple[Shape, ...]  # static obstacles, including the map; none where one is invalid
+    footprint: Footprint  # the robot's corners, and the discs that cover it
+    radius: float  # radius of each of these discs [m]; `radius_name` is its description
     radius_name: str
 
     @classmethod
@@ -66,10 +58,7 @@ class Course:
     def place_problems(
         self, key: str, point: Point, heading: float | None = None
     ) -> Iterator[Problem]:
-        """Problems if the robot, without its margin, cannot be at the point of a key [m].
-
-        The heading there may be any [rad].
-        """
+        """Problems if the robot, without its margin, cannot be at the point of a key [m], [rad]."""
         road = self.road if self.knows_road else OpenFloor()
         space = FreeSpace.of(road, self.obstacles, self.radius, self.footprint.discs)
         if self.footprint.corners and heading is None:
@@ -86,10 +75,7 @@ class Course:
 
 
 def course_problems(values: Values, given: Collection[str]) -> Iterator[Problem]:
-    """Problems if the course is incomplete: it needs a road, and a goal or a speed to follow it.
-
-    Keys that are not given by the user are defaults.
-    """
+    """Problems if the course is incomplete: it needs a road, and a goal or a speed, as `given`."""
     if not any(key.startswith('road.') for key in given):
         types = f'{", ".join(ROAD_TYPES[:-1])} or {ROAD_TYPES[-1]}'
         wanted = f'the road of the course: {types}, with what belongs to it'

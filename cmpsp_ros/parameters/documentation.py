@@ -20,7 +20,9 @@ from cmpsp_ros.parameters.errors import ParameterError, Problem
 from cmpsp_ros.parameters.files import dump
 from cmpsp_ros.parameters.parameter import NAME, REQUIRED, Parameter, ParameterType
 
-_HEAD: Final = '| Parameter | Default | Unit | Allowed | Live | Node | |' + '\n' + '|---' * 7 + '|'
+_HEAD: Final = (
+    '| Parameter | Default | Unit | Allowed | Live | Node | Meaning |\n' + '|---' * 7 + '|'
+)
 _DEFAULTS_HEAD: Final = """\
 # Every parameter of both nodes with its default. Copy what you change into a file of your own, as
 # the presets beside this file do: it needs a road, and a goal or follow.speed.

@@ -28,11 +28,8 @@ _STRING, _DOUBLES = ParameterType.STRING, ParameterType.DOUBLE_ARRAY
 _INTEGER: Final = ParameterType.INTEGER
 _FIXED: Final = {'reconfigurable': False}
 
-NO_MAP: Final = 'none'
-"""Cells of no map."""
-
-HIDDEN: Final = 'sim.obstacles'
-"""Section of the obstacles that only the simulator knows."""
+NO_MAP: Final = 'none'  # cells of no map
+HIDDEN: Final = 'sim.obstacles'  # section of the obstacles that only the simulator knows
 
 _CELLS: Final = re.compile(r'(\d{1,9}) x (\d{1,9}) ([A-Za-z0-9+/=]+)', re.ASCII)
 _WANTED: Final = 'what map.file makes of a map, or none'
@@ -86,11 +83,7 @@ def map_parameters(place: Group) -> Iterator[Parameter]:
 
 
 def obstacles_of(values: Values) -> tuple[Shape, ...]:
-    """The static obstacles, including the map.
-
-    Raises:
-        ParameterError: With all problems of all obstacles; names key and vertex.
-    """
+    """The static obstacles, including the map; ParameterError with all problems, by key."""
     problems = Problems()
     shapes = problems.attempt(lambda: shapes_of(values, 'obstacles'))
     has_map = values['map.cells'] != NO_MAP or values['map.topic']

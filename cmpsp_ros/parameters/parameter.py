@@ -20,8 +20,7 @@ T = TypeVar('T')
 
 Node = Literal['guidance', 'sim']
 
-NAME: Final = '<name>'
-"""Stands in a parameter's name for the names that the user lists."""
+NAME: Final = '<name>'  # stands in a parameter's name for the names that the user lists
 
 
 class ParameterType(Enum):
@@ -54,32 +53,19 @@ REQUIRED: Final = Required.REQUIRED
 
 @dataclass(frozen=True)
 class Parameter:
-    """One row of the table.
+    """One row of the table."""
 
-    Attributes:
-        name: Its key, with ``<name>`` in place of a name listed by the user.
-        default: Value when none is given, or ``REQUIRED``. Text may be empty if this is.
-        unit: SI unit, empty when there is none.
-        description: One or more sentences for the table.
-        group: Heading under which it is documented.
-        nodes: Nodes that use it.
-        range: Range of its numbers.
-        choices: Its possible texts; empty for any.
-        length: Length of an array; None for any.
-        reconfigurable: Whether it may be changed while a node runs.
-    """
-
-    name: str
+    name: str  # its key, with ``<name>`` in place of a name listed by the user
     type: ParameterType
-    default: Any
-    unit: str
-    description: str
-    group: str
-    nodes: frozenset[Node]
-    range: Range = ANY
-    choices: tuple[str, ...] = ()
-    length: int | None = None
-    reconfigurable: bool = True
+    default: Any  # Value when none is given, or ``REQUIRED``. Text may be empty if this is.
+    unit: str  # SI unit, empty when there is none
+    description: str  # one or more sentences for the table
+    group: str  # heading under which it is documented
+    nodes: frozenset[Node]  # nodes that use it
+    range: Range = ANY  # of its numbers
+    choices: tuple[str, ...] = ()  # its possible texts; empty for any
+    length: int | None = None  # length of an array; None for any
+    reconfigurable: bool = True  # whether it may be changed while a node runs
 
     @property
     def is_block(self) -> bool:

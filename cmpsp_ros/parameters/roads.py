@@ -156,5 +156,4 @@ _KINDS: Final = {
 }
 """Types of roads, by their names in `road.type`."""
 
-ROAD_TYPES: Final = tuple(_KINDS)
-"""Values of `road.type`."""
+ROAD_TYPES: Final = tuple(_KINDS)  # values of `road.type`

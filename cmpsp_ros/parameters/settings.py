@@ -32,8 +32,7 @@ from cmpsp_ros.parameters.table import Values
 from cmpsp_ros.sensing import Sensor, SightSettings, TrackSource
 from cmpsp_ros.world.obstacles import Shape
 
-_MOST_STEPS: Final = 10_000
-"""Control steps beyond which the horizon's matrices would fill the memory."""
+_MOST_STEPS: Final = 10_000  # control steps whose matrices would not fill the memory
 
 _LARGEST: Final = 1e9
 _SMALLEST: Final = 1e-6
@@ -46,9 +45,7 @@ _NAMESPACE: Final = re.compile(r'(?:/[A-Za-z_]\w*)+', re.ASCII)
 def guidance_settings(values: Values) -> guidance.GuidanceSettings:
     """Settings of the guidance law, checked against each other.
 
-    Raises:
-        ParameterError: If a number is far out of range or the footprint is invalid; otherwise, all
-            problems of road, obstacles, goals, times, robot, sensors, solver and namespaces.
+    ParameterError for a number far out of range or an invalid footprint, or else with all problems.
     """
     problems = Problems(_size_problems(values))
     problems.attempt(partial(footprint_of, values))
@@ -145,10 +142,7 @@ def people_settings(values: Values) -> simulator.PeopleSettings:
 
 
 def check_simulation(values: Values) -> None:
-    """Refuse a simulation that cannot start or keep pace, by ParameterError.
-
-    Odometry or simulated time may be too slow or too fast to be kept, or lockstep cannot work.
-    """
+    """ParameterError for a simulation that cannot start, keep pace, or keep lockstep."""
     problems, of_road = Problems(), Problems()
     course = problems.attempt(lambda: Course.of(values, of_road))
     if course is not None:

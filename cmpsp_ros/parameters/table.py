@@ -11,8 +11,7 @@ from typing import Any, Final
 from cmpsp_ros.parameters.errors import ParameterError, Problem, Problems, describe
 from cmpsp_ros.parameters.parameter import Parameter
 
-Values = dict[str, Any]
-"""A complete set, by key: every value is of the type that its parameter in the table says."""
+Values = dict[str, Any]  # a complete set by key, each value of its parameter's type
 
 _NAME: Final = re.compile(r'[A-Za-z][A-Za-z0-9_]*')
 _OF_ROS: Final = re.compile(r'use_sim_time|start_type_description_service|qos_overrides\..*')
@@ -69,10 +68,7 @@ class ParameterTable:
         """The complete set in the table's order: the given values, read, and defaults.
 
         Values may come from YAML, from Python or from rclpy. Parameters of ROS itself are ignored.
-
-        Raises:
-            ParameterError: If any key is unknown, or any value missing or invalid; with all
-                problems of the set.
+        Raises ParameterError with all problems: unknown keys, values missing or invalid.
         """
         given = {key: value for key, value in values.items() if not is_of_ros(key)}
         problems = Problems()
@@ -93,13 +89,10 @@ class ParameterTable:
         return {key: resolved[key] for key, _ in self.keys(resolved)}
 
     def reconfigure(self, current: Values, changes: Mapping[str, object]) -> Values:
-        """The complete set after changes while a node runs; the current one stays.
+        """The complete set after changes while a node runs.
 
-        If a name is removed from its list, so is its block.
-
-        Raises:
-            ParameterError: If the new set is invalid, or changes a parameter that is fixed while a
-                node runs.
+        Raises ParameterError if the new set is invalid, or changes a parameter that is fixed then.
+        A name removed from its list takes its block along.
         """
         kept = {key: value for key, value in current.items() if not self._orphan(key, changes)}
         resolved = self.resolve({**kept, **changes})

@@ -22,8 +22,7 @@ from cmpsp_ros.robots.motion.arcs import with_side
 from cmpsp_ros.robots.robot import Signal, TwistLimits
 
 _SAMPLES: Final = 21
-_ALL: Final = 1.01
-"""By which bounds of all twists are larger than those of the samples."""
+_ALL: Final = 1.01  # by which bounds of all twists are larger than those of the samples
 
 _STOPPED: Final = 1e-9
 
@@ -189,11 +188,7 @@ def custom_model(name: str) -> type[CustomRobot]:
 
 
 def custom_robot(name: str, parameters: Mapping[str, Any]) -> CustomRobot:
-    """The robot of a custom class, once its parts are known to fit together.
-
-    Raises:
-        ModelError: They do not, or there is no such class.
-    """
+    """The robot of a custom class; ModelError if there is none, or its parts do not fit."""
     try:
         robot = custom_model(name).of(parameters)
         _check(name, robot)

@@ -20,19 +20,13 @@ Bodies = Sequence[tuple[Array, float]]
 """Unions of discs: their centres in the robot's frame, ``(D, 2)``, and their radius [m]."""
 
 _MOST: Final = 5
-_TOLERANCE: Final = 0.125
-"""Fraction of half the width by which discs may reach beyond a footprint at the side."""
-
-_WIDE: Final = 2.0
-"""Width, in lengths, from which the discs stand side by side."""
+_TOLERANCE: Final = 0.125  # part of half the width by which discs may reach beyond the side
+_WIDE: Final = 2.0  # width, in lengths, from which the discs stand side by side
 
 _ROUNDING: Final = 1e-9
 
-_POINTS: Final = 400
-"""Number of points of an outline, about."""
-
-_FINEST: Final = 10
-"""Slices of the longer side, at most, where discs may not reach far beyond a footprint."""
+_POINTS: Final = 400  # number of points of an outline, about
+_FINEST: Final = 10  # most slices of the longer side, where discs may not reach far beyond
 
 
 @dataclass(frozen=True)
@@ -64,7 +58,7 @@ class Footprint:
     def outline(self) -> tuple[Array, float]:
         """Points all around the polygon, ``(P, 2)``, and half the way between two of them [m].
 
-        A disc of that radius about each: the outline is in their union, which is hardly larger.
+        The outline is in the union of discs of that radius about them.
         """
         corners = np.array(self.corners)
         sides = np.roll(corners, -1, axis=0) - corners
@@ -123,21 +117,12 @@ def placed(points: Array, pose: Array) -> Array:
 
 
 def covered(corners: Sequence[Point], excess: float = 0.0) -> tuple[Footprint, float]:
-    """A polygon covered by as few equal discs in a row as are little wider than it.
+    """A polygon covered by as few equal discs in a row as are little wider than it; their radius.
 
     It is cut into slices of equal length, and each disc contains the corners of its slice. The row
-    lies along the robot: a gap is driven through in that direction. With an excess, rows side by
-    side cover the outline.
-
-    Args:
-        corners: Of a polygon that does not cross itself, in either sense of rotation [m].
-        excess: Distance by which discs may reach beyond the polygon; 0 for one row [m].
-
-    Returns:
-        The footprint, and the radius of the discs [m].
-
-    Raises:
-        ValueError: So many discs as that would take are too many.
+    lies along the robot: a gap is driven through in that direction. With an `excess` by which discs
+    may reach beyond the polygon [m], rows side by side cover the outline; ValueError if they are
+    too many. The polygon does not cross itself, and has either sense of rotation [m].
     """
     points = np.array(corners, dtype=float)
     after = np.roll(points, -1, axis=0)

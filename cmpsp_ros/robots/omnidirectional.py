@@ -18,13 +18,11 @@ from cmpsp_ros.robots.robot import TwistLimits
 
 Rim = tuple[float, float, float]
 
-_SINGULAR: Final = 1e-9
-"""Below it three wheels leave a direction free, and a robot goes straight."""
+_SINGULAR: Final = 1e-9  # below it three wheels leave a direction free, and a robot goes straight
 
 _MECANUM: Final = 'front left', 'front right', 'rear right', 'rear left'
 
-_ALL: Final = 1.0 + 1e-9
-"""By which a bound is larger than rounding can make what it bounds."""
+_ALL: Final = 1.0 + 1e-9  # by which a bound is larger than rounding can make what it bounds
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -177,8 +175,8 @@ class Omnidirectional(DerivedRobot):
     def _reach(self) -> tuple[float, float, float]:
         """Largest speed and turn rate, and arm of the limits, for rims with a speed of at most 1.
 
-        The twists are those inside a polyhedron; a speed is largest in one of its corners, and so
-        is its loss by a turn rate.
+        The twists are a polyhedron; a speed is largest in a corner, and so is its loss by a turn
+        rate.
         """
         rims, corners = np.array(self.rims), []
         signs = [np.array(each) for each in product((1.0, -1.0), repeat=3)]

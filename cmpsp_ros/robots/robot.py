@@ -16,8 +16,7 @@ from cmpsp_ros.robots.motion.acceleration import TimeScaling
 from cmpsp_ros.robots.motion.arcs import speeds_and_turns
 from cmpsp_ros.robots.motion.kinematics import Kinematics
 
-_ROUNDING: Final = 1e-9
-"""Part of a limit that rounding may add to it."""
+_ROUNDING: Final = 1e-9  # part of a limit that rounding may add to it
 
 
 class Signal(NamedTuple):
@@ -203,10 +202,7 @@ class Robot(ABC):
         return np.zeros(self.n_controls)
 
     def slipping(self, slip: float) -> Self:
-        """The same robot with wheels that move it by a fraction ``1 - slip`` of their turning.
-
-        Its limits are those of the same wheel speeds.
-        """
+        """The same robot with wheels that move it by a fraction ``1 - slip`` of their turning."""
         if not slip:
             return self
         lateral = (1.0 - slip) ** 2 * self.max_lateral_acceleration

@@ -85,35 +85,25 @@ class SightSettings:
 
 @dataclass(frozen=True, eq=False)
 class Sight:
-    """Beams in the frame of the sensor.
-
-    Attributes:
-        sensor: Their sensor.
-        stamp: Time of the last one [ns].
-        stamps: Time of each, ascending, shape ``(B,)`` [ns].
-        begins: First point of each that shows free space, shape ``(B, 2)`` [m].
-        ends: End of each, shape ``(B, 2)`` [m].
-        hits: Whether it ended at an obstacle, shape ``(B,)``.
-        is_sweep: Whether neighbours in the array are neighbours in space: then the space between
-            two of them is seen as well, and beams show that an obstacle is gone. The beams of a
-            cloud have several heights: one may pass above an obstacle that another one met.
-    """
+    """Beams in the frame of the sensor."""
 
     sensor: Sensor
-    stamp: int
-    stamps: IntArray
-    begins: Array
-    ends: Array
-    hits: BoolArray
+    stamp: int  # time of the last one [ns]
+    stamps: IntArray  # time of each, ascending, shape ``(B,)`` [ns]
+    begins: Array  # first point of each that shows free space, shape ``(B, 2)`` [m]
+    ends: Array  # end of each, shape ``(B, 2)`` [m]
+    hits: BoolArray  # whether it ended at an obstacle, shape ``(B,)``
+    # Whether neighbours in the array are neighbours in space: then the space between two of them is
+    # seen as well, and beams show that an obstacle is gone. The beams of a cloud have several
+    # heights: one may pass above an obstacle that another one met.
     is_sweep: bool
 
     def projected(self, poses: Array) -> Beams:
         """Beams in the frame of odometry, from the robot's pose at each stamp, ``(B, 3)``."""
         ahead, left, turned = self.sensor.pose
-        places = poses[:, :2] + _turned(np.array([ahead, left]), poses[:, 2])
-        starts, ends = (
-            places + _turned(each, poses[:, 2] + turned) for each in (self.begins, self.ends)
-        )
+        places = poses[:, :2] + _turned(np.array([ahead, left]), *_axes(poses[:, 2]))
+        axes = _axes(poses[:, 2] + turned)
+        starts, ends = (places + _turned(each, *axes) for each in (self.begins, self.ends))
         return Beams(self.stamp, starts, ends, self.hits, self.is_sweep)
 
 
@@ -128,6 +118,11 @@ class Beams:
     is_sweep: bool
 
 
-def _turned(points: Array, angles: Array) -> Array:
-    cosine, sine, x, y = np.cos(angles), np.sin(angles), points[..., 0], points[..., 1]
-    return np.column_stack([cosine * x - sine * y, sine * x + cosine * y])
+def _axes(angles: Array) -> tuple[Array, Array]:
+    return np.cos(angles), np.sin(angles)
+
+
+def _turned(points: Array, cosine: Array, sine: Array) -> Array:
+    x, y, turned = points[..., 0], points[..., 1], np.empty((len(cosine), 2))
+    turned[:, 0], turned[:, 1] = cosine * x - sine * y, sine * x + cosine * y
+    return turned

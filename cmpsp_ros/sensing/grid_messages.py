@@ -11,26 +11,16 @@ from numpy.typing import NDArray
 from cmpsp_ros.sensing.messages import FARTHEST
 from cmpsp_ros.world.grids import Cell, Cells, GridError, OccupancyGrid, check_size
 
-REMEMBERED: Final = 1
-"""Value of a free cell out of sight, in the grids that guidance publishes."""
-
-LETHAL: Final = 65
-"""Default value from which a cell is occupied, as of map_server."""
-
+REMEMBERED: Final = 1  # value of a free cell out of sight, in the grids that guidance publishes
+LETHAL: Final = 65  # default value from which a cell is occupied, as of map_server
 _FLAT: Final = 1e-3
 
 
 def grid_of(message: Any, frame_id: str, lethal: int = LETHAL) -> OccupancyGrid:
-    """Grid of a `nav_msgs/OccupancyGrid` of any origin and resolution.
+    """Grid of a `nav_msgs/OccupancyGrid` of any origin and resolution, occupied from `lethal` on.
 
-    Args:
-        message: The message.
-        frame_id: Frame in which it is wanted.
-        lethal: Value from which a cell is occupied; negative values are unknown.
-
-    Raises:
-        GridError: It is in another frame, its data do not fit its size, its resolution is not a
-            positive number, or its origin is not finite, not flat or no place on Earth.
+    GridError if it is in another frame, its data do not fit its size, its resolution is not
+    positive, or its origin is not finite, not flat or no place on Earth.
     """
     found = message.header.frame_id
     if found != frame_id:
@@ -48,8 +38,7 @@ def grid_of(message: Any, frame_id: str, lethal: int = LETHAL) -> OccupancyGrid:
 def updated(grid: OccupancyGrid, message: Any, lethal: int = LETHAL) -> OccupancyGrid:
     """A grid after a `map_msgs/OccupancyGridUpdate`; `lethal` as of `grid_of`.
 
-    Raises:
-        GridError: It has no cells, other data than its size says, or is not within the grid.
+    GridError if it has no cells, other data than its size says, or is not within the grid.
     """
     shape = int(message.height), int(message.width)
     check_size(shape)

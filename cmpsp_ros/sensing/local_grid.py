@@ -24,14 +24,9 @@ Places = NDArray[np.float32]
 _NEVER = np.iinfo(np.int64).min
 _FREE, _OCCUPIED = int(Cell.FREE), int(Cell.OCCUPIED)
 
-_UNSEEN = 2.0
-"""Width of the strip around the footprint that no beam need ever pass [cells]."""
-
-_BESIDE = 0.25
-"""Distance from the end of an earlier beam at which another one shows that it is gone [cells]."""
-
-_BEYOND = 4.0
-"""Distance by which that beam must go on [cells]: one that grazes a wall does not."""
+_UNSEEN = 2.0  # width of the strip around the footprint that no beam need ever pass [cells]
+_BESIDE = 0.25  # distance from an earlier beam's end at which another shows it gone [cells]
+_BEYOND = 4.0  # distance by which that beam must go on [cells]: one that grazes a wall does not
 
 
 class LocalGrid:
@@ -42,13 +37,7 @@ class LocalGrid:
     """
 
     def __init__(self, size: float, resolution: float, memory: float) -> None:
-        """Make a square of unknown cells.
-
-        Args:
-            size: Side of the square [m].
-            resolution: Side of a cell [m].
-            memory: Time for which cells out of sight are remembered [s].
-        """
+        """Make a square of unknown cells; sides in [m], `memory` out of sight [s]."""
         # As it is in a nav_msgs/OccupancyGrid, so that the grid in a bag is this one.
         self._resolution = resolution = float(np.float32(resolution))
         self._memory = round(memory * 1e9)
@@ -75,12 +64,10 @@ class LocalGrid:
             self._column, self._row = column, row
 
     def see(self, beams: Beams, owners: IntArray | None = None) -> None:
-        """Clear cells along beams, and mark their ends; in the order of time.
+        """Clear cells along the beams of one message, and mark their ends; in the order of time.
 
-        Args:
-            beams: Beams of one message.
-            owners: Number of the object that each has hit, shape ``(B,)``: 0 for none, negative
-                for one that moves, which marks nothing.
+        `owners` ``(B,)`` are the objects hit: 0 for none, negative for a moving one, which marks
+        nothing.
         """
         if owners is None:
             owners = np.zeros(len(beams.ends), np.int64)
@@ -100,19 +87,15 @@ class LocalGrid:
     ) -> None:
         """Free the cells under the robot, and unknown ones so near that they were never seen.
 
-        Obstacles that were seen beside the footprint stay: no beam need meet them there again.
-
-        Args:
-            x: Centre of its footprint, or of a disc that covers some of it [m].
-            y: Its other coordinate [m].
-            radius: Radius of that disc [m].
-            stamp: Present time [ns].
-            corners: Corners of the robot itself, ``(C, 2)`` [m]; None for the whole disc.
+        Obstacles seen beside the footprint stay: no beam need meet them there again. `x`, `y` and
+        `radius` are of a disc that covers some of it [m], `corners` ``(C, 2)`` of the robot itself
+        [m].
         """
         side, cell = len(self._cells), self._resolution
         near = math.ceil(radius / cell + _UNSEEN) + 1
-        middle = np.array([math.floor(y / cell) - self._row, math.floor(x / cell) - self._column])
-        low, high = np.clip([middle - near, middle + near], 0, side).tolist()
+        middle = math.floor(y / cell) - self._row, math.floor(x / cell) - self._column
+        low = [min(max(each - near, 0), side) for each in middle]
+        high = [min(max(each + near, 0), side) for each in middle]
         rows = (self._row + np.arange(low[0], high[0]) + 0.5) * cell - y
         columns = (self._column + np.arange(low[1], high[1]) + 0.5) * cell - x
         squared = np.square(columns) + np.square(rows)[:, None]

@@ -10,8 +10,7 @@ import numpy as np
 
 from cmpsp_ros.sensing.beams import ScanError, Sensor, Sight
 
-FARTHEST: Final = 1e8
-"""Coordinates beyond which squares and differences lose their meaning; no place on Earth [m]."""
+FARTHEST: Final = 1e8  # beyond, squares and differences lose their meaning [m]
 
 _SCAN_NUMBERS: Final = (
     'angle_min',
@@ -23,11 +22,9 @@ _SCAN_NUMBERS: Final = (
 )
 _COUNT_TOLERANCE: Final = 1.5
 """Beams by which count and angles may disagree: drivers differ on whether both ends count."""
-_LONGEST_SCAN: Final = 10.0
-"""Maximum duration of a scan [s]."""
+_LONGEST_SCAN: Final = 10.0  # maximum duration of a scan [s]
 _MAX_POINTS: Final = 2_000_000
-_APART: Final = 0.025
-"""Distance between ends of beams that free cells; of nearer ones the first counts [m]."""
+_APART: Final = 0.025  # distance of ends of beams that free cells; of nearer ones the first [m]
 _TYPES: Final = {1: 'i1', 2: 'u1', 3: 'i2', 4: 'u2', 5: 'i4', 6: 'u4', 7: 'f4', 8: 'f8'}
 """numpy types by datatype of a PointField."""
 
@@ -53,11 +50,10 @@ def sight_of(message: Any, sensor: Sensor) -> Sight:
     A beam of a cloud to the floor, beyond the reach or above all heights that count shows as much
     free space as one to an obstacle: only within reach and at heights that count. Above and below
     them it may pass over an obstacle, or down a staircase. A cloud does not say where the sensor
-    has looked in vain.
+    looked in vain.
 
-    Raises:
-        ScanError: It is in another frame, its header or layout is inconsistent, it has too many
-            points, or nothing in it is known.
+    ScanError if it is in another frame, inconsistent, of too many points, or nothing in it is
+    known.
     """
     sensor.check_frame(message)
     return _scan(message, sensor) if sensor.type == 'scan' else _cloud(message, sensor)
@@ -148,14 +144,8 @@ def _cloud(message: Any, sensor: Sensor) -> Sight:
 def points_of(message: Any, floats: Sequence[str], integers: Sequence[str], name: str) -> Any:
     """Points of a PointCloud2 of any layout, as a structured array of shape ``(K,)``.
 
-    Args:
-        message: The cloud.
-        floats: Names of fields wanted as floats of either length.
-        integers: Names of fields wanted as integers of any length.
-        name: Source of the cloud, for errors.
-
-    Raises:
-        ScanError: It lacks a field, or does not fit its own sizes.
+    Fields named in `floats` and `integers` have any length, `name` is the source of the cloud.
+    Raises ScanError if it lacks a field, or does not fit its own sizes.
     """
     width, height, step = int(message.width), int(message.height), int(message.point_step)
     order = '>' if message.is_bigendian else '<'

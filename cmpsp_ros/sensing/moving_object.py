@@ -1,4 +1,4 @@
-"""One object in sight: how it moves, how large it is, and evidence that it moves."""
+"""One object in sight: filter of its motion, how large it is, and evidence that it moves."""
 
 from __future__ import annotations
 
@@ -6,53 +6,81 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
-from cmpsp_ros.sensing.motion_filter import MotionFilter
 from cmpsp_ros.sensing.track import Track
 
 _NS: Final = 1_000_000_000
-_ASIDE: Final = 0.3
-"""Distance from where it is expected at which one that was lost may be found (one sigma) [m]."""
-_SURPRISING: Final = 4.0
-"""Squared Mahalanobis distance beyond which an object does not move as expected."""
-_RISE, _FALL = 0.5, 0.1
-"""Fractions by which the radius follows greater and smaller ones that are seen."""
-_STILL_SPEED, _STILL_AFTER = 0.15, _NS
-"""Speed of what stands still [m/s], and time after which it is static again [ns]."""
+_ASIDE: Final = 0.3  # distance from where it is expected of one that was lost (one sigma) [m]
+_SURPRISING: Final = 4.0  # squared Mahalanobis distance of an unexpected motion
+_RISE, _FALL = 0.5, 0.1  # fractions by which the radius follows greater and smaller ones
+_STILL_SPEED, _STILL_AFTER = 0.15, _NS  # of what stands still [m/s], and until it is static [ns]
+_FIRST_VELOCITY: Final = 1.0  # standard deviation of one not known yet [m/s]
+
+
+@dataclass
+class MotionFilter:
+    """Place and velocity of an object; both axes have the same covariance."""
+
+    stamp: int  # time of the state [ns]
+    x: float  # centre [m]
+    y: float  # centre [m]
+    position_variance: float
+    vx: float = 0.0
+    vy: float = 0.0
+    covariance: float = 0.0
+    velocity_variance: float = _FIRST_VELOCITY**2
+    agility: float = 0.2  # power spectral density of accelerations, white noise [m^2/s^3]
+
+    @property
+    def stddevs(self) -> tuple[float, float]:
+        """Standard deviations of centre and velocity [m, m/s]."""
+        return math.sqrt(self.position_variance), math.sqrt(self.velocity_variance)
+
+    def predict(self, stamp: int) -> None:
+        """Go on to a time [ns]."""
+        if stamp <= self.stamp:
+            return
+        h, self.stamp = (stamp - self.stamp) / _NS, stamp
+        self.x, self.y = self.x + h * self.vx, self.y + h * self.vy
+        added = self.agility * h
+        self.position_variance += h * (2.0 * self.covariance + h * self.velocity_variance)
+        self.position_variance += added * h * h / 3.0
+        self.covariance += h * self.velocity_variance + added * h / 2.0
+        self.velocity_variance += added
+
+    def surprise(self, x: float, y: float, variance: float) -> float:
+        """Squared Mahalanobis distance of a place [m] that was seen with a variance [m^2]."""
+        off_x, off_y = x - self.x, y - self.y
+        return (off_x * off_x + off_y * off_y) / (self.position_variance + variance)
+
+    def correct(self, x: float, y: float, variance: float) -> None:
+        """Take in a centre [m] that was seen with a variance [m^2]."""
+        off_x, off_y = x - self.x, y - self.y
+        total = self.position_variance + variance
+        gain, velocity_gain = self.position_variance / total, self.covariance / total
+        self.x, self.y = self.x + gain * off_x, self.y + gain * off_y
+        self.vx, self.vy = self.vx + velocity_gain * off_x, self.vy + velocity_gain * off_y
+        self.velocity_variance -= velocity_gain * self.covariance
+        self.position_variance *= 1.0 - gain
+        self.covariance *= 1.0 - gain
 
 
 @dataclass(kw_only=True)
 class MovingObject(MotionFilter):
-    """State of an object.
+    """State of an object."""
 
-    Attributes:
-        number: Unique in a run; cells that it has marked in the grid bear it.
-        radius: Radius of a disc that covers it [m].
-        begun: Time at which it was first seen [ns].
-        seen: Time at which it was last seen [ns].
-        origin: Place of its nearest point at first, ``(x, y)`` [m].
-        name: Number among those that have moved; 0 for none yet.
-        is_moving: Whether it counts as moving.
-        evidence: Scans that showed that it moves, less those that did not.
-        gone: Scans in a row that saw through the place where it should be.
-        still: Time in sight for which it has stood still [ns].
-        unproved: Time in sight since a scan last showed that it moves [ns].
-        sightings: Number of scans that have shown it.
-        is_lost: Whether it may be anywhere, and is remembered only for its name.
-    """
-
-    number: int
-    radius: float
-    begun: int
-    seen: int
-    origin: tuple[float, float]
-    name: int = 0
-    is_moving: bool = False
-    evidence: int = 0
-    gone: int = 0
-    still: int = 0
-    unproved: int = 0
-    sightings: int = 1
-    is_lost: bool = False
+    number: int  # unique in a run; cells that it has marked in the grid bear it
+    radius: float  # radius of a disc that covers it [m]
+    begun: int  # time at which it was first seen [ns]
+    seen: int  # time at which it was last seen [ns]
+    origin: tuple[float, float]  # place of its nearest point at first, ``(x, y)`` [m]
+    name: int = 0  # number among those that have moved; 0 for none yet
+    is_moving: bool = False  # whether it counts as moving
+    evidence: int = 0  # scans that showed that it moves, less those that did not
+    gone: int = 0  # scans in a row that saw through the place where it should be
+    still: int = 0  # time in sight for which it has stood still [ns]
+    unproved: int = 0  # time in sight since a scan last showed that it moves [ns]
+    sightings: int = 1  # number of scans that have shown it
+    is_lost: bool = False  # whether it may be anywhere, and is remembered only for its name
 
     def see(self, x: float, y: float, radius: float, variance: float) -> None:
         """Take in a centre [m] that was seen with a variance [m^2], and how large it looked."""

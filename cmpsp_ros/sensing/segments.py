@@ -10,58 +10,35 @@ import numpy as np
 from cmpsp_ros.arrays import Array, BoolArray, IntArray
 from cmpsp_ros.mpsp.jit import allocation_free
 
-_GAP: Final = 0.1
-_GAP_BY_STEP: Final = 1.5
-"""Distance of neighbours on one object [m], and by that of two beams at their range."""
-_HOLE: Final = 5.5
-"""Angle between neighbours on one object, in steps of the scanner: returns between may be lost."""
-_DEEP: Final = 0.1
-"""Depth of the notch between two round objects that touch [m]."""
-_WIDE: Final = 0.8
-"""Width above which a segment shows more than one person, and of each part then [m]."""
+_GAP: Final = 0.1  # distance of neighbours on one object [m]
+_GAP_BY_STEP: Final = 1.5  # the same, by that of two beams at their range
+_HOLE: Final = 5.5  # angle between neighbours on one object, in steps of the scanner
+_DEEP: Final = 0.1  # depth of the notch between two round objects that touch [m]
+_WIDE: Final = 0.8  # width of more than one person, and of each part then [m]
 _PERSON: Final = 0.6
-_LONG: Final = 2.5
-"""Width from which it is a wall, which does not move [m]."""
-_LARGEST: Final = 0.6
-"""Radius of the largest disc that is one object [m]; what is larger is a wall or has parts."""
+_LONG: Final = 2.5  # width from which it is a wall, which does not move [m]
+_LARGEST: Final = 0.6  # radius of the largest object [m]; walls and what has parts are larger
 _FEWEST: Final = 3
-_LEG: Final = 0.15
-"""Radius up to which a segment may be a leg [m]."""
-_STRIDE: Final = 0.6
-"""Distance of the legs of one person [m]."""
-_AROUND: Final = 0.15
-"""Distance from where a mover is expected at which a hit may be on it [m]."""
-_BESIDE: Final = 0.05
-"""Distance from a mover up to which the nearest hit of a segment is on it [m]."""
+_LEG: Final = 0.15  # radius up to which a segment may be a leg [m]
+_STRIDE: Final = 0.6  # distance of the legs of one person [m]
+_AROUND: Final = 0.15  # distance from where a mover is expected at which a hit may be on it [m]
+_BESIDE: Final = 0.05  # distance from a mover up to which the nearest hit of a segment is on it [m]
 _STATIC, _ENTERED = 1, 2
 
 
 class Segment(NamedTuple):
-    """Hits on one object, or on one part of it.
+    """Hits on one object, or on one part of it."""
 
-    Attributes:
-        members: Indices of its points, shape ``(P,)``.
-        right: Direction of its right edge, seen from the sensor [rad].
-        left: Direction of its left edge, not less [rad].
-        near: Distance of its nearest point [m].
-        front: That point [m].
-        is_cut: Whether what is left of it, and right of it, is hidden or out of view.
-        entered: Number of points in places that were just seen free.
-        static: Number of points where something has long stood.
-        radius: Radius of a disc that looks as wide from there [m].
-        legs: Distances of the middles of the legs that it shows [m]; none for a body.
-    """
-
-    members: IntArray
-    right: float
-    left: float
-    near: float
-    front: tuple[float, float]
-    is_cut: tuple[bool, bool]
-    entered: int
-    static: int
-    radius: float
-    legs: tuple[float, ...] = ()
+    members: IntArray  # indices of its points, shape ``(P,)``
+    right: float  # direction of its right edge, seen from the sensor [rad]
+    left: float  # direction of its left edge, not less [rad]
+    near: float  # distance of its nearest point [m]
+    front: tuple[float, float]  # that point [m]
+    is_cut: tuple[bool, bool]  # whether its left and its right side are hidden or out of view
+    entered: int  # number of points in places that were just seen free
+    static: int  # number of points where something has long stood
+    radius: float  # radius of a disc that looks as wide from there [m]
+    legs: tuple[float, ...] = ()  # distances of the middles of its legs [m]; none for a body
 
     @property
     def has_entered(self) -> bool:
@@ -94,15 +71,10 @@ def segments_of(
 ) -> list[Segment] | None:
     """Segments that may be people, or parts of something larger that moves; no walls.
 
-    None stands for a scan in which walls seem to have moved: odometry has jumped.
-
-    Args:
-        origin: Place of the sensor, shape ``(2,)`` [m].
-        points: Hits, shape ``(P, 2)`` [m].
-        labels: `Label` of each, shape ``(P,)``.
-        movers: Discs where movers are expected (x, y, radius), shape ``(M, 3)`` [m].
-        view: Angle between two beams, and directions of its right and left edge, NaN of a view
-            all around [rad].
+    None stands for a scan in which walls seem to have moved: odometry has jumped. Hits ``(P, 2)``
+    are seen from `origin` ``(2,)``; `movers` are discs where they are expected (x, y, radius) ``(M,
+    3)`` [m]; the `view` has the angle between two beams, and directions of its edges, NaN of one
+    all around [rad].
     """
     if len(points) < _FEWEST:
         return []
@@ -111,10 +83,11 @@ def segments_of(
     order = np.argsort(angles, kind='stable')
     angles = angles[order]
     # Begin behind the largest gap: no object is cut in two where angles begin anew.
-    begin = int(np.argmax(np.diff(angles, append=angles[0] + math.tau))) + 1
-    order, angles = np.roll(order, -begin), np.roll(angles, -begin)
-    angles[len(angles) - begin :] += math.tau
-    polar, places = np.column_stack([ranges[order], angles]), points[order]
+    begin = int(np.argmax(np.append(angles[1:], angles[0] + math.tau) - angles)) + 1
+    order = np.concatenate([order[begin:], order[:begin]])
+    polar, places = np.empty((len(order), 2)), points[order]
+    polar[:, 0] = ranges[order]
+    polar[:, 1] = np.concatenate([angles[begin:], angles[:begin] + math.tau])
     bounds, parts, keys = (np.zeros(len(points) + 1, np.int64) for _ in range(3))
     count = split(bounds, polar, places, view[0])
     sorted_labels = labels[order]
@@ -141,8 +114,10 @@ def segments_of(
 def _is_on(movers: Array, segment: Segment) -> bool:
     """True if a segment that is cut on one side is on a mover, who may stand at an edge of view."""
     x, y = segment.front
+    if all(segment.is_cut):
+        return False
     away = np.hypot(movers[:, 0] - x, movers[:, 1] - y) - movers[:, 2]
-    return sum(segment.is_cut) < 2 and bool((away <= _BESIDE).any())
+    return bool((away <= _BESIDE).any())
 
 
 def _add_or_join(found: list[Segment], segment: Segment, origin: Array, movers: Array) -> None:

@@ -23,25 +23,15 @@ _MAX_PENDING = 100
 
 @dataclass(frozen=True, eq=False)
 class Sighting:
-    """Surroundings at the stamp of the odometry at which they were new [ns].
+    """Surroundings at the stamp of the odometry at which they were new [ns]."""
 
-    Attributes:
-        stamp: That time.
-        grid: Grid of all that stands still.
-        tracks: All that moves, predicted for that time.
-    """
-
-    stamp: int
-    grid: OccupancyGrid
-    tracks: tuple[Track, ...] = ()
+    stamp: int  # that time
+    grid: OccupancyGrid  # grid of all that stands still
+    tracks: tuple[Track, ...] = ()  # all that moves, predicted for that time
 
 
 class Surroundings:
-    """Fuses sightings of sensors, each by the odometry of its own time.
-
-    The order in which messages arrive makes no difference, as long as they arrive before the
-    odometry that is decided on.
-    """
+    """Fuses sightings of sensors, each by the odometry of its own time, in any order of arrival."""
 
     def __init__(
         self, settings: SightSettings, robot_radius: float, footprint: Footprint | None = None

@@ -10,19 +10,7 @@ from cmpsp_ros.setting import NOT_NEGATIVE, POSITIVE, setting
 
 @dataclass(frozen=True, order=True)
 class Track:
-    """A moving obstacle as it was seen; of two at one time the greater counts.
-
-    Attributes:
-        id: Its number, the same in each message.
-        stamp: Time at which it was seen [ns].
-        radius: Radius [m].
-        x: Centre [m].
-        y: Centre [m].
-        vx: Velocity [m/s].
-        vy: Velocity [m/s].
-        position_stddev: Standard deviation of the centre, along its worst axis [m].
-        velocity_stddev: Standard deviation of the velocity, along its worst axis [m/s].
-    """
+    """A moving obstacle as it was seen; of two at one time the greater counts."""
 
     FIELDS: ClassVar = ('x', 'y', 'vx', 'vy', 'radius')
     """Fields of a message that are floats of either length."""
@@ -31,15 +19,15 @@ class Track:
     DOUBTS: ClassVar = ('position_stddev', 'velocity_stddev')
     """Further ones, which a message may lack: then they are 0."""
 
-    id: int
-    stamp: int
-    radius: float
-    x: float
-    y: float
-    vx: float
-    vy: float
-    position_stddev: float = 0.0
-    velocity_stddev: float = 0.0
+    id: int  # its number, the same in each message
+    stamp: int  # time at which it was seen [ns]
+    radius: float  # [m]
+    x: float  # centre [m]
+    y: float  # centre [m]
+    vx: float  # velocity [m/s]
+    vy: float  # velocity [m/s]
+    position_stddev: float = 0.0  # standard deviation of the centre, along its worst axis [m]
+    velocity_stddev: float = 0.0  # standard deviation of the velocity, along its worst axis [m/s]
 
     @property
     def name(self) -> str:

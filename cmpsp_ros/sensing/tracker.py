@@ -190,26 +190,20 @@ class Tracker:
 
     def _drop(self, view: View) -> None:
         """Drop what is gone, was not seen for too long, or is there twice."""
-        kept: list[MovingObject] = []
+        kept, movers = list[MovingObject](), list[tuple[float, float]]()
         for each in self._objects:
             age = view.stamp - each.seen
             each.gone += age > 0 and view.is_through(each.x, each.y)
             is_late = age > (_FORGOTTEN if view.is_blind(each.x, each.y) else _LOST)
-            each.gone = _GONE if is_late or self._is_double(each, kept) else each.gone
-            each.is_lost = each.is_lost or each.gone >= _GONE
+            is_double = each.is_moving and any(
+                math.hypot(each.x - x, each.y - y) < _SAME for x, y in movers
+            )
+            each.is_lost = each.is_lost or is_late or is_double or each.gone >= _GONE
+            if each.is_moving and not each.is_lost:
+                movers.append((each.x, each.y))
             if age <= (_FORGOTTEN if each.name else _BRIEF) and (each.name or not each.is_lost):
                 kept.append(each)
         self._objects = kept
-
-    @staticmethod
-    def _is_double(each: MovingObject, others: list[MovingObject]) -> bool:
-        """True if an object is where an older one is: two tracks of one."""
-        return each.is_moving and any(
-            other.is_moving
-            and not other.is_lost
-            and math.hypot(each.x - other.x, each.y - other.y) < _SAME
-            for other in others
-        )
 
 
 def _hits(beams: Beams) -> IntArray:

@@ -47,13 +47,11 @@ class Body(Protocol):
         """The pose that a perfect measurement would give, shape ``(3,)`` [m, m, rad]."""
 
 
-SLICE_NS = 5_000_000
-"""Length of a slice [ns]."""
+SLICE_NS = 5_000_000  # length of a slice [ns]
 
 _SLICE = SLICE_NS / 1_000_000_000
 
-_SETTLED = 1e-9
-"""Distance from the command at which a wheel counts as having reached it [rad/s]."""
+_SETTLED = 1e-9  # distance from the command at which a wheel counts as having reached it [rad/s]
 
 
 class LaggedWheels:

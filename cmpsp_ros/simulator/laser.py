@@ -132,14 +132,11 @@ def discs_of(shapes: Iterable[Shape]) -> Array:
 
 @allocation_free
 def cast(ranges: Array, rays: Array, times: Array, edges: Array, discs: Array) -> None:
-    """Distance along each ray to the first edge or disc; infinite where there is none.
+    """Fill in the distance along each ray to the first edge or disc [m]; infinite for none.
 
-    Args:
-        ranges: Where the distances go, shape ``(R,)`` [m].
-        rays: Origin and heading of each (x, y, heading), shape ``(R, 3)`` [m, m, rad].
-        times: When each is cast, shape ``(R,)`` [s].
-        edges: Both ends of each (x, y, x, y), shape ``(S, 4)`` [m].
-        discs: Centre at time 0, velocity and radius, ``(D, 5)`` [m, m/s, m]; within one it is 0.
+    `rays` (x, y, heading) ``(R, 3)`` are cast at `times` ``(R,)`` [s]; `edges` (x, y, x, y) ``(S,
+    4)`` have two ends, `discs` ``(D, 5)`` a centre at time 0, velocity and radius; within one it is
+    0.
     """
     for i in range(rays.shape[0]):
         x, y, cosine, sine = rays[i, 0], rays[i, 1], math.cos(rays[i, 2]), math.sin(rays[i, 2])

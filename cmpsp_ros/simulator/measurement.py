@@ -11,14 +11,9 @@ from cmpsp_ros.simulator.settings import OdometryErrors, PlantSettings
 
 
 class Measurement:
-    """Odometry of one run.
-
-    Each call of `measure` is one message. It takes its numbers from streams of its own, also when
-    it is lost, so that the noise of the others does not depend on which are.
-    """
+    """Odometry of one run, a message each call; noise does not depend on which are lost."""
 
     def __init__(self, seed: int) -> None:
-        """Begin the streams of a run."""
         self._position = generator(seed, Stream.POSITION)
         self._heading = generator(seed, Stream.HEADING)
         self._dropout = generator(seed, Stream.DROPOUT)

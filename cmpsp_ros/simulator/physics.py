@@ -20,14 +20,9 @@ from cmpsp_ros.simulator.settings import Physics
 
 _NS: Final = 1_000_000_000
 
-TIMESTEP_NS: Final = 1_000_000
-"""Step of the integration [ns]."""
-
-_STIFFNESS: Final = 0.05
-"""Torque of a motor for each rad/s that its wheel is too slow, at 1 kg [N m s/rad]."""
-
-_EVERY: Final = 5
-"""Steps from one motion that is told to the next."""
+TIMESTEP_NS: Final = 1_000_000  # step of the integration [ns]
+_STIFFNESS: Final = 0.05  # torque for each rad/s that a wheel is too slow, at 1 kg [N m s/rad]
+_EVERY: Final = 5  # steps from one motion that is told to the next
 
 
 class PhysicsError(ValueError):

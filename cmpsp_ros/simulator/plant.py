@@ -1,9 +1,8 @@
 """A stand-in for the robot: velocity commands in, the path driven and its odometry out.
 
-Nothing here reads a clock: time is an argument in integer nanoseconds, so a run repeats exactly.
-A command waits for its delay, is followed by the wheels with their lag, and moves the robot less
-than they turn where they slip. All of this is off by default. The motion is that
-of a `Body`.
+Nothing here reads a clock: time is an argument in integer nanoseconds, so a run repeats exactly. A
+command waits for its delay, is followed by the wheels with their lag, and moves the robot less than
+they turn where they slip; all off by default.
 """
 
 from __future__ import annotations
@@ -75,10 +74,7 @@ class Plant:
         return self.motion.twist
 
     def reset(self) -> None:
-        """Put the robot back to its initial pose, at rest, and begin all that is random again.
-
-        Time goes on from where it is. Commands that have not taken effect yet are forgotten.
-        """
+        """Put the robot back to its initial pose, at rest; time goes on, commands are forgotten."""
         settings = self._settings
         self._start_ns = self._heard_ns = self._now_ns
         self._body.place(self._now_ns, np.array(settings.initial_pose, dtype=float))
@@ -100,14 +96,12 @@ class Plant:
         self._body.reconfigure(self._now_ns, settings.robot, settings.wheel_lag)
 
     def command(self, stamp_ns: int, *twist: float) -> None:
-        """Ask for a twist [m/s, rad/s]; it is driven from ``stamp_ns`` plus the actuation delay on.
+        """Ask for a twist [m/s, rad/s], driven from ``stamp_ns`` plus the actuation delay on.
 
         A controller with a period takes it at its next instant. It takes effect in `advance`, also
         when there is no delay. However the delay may vary, no command overtakes another.
-
-        Raises:
-            TwistError: The twist is not finite; the last one before stays in force.
-            ValueError: ``stamp_ns`` lies in the past, or before the command that came last.
+        TwistError, and the last one stays in force, if it is not finite; ValueError if ``stamp_ns``
+        is before now or the last command.
         """
         earliest_ns = max(self._now_ns, self._heard_ns)
         if stamp_ns < earliest_ns:
@@ -131,12 +125,8 @@ class Plant:
     def advance(self, stamp_ns: int) -> list[Motion]:
         """Let time pass up to an instant [ns]; ValueError for one in the past.
 
-        A command counts as in time when its successor takes effect at the very instant at which it
-        expires; for that reason the robot stops only once time has gone past that instant.
-
-        Returns:
-            The motion at each change of wheel speeds on the way, in order: with them the whole path
-            can be drawn again, arc by arc.
+        A command may be followed at the very instant at which it expires: the robot stops later.
+        Returns the motion at each change of wheel speeds on the way, in order.
         """
         if stamp_ns < self._now_ns:
             raise ValueError(f'advance to {stamp_ns} ns: expected {self._now_ns} ns or later')

@@ -24,12 +24,7 @@ _PROBABILITY = Range(0.0, 1.0)
 # fmt: off
 @dataclass(frozen=True)
 class OdometryErrors:
-    """Differences between odometry and the truth.
-
-    Attributes:
-        dropout_windows: Intervals ``(begin, end)`` since the start in which every message is lost,
-            the end excluded [s].
-    """
+    """Differences between odometry and the truth."""
 
     position_stddev: float = setting(0.0, 'm',
         'Standard deviation of the noise on each measured coordinate.', NOT_NEGATIVE)
@@ -41,7 +36,7 @@ class OdometryErrors:
         'Rate at which the error of the measured pose grows (x, y, heading).')
     dropout: float = setting(0.0, '',
         'Probability that an odometry message is lost.', Range(0.0, 1.0, high_open=True))
-    dropout_windows: tuple[tuple[float, float], ...] = ()
+    dropout_windows: tuple[tuple[float, float], ...] = ()  # [begin, end) of lost odometry [s]
 
 
 @dataclass(frozen=True)

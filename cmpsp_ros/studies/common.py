@@ -10,8 +10,7 @@ from typing import Any, Final
 
 import matplotlib as mpl
 
-WIDTH: Final = 7.2
-"""Width of a picture across both columns of a page [in]."""
+WIDTH: Final = 7.2  # width of a picture across both columns of a page [in]
 
 # Of type Any: matplotlib lists every key of its settings as a literal of its own.
 _STYLE: Final[Any] = {

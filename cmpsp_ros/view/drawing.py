@@ -23,22 +23,15 @@ from cmpsp_ros.world.roads import Road
 
 Look = dict[str, Any]
 
-PER_ARC = 8
-"""Points drawn on each arc."""
-
-_POINT = 0.75
-"""Points in a pixel of plotly."""
-
+PER_ARC = 8  # points drawn on each arc
+_POINT = 0.75  # points in a pixel of plotly
+# Matplotlib's names for plotly's.
 _SYMBOLS = {'circle': 'o', 'star': '*', 'square': 's'}
 _DASHES = {'solid': '-', 'dash': '--', 'dot': ':', 'dashdot': '-.'}
-"""Matplotlib's names for plotly's."""
 
 
 def legend_below(figure: Figure | SubFigure, *keys: Sequence[Any], **options: Any) -> None:
-    """Legend below all axes of a figure with constrained layout.
-
-    Matplotlib 3.6 has no place outside the axes; there the legend's height is kept free.
-    """
+    """Legend below all axes, or in free height for Matplotlib 3.6, which has no place outside."""
     if mpl.__version_info__ >= (3, 7):
         figure.legend(*keys, loc='outside lower center', **options)
         return
@@ -66,10 +59,7 @@ def draw_obstacles(axes: Axes, obstacles: Iterable[Shape], **look: Any) -> None:
 
 
 def draw(axes: Axes, traces: Iterable[Trace], above: float = 2.0) -> None:
-    """Draw traces in plotly's terms, one above the other from a z-order on.
-
-    Each name is once in a legend.
-    """
+    """Draw traces in plotly's terms, upwards from a z-order; each name is once in a legend."""
     for order, trace in enumerate(traces):
         if trace.get('visible') == 'legendonly' or set(trace['y']) <= {None}:
             continue

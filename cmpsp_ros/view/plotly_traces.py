@@ -17,8 +17,7 @@ from cmpsp_ros.guidance import Goal
 from cmpsp_ros.view.scene import GOAL, SEEN, UNSEEN, Lines, Part
 from cmpsp_ros.world.grids import Cell, OccupancyGrid
 
-_MOST: Final = 256
-"""Pixels along a side at most."""
+_MOST: Final = 256  # pixels along a side at most
 
 # Free, unknown and occupied cells by rank: the highest in a pixel is drawn.
 _RANKS: Final = np.zeros(len(Cell), dtype=np.uint8)
@@ -28,12 +27,9 @@ _OPACITY: Final = bytes([0, 255, 255])
 
 
 def grid_picture(grid: OccupancyGrid) -> dict[str, Any]:
-    """Picture of a grid along the axes, bounded in size, with its position [m].
+    """Picture of a grid along the axes: ``x``, ``y``, ``width``, ``height`` [m] and data URL.
 
     Free and remembered cells are transparent. Of several in a pixel an occupied one is shown.
-
-    Returns:
-        Left edge ``x``, upper edge ``y``, ``width``, ``height``, and ``source``, a data URL.
     """
     high, wide = grid.cells.shape
     step = math.ceil(max(high, wide) / _MOST)
@@ -57,9 +53,7 @@ def grid_picture(grid: OccupancyGrid) -> dict[str, Any]:
 
 Trace = dict[str, Any]
 
-_DIGITS: Final = 6
-"""Digits after the point: a micrometre, a microsecond."""
-
+_DIGITS: Final = 6  # digits after the point: a micrometre, a microsecond
 _NONE: Final = np.zeros(0)
 
 

@@ -49,30 +49,22 @@ def bag_color(index: int) -> str:
 
 Lines = tuple[Array, ...]
 
-SIGMAS: Final = 2.0
-"""Standard deviations within which a moving obstacle is shown."""
-
-_WHOLE_MAP: Final = 20.0
-"""Side up to which a map is shown as a whole [m]."""
-
+SIGMAS: Final = 2.0  # standard deviations within which a moving obstacle is shown
+_WHOLE_MAP: Final = 20.0  # side up to which a map is shown as a whole [m]
+# Distance of a shape from the border of a picture that is made larger for it [m].
 _BESIDE: Final = 0.1
-"""Distance of a shape from the border of a picture that is made larger for it [m]."""
-
 _MOST_CELLS: Final = 20_000
 
 
 @dataclass(frozen=True)
 class Look:
-    """Appearance of a kind of parts: name in legends, lines [pt] as plotly has them, and filling.
+    """Appearance of a kind of parts."""
 
-    Without a colour of their own, lines have that of the run.
-    """
-
-    label: str
-    color: str
+    label: str  # name in legends
+    color: str  # of lines; empty for that of the run
     fill: str = ''
-    width: float = 0.0
-    dash: str = 'solid'
+    width: float = 0.0  # of lines [pt]
+    dash: str = 'solid'  # as plotly has it
 
     @property
     def of_names(self) -> tuple[str, str]:
@@ -100,15 +92,12 @@ LOOKS: Final = {
 
 @dataclass(frozen=True)
 class Part:
-    """All of one kind, at its place [m]: lines ``(K, 2)``, closed where they are filled.
-
-    Its discs, by centre and radius, are solids in a picture of three dimensions.
-    """
+    """All of one kind, at its place [m]."""
 
     kind: str
-    outlines: Lines
+    outlines: Lines  # each ``(K, 2)``, closed where it is filled
     names: tuple[tuple[str, Point], ...] = ()
-    discs: tuple[tuple[Point, float], ...] = ()
+    discs: tuple[tuple[Point, float], ...] = ()  # solids in a picture of three dimensions
 
     @property
     def lines(self) -> Lines:
@@ -186,10 +175,7 @@ def trail(settings: GuidanceSettings, poses: Array) -> Part:
 
 
 def frame(points: Sequence[Array], shapes: Iterable[Shape], room: float) -> tuple[Array, Array]:
-    """Lower left and upper right corner of a picture ``(2,)``, `room` around the points [m].
-
-    Obstacles but a map are in it as a whole, or not at all.
-    """
+    """Corners of a picture ``(2,)``, `room` around points [m]; obstacles are in it whole or not."""
     every = np.vstack(points)
     low, high = every.min(axis=0) - room, every.max(axis=0) + room
     lines = [line for each in shapes if each.corners for line in each.outlines(each.radius)]

@@ -40,14 +40,9 @@ class ViewError(ValueError):
 
 
 class Access:
-    """Decides for each request if it is answered.
-
-    Attributes:
-        token: The token required; empty on loopback, which other machines cannot reach.
-    """
+    """Decides for each request if it is answered."""
 
     def __init__(self, host: str) -> None:
-        """Open the port on an address; 0 for any that is free."""
         is_loopback = _is_loopback(host)
         # A foreign site can give its own name this machine's address, and would then be the same
         # site. Elsewhere the token keeps it out.
@@ -122,11 +117,7 @@ class ViewServer:
     """Serves the shared state in its own thread."""
 
     def __init__(self, state: SharedState, host: str, port: int) -> None:
-        """Open the port on an address; 0 for any that is free.
-
-        Raises:
-            ViewError: It cannot be listened on, or the token of the environment is not fit.
-        """
+        """Open the port on an address, 0 for any that is free; raises ViewError."""
         self._access = Access(host)
         handler = type('_Handler', (_Handler,), {'state': state, 'access': self._access})
         try:
@@ -182,7 +173,8 @@ class _Handler(BaseHTTPRequestHandler):
             self._send_updates(url.query)
         elif url.path in _PAGES:
             name, kind = _PAGES[url.path]
-            self._send(HTTPStatus.OK, _asset(name), kind)
+            asset = (files('cmpsp_ros.view') / 'assets' / name).read_bytes()
+            self._send(HTTPStatus.OK, asset, kind)
         else:
             self._send(HTTPStatus.NOT_FOUND, b'There is nothing here.\n', 'text/plain')
 
@@ -211,11 +203,7 @@ class _Handler(BaseHTTPRequestHandler):
 
 
 def _client_state(query: str) -> ClientState:
-    """State that a browser reports to have.
-
-    Raises:
-        ValueError: It says something else than whole numbers from -1 on.
-    """
+    """State that a browser reports to have; raises ValueError for other than whole numbers."""
     numbers = {key: int(values[-1]) for key, values in parse_qs(query).items()}
     if any(value < -1 for value in numbers.values()):
         raise ValueError(query)
@@ -223,12 +211,7 @@ def _client_state(query: str) -> ClientState:
     return ClientState(course, run, {name: max(rows, 0) for name, rows in numbers.items()})
 
 
-def _asset(name: str) -> bytes:
-    return (files('cmpsp_ros.view') / 'assets' / name).read_bytes()
-
-
-LONGEST: Final = 20_000
-"""Rows of a series; one that is full begins again."""
+LONGEST: Final = 20_000  # rows of a series; one that is full begins again
 
 
 @dataclass(frozen=True)
@@ -244,7 +227,6 @@ class SharedState:
     """The latest value of everything, and time series of the present run."""
 
     def __init__(self, series: Sequence[str]) -> None:
-        """Start empty."""
         self._lock = threading.Lock()
         self._latest: dict[str, Any] = {}
         self._course: Any = None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +17,7 @@ from cmpsp_ros.robots.motion import REFERENCE_POINT, arc_of_point, arc_under, po
 from cmpsp_ros.world.grids.field_functions import NO_FIELD, Fields
 from cmpsp_ros.world.grids.grid_obstacle import GridObstacle
 from cmpsp_ros.world.inter_sample_margin import at_ends, outside, outside_known
-from cmpsp_ros.world.obstacles.shape_functions import distance_from, sweep
+from cmpsp_ros.world.obstacles.shape_functions import ShapeData, distance_from, sweep
 from cmpsp_ros.world.obstacles.shapes import Shape
 from cmpsp_ros.world.roads import Annulus, Road, road_functions
 from cmpsp_ros.world.roads.road_functions import RoadSpace
@@ -34,6 +35,15 @@ class AnnulusLimits(NamedTuple):
     center_radius: float
     inner: Array
     outer: Array
+
+
+class SpaceData(NamedTuple):
+    """A free space for compiled code."""
+
+    road: RoadSpace  # where on it the centre of a disc of the robot may be
+    shapes: ShapeData
+    radii: Array  # least distances from the shapes, ``-inf`` for none, shape ``(K, M)`` [m]
+    discs: Array  # centres of the robot's discs, in its frame, shape ``(D, 2)`` [m]
 
 
 @dataclass(frozen=True)
@@ -103,6 +113,12 @@ class FreeSpace:
         first, second, *_ = *(each.field for each in self.grids), NO_FIELD, NO_FIELD
         return first, second
 
+    @cached_property
+    def data(self) -> SpaceData:
+        """The space for compiled code."""
+        shapes = ShapeData(self.fields, np.ascontiguousarray(self.corners), self.first)
+        return SpaceData(self.road, shapes, np.atleast_2d(self.radii), self.discs)
+
     @property
     def reaches(self) -> Array:
         """Greatest distance of the corners of each shape from their centre, shape ``(M,)`` [m]."""
@@ -123,11 +139,7 @@ class FreeSpace:
 
     @property
     def annulus(self) -> AnnulusLimits:
-        """Limits of the road between two circles.
-
-        Raises:
-            ValueError: The road is of another kind.
-        """
+        """Limits of the road between two circles; ValueError for a road of another kind."""
         road, kept = self.of_road, self.road.kept
         if not isinstance(road, Annulus):
             raise ValueError('road: found another kind, wanted an annulus')  # noqa: TRY004
@@ -142,7 +154,8 @@ class FreeSpace:
     def for_samples_of(self, twists: Array, period: float) -> FreeSpace:
         """Space to keep to at the ``N + 1`` samples of one plan so that its arcs stay in this one.
 
-        Twists are the speed of the fastest disc and the turn rate of each, ``(N, 2)`` [m/s, rad/s].
+        Twists are the speed of the fastest disc and the turn rate of each arc, ``(N, 2)`` [m/s,
+        rad/s].
         """
         return replace(
             self,
@@ -161,7 +174,7 @@ class FreeSpace:
     def with_points(self, centers: Array, radii: Array) -> FreeSpace:
         """This space with discs taken out that are elsewhere at every sample.
 
-        Their centres have the shape ``(K, D, 2)``, their radii ``(K, D)`` [m], ``-inf`` for none.
+        Centres ``(K, D, 2)``, radii ``(K, D)`` [m], ``-inf`` for none.
         """
         samples, added = radii.shape
         corners = np.broadcast_to(self.corners, (samples, *self.corners.shape[1:]))
@@ -177,13 +190,11 @@ class FreeSpace:
     def at(self, poses: Array, near: float = math.nan) -> Array:
         """Clearance of single poses ``(K, 3)``, the least of all discs, negative where violated.
 
-        It is that to both edges of the road and to each shape, ``(K, 2 + M)`` [m]. The progress
-        is that of a place near all poses, NaN where none is known [m].
+        It is that to both edges of the road and to each shape, ``(K, 2 + M)`` [m]; `near` is the
+        progress of a place near all poses, NaN if unknown [m].
         """
         found = np.empty((len(poses), 1 + len(self.first)))
-        poses = np.ascontiguousarray(poses)
-        things = self.discs, self.road, self.fields, self.corners, self.first
-        _fill_at(found, *things, poses, float(near))
+        _fill_at(found, self.data, np.ascontiguousarray(poses), float(near))
         found[:, 2:] -= self.radii
         return found
 
@@ -195,49 +206,32 @@ class FreeSpace:
         """
         found = np.empty((len(poses), 1 + len(self.first)))
         arcs = [np.ascontiguousarray(each) for each in (poses, twists, durations)]
-        things = self.discs, self.road, self.fields, self.corners, self.first
-        _fill_along(found, *things, float(near), *arcs)
+        _fill_along(found, self.data, float(near), *arcs)
         found[:, 2:] -= self.radii
         return found
 
 
 @allocation_free
-def _fill_at(
-    found: Array,
-    discs: Array,
-    road: RoadSpace,
-    fields: Fields,
-    corners: Array,
-    first: Indices,
-    poses: Array,
-    near: float,
-) -> None:
+def _fill_at(found: Array, space: SpaceData, poses: Array, near: float) -> None:
+    road, shapes, discs = space.road, space.shapes, space.discs
     for k in range(poses.shape[0]):
-        at = min(k, corners.shape[0] - 1)
+        at = min(k, shapes.corners.shape[0] - 1)
         for i in range(discs.shape[0]):
             x, y = point_of(poses[k, 0], poses[k, 1], poses[k, 2], discs, i)
             place = road_functions.project(road, x, y, poses[k, 2], near)
             _, _, over, over_other = road_functions.lateral_error(road, k, x, y, place)
             _put_least(found, k, 0, i, min(-over, road_functions.FAR))
             _put_least(found, k, 1, i, min(-over_other, road_functions.FAR))
-            for j in range(first.shape[0] - 1):
-                distance = distance_from(fields, corners, first, at, j, x, y)
+            for j in range(shapes.first.shape[0] - 1):
+                distance = distance_from(shapes, at, j, x, y)
                 _put_least(found, k, 2 + j, i, distance)
 
 
 @allocation_free
 def _fill_along(
-    found: Array,
-    discs: Array,
-    road: RoadSpace,
-    fields: Fields,
-    corners: Array,
-    first: Indices,
-    near: float,
-    poses: Array,
-    twists: Array,
-    times: Array,
+    found: Array, space: SpaceData, near: float, poses: Array, twists: Array, times: Array
 ) -> None:
+    road, shapes, discs = space.road, space.shapes, space.discs
     place, end_x, end_y = 0.0, math.nan, math.nan
     for k in range(poses.shape[0]):
         x, y, heading = poses[k, 0], poses[k, 1], poses[k, 2]
@@ -253,9 +247,9 @@ def _fill_along(
             place = after if i == 0 else place
             _put_least(found, k, 0, i, clearance)
             _put_least(found, k, 1, i, other)
-            for j in range(first.shape[0] - 1):
+            for j in range(shapes.first.shape[0] - 1):
                 bound = math.inf if i == 0 else found[k, 2 + j]
-                least = sweep(driven, fields, corners, first, j, bound)
+                least = sweep(driven, shapes, j, bound)
                 _put_least(found, k, 2 + j, i, least)
 
 

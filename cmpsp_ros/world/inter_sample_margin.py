@@ -1,20 +1,12 @@
 """Margins at the samples that keep the arcs between them clear as well.
 
-Between two control steps the robot drives an arc of speed ``v`` and turn rate ``w``. Over a period
-``T`` it has radius ``R = v / |w|`` and half angle ``a = |w| T / 2``. If its two ends are at least
-``d'`` away from a point outside the arc's circle, the arc's middle comes nearest to it, at a
-distance ``d`` with
+An arc of radius ``R`` and half angle ``a`` whose ends are at least ``d'`` away from a point outside
+its circle keeps ``d``, one whose ends are at most ``d'`` away from a point inside goes to ``d``:
 
-    d'^2 = d^2 + 4 R (d + R) sin^2(a / 2),
+    d'^2 = d^2 + 4 R (d + R) sin^2(a / 2),    d'^2 = d^2 - 4 R (d - R) sin^2(a / 2).
 
-and if its two ends are at most ``d'`` away from a point inside, the middle goes furthest, to
-
-    d'^2 = d^2 - 4 R (d - R) sin^2(a / 2).
-
-Both follow from the law of cosines about the arc's centre; off-centre placements are milder since
-one end is then nearer to the middle. Taking the worst over all arcs that can be driven gives a
-distance at the samples that is enough, and no smaller one is. For a straight line the first is
-``d'^2 = d^2 + (v T / 2)^2``, the half chord; the worst arc needs more.
+Other placements are milder. The worst arc that can be driven counts
+(``doc/method/mathematics.md``).
 """
 
 from __future__ import annotations
@@ -57,7 +49,7 @@ def outside(distance: float, limits: TwistLimits, period: float) -> float:
 def inside(distance: float, limits: TwistLimits, period: float) -> float:
     """Distance from a point at the samples that keeps the arcs between them within ``distance``.
 
-    It is 0 where the disc is so small that the robot may cross it in one period.
+    0 where the disc is so small that the robot may cross it in one period.
     """
     if distance <= limits.top_speed * period:
         return 0.0

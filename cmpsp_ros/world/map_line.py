@@ -75,10 +75,7 @@ class MapSearch:
         return 2.0 * self.body * _BLOCKED
 
     def line(self, start: Array, goal: Point, spacing: float) -> Array:
-        """Evenly spaced points ``(K, 2)`` [m] of the line from start ``(2,)`` to goal.
-
-        `spacing` is their largest distance [m]; ``K`` = 0 where no line leads.
-        """
+        """Points ``(K, 2)`` of the line to a goal, at most `spacing` apart [m]; none for none."""
         field = self.grid.field
         lengths, led_out = _lengths(self, goal)
         cells = grid_search.cells_from(led_out, nodes_near(field, start))
@@ -152,9 +149,9 @@ def _lengths(search: MapSearch, goal: Point) -> tuple[Array, Array]:
 
 
 def _led_out(lengths: Array, is_near: BoolArray, steps: int) -> Array:
-    """Lengths for one who stands near something, by an error of what is seen: out by the shortest.
+    """Lengths for a robot near something, by an error of what is seen: out by the shortest way.
 
-    They lead out of such cells, and never through them: no other length depends on theirs.
+    No way leads through such cells: no other length depends on theirs.
     """
     found = lengths.copy()
     rows, columns = np.nonzero(is_near[1:-1, 1:-1])

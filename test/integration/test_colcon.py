@@ -17,7 +17,7 @@ EXECUTABLES = ('cmpsp', 'guidance_node', 'sim_node', 'recorder')
 IGNORED = {'build', 'install', 'log', 'runs', 'dist', '__pycache__'}
 
 # One build for all: the group keeps these tests on one worker.
-pytestmark = [pytest.mark.integration, pytest.mark.xdist_group('colcon'), pytest.mark.timeout(900)]
+pytestmark = [pytest.mark.xdist_group('colcon'), pytest.mark.timeout(900)]
 
 
 def source_files() -> list[Path]:

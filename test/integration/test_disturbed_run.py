@@ -11,8 +11,6 @@ from cmpsp_ros.bags import Bag, Names
 from cmpsp_ros.bags.replay.replay import replay
 from cmpsp_ros.bags.runs import read_run
 
-pytestmark = pytest.mark.integration
-
 PERIOD_NS = 20_000_000
 DISTURBED = {
     'command_delay': '0.1',

@@ -15,8 +15,6 @@ ROOT = Path(__file__).parents[2]
 NEEDED = {'numpy', 'scipy', 'numba', 'llvmlite', 'pyyaml', 'lark-parser'}
 ABSENT = ('rosbags', 'qpsolvers', 'clarabel', 'daqp', 'rich', 'typer', 'matplotlib', 'PIL')
 
-pytestmark = pytest.mark.integration
-
 
 @pytest.fixture(scope='module')
 def few(tmp_path_factory):

@@ -14,8 +14,6 @@ from cmpsp_ros.bags.identify import identify
 from cmpsp_ros.nodes import MODULES
 from cmpsp_ros.parameters.files import load_robot
 
-pytestmark = pytest.mark.integration
-
 HERE = Path(__file__).parent
 IDENTIFY = [sys.executable, '-m', 'cmpsp_ros.cli', 'identify', '--drive', '--yes', '--output']
 

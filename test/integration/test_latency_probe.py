@@ -21,8 +21,6 @@ from cmpsp_ros.nodes.common.topics import DECISION
 from cmpsp_ros.parameters import load_parameter_file
 from cmpsp_ros.parameters.files import write_parameter_file
 
-pytestmark = pytest.mark.integration
-
 PERIOD_NS = 20_000_000
 
 

@@ -21,8 +21,6 @@ from cmpsp_ros.nodes import MODULES
 from cmpsp_ros.nodes.common.topics import HEALTH
 from cmpsp_ros.nodes.recording.received import from_values
 
-pytestmark = pytest.mark.integration
-
 ROOT = Path(__file__).parents[2]
 RECORDED = {'/r1/odom', '/r1/cmd_vel', '/r1/guidance/decision', '/clock'}
 BEST_EFFORT = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)

@@ -4,8 +4,6 @@ import pytest
 
 from cmpsp_ros.nodes import LifecycleClient
 
-pytestmark = pytest.mark.integration
-
 
 def test_a_node_that_does_not_answer_may_be_compiling(ros_domain):
     with (

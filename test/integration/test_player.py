@@ -22,8 +22,6 @@ from std_srvs.srv import Trigger
 from cmpsp_ros.bags import BagWriter
 from cmpsp_ros.nodes.common.qos import for_bag
 
-pytestmark = pytest.mark.integration
-
 UNKNOWN = '_NODE_NAME_UNKNOWN_'
 PLAY = [sys.executable, '-m', 'cmpsp_ros.cli', 'play']
 BEGIN, STEP, COUNT = 1_700_000_000_000_000_000, 10_000_000, 100

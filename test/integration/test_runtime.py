@@ -16,8 +16,6 @@ from cmpsp_ros.nodes.common import StartupError, run
 from cmpsp_ros.nodes.common.topic import Listener as Input
 from cmpsp_ros.nodes.guidance.lifecycle import guard_change_state
 
-pytestmark = pytest.mark.integration
-
 SIGNALS = [signal.SIGINT, signal.SIGTERM]
 
 

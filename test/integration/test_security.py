@@ -15,8 +15,6 @@ from cmpsp_ros.bags import BagWriter
 from cmpsp_ros.nodes import MODULES
 from cmpsp_ros.nodes.common.topics import TOPICS
 
-pytestmark = pytest.mark.integration
-
 CONFIG = Path(__file__).parents[2] / 'config'
 NODES = ('guidance', 'sim', 'recorder', 'viewer', 'player')
 ENFORCED = {'ROS_SECURITY_ENABLE': 'true', 'ROS_SECURITY_STRATEGY': 'Enforce'}

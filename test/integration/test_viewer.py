@@ -25,8 +25,6 @@ from cmpsp_ros.nodes import MODULES
 from cmpsp_ros.nodes.common.topics import DECISION, MARKERS, PLAN_MARKERS, SIGHTING
 from cmpsp_ros.view import LEVEL_COLORS
 
-pytestmark = pytest.mark.integration
-
 CASE3 = Path(__file__).parents[2] / 'config' / 'case3.yaml'
 NAMES = ('chromium', 'chromium-headless-shell', 'google-chrome', 'chrome', 'chromium-browser')
 BROWSER = next(filter(None, map(shutil.which, NAMES)), None)
@@ -100,6 +98,7 @@ def test_it_shows_a_run_from_road_to_arrival(start_view, start_robot, wait_until
     assert updates['robot'] == {
         'robot.radius': 0.0, 'robot.footprint': '', 'robot.wheel_radius': 0.035,
         'robot.max_wheel_speed': 51.0, 'robot.max_steering_angle': 0.0, 'final_time': 10.0,
+        'follow.speed': 0.0,
     }  # fmt: skip
     drawn = {(each['kind'], each['of']) for each in updates['course']}
     assert {('line', 'road'), ('disc', 'obstacles'), ('disc', 'goal')} <= drawn
@@ -278,6 +277,8 @@ def test_a_browser_draws_it_without_complaint(start_view, start_robot, wait_unti
     assert int(shown['path']) > 10
     assert re.search(rf'id="level"[^>]*>{shown["level"]}<', dom)
     assert re.search(r'id="commanded">-?\d', dom)
+    assert 'id="goal">at 10.0 s<' in dom
+    assert re.search(r'id="time">\d+\.\d s<', dom)
 
 
 def test_texts_of_anybody_do_not_run(start_view, wait_until, ros, browse):

@@ -21,21 +21,14 @@ from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings
 from cmpsp_ros.guidance.messages import motion_limits
 from cmpsp_ros.guidance.safety import CHANGE_ROUNDING
 
+# Part of a wheel speed or steering angle that is lost on the way to a twist and back.
 _ROUNDING: Final = 1e-9
-"""Part of a wheel speed or steering angle that is lost on the way to a twist and back."""
-
-LATE: Final = 1.5
-"""Control periods after which the next command is missing."""
-
+LATE: Final = 1.5  # control periods after which the next command is missing
+# Part of the time for which a command holds after which the robot has to obey it.
 _SETTLED: Final = 2.0 / 3.0
-"""Part of the time for which a command holds after which the robot has to obey it."""
-
+# Control periods for which a command has to hold before obedience can be judged.
 _BRIEF: Final = 0.5
-"""Control periods for which a command has to hold before obedience can be judged."""
-
-_OBEYED: Final = 0.1
-"""Part of the largest wheel speed by which a wheel may differ from its command."""
-
+_OBEYED: Final = 0.1  # part of the largest wheel speed by which a wheel may differ from its command
 _SIGMAS: Final = 3.0 * math.sqrt(2.0)
 
 WHEELS: Final = ('robot.wheel_radius', 'robot.half_track', 'robot.max_wheel_speed')
@@ -100,10 +93,7 @@ def wheel_limits(record: AuditRecord) -> Iterator[Sample]:
     bad='A wheel is to change by {worst:.4g} rad/s from one command to the next.',
 )  # fmt: skip
 def acceleration(record: AuditRecord) -> Iterator[Sample]:
-    """Change of the wheel speeds from each command to the next, and to the first from rest.
-
-    A halt is exempt: it answers faults that no plan can foresee.
-    """
+    """Change of the wheel speeds from each command to the next, and from rest; halts are exempt."""
     limit = record.settings.max_wheel_change
     if not math.isfinite(limit):
         raise SkippedError('The wheels have no such limit (robot.max_wheel_acceleration is 0).')
@@ -120,10 +110,7 @@ def acceleration(record: AuditRecord) -> Iterator[Sample]:
     bad='The change of a wheel is to change by {worst:.4g} rad/s from one command to the next.',
 )  # fmt: skip
 def jerk(record: AuditRecord) -> Iterator[Sample]:
-    """Second difference of the wheel speeds of each command of a plan.
-
-    Stops are exempt, and two commands after a gap. After a stop, the acceleration counts as 0.
-    """
+    """Second difference of the wheel speeds of each command of a plan, but after gaps."""
     limit = record.settings.max_second_difference
     if not math.isfinite(limit):
         raise SkippedError('The wheels have no such limit (robot.max_wheel_jerk is 0).')
@@ -184,7 +171,6 @@ def steering(record: AuditRecord) -> Iterator[Sample]:
 
 
 def _undecided(record: AuditRecord, worst: Sample) -> str:
-    """Commands whose decisions are not in the bag, if the others are as decided."""
     alone = record.commands.moving.copy()
     alone[record.pairs.commands :][: record.pairs.count] = False
     is_gap = worst.passes and alone.any()
@@ -224,8 +210,7 @@ def obeyed(record: AuditRecord) -> Iterator[Sample]:
     settings = record.settings
     robot = settings.robot
     if not math.isfinite(robot.max_wheel_speed):
-        reason = 'The wheels have no limit (robot.max_wheel_speed is 0) to measure by.'
-        raise SkippedError(reason)
+        raise SkippedError('The wheels have no limit (robot.max_wheel_speed is 0) to measure by.')
     for leg in record.legs:
         begins, ends, twists = _held(leg, settings)
         known = [
@@ -243,7 +228,6 @@ def obeyed(record: AuditRecord) -> Iterator[Sample]:
 
 
 def _held(leg: Leg, settings: GuidanceSettings) -> tuple[IntArray, IntArray, Array]:
-    """The last part of the time for which each command holds, and the command."""
     stamps, twists = leg.commands.stamps, leg.commands.twists
     effects = stamps + round(settings.command_delay * NANOSECONDS)
     begins, ends = effects[:-1], effects[1:]

@@ -16,18 +16,12 @@ from cmpsp_ros.parameters import road_keys
 if TYPE_CHECKING:
     from cmpsp_ros.bags.audit.record import AuditRecord
 
-OUT_OF_REACH: Final = 1e3
-"""Clearance from which on nothing is within reach [m]."""
-
+OUT_OF_REACH: Final = 1e3  # clearance from which on nothing is within reach [m]
 NOTHING_NEAR: Final = 'No road edge and no obstacle is within reach.'
 
 
 class CheckOutcome(Enum):
-    """Outcome of a check.
-
-    A check is skipped where it does not apply, and not judged where it applies and data that it
-    needs are missing.
-    """
+    """Outcome of a check: skipped where it does not apply, not judged where data are missing."""
 
     PASSED = 'passed'
     FAILED = 'failed'
@@ -37,10 +31,7 @@ class CheckOutcome(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Finding:
-    """Result of a check, or why it was impossible, in a sentence and by the worst value.
-
-    Worst value and limit have one unit; `at` is its time, from time 0 of the first run [s].
-    """
+    """Result of a check, or why it was impossible, in a sentence and by the worst value."""
 
     check: str
     title: str
@@ -48,8 +39,8 @@ class Finding:
     sentence: str
     worst: float | None = None
     limit: float | None = None
-    unit: str = ''
-    at: float | None = None
+    unit: str = ''  # of worst value and limit
+    at: float | None = None  # time of the worst value, from time 0 of the first run [s]
 
     @property
     def worst_text(self) -> str:
@@ -82,27 +73,21 @@ class NotJudgedError(Exception):
 
 @dataclass(frozen=True)
 class Sample:
-    """One value that a check looks at, with its limit, at a time [ns] if it has one.
-
-    Attributes:
-        excess: The check fails if it is above 0, or NaN.
-        rank: The largest is the worst, of those that fail if there are any; by default `excess`.
-        unit: In place of the check's.
-        words: For the sentence.
-    """
+    """One value that a check looks at, with its limit, at a time [ns] if it has one."""
 
     value: float
     limit: float
     at: int | None
-    excess: float
+    excess: float  # the check fails if it is above 0, or NaN
+    # The largest is the worst, of those that fail if there are any; by default `excess`.
     rank: float | None = None
-    unit: str = ''
-    words: Mapping[str, Any] = field(default_factory=dict)
+    unit: str = ''  # in place of the check's
+    words: Mapping[str, Any] = field(default_factory=dict)  # for the sentence
 
     @classmethod
-    def upper(cls, value: float, limit: float, at: int, rounding: float = 0.0) -> Sample:
+    def upper(cls, value: float, limit: float, at: int) -> Sample:
         """A value that is to be at most its limit."""
-        return cls(value, limit, at, value - limit - rounding)
+        return cls(value, limit, at, value - limit)
 
     @classmethod
     def count(cls, count: int, at: int | None, **words: Any) -> Sample:
@@ -132,33 +117,23 @@ Gap = Callable[['AuditRecord', Sample], str]
 
 @dataclass(frozen=True, kw_only=True)
 class Check:
-    """Declaration of a check.
+    """Declaration of a check."""
 
-    Attributes:
-        name: Short name, for machines.
-        title: Name for people.
-        samples: Yields samples; raises `SkippedError` or `NotJudgedError`.
-        needs: Parameters without which it cannot be judged; `road` stands for those of a road.
-        of_decisions: Needs decisions.
-        unit: Unit of its values.
-        good: Sentence where it passes, with ``{worst}`` and the words of the worst sample.
-        bad: The same where it fails.
-        nothing: Reason to skip it where there is no sample and no gap.
-        gaps: Each a sentence on missing data, or empty; with any of them it does not pass.
-        of_reach: Its values are clearances, infinite where nothing is near.
-    """
-
-    name: str
-    title: str
+    name: str  # short name, for machines
+    title: str  # name for people
+    # Yields samples; raises `SkippedError` or `NotJudgedError`.
     samples: Callable[[AuditRecord], Iterator[Sample]]
+    # Parameters without which it cannot be judged; `road` stands for those of a road.
     needs: tuple[str, ...] = ()
-    of_decisions: bool = False
-    unit: str = ''
+    of_decisions: bool = False  # needs decisions
+    unit: str = ''  # of its values
+    # Sentence where it passes, with ``{worst}`` and the words of the worst sample.
     good: str | Callable[[Sample], str] = ''
-    bad: str | Callable[[Sample], str] = ''
-    nothing: str = ''
+    bad: str | Callable[[Sample], str] = ''  # the same where it fails
+    nothing: str = ''  # reason to skip it where there is no sample and no gap
+    # Each a sentence on missing data, or empty; with any of them it does not pass.
     gaps: tuple[Gap, ...] = ()
-    of_reach: bool = False
+    of_reach: bool = False  # its values are clearances, infinite where nothing is near
 
     def judge(self, record: AuditRecord) -> Finding:
         """The finding on the worst sample."""

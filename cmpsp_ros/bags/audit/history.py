@@ -8,7 +8,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 from cmpsp_ros.bags.names import Names
 from cmpsp_ros.bags.reader import Bag
@@ -41,21 +40,15 @@ class Epoch:
 
 @dataclass(frozen=True)
 class History:
-    """All parameters over time.
+    """All parameters over time."""
 
-    Attributes:
-        given: Keys that were recorded; the others are defaults, which are not evidence.
-        epochs: In order of time, at least one; the first began before the recording.
-        simulated: True if the robot is simulated, so that all obstacles are known.
-        has_traffic: True if the simulator moves obstacles.
-        has_people: True if people walk in it.
-    """
-
+    # Keys that were recorded; the others are defaults, which are not evidence.
     given: frozenset[str]
+    # In order of time, at least one; the first began before the recording.
     epochs: tuple[Epoch, ...]
-    simulated: bool = False
-    has_traffic: bool = False
-    has_people: bool = False
+    simulated: bool = False  # true if the robot is simulated, so that all obstacles are known
+    has_traffic: bool = False  # true if the simulator moves obstacles
+    has_people: bool = False  # true if people walk in it
 
     @property
     def starts(self) -> list[int]:
@@ -93,10 +86,11 @@ def _timeline(
 ) -> Iterator[tuple[int, Values]]:
     """Parameters of a node, each time from when on [ns]; `used_from` then they are needed."""
     yield 0, parameters.values
-    for received, stamp, changes in _changes(bag, node):
-        yield from _restarts(parameters, received)
-        parameters.change(received, changes, used=received >= used_from)
-        yield stamp, parameters.values
+    for received, event in bag.messages(EVENTS) if EVENTS in bag.topics else ():
+        if changes := changes_in(event, node):
+            yield from _restarts(parameters, received)
+            parameters.change(received, changes, used=received >= used_from)
+            yield int(event.stamp.sec) * NANOSECONDS + event.stamp.nanosec, parameters.values
     yield from _restarts(parameters, bag.end)
 
 
@@ -106,7 +100,6 @@ def _restarts(parameters: NodeParameters, until: int) -> Iterator[tuple[int, Val
 
 
 def _with_course(history: History, bag: Bag, node: str) -> History:
-    """A history with the obstacles that stand on the course at each time, as a simulator knows."""
     if node not in bag.parameters:
         return history
     course = [
@@ -124,10 +117,3 @@ def _with_course(history: History, bag: Bag, node: str) -> History:
     )
     known = replace(history, epochs=tuple(epochs), simulated=True)
     return replace(known, has_traffic=moves, has_people=walk)
-
-
-def _changes(bag: Bag, node: str) -> Iterator[tuple[int, int, dict[str, Any]]]:
-    """Time of reception and of each change [ns], and its content."""
-    for received, event in bag.messages(EVENTS) if EVENTS in bag.topics else ():
-        if changes := changes_in(event, node):
-            yield received, int(event.stamp.sec) * NANOSECONDS + event.stamp.nanosec, changes

@@ -31,25 +31,18 @@ Flags = BoolArray
 
 _TWIST, _STAMPED = 'geometry_msgs/msg/Twist', 'geometry_msgs/msg/TwistStamped'
 
+# Difference up to which a command is what a decision says [m/s, rad/s]: it is computed anew.
 _SAME = 1e-9
-"""Difference up to which a command is what a decision says [m/s, rad/s]: it is computed anew."""
 
 
 @dataclass(frozen=True)
 class Commands:
-    """Velocity commands in the order in which they were received.
+    """Velocity commands in the order in which they were received."""
 
-    Attributes:
-        received: Time of reception [ns], shape ``(C,)``.
-        stamps: Stamp of the odometry that each is based on [ns], ``(C,)``; see `timed`.
-        twists: Shape ``(C, 2)`` or ``(C, 3)``; see `Robot`.
-        stamped: True if the messages carried these stamps themselves.
-    """
-
-    received: IntArray
-    stamps: IntArray
-    twists: Array
-    stamped: bool
+    received: IntArray  # time of reception [ns], shape ``(C,)``
+    stamps: IntArray  # stamp of the odometry that each is based on [ns], ``(C,)``; see `timed`
+    twists: Array  # shape ``(C, 2)`` or ``(C, 3)``; see `Robot`
+    stamped: bool  # true if the messages carried these stamps themselves
 
     def chosen(self, index: Flags) -> Commands:
         """Some of the commands."""
@@ -104,8 +97,8 @@ def read_commands(bag: Bag, topic: str) -> Commands:
 def pair(commands: Commands, decided: Array) -> Pairs:
     """Find for each command the decision ``(D, 2)`` or ``(D, 3)`` that it was sent for.
 
-    Both were sent one for one. If there are more of one kind, the recording missed some of the
-    other at its beginning or its end, whichever makes more of them agree.
+    If there are more of one kind, the recording missed some of the other at one end: at that
+    where more then agree.
     """
     surplus = len(commands.twists) - len(decided)
     ends = [
@@ -126,10 +119,9 @@ def agreeing(commands: Commands, decided: Array, pairs: Pairs) -> Flags:
 def timed(
     commands: Commands, odometry: OdometrySeries, pairs: Pairs, decisions: Sequence[DecisionRecord]
 ) -> Commands:
-    """Commands with the stamps of the odometry that they are based on.
+    """Commands with the stamps of the odometry that they are based on: as stamped, or as decided.
 
-    A stamped command contains it, a decision contains it for its command, and for any other it is
-    the latest odometry received by then.
+    Any other is based on the latest odometry received by then.
     """
     if commands.stamped:
         return commands
@@ -150,16 +142,13 @@ class RunSpan:
 
 @dataclass(frozen=True)
 class KnownPath:
-    """Driven path by one source (`by`, empty for odometry), since a leg's first run.
+    """Driven path by one source, since a leg's first run."""
 
-    Its clearance may be wrong by `tolerance`; `off` is its largest distance from the true path [m].
-    """
-
-    by: str
+    by: str  # the source; empty for odometry
     pieces: tuple[DrivenPath, ...]
     holes: tuple[Hole, ...]
-    tolerance: float = 0.0
-    off: float = 0.0
+    tolerance: float = 0.0  # error of its clearance [m]
+    off: float = 0.0  # largest distance from the true path [m]
 
     def at(self, stamp: int) -> Array | None:
         """Pose ``(3,)`` at an instant [ns]; None in a hole."""
@@ -169,23 +158,14 @@ class KnownPath:
 
 @dataclass(frozen=True)
 class Leg:
-    """Part of a recording in which time does not jump back.
+    """Part of a recording in which time does not jump back."""
 
-    Attributes:
-        odometry: In order of time.
-        truth: The true poses, in order of time; None without a simulator.
-        commands: In order of time.
-        runs: In order of time; none before the first command.
-        window: Reception of its first odometry, and of that of the next leg [ns].
-        settings: In force at first.
-    """
-
-    odometry: OdometrySeries
-    truth: OdometrySeries | None
-    commands: Commands
-    runs: tuple[RunSpan, ...]
-    window: tuple[float, float]
-    settings: GuidanceSettings
+    odometry: OdometrySeries  # in order of time
+    truth: OdometrySeries | None  # the true poses, in order of time; None without a simulator
+    commands: Commands  # in order of time
+    runs: tuple[RunSpan, ...]  # in order of time; none before the first command
+    window: tuple[float, float]  # reception of its first odometry, and of that of the next leg [ns]
+    settings: GuidanceSettings  # in force at first
 
     @cached_property
     def path(self) -> DrivenPath:
@@ -200,10 +180,7 @@ class Leg:
 
     @cached_property
     def by_odometry(self) -> KnownPath:
-        """The path by odometry.
-
-        With a true path recorded, the covariance of odometry is not counted as contact.
-        """
+        """The path by odometry; beside a true path its covariance does not count as contact."""
         off, stamps = 0.0, self.path.stamps
         for part in () if self.true is None else self.true.pieces:
             both = (stamps >= part.stamps[0]) & (stamps <= part.stamps[-1])
@@ -271,7 +248,6 @@ def split(
 def _runs(
     commands: Commands, decisions: Sequence[DecisionRecord], end: int, settings: GuidanceSettings
 ) -> tuple[RunSpan, ...]:
-    """Time 0 of a run is the stamp of its first odometry, which is decided on at once."""
     answers = [each for each in decisions if not each.halted]
     starts = [_begin_of(answers[0], settings)] if answers else [int(commands.stamps[0])]
     for before, after in pairwise(answers):
@@ -284,7 +260,7 @@ def _runs(
 
 
 def _begin_of(first: DecisionRecord, settings: GuidanceSettings) -> int:
-    """Time 0 [ns] of a run of which decisions before this one were not recorded, if any."""
+    """Time 0 [ns] of a run whose first decisions may be missing."""
     elapsed: float = first.step * settings.control_period
     goal, left = first.goal, first.time_left
     if first.step and goal is not None and 0.0 < left < math.inf:

@@ -21,12 +21,9 @@ from cmpsp_ros.robots.motion import arc_ends
 from cmpsp_ros.world.obstacles import ROUGHNESS
 from cmpsp_ros.world.roads import project_on_path
 
-_ROUNDING: Final = 1e-6
-"""Rounding error of a clearance [m]."""
-
+_ROUNDING: Final = 1e-6  # rounding error of a clearance [m]
+# Violation that a linearised constraint may have at a sample [m]; see `guidance.audit`.
 _SAMPLE_TOLERANCE: Final = 1e-3
-"""Violation that a linearised constraint may have at a sample [m]; see `guidance.audit`."""
-
 _ROAD: Final = ('road',)
 
 
@@ -96,7 +93,6 @@ def _apart_in_words(worst: Sample) -> str:
 
 
 def _apart(met: Sequence[Encounter], where: str) -> Iterator[Sample]:
-    """The least clearance of each encounter in which the robot drives."""
     stood = min(float(each.clearance[each.stands].min(initial=math.inf)) for each in met)
     if all(each.stands.all() for each in met):
         raise SkippedError('The robot stands while anything moves.')
@@ -111,16 +107,12 @@ _APART: Final = {'unit': 'm', 'good': _apart_in_words, 'bad': _apart_in_words}
 
 @check('moving', 'Path: moving obstacles clear', gaps=(path_gap,), **_APART)
 def moving(record: AuditRecord) -> Iterator[Sample]:
-    """Clearance from moving obstacles at their predicted positions, while the robot moved.
-
-    A collision with a robot at rest is not its own.
-    """
+    """Clearance from moving obstacles at their predicted positions, while the robot moved."""
     if not record.encounters:
         known = (key for each in record.decisions for key, _ in each.tracks)
         if any(isinstance(key, int) for key in known) or record.history.has_traffic:
             topics = f'{record.places.moving} or {record.places.tracks}'
-            reason = f'The bag lacks the moving obstacles in {topics}.'
-            raise NotJudgedError(reason)
+            raise NotJudgedError(f'The bag lacks the moving obstacles in {topics}.')
         raise SkippedError(f'No moving obstacle is in {record.places.moving}.')
     yield from _apart(record.encounters, ', at its predicted position')
 

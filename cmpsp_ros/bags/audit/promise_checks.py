@@ -25,17 +25,13 @@ from cmpsp_ros.robots import placed
 from cmpsp_ros.robots.motion import arc_ends, with_side
 from cmpsp_ros.world.grids import Cell, GridObstacle, OccupancyGrid
 
-_STEP: Final = 0.01
-"""Time between two samples of a path [s]."""
-_TOLERANCE: Final = 5e-3
-"""Error of a clearance by rounding and by sampling of the start [m]."""
+_STEP: Final = 0.01  # time between two samples of a path [s]
+_TOLERANCE: Final = 5e-3  # error of a clearance by rounding and by sampling of the start [m]
 _ASSUMED: Final = {'people.max_acceleration', 'safety.max_obstacle_speed'}
-_AT_REST: Final = 1e-6
-"""Fraction of a command that is rounding, and no motion."""
+_AT_REST: Final = 1e-6  # fraction of a command that is rounding, and no motion
+# Doubt about a position beyond which an obstacle is out of sight, and distance then [m].
 _LOST, _APART = 0.5, 0.95
-"""Doubt about a position beyond which an obstacle is out of sight, and distance then [m]."""
-_CREEP: Final = 0.051
-"""Speed up to which a robot counts as standing [m/s]."""
+_CREEP: Final = 0.051  # speed up to which a robot counts as standing [m/s]
 
 
 def _kept_in_words(worst: Sample) -> str:
@@ -54,7 +50,7 @@ def _kept_in_words(worst: Sample) -> str:
 def promise(record: AuditRecord) -> Iterator[Sample]:
     """Clearance of each command and a stop after it from all that an obstacle may reach.
 
-    A command that brakes as hard as the wheels can is not judged: there is nothing better.
+    A command that brakes as hard as the wheels can is not judged.
     """
     known = {each.key: each for each in record.tracks}
     wanted = {key for each in record.decisions for key in each.tracks if isinstance(key[0], int)}
@@ -146,10 +142,7 @@ def _is_out_of_sight(
 
 
 def _brakes(settings: GuidanceSettings, commands: Commands, k: int) -> bool:
-    """True if a wheel could not brake harder, and so no stop could come to rest earlier.
-
-    Which way the robot turns meanwhile is that of the stop promised with the command before.
-    """
+    """True if a wheel could not brake harder: no stop could come to rest earlier."""
     robot, change = settings.robot, settings.max_wheel_change
     if k == 0 or change == math.inf:
         return False
@@ -165,10 +158,7 @@ def _brakes(settings: GuidanceSettings, commands: Commands, k: int) -> bool:
 def _stops(
     settings: GuidanceSettings, pose: Array, commands: Commands, k: int, plan: Array | None
 ) -> Iterator[tuple[Array, Array]]:
-    """Times ``(K,)`` and poses ``(K, 3)`` of a command and a stop after it.
-
-    It brakes with its curvature kept, or along the plan; each is a stop that it can do.
-    """
+    """Times ``(K,)`` and poses ``(K, 3)`` of a command and a stop: curved alike, or on the plan."""
     period, twist = settings.control_period, commands.twists[k]
     if k + 1 < len(commands.stamps):
         held = float(commands.stamps[k + 1] - commands.stamps[k]) / NANOSECONDS
@@ -207,8 +197,9 @@ def _worst(
     times, poses = stop
     discs, radius = settings.footprint.discs, settings.robot_radius
     points = np.array([placed(discs, each) for each in poses])
-    creeps, moving = _largest_speed(times, points) <= _CREEP, settings.moving_obstacles
-    worst, name = math.inf, ''
+    moved = np.linalg.norm(np.diff(points, axis=0), axis=-1).max(axis=1)
+    creeps = (moved / np.maximum(np.diff(times), 1e-9)).max(initial=0.0) <= _CREEP
+    worst, name, moving = math.inf, '', settings.moving_obstacles
     for each in seen:
         speed = math.hypot(each.vx, each.vy)
         if speed > moving.max_speed and each.velocity_stddev > 0.0:
@@ -237,9 +228,3 @@ def _worst(
         if spare < worst:
             worst, name = spare, each.name
     return worst, name
-
-
-def _largest_speed(times: Array, points: Array) -> float:
-    """Largest speed of the points of the robot ``(K, P, 2)`` [m/s]."""
-    moved = np.linalg.norm(np.diff(points, axis=0), axis=-1).max(axis=1)
-    return float((moved / np.maximum(np.diff(times), 1e-9)).max(initial=0.0))

@@ -32,32 +32,20 @@ from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings, to_nanoseconds
 from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.world.roads import FAR
 
-_NEAR = 3.0
-"""Distance from the robot within which people are judged [m]."""
-
-EDGES = 2
-"""The first columns of a clearance are the road's edges."""
+_NEAR = 3.0  # distance from the robot within which people are judged [m]
+EDGES = 2  # the first columns of a clearance are the road's edges
 
 
 @dataclass(frozen=True)
 class Sweep:
-    """Arcs with the clearance of the robot itself.
+    """Arcs with the clearance of the robot itself."""
 
-    Attributes:
-        settings: Settings in force.
-        stamps: Beginning of each arc [ns], shape ``(K,)``.
-        clearance: Distance from both road edges and each obstacle, shape ``(K, 2 + M)`` [m].
-        names: Names of its columns, in messages.
-        by: Source of the path, if it is not odometry.
-        tolerance: Error of the clearance [m]; less is no proof of a contact.
-    """
-
-    settings: GuidanceSettings
-    stamps: IntArray
-    clearance: Array
-    names: tuple[str, ...]
-    by: str = ''
-    tolerance: float = 0.0
+    settings: GuidanceSettings  # in force
+    stamps: IntArray  # beginning of each arc [ns], shape ``(K,)``
+    clearance: Array  # distance from both road edges and each obstacle, shape ``(K, 2 + M)`` [m]
+    names: tuple[str, ...]  # of its columns, in messages
+    by: str = ''  # source of the path, if it is not odometry
+    tolerance: float = 0.0  # error of the clearance [m]; less is no proof of a contact
 
     @classmethod
     def of_seen(cls, settings: GuidanceSettings, seen: SensorClearance) -> Sweep:
@@ -71,10 +59,7 @@ class Sweep:
 def sweep(
     path: DrivenPath, history: History, by: str = '', tolerance: float = 0.0, off: float = 0.0
 ) -> Iterator[Sweep]:
-    """Arcs of a path, by the parameters in force at the beginning of each.
-
-    Obstacles that only the simulator knows count as `off` farther away [m].
-    """
+    """Arcs of a path by the parameters in force; hidden obstacles count `off` farther away [m]."""
     begins = path.stamps[:-1]
     edges = np.searchsorted(begins, history.starts[1:])
     for epoch, index in zip(history.epochs, np.split(np.arange(len(begins)), edges), strict=True):
@@ -90,35 +75,26 @@ def sweep(
 
 @dataclass(frozen=True)
 class AuditRecord:
-    """The data of an audit: parameters over time, and all messages of a bag by names of topics.
-
-    Attributes:
-        decisions: None in the bag of another program.
-        tracks: Moving obstacles as received, by id and time.
-        people: People in the simulator as they truly were, by id and time.
-        others: Paths of the other robots to be avoided, by namespace.
-        is_ours: True if the bag has the parameters of a guidance node of this package.
-        legs: Parts in which time does not jump back and commands were sent.
-    """
+    """The data of an audit: parameters over time, and all messages of a bag by names of topics."""
 
     path: Path
     places: Names
     history: History
     odometry: OdometrySeries
     commands: Commands
-    decisions: tuple[DecisionRecord, ...]
-    tracks: tuple[Track, ...]
-    people: tuple[Track, ...]
-    others: Mapping[str, DrivenPath]
+    decisions: tuple[DecisionRecord, ...]  # none in the bag of another program
+    tracks: tuple[Track, ...]  # moving obstacles as received, by id and time
+    people: tuple[Track, ...]  # people in the simulator as they truly were, by id and time
+    others: Mapping[str, DrivenPath]  # paths of the other robots to be avoided, by namespace
     pairs: Pairs
-    is_ours: bool
-    legs: tuple[Leg, ...]
+    is_ours: bool  # true if the bag has the parameters of a guidance node of this package
+    legs: tuple[Leg, ...]  # parts in which time does not jump back and commands were sent
 
     @cached_property
     def sweeps(self) -> tuple[Sweep, ...]:
-        """The path by odometry since the beginning of each leg's first run, with its clearance.
+        """Path by odometry since each leg's first run, with its clearance from the obstacles known.
 
-        Clearance is from the obstacles known to guidance, infinite inside holes.
+        Clearance is infinite inside holes.
         """
         epochs = tuple(replace(each, hidden=()) for each in self.history.epochs)
         told = replace(self.history, epochs=epochs)
@@ -232,7 +208,6 @@ class AuditRecord:
                 yield from sweep(path, self.history, each.by, each.tolerance, each.off)
 
     def _met(self, found_along: Callable[[DrivenPath], Iterable[Encounter]]) -> Iterator[Encounter]:
-        """Encounters on every known part of the path, with the tolerance of its source."""
         for known in (each for leg in self.legs for each in leg.known):
             for each in (one for path in known.pieces for one in found_along(path)):
                 yield replace(each, clearance=each.clearance + known.tolerance)
@@ -256,7 +231,6 @@ class AuditRecord:
 
     @cached_property
     def _by_time(self) -> tuple[list[Track], ...]:
-        """All that moves as it was seen, and people as they truly were."""
         return sorted(self.tracks, key=_stamp), sorted(self.people, key=_stamp)
 
     @property

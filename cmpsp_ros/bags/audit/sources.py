@@ -21,10 +21,7 @@ _NODE = 'guidance'
 
 @dataclass(frozen=True)
 class Sources:
-    """The user's choice: topics, a parameter file or preset to judge by, a namespace as in `/r1`.
-
-    None: found in the bag.
-    """
+    """Choice of topics, of parameters to judge by, and of a namespace as `/r1`; None: the bag's."""
 
     odom: str | None = None
     cmd_vel: str | None = None
@@ -44,12 +41,7 @@ def find(bag: Bag, sources: Sources) -> Names:
 
 
 def read_record(path: Path, sources: Sources | None = None) -> AuditRecord:
-    """Read the data of an audit.
-
-    Raises:
-        BagError: Not a bag, or a topic is missing or unusable.
-        ParameterError: The parameters cannot be used.
-    """
+    """Read the data of an audit; raises BagError, or ParameterError for unusable parameters."""
     sources = sources or Sources()
     with Bag(path) as bag:
         try:

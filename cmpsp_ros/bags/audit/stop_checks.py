@@ -28,15 +28,13 @@ from cmpsp_ros.guidance import (
 )
 from cmpsp_ros.robots.motion import speeds_and_turns
 
+# Time that may lie between a node's clock and its timers, and a recorder's [s].
 _SLACK: Final = 0.15
-"""Time that may lie between a node's clock and its timers, and a recorder's [s]."""
-
+# Difference from which times of reception are taken for those of another clock [s].
 _SAME_CLOCK: Final = 10.0
-"""Difference from which times of reception are taken for those of another clock [s]."""
 
 
 def _odometry_gap(record: AuditRecord, _worst: Sample) -> str:
-    """When odometry is not recorded and there was some."""
     stamps = []
     for leg in record.legs:
         for each in _lost(record, leg):
@@ -52,10 +50,7 @@ def _odometry_gap(record: AuditRecord, _worst: Sample) -> str:
     gaps=(_odometry_gap,),
 )  # fmt: skip
 def rate(record: AuditRecord) -> Iterator[Sample]:
-    """Time from each command of a run to the next.
-
-    During losses of odometry, and after a stop, none is expected.
-    """
+    """Time from each command of a run to the next, but without odometry and after a stop."""
     limit = LATE * record.settings.control_period
     worst = 0.0
     yield Sample.upper(worst, limit, record.start)
@@ -235,7 +230,6 @@ def goal(record: AuditRecord) -> Iterator[Sample]:
 
 
 def _passings(record: AuditRecord) -> tuple[list[tuple[Passing, GuidanceSettings]], str]:
-    """Positions at the times of goals, and a sentence on missing ones."""
     passings, missing = [], ''
     for leg in record.legs:
         for run in leg.runs:
@@ -254,11 +248,7 @@ def _passings(record: AuditRecord) -> tuple[list[tuple[Passing, GuidanceSettings
 
 
 def _goals_of(record: AuditRecord, run: RunSpan) -> list[Goal]:
-    """The goals of a run that were in force at their times, in order.
-
-    The first goal on `goal_pose` replaces those of the parameters; a later one replaces those
-    before whose time has not come. So does a postponed one.
-    """
+    """Goals of a run that were in force at their times; later ones replace pending ones."""
     is_put_off = record.history.at(run.start).moves_final_time
     received = [each for each in record.decisions if run.start <= each.stamp <= run.end]
     received = [
@@ -280,10 +270,10 @@ def _goals_of(record: AuditRecord, run: RunSpan) -> list[Goal]:
 
 
 def _lost(record: AuditRecord, leg: Leg) -> list[Hole]:
-    """When odometry is missing in the recording and there was some: between receptions [ns].
+    """When odometry was there but not recorded, between receptions [ns].
 
-    A decision rests on odometry that is not there, decisions themselves are missing, or nothing
-    at all was recorded.
+    A decision rests on odometry that is not there, decisions are missing, or nothing was
+    recorded.
     """
     limit = record.settings.odom_timeout + _SLACK
     received, stamps = leg.odometry.received, leg.odometry.stamps

@@ -31,11 +31,8 @@ def identify(
     return identification(drives, known)
 
 
-RADIUS: Final = 1.0
-"""Radius of the circle around the start that is never left [m]."""
-
-_PLANNED: Final = 0.7
-"""Part of the circle that the commands keep to without delay or lag."""
+RADIUS: Final = 1.0  # radius of the circle around the start that is never left [m]
+_PLANNED: Final = 0.7  # part of the circle that the commands keep to without delay or lag
 
 # Duration [s], and speed and turn rate as parts of their limits. No two are alike, so that no delay
 # looks like another. Only one axis changes at a time: the limits of wheels hold for both together.
@@ -57,10 +54,9 @@ _PHASES: Final = np.array(
 
 
 def excitation(max_speed: float, max_turn: float) -> tuple[Array, Array]:
-    """Commands of a drive with limits [m/s, rad/s] that leave no robot too near to the circle.
+    """Ends of the phases of a drive, ``(P,)`` [s], and their twists, ``(P, 2)`` [m/s, rad/s].
 
-    Returns:
-        When each phase ends, ``(P,)`` [s], and its twist, ``(P, 2)`` [m/s, rad/s].
+    Raises BagError if limits [m/s, rad/s] would lead too near to the circle.
     """
     twists = _PHASES[:, 1:] * (max_speed, max_turn)
     pose, farthest = np.zeros((1, 3)), 0.0

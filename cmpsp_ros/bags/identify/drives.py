@@ -21,42 +21,28 @@ from cmpsp_ros.bags.runs.odometry import OdometrySeries, read_odometry
 from cmpsp_ros.guidance import NANOSECONDS
 from cmpsp_ros.robots.motion import with_side
 
+# Usual times after which robots stop without a command [s].
 TIMEOUTS: Final = (math.inf, 0.2, 0.25, 0.5, 0.6, 1.0)
-"""Usual times after which robots stop without a command [s]."""
-
 _ODOMETRY: Final = 'nav_msgs/msg/Odometry'
 _TWIST: Final = 'geometry_msgs/msg/Twist'
 _STAMPED: Final = 'geometry_msgs/msg/TwistStamped'
 
-_SHORTEST: Final = 3.0
-"""Shortest drive that is used [s]."""
-
-_BACKWARDS: Final = 1.0
-"""Smallest step back of odometry's clock that begins another drive [s]."""
-
-_FASTEST: Final = 1e3
-"""Commands above it are ignored, as NaN is [m/s] or [rad/s]."""
-
+_SHORTEST: Final = 3.0  # shortest drive that is used [s]
+_BACKWARDS: Final = 1.0  # smallest step back of odometry's clock that begins another drive [s]
+_FASTEST: Final = 1e3  # commands above it are ignored, as NaN is [m/s] or [rad/s]
+# Speeds above which a robot counts as moving before its first command [m/s, rad/s].
 _MOVING: Final = (0.05, 0.1)
-"""Speeds above which a robot counts as moving before its first command [m/s, rad/s]."""
 
 
 @dataclass(frozen=True)
 class Series:
-    """Steps of a drive along one axis, 0 ahead or 1 turning, and the command there.
-
-    Attributes:
-        stamps: Stamps of odometry, ``(N + 1,)`` [s].
-        steps: Change between messages, ``(N,)`` [m] or [rad].
-        changes: Times of the changes of the command, ``(C,)`` [s].
-        commands: Commands from then on, ``(C,)`` [m/s] or [rad/s].
-    """
+    """Steps of a drive along one axis, 0 ahead or 1 turning, and the command there."""
 
     axis: int
-    stamps: Array
-    steps: Array
-    changes: Array
-    commands: Array
+    stamps: Array  # of odometry, ``(N + 1,)`` [s]
+    steps: Array  # change between messages, ``(N,)`` [m] or [rad]
+    changes: Array  # times of the changes of the command, ``(C,)`` [s]
+    commands: Array  # from then on, ``(C,)`` [m/s] or [rad/s]
 
     @property
     def command(self) -> tuple[Array, Array]:
@@ -72,27 +58,17 @@ class Series:
 
 @dataclass(frozen=True)
 class Drive:
-    """A drive without a jump in time; all times are odometry's stamps since its first one.
+    """A drive without a jump in time; all times are odometry's stamps since its first one."""
 
-    Attributes:
-        label: Bag and topics.
-        stamped: True if commands were TwistStamped.
-        stamps: Stamps of odometry, ``(N + 1,)`` [s].
-        steps: Change between messages: distance ahead and turn, ``(N, 2)`` [m, rad].
-        ages: Time of reception of each odometry message minus its stamp, ``(N + 1,)`` [s].
-        times: When commands were received, less the median of `ages`, ``(C,)`` [s].
-        commands: Speed and turn rate, ``(C, 2)`` [m/s, rad/s].
-        answer: Median of `times` minus the stamp of the odometry that the command answers [s]; None
-            if the bag does not have it.
-    """
-
-    label: str
-    stamped: bool
-    stamps: Array
-    steps: Array
-    ages: Array
-    times: Array
-    commands: Array
+    label: str  # bag and topics
+    stamped: bool  # true if commands were TwistStamped
+    stamps: Array  # of odometry, ``(N + 1,)`` [s]
+    steps: Array  # change between messages: distance ahead and turn, ``(N, 2)`` [m, rad]
+    ages: Array  # time of reception of each odometry message minus its stamp, ``(N + 1,)`` [s]
+    times: Array  # when commands were received, less the median of `ages`, ``(C,)`` [s]
+    commands: Array  # speed and turn rate, ``(C, 2)`` [m/s, rad/s]
+    # Median of `times` minus the stamp of the odometry that the command answers [s]; None if the
+    # bag does not have it.
     answer: float | None
 
     @property

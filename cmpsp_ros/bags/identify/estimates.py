@@ -13,15 +13,14 @@ from cmpsp_ros.arrays import Array
 from cmpsp_ros.bags.identify.drives import Drive
 from cmpsp_ros.bags.identify.fit import LAG, LIMIT, RATIO, SCALE, SUM, Fit, fit
 
+# Quantile of 99 %, to keep 95 % although noise is estimated and no robot is quite the model.
 QUANTILE: Final = 2.58
-"""Quantile of 99 %, to keep 95 % although noise is estimated and no robot is quite the model."""
-
 _BLOCK: Final = 0.5
 _BISECTIONS: Final = 5
 _BETTER: Final = 0.1
 
+# Least half widths: of delay with lag [s], of either by itself [s], and of scales.
 _TICK, _TRADE, _CALIBRATION = 1e-3, 2e-3, 2e-3
-"""Least half widths: of delay with lag [s], of either by itself [s], and of scales."""
 
 
 @dataclass(frozen=True)
@@ -41,10 +40,7 @@ class Interval:
 
 
 def delay_and_lag(found: Fit) -> tuple[Fit, Interval, Interval, Interval]:
-    """Intervals of delay, lag and both together [s], after the fit where they were found.
-
-    The profile may come upon a better fit.
-    """
+    """Intervals of delay, lag and both together [s], after the fit, or a better one."""
     points = _profile(found)
     better = min(points, key=lambda one: one.misfit)
     if better.misfit < found.misfit - _BETTER:
@@ -124,18 +120,16 @@ def _inflation(found: Fit, places: list[int]) -> Array:
     return np.asarray(np.maximum(robust / np.maximum(np.diag(inverse), 1e-300), 1.0))
 
 
+# Names of the axes with units of their speeds, and of their poses.
 AXES: Final = (('linear', 'm/s', 'position', 'm'), ('angular', 'rad/s', 'heading', 'rad'))
-"""Names of the axes with units of their speeds, and of their poses."""
 
+# Standard deviations of a median's rank: more than elsewhere, for neighbours are late together.
 _RANK: Final = 3.0
-"""Standard deviations of a median's rank: more than elsewhere, for neighbours are late together."""
-
+# Width of an interval above which a figure is unknown: of times [s], and of scales by value.
 _WIDEST: Final = 0.3
-"""Width of an interval above which a figure is unknown: of times [s], and of scales by value."""
 
 
-_STEADY: Final = 0.2
-"""Part of the highest acceleration below which noise is measured."""
+_STEADY: Final = 0.2  # part of the highest acceleration below which noise is measured
 
 
 @dataclass(frozen=True)
@@ -241,7 +235,6 @@ def _odometry(found: Fit, drives: Sequence[Drive]) -> Iterator[tuple[str, Estima
 
 
 def _median(values: Array) -> Interval:
-    """The median, with an interval by its rank."""
     ordered, middle = np.sort(values), len(values) / 2.0
     away = _RANK * math.sqrt(middle / 2.0)
     low, high = max(math.floor(middle - away), 0), min(math.ceil(middle + away), len(values) - 1)

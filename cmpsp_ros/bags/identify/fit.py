@@ -26,51 +26,34 @@ from cmpsp_ros.bags.identify.model import (
     whitened,
 )
 
+# Places of parameters: delay with lag, lag, ratio, two scales, and limits that were found.
 SUM, LAG, RATIO, SCALE, LIMIT = 0, 1, 2, 3, 5
-"""Places of parameters: delay with lag, lag, ratio, two scales, and limits that were found."""
 
+# Sizes of the parameters, to scale steps of the fit.
 _SIZES: Final = np.array([0.01, 0.01, 0.1, 0.1, 0.1, 0.1])
-"""Sizes of the parameters, to scale steps of the fit."""
-
+# Standard deviations beyond which a step is a jump of odometry, and does not count.
 _JUMP: Final = 6.0
-"""Standard deviations beyond which a step is a jump of odometry, and does not count."""
-
-_MOTOR: Final = 0.02
-"""Time constant of a motor behind the lag: standard deviation of its prior [s]."""
-
-_LONGEST: Final = 1.2
-"""Longest delay that is looked for [s]."""
-
-_EVIDENCE: Final = 30.0
-"""Least fall of the sum of squares for which a limit is accepted."""
-
+_MOTOR: Final = 0.02  # time constant of a motor behind the lag: standard deviation of its prior [s]
+_LONGEST: Final = 1.2  # longest delay that is looked for [s]
+_EVIDENCE: Final = 30.0  # least fall of the sum of squares for which a limit is accepted
+# Part of what is reached without a limit, below which the limit must be.
 _BELOW: Final = {'max_acceleration': 0.8, 'max_speed': 0.97}
-"""Part of what is reached without a limit, below which the limit must be."""
 
 
 @dataclass(frozen=True)
 class Fit:
-    """A model with the parameters that fit best.
+    """A model with the parameters that fit best."""
 
-    Attributes:
-        series: Steps and commands, of each drive and axis.
-        timeout: Time after which the robot stops without a command [s].
-        p: Parameters.
-        noises: Noise of odometry ahead and turning.
-        factors: Factors of the covariance of the steps of each series.
-        limits: Limits that are among the parameters: axis, and field of `Response`.
-        residuals: Whitened, and that of the prior of a motor.
-        jacobian: Their derivatives.
-    """
-
-    series: Sequence[Series]
-    timeout: float
-    p: Array
-    noises: tuple[Noise, Noise]
-    factors: Sequence[Array]
+    series: Sequence[Series]  # steps and commands, of each drive and axis
+    timeout: float  # time after which the robot stops without a command [s]
+    p: Array  # parameters
+    noises: tuple[Noise, Noise]  # noise of odometry ahead and turning
+    factors: Sequence[Array]  # of the covariance of the steps of each series
+    # Limits that are among the parameters: axis, and field of `Response`.
     limits: tuple[tuple[int, str], ...] = ()
+    # Whitened, and that of the prior of a motor.
     residuals: Array = field(default_factory=lambda: np.empty(0))
-    jacobian: Array = field(default_factory=lambda: np.empty((0, 0)))
+    jacobian: Array = field(default_factory=lambda: np.empty((0, 0)))  # their derivatives
 
     @property
     def axes(self) -> list[int]:
@@ -141,9 +124,7 @@ class Fit:
     def steps(self, axis: int, steady: float = 1.0) -> Steps:
         """Residuals of the steps along an axis, with flags of apparent jumps.
 
-        Args:
-            axis: The axis.
-            steady: Part of the highest acceleration above which steps count as jumps, too.
+        Steps above a `steady` part of the highest acceleration count as jumps, too.
         """
         found = []
         for each, residuals, factor in zip(
@@ -189,7 +170,6 @@ def fit(drives: Sequence[Drive]) -> Fit:
 
 
 def _initial(drives: Sequence[Drive], timeout: float) -> Fit:
-    """A start: the best of many delays, at a lag between them."""
     series = [each.series(axis, timeout) for each in drives for axis in (0, 1)]
     noise, least, best = Noise(3e-3, 1e-2), math.inf, np.empty(0)
     factors = [noise.factor(np.diff(each.stamps), each.leaps) for each in series]

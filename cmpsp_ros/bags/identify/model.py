@@ -26,11 +26,8 @@ from scipy.optimize import minimize
 
 from cmpsp_ros.arrays import Array, BoolArray
 
-_SHORTEST: Final = 1e-5
-"""Time constant that stands for none [s]."""
-
-_BEFORE: Final = 1e6
-"""Time for which the first command has been in effect [s]."""
+_SHORTEST: Final = 1e-5  # time constant that stands for none [s]
+_BEFORE: Final = 1e6  # time for which the first command has been in effect [s]
 
 
 @dataclass(frozen=True)
@@ -45,13 +42,10 @@ class Response:
     max_acceleration: float = math.inf
 
     def travel(self, changes: Array, commands: Array, stamps: Array) -> tuple[Array, Array]:
-        """Distance since the first change, and speed, at some instants, both ``(N,)``.
+        """Distance since the first change, and speed, at instants ``stamps`` [s], both ``(N,)``.
 
-        Args:
-            changes: Times of the changes of the command, ascending, ``(C,)`` [s].
-            commands: Commands from then on, ``(C,)`` [m/s] or [rad/s]; before the first change the
-                robot moves steadily at the first one.
-            stamps: Instants, ``(N,)`` [s].
+        Commands ``(C,)`` [m/s] or [rad/s] hold from ascending ``changes`` ``(C,)`` [s] on;
+        before the first one the robot moves steadily at the first.
         """
         first = max(self.lag / (1.0 + self.ratio), _SHORTEST)
         second = max(self.ratio * first, 0.1 * _SHORTEST)
@@ -108,14 +102,10 @@ def _advance(
 
 
 Flags = BoolArray
+# Residuals of the steps of each drive, durations of the steps [s], and flags of jumps.
 Steps = Sequence[tuple[Array, Array, Flags]]
-"""Residuals of the steps of each drive, durations of the steps [s], and flags of jumps."""
-
-_FLOOR: Final = 1e-5
-"""Standard deviation of a pose that is always allowed for [m] or [rad]."""
-
-_JUMP: Final = 1e6
-"""Variance of a jump, which thereby does not count [m^2] or [rad^2]."""
+_FLOOR: Final = 1e-5  # standard deviation of a pose that is always allowed for [m] or [rad]
+_JUMP: Final = 1e6  # variance of a jump, which thereby does not count [m^2] or [rad^2]
 
 
 @dataclass(frozen=True)

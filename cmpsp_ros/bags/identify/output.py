@@ -27,7 +27,6 @@ def write_parameters(path: Path, robot: Identification) -> None:
 
 
 def _lines(robot: Identification) -> Iterator[str]:
-    """Each estimate as a comment, and below it the parameters that follow from it."""
     known = {key: each.interval for key, each in robot.estimates.items()}
     values, hints = _parameters(robot)
     for key, each in robot.estimates.items():
@@ -44,7 +43,6 @@ def _lines(robot: Identification) -> Iterator[str]:
 def _parameters(
     robot: Identification,
 ) -> tuple[dict[str, tuple[str, float]], dict[str, tuple[str, ...]]]:
-    """Parameters and values with remarks, by the key of the estimate."""
     known = {key: each.interval.value for key, each in robot.estimates.items() if each.interval}
     values: dict[str, tuple[str, float]] = {}
     hints: dict[str, tuple[str, ...]] = {}
@@ -76,11 +74,8 @@ def _parameters(
     return values, hints
 
 
-_DETAIL: Final = 2.5
-"""Length of what is shown enlarged [s]."""
-
-_MEAN: Final = 0.06
-"""Time over which a measured speed is a mean [s]."""
+_DETAIL: Final = 2.5  # length of what is shown enlarged [s]
+_MEAN: Final = 0.06  # time over which a measured speed is a mean [s]
 
 
 def draw(robot: Identification, path: Path) -> None:

@@ -39,9 +39,7 @@ from cmpsp_ros.parameters import TABLE, Values, guidance_settings
 from cmpsp_ros.robots.motion import with_side
 from cmpsp_ros.view import BAGS, GOAL, course, draw, show, traces
 
-PREFIX = '/what_if'
-"""Before the names of topics of the changed law."""
-
+PREFIX = '/what_if'  # before the names of topics of the changed law
 _PLANS_DRAWN = 4
 _MARGIN = 0.5
 
@@ -63,16 +61,14 @@ class Change:
 
 @dataclass
 class WhatIf:
-    """Two laws on the same odometry: the recorded one, and a changed one by its first settings.
-
-    Its decisions have the time of reception of odometry [ns]; `left_out` are topics not copied.
-    """
+    """Two laws on the same odometry: the recorded one, and a changed one by its first settings."""
 
     settings: GuidanceSettings
     odometry: list[OdometrySample] = field(default_factory=list)
     recorded: list[DecisionRecord] = field(default_factory=list)
+    # With the time of reception of their odometry [ns].
     decisions: list[tuple[int, Decision]] = field(default_factory=list)
-    left_out: list[str] = field(default_factory=list)
+    left_out: list[str] = field(default_factory=list)  # topics not copied
 
     def __str__(self) -> str:
         return '\n'.join(
@@ -94,12 +90,8 @@ class WhatIf:
 def what_if(path: Path, names: Names, change: Change, output: Path) -> WhatIf:
     """Run the changed law, and write a new bag with the recording and its decisions.
 
-    A bag without decisions needs a base of parameters: the law decides on its odometry and sensors,
-    and the tracks that it used are written as well.
-
-    Raises:
-        BagError: The bag lacks required data, or the new one cannot be written.
-        ParameterError: The changed parameters cannot be used.
+    A bag without decisions needs a base of parameters: the law decides on its odometry and
+    sensors, and the tracks that it used are written as well. Raises BagError or ParameterError.
     """
 
     def settings_of(values: Values) -> GuidanceSettings:

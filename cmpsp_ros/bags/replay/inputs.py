@@ -91,16 +91,12 @@ Input = (
 
 
 class Inputs:
-    """The inputs of a recorded guidance law; can be iterated over once.
-
-    Attributes:
-        skipped: Decisions before the first run in the bag, of a law whose state is unknown.
-    """
+    """The inputs of a recorded guidance law; can be iterated over once."""
 
     def __init__(self, bag: Bag, names: Names) -> None:
         self._bag, self._node = bag, names.node
         self._parameters = NodeParameters(bag, names.node)
-        self.skipped = 0
+        self.skipped = 0  # decisions before the first run in the bag: its law's state is unknown
         values = self.values
         self._recording = Recording(bag, names, values['frame_id'], values['others.namespaces'])
         self._pose: Array | None = None
@@ -125,7 +121,12 @@ class Inputs:
             if before is None and decision.step > 0:
                 self.skipped += 1
                 continue
-            begins = before is None or _began_anew(before, decision)
+            # Another law decides where the node was configured or started again.
+            begins = before is None or (
+                decision.run < before.run
+                or decision.revision < before.revision
+                or (decision.run == before.run and decision.step < before.step)
+            )
             odometry = None if decision.halted else self._find(decision)
             if odometry is not None and decision.pose is None:
                 received_all = received_all and not begins and not decision.skipped
@@ -136,7 +137,9 @@ class Inputs:
                 yield from self._changes_between(before, decision)
             goals = self._goals(None if begins else before, decision)
             if odometry is None and not decision.halted:
-                yield self._missing(decision)
+                if not recording.odometry and recording.unusable:
+                    raise BagError(f'{self._bag.path}: no usable odometry: {recording.unusable}')
+                yield OdometryMissing(decision)
             else:
                 yield from goals
             if decision.halted:
@@ -164,7 +167,6 @@ class Inputs:
         return found[0] if found else None
 
     def _between(self, wanted: OdometrySample, *, received_all: bool) -> Iterator[Input]:
-        """Odometry before the one wanted, on which no decision was made."""
         waiting = self._recording.odometry
         while (each := waiting.popleft()) is not wanted:
             # The node received newer odometry after the decision: it is of another source.
@@ -180,7 +182,6 @@ class Inputs:
         yield RunStarted(self.values)
 
     def _changes_between(self, before: DecisionRecord, decision: DecisionRecord) -> Iterator[Input]:
-        """Live changes and resets since the previous decision."""
         for _ in range(decision.revision - before.revision):
             if not self._has_change():
                 raise BagError(
@@ -222,17 +223,6 @@ class Inputs:
         if received >= since:
             self._parameters.change(received, changes, used=used)
 
-    def _missing(self, decision: DecisionRecord) -> OdometryMissing:
-        if not self._recording.odometry and self._recording.unusable:
-            raise BagError(f'{self._bag.path}: no usable odometry: {self._recording.unusable}')
-        return OdometryMissing(decision)
-
-
-def _began_anew(before: DecisionRecord, decision: DecisionRecord) -> bool:
-    """True if the node was configured or started again, so that another law decides."""
-    again = decision.run == before.run and decision.step < before.step
-    return bool(decision.run < before.run or decision.revision < before.revision or again)
-
 
 class Follower:
     """Feeds inputs to a law, which is created by the first of them."""
@@ -240,15 +230,10 @@ class Follower:
     law: GuidanceLaw
 
     def __init__(self, settings_of: Callable[[Values], GuidanceSettings]) -> None:
-        """Wait for the input that creates the law; `settings_of` converts its parameters."""
         self._settings_of = settings_of
 
     def follow(self, event: Input) -> Decision | None:
-        """Process one input; return the resulting decision, if any.
-
-        Raises:
-            Exception: Any error of the law on odometry.
-        """
+        """Process one input; return the resulting decision, if any. Raises any error of the law."""
         match event:
             case RunStarted(values):
                 settings = self._settings_of(values)

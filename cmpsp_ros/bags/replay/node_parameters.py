@@ -10,20 +10,14 @@ from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.parameters import TABLE, ParameterError, Values, is_of_ros
 
-EVENTS = '/parameter_events'
-"""Topic of the changes."""
+EVENTS = '/parameter_events'  # topic of the changes
 
 
 class NodeParameters:
-    """The complete set of parameters of one node, from its start on.
+    """The complete set of parameters of one node, from its start on."""
 
-    Attributes:
-        values: Values after all changes applied so far.
-        given: Keys that were recorded; the others are defaults.
-    """
-
-    values: Values
-    given: frozenset[str]
+    values: Values  # after all changes applied so far
+    given: frozenset[str]  # keys that were recorded; the others are defaults
 
     def __init__(self, bag: Bag, node: str) -> None:
         self._path, self._node = bag.path, node
@@ -37,10 +31,7 @@ class NodeParameters:
         self._take(bag.parameters[node])
 
     def restart(self, until: int) -> int | None:
-        """Take the parameters of the next restart until a time [ns]; returns when it was [ns].
-
-        None if there was no restart by then, or none with other parameters than before.
-        """
+        """Take the parameters of the next restart until a time [ns]; returns its time, or None."""
         if not self._restarts or self._restarts[0][0] > until:
             return None
         since, given = self._restarts.pop(0)

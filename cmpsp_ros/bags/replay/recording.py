@@ -15,30 +15,13 @@ from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.names import Names
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.replay.node_parameters import EVENTS, changes_in
-from cmpsp_ros.guidance import Goal, GoalError
-from cmpsp_ros.guidance.messages import (
-    MovingObject,
-    OdometryError,
-    OdometryReading,
-    PeerTrajectory,
-    Track,
-    TrackError,
-    goal_of,
-    tracks_of,
-)
+from cmpsp_ros.guidance import Goal, GoalError, messages
 from cmpsp_ros.sensing import Sighting, grid_of, stamp_of
 
-_SLACK = 1_000_000_000
-"""Maximum time in a bag between messages that belong together [ns]."""
-
-_LATE = 50_000_000
-"""Maximum time by which a command comes into the bag after its decision [ns]."""
-
-_MAX_MESSAGES = 10_000
-"""Messages of a topic that are kept: more than any robot sends in `_SLACK`."""
-
-_MAX_TRACKS = 100_000
-"""Readings of moving obstacles that are kept."""
+_SLACK = 1_000_000_000  # maximum time in a bag between messages that belong together [ns]
+_LATE = 50_000_000  # maximum time by which a command comes into the bag after its decision [ns]
+_MAX_MESSAGES = 10_000  # messages of a topic that are kept: more than any robot sends in `_SLACK`
+_MAX_TRACKS = 100_000  # readings of moving obstacles that are kept
 
 
 @dataclass(frozen=True)
@@ -53,14 +36,7 @@ class OdometrySample:
 class Recording:
     """The messages of one guidance node, in its frame, each kept as long as it may be needed.
 
-    Plans of robots in other namespaces are among them.
-
-    Attributes:
-        odometry: Read and not yet used, in order.
-        unusable: Why the first invalid odometry is invalid; empty if there was none.
-        changes: Time of reception [ns] and content of live parameter changes not yet used, in
-            order.
-        goals: Time of reception and stamp [ns] of goals not yet used, in order.
+    Plans of robots in other namespaces are among them. Its queues have what is not yet used.
     """
 
     def __init__(self, bag: Bag, names: Names, frame_id: str, others: Iterable[str] = ()) -> None:
@@ -85,12 +61,14 @@ class Recording:
         there = [topic for topic in self._read if topic in bag.topics and topic != names.odom]
         self._topics = [names.odom, names.decision, *there]
         self.odometry: deque[OdometrySample] = deque(maxlen=_MAX_MESSAGES)
-        self.unusable = ''
+        self.unusable = ''  # why the first invalid odometry is invalid; empty if there was none
+        # Time of reception [ns] and content of live parameter changes.
         self.changes: deque[tuple[int, dict[str, Any]]] = deque()
+        # Time of reception and stamp [ns] of goals.
         self.goals: deque[tuple[int, int, Goal]] = deque(maxlen=_MAX_MESSAGES)
         self._commands: deque[tuple[int, tuple[float, float, float]]] = deque(maxlen=_MAX_MESSAGES)
         self._paths: dict[int, tuple[Waypoint, ...]] = {}
-        self._tracks: dict[tuple[int | str, int], MovingObject] = {}
+        self._tracks: dict[tuple[int | str, int], messages.MovingObject] = {}
         self._sightings: dict[int, Sighting] = {}
         self._first = True
 
@@ -117,15 +95,18 @@ class Recording:
         while pending:
             yield self._complete(pending.popleft())
 
-    def tracks(self, decision: DecisionRecord) -> tuple[MovingObject, ...]:
+    def tracks(self, decision: DecisionRecord) -> tuple[messages.MovingObject, ...]:
         """Moving obstacles and plans of other robots as known to a decision, or a `BagError`."""
         for number, stamp in decision.tracks:
             if (number, stamp) not in self._tracks:
                 what, topic = f'obstacle {number} as it was seen', self._names.moving
-                if isinstance(number, int) and number >= Track.SEEN:
+                if isinstance(number, int) and number >= messages.Track.SEEN:
                     topic = self._names.tracks
                 if isinstance(number, str):
-                    what, topic = f'the plan that {number} made', PeerTrajectory.topic(number)
+                    what, topic = (
+                        f'the plan that {number} made',
+                        messages.PeerTrajectory.topic(number),
+                    )
                 raise BagError(
                     f'{self._bag.path}: found a decision (stamp {decision.stamp}) on {what} at'
                     f' {stamp} ns, wanted that in {topic}'
@@ -148,8 +129,8 @@ class Recording:
 
     def _read_odometry(self, received: int, message: Any) -> None:
         try:
-            pose = OdometryReading.of(message).pose_in(self._frame_id)
-        except OdometryError as error:
+            pose = messages.OdometryReading.of(message).pose_in(self._frame_id)
+        except messages.OdometryError as error:
             self.unusable = self.unusable or str(error)
         else:
             self.odometry.append(OdometrySample(received, stamp_of(message), pose))
@@ -160,12 +141,12 @@ class Recording:
 
     def _read_tracks(self, _received: int, message: Any) -> None:
         # The node refused invalid ones, too.
-        with suppress(TrackError):
-            self._note(tracks_of(message, self._frame_id))
+        with suppress(messages.TrackError):
+            self._note(messages.tracks_of(message, self._frame_id))
 
     def _read_peer(self, namespace: str, _received: int, message: Any) -> None:
-        with suppress(TrackError):
-            self._note([PeerTrajectory.of(message, namespace, self._frame_id)])
+        with suppress(messages.TrackError):
+            self._note([messages.PeerTrajectory.of(message, namespace, self._frame_id)])
 
     def _read_sighting(self, _received: int, message: Any) -> None:
         stamp = stamp_of(message)
@@ -174,7 +155,7 @@ class Recording:
     def _read_goal(self, received: int, message: Any) -> None:
         # The node refuses an invalid goal before it reaches the law.
         with suppress(GoalError):
-            self.goals.append((received, *goal_of(message, self._frame_id)))
+            self.goals.append((received, *messages.goal_of(message, self._frame_id)))
 
     def _read_path(self, _received: int, message: Any) -> None:
         # A robot at rest publishes a single pose, and that is no plan.
@@ -189,7 +170,7 @@ class Recording:
         if (changed := changes_in(message, self._names.node)) is not None:
             self.changes.append((received, changed))
 
-    def _note(self, tracks: Iterable[MovingObject]) -> None:
+    def _note(self, tracks: Iterable[messages.MovingObject]) -> None:
         for each in tracks:
             self._tracks[each.key] = max(each, self._tracks.get(each.key, each))
         while len(self._tracks) > _MAX_TRACKS:
@@ -203,10 +184,7 @@ class Recording:
             self._first = False
         # The clock may show the time of odometry that a plan is made on a moment later.
         path = None if decision.halted else self._paths.pop(decision.stamp, None)
-        return replace(decision, command=self._command_of(decision), path=path)
-
-    def _command_of(self, decision: DecisionRecord) -> tuple[float, float, float] | None:
-        """The command sent just before a decision was published."""
-        if decision.late or not self._commands or self._commands[0][0] > decision.received + _LATE:
-            return None
-        return self._commands.popleft()[1]
+        command = None
+        if self._commands and self._commands[0][0] <= decision.received + _LATE:
+            command = None if decision.late else self._commands.popleft()[1]
+        return replace(decision, command=command, path=path)

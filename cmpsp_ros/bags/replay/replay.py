@@ -55,10 +55,7 @@ class Difference:
 
 
 class Comparison:
-    """Comparison of decisions, bit by bit, or floats within a tolerance, which is absolute below 1.
-
-    Numbers in sentences are left out then.
-    """
+    """Comparison bit by bit, or of floats within a tolerance, which is absolute below 1."""
 
     def __init__(self, tolerance: float | None = None) -> None:
         self._tolerance = tolerance
@@ -85,7 +82,6 @@ class Comparison:
 
 
 def _pairs(recorded: DecisionRecord, decision: Decision) -> Pairs:
-    """Every field, as recorded and as decided, in text."""
     now = decision_to_key_values(decision)
     for key in _COMPARED:
         yield key, recorded.entries.get(key), now.get(key)
@@ -113,22 +109,15 @@ def _waypoint_pairs(recorded: DecisionRecord, decision: Decision) -> Pairs:
 
 @dataclass
 class ReplayOutcome:
-    """Counts of decisions compared, and of fields that differ; software of the recording by name.
-
-    Attributes:
-        stops: Stops that odometry does not show; their reason is taken as recorded.
-        commands, plans: Decisions whose command or plan was recorded and compared too.
-        skipped: Decisions before the first run in the bag, which cannot be replayed.
-        differing: Decisions that differ.
-    """
+    """Counts of decisions compared, and of fields that differ; recording software by name."""
 
     software: Mapping[str, str]
     decisions: int = 0
-    stops: int = 0
-    commands: int = 0
-    plans: int = 0
-    skipped: int = 0
-    differing: int = 0
+    stops: int = 0  # stops that odometry does not show; their reason is taken as recorded
+    commands: int = 0  # decisions whose command was recorded and compared too
+    plans: int = 0  # decisions whose plan was recorded and compared too
+    skipped: int = 0  # decisions before the first run in the bag, which cannot be replayed
+    differing: int = 0  # decisions that differ
     differences: int = 0
     first: Difference | None = None
 
@@ -167,11 +156,7 @@ class ReplayOutcome:
 
 
 def replay(path: Path, names: Names, tolerance: float | None = None) -> ReplayOutcome:
-    """Replay a bag, and compare, with a tolerance as in `Comparison`.
-
-    Raises:
-        BagError: Not a bag, or data needed for a replay are missing.
-    """
+    """Replay a bag and compare, with a tolerance as in `Comparison`; raises BagError."""
 
     def settings_of(values: Values) -> GuidanceSettings:
         try:
@@ -204,7 +189,6 @@ def replay(path: Path, names: Names, tolerance: float | None = None) -> ReplayOu
 
 
 def _take(event: Input, follower: Follower, comparison: Comparison, outcome: ReplayOutcome) -> None:
-    """Feed an input to the law, and compare the decision on it, if there is one."""
     number = outcome.decisions + 1
     match event:
         case OdometryReceived(odometry, None):

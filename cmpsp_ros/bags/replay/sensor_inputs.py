@@ -10,15 +10,7 @@ from cmpsp_ros.bags.names import Names
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.replay.inputs import Input, OdometryReceived, RunStarted
 from cmpsp_ros.bags.replay.recording import OdometrySample
-from cmpsp_ros.guidance import GuidanceSettings
-from cmpsp_ros.guidance.messages import (
-    OdometryError,
-    OdometryReading,
-    Track,
-    TrackError,
-    Tracks,
-    tracks_of,
-)
+from cmpsp_ros.guidance import GuidanceSettings, messages
 from cmpsp_ros.parameters import Values, guidance_settings
 from cmpsp_ros.sensing import ScanError, Sensor, Surroundings, sight_of, stamp_of
 
@@ -26,16 +18,11 @@ from cmpsp_ros.sensing import ScanError, Sensor, Surroundings, sight_of, stamp_o
 class SensorInputs:
     """Inputs that a node with these parameters would have had; can be iterated over once.
 
-    It decides as soon as all sensors have shown something, and not while one is silent.
+    It decides as soon as all sensors have shown something, and not while one is silent. Raises
+    BagError without odometry or a sensor.
     """
 
     def __init__(self, bag: Bag, names: Names, values: Values) -> None:
-        """Look for the topics.
-
-        Raises:
-            BagError: Odometry or a sensor is missing.
-            ParameterError: The parameters cannot be used.
-        """
         self.values = values
         self._settings: GuidanceSettings = guidance_settings(values)
         self._bag, self._names, self._newest = bag, names, -1
@@ -55,7 +42,7 @@ class SensorInputs:
         """Iterate; raises `BagError` if the bag is damaged, or no odometry in it can be used."""
         settings, names = self._settings, self._names
         known = Surroundings(settings.sight, settings.robot_radius, settings.footprint)
-        told, obstacles = Tracks[Track](), settings.moving_obstacles
+        told, obstacles = messages.Tracks[messages.Track](), settings.moving_obstacles
         topics = [names.odom, *self._sensors]
         if obstacles.capacity and names.moving in self._bag.topics:
             topics.append(names.moving)
@@ -69,7 +56,7 @@ class SensorInputs:
                     self._refused.setdefault(topic, str(error))
             try:
                 if topic == names.moving:
-                    told.add(tracks_of(message, settings.frame_id))
+                    told.add(messages.tracks_of(message, settings.frame_id))
                 elif topic == names.odom and (odometry := self._odometry(received, message)):
                     stamp, pose = odometry.stamp, odometry.pose
                     known.update(stamp, pose)
@@ -78,7 +65,7 @@ class SensorInputs:
                         seen = () if sighting is None else sighting.tracks
                         tracks = (*told.at(stamp, obstacles.timeout), *seen)
                         yield OdometryReceived(odometry, None, tracks=tracks, sighting=sighting)
-            except (OdometryError, TrackError) as error:
+            except (messages.OdometryError, messages.TrackError) as error:
                 self._refused.setdefault(topic, str(error))
         if not is_used:
             why = '; '.join(f'{topic}: {why}' for topic, why in self._refused.items())
@@ -87,7 +74,7 @@ class SensorInputs:
 
     def _odometry(self, received: int, message: Any) -> OdometrySample | None:
         """Odometry in the frame of the law; None if it is no newer than the last."""
-        pose = OdometryReading.of(message).pose_in(self._settings.frame_id)
+        pose = messages.OdometryReading.of(message).pose_in(self._settings.frame_id)
         stamp = stamp_of(message)
         if stamp <= self._newest:
             return None

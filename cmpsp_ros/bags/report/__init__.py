@@ -15,10 +15,7 @@ from cmpsp_ros.bags.report.view import View, labels, view
 def write_report(
     paths: Sequence[Path], output: Path, sources: Sources | None = None, *, force: bool = False
 ) -> tuple[Path, Path]:
-    """Write the report of one bag, or of several side by side: a page, and a picture beside it.
-
-    An earlier report is replaced with `force` only.
-    """
+    """Write the report of some bags side by side, a page and a picture; `force` replaces one."""
     picture = output.with_suffix('.png')
     for each in (output, picture):
         if each.exists() and not force:

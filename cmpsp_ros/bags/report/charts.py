@@ -17,9 +17,8 @@ from cmpsp_ros.view import GRID, LEVEL_COLORS, LIMIT, TEXT, bag_color, number, n
 
 Figure = dict[str, Any]
 
-_BINS = 40
-_GAP = 0.12
-"""Part of a panel's height that is left free below it."""
+_BINS, _GREY = 40, '#9aa2af'
+_GAP = 0.12  # part of a panel's height that is left free below it
 
 
 def levels(views: Sequence[View]) -> Figure:
@@ -29,25 +28,22 @@ def levels(views: Sequence[View]) -> Figure:
         bands = [(view, each) for view in views for each in view.bands if each.level == level]
         if not bands:
             continue
-        traces.append(
-            {
-                'type': 'bar',
-                'orientation': 'h',
-                'name': level,
-                'y': [escaped(view.label) for view, _ in bands],
-                'base': [number(each.begin) for _, each in bands],
-                'x': [number(each.end - each.begin) for _, each in bands],
-                'text': [
-                    f'{each.begin:.2f} to {each.end:.2f} s, {each.steps} steps'
-                    f'<br>{escaped(shorten(each.reason, 90, placeholder="…"))}'
-                    for _, each in bands
-                ],
-                'textposition': 'none',
-                'hovertemplate': f'<b>{level}</b> %{{text}}<extra></extra>',
-                'marker': {'color': color, 'line': {'color': '#ffffff', 'width': 1}},
-                'width': 0.6,
-            }
-        )
+        texts = [
+            f'{each.begin:.2f} to {each.end:.2f} s, {each.steps} steps'
+            f'<br>{escaped(shorten(each.reason, 90, placeholder="…"))}'
+            for _, each in bands
+        ]
+        look = {'type': 'bar', 'orientation': 'h', 'width': 0.6, 'textposition': 'none'}
+        content = {
+            'name': level,
+            'y': [escaped(view.label) for view, _ in bands],
+            'base': [number(each.begin) for _, each in bands],
+            'x': [number(each.end - each.begin) for _, each in bands],
+            'text': texts,
+            'hovertemplate': f'<b>{level}</b> %{{text}}<extra></extra>',
+            'marker': {'color': color, 'line': {'color': '#ffffff', 'width': 1}},
+        }
+        traces.append(look | content)
     figure = _over_time(views, traces, {'autorange': 'reversed', 'automargin': True}, 'levels')
     figure['layout'] |= {'barmode': 'overlay', 'height': 130 + 34 * len(views)}
     figure['layout']['hovermode'] = 'closest'
@@ -58,10 +54,7 @@ _DASHES = 'solid', 'dash', 'dashdot', 'dot'
 
 
 def controls(views: Sequence[View]) -> Figure:
-    """Commanded wheel speeds or other controls with their limits; driven ones can be switched on.
-
-    Each quantity has a panel.
-    """
+    """Controls as commanded with their limits, one panel each; driven ones can be switched on."""
     titles = quantities(views)
     traces = []
     for index, view in enumerate(views):
@@ -201,45 +194,27 @@ def layout() -> Figure:
 
 def axis(more: Figure) -> Figure:
     """An axis in the report's style, with these settings."""
-    style = {
-        'gridcolor': GRID,
-        'zerolinecolor': GRID,
-        'linecolor': '#9aa2af',
-        'ticks': 'outside',
-        'tickcolor': '#9aa2af',
-        'showline': True,
-    }
-    return style | more
+    lines = {'gridcolor': GRID, 'zerolinecolor': GRID, 'linecolor': _GREY, 'showline': True}
+    return {**lines, 'ticks': 'outside', 'tickcolor': _GREY, **more}
 
 
 def _over_time(
     views: Sequence[View], traces: list[Figure], y: Figure, kind: str = 'curves'
 ) -> Figure:
     """A chart over time, with the slider's cursor as its first shape."""
-    figure: Figure = {'data': traces, 'layout': layout()}
     end = max(view.end for view in views)
-    figure['layout'] |= {
+    cursor = {'type': 'line', 'x0': 0.0, 'x1': 0.0, 'yref': 'paper', 'y0': 0.0, 'y1': 1.0}
+    shape = layout() | {
         'xaxis': axis({'title': {'text': 'time [s]'}, 'range': [0.0, number(end)]}),
         'yaxis': axis(y),
         'showlegend': True,
         'meta': {'kind': kind},
-        'shapes': [
-            {
-                'type': 'line',
-                'x0': 0.0,
-                'x1': 0.0,
-                'yref': 'paper',
-                'y0': 0.0,
-                'y1': 1.0,
-                'line': {'color': TEXT, 'width': 1, 'dash': 'dot'},
-            }
-        ],
+        'shapes': [cursor | {'line': {'color': TEXT, 'width': 1, 'dash': 'dot'}}],
     }
-    return figure
+    return {'data': traces, 'layout': shape}
 
 
 def _stacked(views: Sequence[View], traces: list[Figure], titles: Sequence[str]) -> Figure:
-    """A chart over time of several quantities, one above the other."""
     figure, count = _over_time(views, traces, {}), len(titles)
     for index, title in enumerate(titles):
         domain = [1.0 - (index + 1 - _GAP * (index < count - 1)) / count, 1.0 - index / count]
@@ -256,36 +231,18 @@ def suffix(index: int) -> str:
 
 
 def _line(name: str, times: Array, values: Array, line: Figure) -> Figure:
-    return {
-        'type': 'scatter',
-        'mode': 'lines',
-        'name': name,
-        'x': numbers(times),
-        'y': numbers(values),
-        'line': line,
-        'hovertemplate': '%{y:.4g}',
-    }
+    shown = {'type': 'scatter', 'mode': 'lines', 'name': name, 'hovertemplate': '%{y:.4g}'}
+    return shown | {'x': numbers(times), 'y': numbers(values), 'line': line}
 
 
 def _mark(figure: Figure, value: float, text: str, *, axis: str = 'y', log: bool = False) -> None:
-    """A horizontal line at a limit, with its name."""
     line = {'color': LIMIT, 'width': 1.4, 'dash': 'dash'}
     shape = {'type': 'line', 'xref': 'paper', 'x0': 0, 'x1': 1, 'y0': value, 'y1': value}
-    shape['yref'] = axis
-    figure['layout']['shapes'].append(shape | {'line': line})
-    figure['layout']['annotations'].append(
-        {
-            'xref': 'paper',
-            'x': 1.0,
-            'xanchor': 'right',
-            'yref': axis,
-            'y': math.log10(value) if log else value,
-            'yanchor': 'bottom',
-            'text': text,
-            'showarrow': False,
-            'font': {'color': LIMIT, 'size': 12},
-        }
-    )
+    figure['layout']['shapes'].append(shape | {'yref': axis, 'line': line})
+    place = {'xref': 'paper', 'x': 1.0, 'xanchor': 'right', 'yref': axis, 'yanchor': 'bottom'}
+    place['y'] = math.log10(value) if log else value
+    said = {'text': text, 'showarrow': False, 'font': {'color': LIMIT, 'size': 12}}
+    figure['layout']['annotations'].append(place | said)
 
 
 def _named(views: Sequence[View], view: View, name: str) -> str:

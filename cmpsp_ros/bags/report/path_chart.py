@@ -7,35 +7,15 @@ from typing import Any
 
 import numpy as np
 
+from cmpsp_ros import view as drawing
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.bags.report.charts import Figure, axis, escaped, layout, suffix
 from cmpsp_ros.bags.report.view import MOST_PLANS, View, thinned
 from cmpsp_ros.bags.runs.run import DrivenPath, goals_driven_to, lifetime
 from cmpsp_ros.guidance import Goal
 from cmpsp_ros.guidance.messages import Track
-from cmpsp_ros.view import (
-    LOOKS,
-    MOVING,
-    PERSON,
-    SEEN,
-    SIGMAS,
-    TEXT,
-    UNSEEN,
-    arrow,
-    bag_color,
-    body,
-    coordinates,
-    disc,
-    ends,
-    frame,
-    goals_trace,
-    grid_picture,
-    hover,
-    map_corners,
-    numbers,
-    trace,
-    traces,
-)
+
+_POSE = 'x', 'y', 'heading'
 
 
 def moving(views: Sequence[View]) -> list[dict[str, Any]]:
@@ -43,25 +23,22 @@ def moving(views: Sequence[View]) -> list[dict[str, Any]]:
     return [
         {
             'plans': [
-                {
-                    't': round(view.record.seconds(each.stamp), 6),
-                    'x': numbers(each.points[:, 0]),
-                    'y': numbers(each.points[:, 1]),
-                }
+                {'t': round(view.record.seconds(each.stamp), 6), **_columns('xy', each.points)}
                 for each in view.plans
             ],
             'grids': [
-                {'t': round(view.record.seconds(stamp), 6), **grid_picture(grid)}
+                {'t': round(view.record.seconds(stamp), 6), **drawing.grid_picture(grid)}
                 for stamp, grid in view.grids
             ],
-            't': numbers(view.times),
-            'x': numbers(view.poses[:, 0]),
-            'y': numbers(view.poses[:, 1]),
-            'heading': numbers(view.poses[:, 2]),
-            'body': coordinates(body(view.settings)),
+            't': drawing.numbers(view.times),
+            **_columns(_POSE, view.poses),
+            'body': drawing.coordinates(drawing.body(view.settings)),
             'others': [_of_robot(view, each) for each in view.others.values()],
-            'disc': coordinates(disc(view.settings.moving_obstacles.others_radius)),
-            'clearance': {'t': numbers(view.clearance[0]), 'value': numbers(_least(view))},
+            'disc': drawing.coordinates(drawing.disc(view.settings.moving_obstacles.others_radius)),
+            'clearance': {
+                't': drawing.numbers(view.clearance[0]),
+                'value': drawing.numbers(_least(view)),
+            },
             'decisions': [
                 [round(view.record.seconds(each.stamp), 6), each.level, each.reason]
                 for each in view.record.decisions
@@ -72,7 +49,7 @@ def moving(views: Sequence[View]) -> list[dict[str, Any]]:
             ],
             'moving': [_of_obstacle(view, each) for each in view.tracks],
             'people': [_of_obstacle(view, each) for each in view.people],
-            'sigmas': SIGMAS,
+            'sigmas': drawing.SIGMAS,
         }
         for view in views
     ]
@@ -105,32 +82,30 @@ def _least(view: View) -> Array:
 
 def _of_robot(view: View, driven: DrivenPath) -> dict[str, Any]:
     times = np.array([view.record.seconds(each) for each in driven.stamps.tolist()])
-    columns = dict(zip(('x', 'y', 'heading'), driven.poses.T, strict=True))
-    return {name: numbers(each) for name, each in {'t': times, **columns}.items()}
+    return {'t': drawing.numbers(times), **_columns(_POSE, driven.poses)}
+
+
+def _columns(names: Sequence[str], values: Array) -> dict[str, Any]:
+    return dict(zip(names, map(drawing.numbers, values.T), strict=True))
 
 
 def _of_obstacle(view: View, tracks: Sequence[Track]) -> dict[str, Any]:
     chosen = [tracks[k] for k in thinned(np.arange(len(tracks)), MOST_PLANS)]
-    columns = {
-        name: numbers(np.array([getattr(each, name) for each in chosen]))
-        for name in (*Track.FIELDS, *Track.DOUBTS)
-    }
+    names = (*Track.FIELDS, *Track.DOUBTS)
+    columns = _columns(
+        names, np.array([[getattr(each, name) for name in names] for each in chosen])
+    )
     times = np.array([view.record.seconds(each.stamp) for each in chosen])
-    return {'t': numbers(times), 'timeout': lifetime(tracks[0], view.settings), **columns}
+    return {'t': drawing.numbers(times), 'timeout': lifetime(tracks[0], view.settings), **columns}
 
 
+# Height of a panel [pixels], and the part of it that is left free below it.
 _PANEL, _GAP = 520, 0.13
-"""Height of a panel [pixels], and the part of it that is left free below it."""
-
-_ROOM = 0.6
-"""Part of the road's width that is shown around everything that happened."""
+_ROOM = 0.6  # part of the road's width that is shown around everything that happened
 
 
 def path(views: Sequence[View]) -> Figure:
-    """Courses, goals, paths driven, plans and robots; a panel for each course.
-
-    Traces that the script fills carry the number of their bag and their part in `meta`.
-    """
+    """Courses, goals, paths driven, plans and robots; a panel for each course."""
     figure: Figure = {'data': [], 'layout': layout()}
     places = panels(views)
     height = _PANEL * len(places)
@@ -171,27 +146,31 @@ def frame_of(views: Sequence[View]) -> list[tuple[float, float]]:
     """Ends in x and in y of a picture of all runs on a course [m]."""
     points = [np.array([goal.position for goal in goals_of(view)]) for view in views]
     points = [view.poses[:, :2] for view in views] + [each for each in points if len(each)]
-    points += [map_corners(view.settings) for view in views]
+    points += [drawing.map_corners(view.settings) for view in views]
     points += [other.poses[:, :2] for view in views for other in view.others.values()]
     points += [line for view in views for each in view.run[-1:] for line in each.lines]
     shapes = [shape for view in views for shape in (*view.shapes, *view.hidden)]
-    low, high = frame(points, shapes, _ROOM * views[0].settings.road.width)
+    low, high = drawing.frame(points, shapes, _ROOM * views[0].settings.road.width)
     return list(zip(low.tolist(), high.tolist(), strict=True))
 
 
 def _panel(views: Sequence[View], members: Sequence[int]) -> Iterator[Figure]:
-    """The course of some views, and then the run of each."""
-    yield from traces(views[members[0]].course, '')
+    yield from drawing.traces(views[members[0]].course, '')
     if any(views[k].grids for k in members):
-        for name, color in ((LOOKS['seen'].label, SEEN), ('not seen yet', UNSEEN)):
+        for name, color in (
+            (drawing.LOOKS['seen'].label, drawing.SEEN),
+            ('not seen yet', drawing.UNSEEN),
+        ):
             square = {'symbol': 'square', 'size': 12, 'color': color, 'opacity': 0.55}
-            yield trace(name, 'markers', *np.full((2, 1), np.nan)) | {'marker': square}
+            yield drawing.trace(name, 'markers', *np.full((2, 1), np.nan)) | {'marker': square}
     for number in members:
         # With several bags the legend has one entry for each, which switches all of it.
         named = {'legendgroup': f'bag {number}', 'showlegend': False} if len(views) > 1 else {}
         for each in _run(number, views[number]):
             yield each | named
-        driven = _driven(views[number], bag_color(number)) | named
+        driven = drawing.trace('driven', 'lines', *views[number].poses[:, :2].T)
+        driven |= drawing.hover([f'{each:.2f} s' for each in views[number].times])
+        driven |= {'line': {'color': drawing.bag_color(number), 'width': 2.6}} | named
         if len(views) > 1:
             driven |= {'showlegend': True, 'name': escaped(views[number].label)}
         yield driven
@@ -199,17 +178,17 @@ def _panel(views: Sequence[View], members: Sequence[int]) -> Iterator[Figure]:
 
 def _run(number: int, view: View) -> Iterator[Figure]:
     """One run but for the path driven, with traces that are empty until the script fills them."""
-    color = bag_color(number)
-    yield from traces(view.run, color)
-    grey = {'color': TEXT, 'width': 1.4}
-    moving = {'fill': 'toself', 'fillcolor': MOVING, 'line': {'width': 0}}
+    color = drawing.bag_color(number)
+    yield from drawing.traces(view.run, color)
+    grey = {'color': drawing.TEXT, 'width': 1.4}
+    moving = {'fill': 'toself', 'fillcolor': drawing.MOVING, 'line': {'width': 0}}
     ring = {'symbol': 'circle-open', 'size': 30, 'line': {'width': 2}, 'color': color}
     hidden = {'showlegend': False}
     for name, mode, look in (
         ('doubts', 'lines', {**moving, **hidden, 'opacity': 0.2}),
         ('moving', 'lines', {**moving, **hidden, 'opacity': 0.85}),
-        ('velocities', 'lines', {'line': {'color': MOVING, 'width': 2.0}, **hidden}),
-        ('people', 'lines', {'line': {'color': PERSON, 'width': 2.0}, **hidden}),
+        ('velocities', 'lines', {'line': {'color': drawing.MOVING, 'width': 2.0}, **hidden}),
+        ('people', 'lines', {'line': {'color': drawing.PERSON, 'width': 2.0}, **hidden}),
         ('others', 'lines', {'fill': 'toself', 'fillcolor': '#d9dce2', 'line': grey, **hidden}),
         ('plan', 'lines+markers', {
             'line': {'color': color, 'width': 1.2, 'dash': 'dot'},
@@ -217,21 +196,14 @@ def _run(number: int, view: View) -> Iterator[Figure]:
         }),
         ('driven to', 'markers', {'marker': ring}),
         ('body', 'lines', {'line': {'color': color, 'width': 2.0}, **hidden}),
-        ('robot', 'markers', {**arrow(view.poses[:1, 2], color, 17), **hidden}),
+        ('robot', 'markers', {**drawing.arrow(view.poses[:1, 2], color, 17), **hidden}),
     ):  # fmt: skip
-        yield trace(name, mode) | look | {'meta': {'bag': number, 'part': name}}
-    yield goals_trace(goals_of(view))
-    yield ends(view.poses, color)
-
-
-def _driven(view: View, color: str) -> Figure:
-    path_ = trace('driven', 'lines', *view.poses[:, :2].T)
-    path_ |= hover([f'{each:.2f} s' for each in view.times])
-    return path_ | {'line': {'color': color, 'width': 2.6}}
+        yield drawing.trace(name, mode) | look | {'meta': {'bag': number, 'part': name}}
+    yield drawing.goals_trace(goals_of(view))
+    yield drawing.ends(view.poses, color)
 
 
 def _name_once(shown: Sequence[Figure]) -> None:
-    """Keep one entry of each name in the legend; panels share it."""
     known = set[str]()
     for each in shown:
         if each['name'] in known and 'legendgroup' not in each:

@@ -18,11 +18,7 @@ from cmpsp_ros.view import GRID, LIMIT, draw, seen, traces
 
 
 def draw_report(views: Sequence[View], output: Path) -> Figure:
-    """Draw paths, fallback levels, controls, clearance and step times.
-
-    Returns:
-        The figure that was written.
-    """
+    """Draw paths, fallback levels, controls, clearance and step times; return the figure."""
     places, titles = panels(views), quantities(views)
     charts_ = [(levels(views), 0), *((controls(views), row) for row in range(len(titles)))]
     charts_ += [(clearance(views), 0), (step_times(views), 0)]
@@ -33,7 +29,10 @@ def draw_report(views: Sequence[View], output: Path) -> Figure:
     handles: dict[str, Any] = {}
     for number, members in enumerate(places):
         axes = figure.add_subplot(grid[number])
-        _draw_path(axes, path(views), suffix(number))
+        chart, on = path(views), suffix(number)
+        draw(axes, (each for each in chart['data'] if each['xaxis'] == f'x{on}'))
+        x, y = (chart['layout'][f'{letter}axis{on}']['range'] for letter in 'xy')
+        axes.set(xlim=x, ylim=y, xlabel='x [m]', ylabel='y [m]', aspect='equal')
         draw(axes, traces([seen([grid for _, grid in views[k].grids]) for k in members], ''))
         handles |= dict(zip(*axes.get_legend_handles_labels()[::-1], strict=True))
     keys = figure.add_subplot(grid[-1])
@@ -53,16 +52,7 @@ def draw_report(views: Sequence[View], output: Path) -> Figure:
     return figure
 
 
-def _draw_path(axes: Axes, chart: Chart, on: str) -> None:
-    """Draw one panel of the path chart."""
-    draw(axes, (each for each in chart['data'] if each['xaxis'] == f'x{on}'))
-    x, y = (chart['layout'][f'{letter}axis{on}']['range'] for letter in 'xy')
-    axes.set(xlim=x, ylim=y, xlabel='x [m]', ylabel='y [m]')
-    axes.set_aspect('equal')
-
-
 def _draw_chart(axes: Axes, chart: Chart, on: str) -> None:
-    """Draw one panel of a chart over time, with its limits."""
     draw(axes, (each for each in chart['data'] if each.get('yaxis', 'y') == f'y{on}'))
     style = chart['layout'][f'yaxis{on}']
     axes.set_ylabel(style.get('title', {}).get('text', ''))

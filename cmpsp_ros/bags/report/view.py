@@ -27,14 +27,9 @@ from cmpsp_ros.world.grids import OccupancyGrid
 from cmpsp_ros.world.obstacles import Shape
 from cmpsp_ros.world.roads import FAR
 
-MOST_POINTS = 4000
-"""Points of a curve that are drawn; a screen shows no more."""
-
-MOST_PLANS = 600
-"""Plans that are kept for the slider."""
-
-_MOST_GRIDS = 200
-"""Grids that are kept for the slider."""
+MOST_POINTS = 4000  # points of a curve that are drawn; a screen shows no more
+MOST_PLANS = 600  # plans that are kept for the slider
+_MOST_GRIDS = 200  # grids that are kept for the slider
 
 
 @dataclass(frozen=True)
@@ -50,22 +45,18 @@ class Band:
 
 @dataclass(frozen=True)
 class View:
-    """One bag in a report.
-
-    Attributes:
-        decisions: All decisions, those whose command came too late to be sent among them.
-        plans: Some of the plans, in order of time; none if they were not recorded.
-        grids: Some of the grids that sensors had shown, with their times [ns].
-        version: Version of this package that recorded it, or empty.
-    """
+    """One bag in a report."""
 
     label: str
     record: AuditRecord
+    # All decisions, those whose command came too late to be sent among them.
     decisions: tuple[DecisionRecord, ...]
     findings: tuple[Finding, ...]
+    # Some of the plans, in order of time; none if they were not recorded.
     plans: tuple[Planned, ...]
+    # Some of the grids that sensors had shown, with their times [ns].
     grids: tuple[tuple[int, OccupancyGrid], ...]
-    version: str
+    version: str  # of this package that recorded it, or empty
 
     @property
     def settings(self) -> GuidanceSettings:
@@ -171,10 +162,7 @@ class View:
 
     @cached_property
     def clearance(self) -> tuple[Array, dict[str, Array]]:
-        """Time [s] and clearance from everything there is, by its kind [m], each ``(K,)``.
-
-        Both static and moving obstacles count.
-        """
+        """Time [s], and clearance from all things by their kind [m], each ``(K,)``."""
         sweeps = self.record.sweeps
         times = np.concatenate([self._seconds(each.stamps) for each in sweeps])
         road = np.concatenate([each.clearance[:, :EDGES].min(axis=1) for each in sweeps])
@@ -239,19 +227,12 @@ class View:
 
     def _person(self, tracks: Sequence[Track]) -> Part:
         """Path of a person, and the body where it was nearest to the robot, with the time."""
-        nearest, seconds = self._nearest(tracks)
-        center = nearest.x, nearest.y
-        name = f'{seconds:.1f} s', center
-        return Part('person', (_places(tracks),), (name,), ((center, nearest.radius),))
-
-    def _nearest(self, tracks: Sequence[Track]) -> tuple[Track, float]:
-        """Track at the closest approach to the robot, and its time [s]."""
         times = self._seconds(np.array([each.stamp for each in tracks], dtype=np.int64))
-        robot = np.column_stack(
-            [np.interp(times, self.times, each) for each in self.poses[:, :2].T]
-        )
-        index = int(np.hypot(*(_places(tracks) - robot).T).argmin())
-        return tracks[index], float(times[index])
+        robot = [np.interp(times, self.times, each) for each in self.poses[:, :2].T]
+        index = int(np.hypot(*(_places(tracks).T - robot)).argmin())
+        center = tracks[index].x, tracks[index].y
+        name = f'{times[index]:.1f} s', center
+        return Part('person', (_places(tracks),), (name,), ((center, tracks[index].radius),))
 
     def _other(self, name: str, driven: DrivenPath) -> Part:
         ends = bodies(disc(self.settings.moving_obstacles.others_radius), driven.poses[[0, -1]])
@@ -295,7 +276,6 @@ def labels(paths: Sequence[Path]) -> list[str]:
 
 
 def _least(times: Array, values: dict[str, Array]) -> tuple[Array, dict[str, Array]]:
-    """Thinned such that the minima stay."""
     width = -(-len(times) // MOST_POINTS)
     begins = np.arange(0, len(times), width)
     return times[begins], {name: np.minimum.reduceat(each, begins) for name, each in values.items()}

@@ -17,27 +17,18 @@ from cmpsp_ros.robots import Bodies
 from cmpsp_ros.robots.motion import with_side
 from cmpsp_ros.world.obstacles import MovingDiscs
 
-_STANDS = 0.051
-"""Speed of any point of a robot up to which it counts as standing [m/s]."""
-
-_DIGITS = 9
-"""Digits of a depth behind the point [m]; those behind are rounding errors."""
+_STANDS = 0.051  # speed of any point of a robot up to which it counts as standing [m/s]
+_DIGITS = 9  # digits of a depth behind the point [m]; those behind are rounding errors
 
 
 @dataclass(frozen=True)
 class Encounter:
-    """Part of a path, with its distance from one moving obstacle or other robot.
+    """Part of a path, with its distance from one moving obstacle or other robot."""
 
-    Attributes:
-        name: Name in messages.
-        stamps: Beginning of each arc [ns], shape ``(K,)``.
-        clearance: Distance from it, less the robot's radius, shape ``(K,)`` [m].
-        stands: True if the robot stood or crept, shape ``(K,)``: a collision is then not its own.
-    """
-
-    name: str
-    stamps: IntArray
-    clearance: Array
+    name: str  # in messages
+    stamps: IntArray  # beginning of each arc [ns], shape ``(K,)``
+    clearance: Array  # distance from it, less the robot's radius, shape ``(K,)`` [m]
+    # True if the robot stood or crept, shape ``(K,)``: a collision is then not its own.
     stands: BoolArray
 
 
@@ -46,8 +37,7 @@ def encounters(
 ) -> Iterator[Encounter]:
     """Every part of a path with the moving obstacles of that time, at constant velocity.
 
-    An obstacle that is not seen again is dropped after its lifetime [s]; `bodies` as in
-    `GuidanceSettings.bodies`.
+    An obstacle is dropped after its lifetime [s]; `bodies` as in `GuidanceSettings.bodies`.
     """
     begin, end = int(path.stamps[0]), int(path.stamps[-1])
     for index, each in enumerate(tracks):
@@ -74,8 +64,8 @@ def encounters(
 def driven_into(met: Iterable[Encounter]) -> Iterator[tuple[Encounter, Array]]:
     """Encounters in order of time, each with its clearance while the robot drives, ``(K,)`` [m].
 
-    It is infinite at rest. A robot that was run into at rest may leave: its clearance is then how
-    much deeper it gets.
+    It is infinite at rest. One that was run into at rest may leave: it counts how much deeper
+    it gets.
     """
     depths: dict[str, float] = {}
     for each in sorted(met, key=lambda each: int(each.stamps[0])):
@@ -104,10 +94,7 @@ def robot_encounters(
     bodies: Bodies,
     timeout: float,
 ) -> Iterator[Encounter]:
-    """Every part of a path with the positions of each other robot, of a radius [m], at that time.
-
-    The last motion of another robot is extrapolated for `timeout` [s].
-    """
+    """Parts of a path with other robots of a radius [m], extrapolated for `timeout` [s]."""
     grown = [(points, own + radius) for points, own in bodies]
     for namespace, other in others.items():
         for each in encounters(path, _tracks(other), grown, lambda _: timeout):
@@ -115,7 +102,6 @@ def robot_encounters(
 
 
 def _tracks(driven: DrivenPath) -> list[Track]:
-    """A path as straight lines from each of its poses to the next, of a point."""
     velocities = np.diff(driven.poses[:, :2], axis=0) / driven.durations[:, None]
     rows = zip(
         driven.stamps.tolist(),

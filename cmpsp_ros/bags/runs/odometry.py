@@ -17,8 +17,7 @@ from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings
 from cmpsp_ros.guidance.messages import OdometryError, OdometryReading
 from cmpsp_ros.sensing import stamp_of
 
-_LOST: Final = 3.0
-"""Median intervals between two messages from which on some are missing."""
+_LOST: Final = 3.0  # median intervals between two messages from which on some are missing
 
 
 class Hole(NamedTuple):
@@ -88,7 +87,6 @@ _MOST_NAMED: Final = 3
 
 
 def _long(stamps: IntArray, longest: int) -> NDArray[np.intp]:
-    """Indices of the intervals that are too long."""
     return np.flatnonzero(np.diff(stamps) > longest)
 
 
@@ -97,19 +95,12 @@ _TYPE = 'nav_msgs/msg/Odometry'
 
 @dataclass(frozen=True)
 class OdometrySeries:
-    """Odometry in the order in which it was received.
+    """Odometry in the order in which it was received."""
 
-    Attributes:
-        received: Time of reception [ns], shape ``(K,)``.
-        stamps: Time stamps [ns], shape ``(K,)``.
-        poses: Shape ``(K, 3)`` [m, m, rad].
-        spreads: Stated standard deviations of position and heading, ``(K, 2)`` [m, rad].
-    """
-
-    received: IntArray
-    stamps: IntArray
-    poses: Array
-    spreads: Array
+    received: IntArray  # time of reception [ns], shape ``(K,)``
+    stamps: IntArray  # time stamps [ns], shape ``(K,)``
+    poses: Array  # shape ``(K, 3)`` [m, m, rad]
+    spreads: Array  # stated standard deviations of position and heading, ``(K, 2)`` [m, rad]
 
     def legs(self, backwards: float) -> list[OdometrySeries]:
         """Parts in which time does not jump back by more than so much [s], or is out of order."""
@@ -176,10 +167,7 @@ def path_through(odometry: OdometrySeries) -> DrivenPath:
 
 
 def interpolated(odometry: OdometrySeries, stamps: IntArray) -> Array:
-    """Poses ``(M, 3)`` at instants ``(M,)`` [ns], on straight lines between the samples.
-
-    The headings stay the measured ones: between noisy samples that are close, arcs have others.
-    """
+    """Poses ``(M, 3)`` at instants ``(M,)`` [ns], on straight lines between samples."""
     # IntArray count from 1970, and floats have no nanoseconds left there.
     times, wanted = odometry.stamps - odometry.stamps[0], stamps - odometry.stamps[0]
     columns = odometry.poses[:, 0], odometry.poses[:, 1], np.unwrap(odometry.poses[:, 2])

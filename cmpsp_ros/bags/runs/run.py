@@ -20,8 +20,7 @@ from cmpsp_ros.robots.motion import arc_ends, plain
 from cmpsp_ros.sensing import stamp_of
 from cmpsp_ros.world.roads import arc_length_to
 
-_PERIODS = 1.5
-"""Control periods for which what own sensors have seen counts."""
+_PERIODS = 1.5  # control periods for which what own sensors have seen counts
 
 
 def read_tracks(bag: Bag, topic: str, frame_id: str | None) -> tuple[Track, ...]:
@@ -41,36 +40,29 @@ def read_tracks(bag: Bag, topic: str, frame_id: str | None) -> tuple[Track, ...]
 
 
 def seen_at(tracks: Iterable[Track], stamp: int, settings: GuidanceSettings) -> list[Track]:
-    """Moving obstacles as known at an instant [ns], brought to it, by number.
-
-    One that is not seen again is forgotten after `lifetime`.
-    """
+    """Moving obstacles known at an instant [ns] and not forgotten, brought to it, by number."""
     latest = {
         each.id: each
         for each in tracks
         if 0 <= stamp - each.stamp <= round(lifetime(each, settings) * NANOSECONDS)
     }
-    return [_after(each, stamp) for each in latest.values()]
+    ages = {number: (stamp - each.stamp) / NANOSECONDS for number, each in latest.items()}
+    return [
+        replace(
+            each,
+            stamp=stamp,
+            x=each.x + ages[number] * each.vx,
+            y=each.y + ages[number] * each.vy,
+            position_stddev=each.position_stddev + ages[number] * each.velocity_stddev,
+        )
+        for number, each in latest.items()
+    ]
 
 
 def lifetime(track: Track, settings: GuidanceSettings) -> float:
-    """Time for which a track counts without being seen again [s].
-
-    The sensors of the robot say by their next sighting what they do not see any longer.
-    """
+    """Time for which a track counts without being seen again [s]; own sensors say it sooner."""
     return (
         _PERIODS * settings.control_period if track.is_seen else settings.moving_obstacles.timeout
-    )
-
-
-def _after(track: Track, stamp: int) -> Track:
-    age = (stamp - track.stamp) / NANOSECONDS
-    return replace(
-        track,
-        stamp=stamp,
-        x=track.x + age * track.vx,
-        y=track.y + age * track.vy,
-        position_stddev=track.position_stddev + age * track.velocity_stddev,
     )
 
 
@@ -89,17 +81,11 @@ class Planned:
 
 @dataclass(frozen=True)
 class DrivenPath:
-    """The driven path, as arcs of constant wheel speeds.
+    """The driven path, as arcs of constant wheel speeds."""
 
-    Attributes:
-        stamps: Beginning of each arc, and the end of the last [ns], shape ``(K + 1,)``.
-        poses: Pose at each, shape ``(K + 1, 3)`` [m, m, rad].
-        twists: Twist after each, shape ``(K + 1, 2)`` or ``(K + 1, 3)``; see `Robot`.
-    """
-
-    stamps: IntArray
-    poses: Array
-    twists: Array
+    stamps: IntArray  # beginning of each arc, and the end of the last [ns], shape ``(K + 1,)``
+    poses: Array  # pose at each, shape ``(K + 1, 3)`` [m, m, rad]
+    twists: Array  # twist after each, shape ``(K + 1, 2)`` or ``(K + 1, 3)``; see `Robot`
 
     @property
     def durations(self) -> Array:
@@ -129,22 +115,15 @@ class DrivenPath:
 
 @dataclass(frozen=True)
 class Run:
-    """A recorded run; plans are empty if they were not recorded.
-
-    Attributes:
-        tracks: Moving obstacles as received, by id and time.
-        people: The simulator's people as they truly were, by number and time.
-        wheel_stamps: Stamps of the wheel speeds [ns], shape ``(W,)``.
-        wheel_speeds: Driven or, without a simulator, commanded, ``(W, wheels)`` [rad/s].
-    """
+    """A recorded run; plans are empty if they were not recorded."""
 
     decisions: tuple[DecisionRecord, ...]
     plans: tuple[Planned, ...]
     driven: DrivenPath
-    tracks: tuple[Track, ...]
-    people: tuple[Track, ...]
-    wheel_stamps: IntArray
-    wheel_speeds: Array
+    tracks: tuple[Track, ...]  # moving obstacles as received, by id and time
+    people: tuple[Track, ...]  # the simulator's people as they truly were, by number and time
+    wheel_stamps: IntArray  # stamps of the wheel speeds [ns], shape ``(W,)``
+    wheel_speeds: Array  # driven or, without a simulator, commanded, ``(W, wheels)`` [rad/s]
 
     @property
     def told(self) -> tuple[Track, ...]:
@@ -173,10 +152,7 @@ def read_run(path: Path, namespace: str = '') -> Run:
 
 
 def driven_in(bag: Bag, namespace: str) -> DrivenPath:
-    """The driven path, in the frame of the course.
-
-    The simulator's own path is preferred if there is one and odometry is in that frame.
-    """
+    """The driven path in the frame of the course: the simulator's own, or that of odometry."""
     heard = bag.as_decided_on(f'{namespace}/guidance', 'odom')
     topic = truth_topic(bag, namespace, heard) or heard
     rows: dict[int, tuple[list[float], list[float]]] = {}
@@ -223,16 +199,13 @@ def _wheels(bag: Bag, topic: str) -> tuple[IntArray, Array]:
 
 @dataclass(frozen=True)
 class Passing:
-    """Position at the time of a goal [ns]: distance [m] and heading error [rad] or None.
-
-    `ratio` is the larger of both errors, each divided by its tolerance.
-    """
+    """Position at the time of a goal [ns]: distance [m] and heading error [rad] or None."""
 
     goal: Goal
     stamp: int
     miss: float
     heading_miss: float | None
-    ratio: float
+    ratio: float  # the larger of both errors, each divided by its tolerance
 
     @classmethod
     def of(cls, settings: GuidanceSettings, goal: Goal, stamp: int, pose: Array) -> Passing:
@@ -263,10 +236,7 @@ def mean_speed(settings: GuidanceSettings, poses: Array, seconds: float) -> floa
 def goals_driven_to(
     decisions: Sequence[DecisionRecord], settings: GuidanceSettings
 ) -> list[tuple[int, Goal]]:
-    """Each goal with the stamp [ns] from which it was the current one; none on a followed road.
-
-    A decision that names no goal has the only one there is.
-    """
+    """Goals with the stamps [ns] from which they were current; none on a followed road."""
     if settings.follow is not None:
         return []
     alone = Goal(settings.goal, settings.final_time, settings.goal_heading)

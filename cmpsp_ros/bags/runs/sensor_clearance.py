@@ -22,45 +22,28 @@ from cmpsp_ros.world.grids import Cell, GridError, GridObstacle, OccupancyGrid
 
 Window = tuple[float, float]
 
-EXACT: Final = 0.05
-"""Error of ranges, odometry and cells together [m]."""
-
+EXACT: Final = 0.05  # error of ranges, odometry and cells together [m]
 _GRID: Final = 'nav_msgs/msg/OccupancyGrid'
 
-_RESTS: Final = 0.01
-"""Largest motion of a robot at rest [m, rad]."""
-
-_AROUND: Final = 20.0
-"""Side of the square around the robot in which spots are kept, at most [m]."""
-
-_BLOCK: Final = 600
-"""Scans that are held at once, to be looked at in both directions of time."""
+_RESTS: Final = 0.01  # largest motion of a robot at rest [m, rad]
+_AROUND: Final = 20.0  # side of the square around the robot in which spots are kept, at most [m]
+_BLOCK: Final = 600  # scans that are held at once, to be looked at in both directions of time
 
 
 @dataclass(frozen=True, eq=False)
 class SensorClearance:
-    """Distance of a robot from the sightings of its sensors.
+    """Distance of a robot from the sightings of its sensors."""
 
-    Attributes:
-        stamps: Times of poses, in order, shape ``(K,)`` [ns].
-        poses: The poses, shape ``(K, 3)`` [m, m, rad].
-        clearance: Distance of the robot's outline at each from the nearest spot that a beam met and
-            no later beam (before: no earlier one) passed, negative inside, shape ``(K,)`` [m].
-        looks: Times of the messages that showed anything, in order, shape ``(L,)`` [ns].
-        tolerance: Error of the clearance [m].
-    """
-
-    stamps: IntArray
-    poses: Array
+    stamps: IntArray  # times of poses, in order, shape ``(K,)`` [ns]
+    poses: Array  # shape ``(K, 3)`` [m, m, rad]
+    # Distance of the robot's outline at each from the nearest spot that a beam met and no later
+    # beam (before: no earlier one) passed, negative inside, shape ``(K,)`` [m].
     clearance: Array
-    looks: IntArray
-    tolerance: float
+    looks: IntArray  # times of the messages that showed anything, in order, shape ``(L,)`` [ns]
+    tolerance: float  # error of the clearance [m]
 
     def blind(self, looks: IntArray, settings: GuidanceSettings) -> tuple[Hole, ...]:
-        """Times of driving on with nothing seen for longer than `sight.timeout`.
-
-        `looks` are the sorted times of all sightings [ns].
-        """
+        """Times of driving with nothing seen for `sight.timeout`; `looks`: all sightings [ns]."""
         longest = longest_interval(looks, settings)
         longest = max(longest, to_nanoseconds(settings.sight.timeout))
         found = holes(looks, int(self.stamps[0]), int(self.stamps[-1]), longest)
@@ -75,7 +58,6 @@ class Knowledge:
     """Grid that sensors had shown by a time, as `~/sighting` has it."""
 
     def __init__(self, grids: Iterator[tuple[int, OccupancyGrid]]) -> None:
-        """Take grids with their stamps [ns], in order."""
         self._grids, self._next = grids, next(grids, None)
         self._seen: OccupancyGrid | None = None
 
@@ -106,16 +88,12 @@ def look(
     moving: Callable[[int], Array],
     window: Window,
 ) -> Iterator[SensorClearance]:
-    """Obstacles beside a path in scans, clouds and `~/sighting`.
+    """Obstacles beside a path in scans, clouds and `~/sighting`, the full name `topic`.
 
-    Args:
-        bag: An open bag.
-        topic: Full name of `~/sighting`; scans are in the namespace of its node.
-        settings: With the sensors and the robot's outline.
-        paths: Parts without holes of the best path known, and of that by odometry, in whose frame
-            the grid is with all its errors.
-        moving: Discs ``(x, y, radius)`` of all that is known to move at a time [ns], ``(D, 3)``.
-        window: Reception of the first message that counts, and of the first that does not [ns].
+    `paths` are parts without holes of the best path known, and of that by odometry, in whose
+    frame the grid is. `moving` are discs ``(x, y, radius)`` of all that moves at a time [ns],
+    ``(D, 3)``; `window` are receptions from the first message that counts to the first that
+    does not [ns].
     """
     best, heard = paths
     if best:

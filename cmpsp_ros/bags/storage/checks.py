@@ -39,11 +39,7 @@ def read_metadata(folder: Path) -> dict[str, Any]:
 
 
 def check_bag(path: Path) -> dict[str, Any]:
-    """Check that rosbags can read a bag in bounded memory and time.
-
-    Returns:
-        The metadata of its folder; empty for a single storage file.
-    """
+    """Check that rosbags can read a bag in bounded memory and time; returns a folder's metadata."""
     if not path.is_dir():
         _check_storage(path, SUFFIXES.get(path.suffix, ''))
         return {}
@@ -67,7 +63,7 @@ def check_bag(path: Path) -> dict[str, Any]:
 
 
 def salvage(path: Path, folder: Path, remark: Remark) -> Iterator[Found]:
-    """Iterate over the readable remains of a storage file, each topic before its messages.
+    """Iterate over the readable remains of a file, each topic before its messages.
 
     Temporary files go to `folder`; `remark` is called with each reason for an omission.
     """

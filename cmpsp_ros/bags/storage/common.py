@@ -21,38 +21,25 @@ Remark = Callable[[str], None]
 
 StorageName = Literal['mcap', 'sqlite3']
 
-REFUSALS = OSError, sqlite3.Error
-"""Errors of a storage when the disk refuses."""
+REFUSALS = OSError, sqlite3.Error  # errors of a storage when the disk refuses
 
+# Storage by the suffix of its files.
 SUFFIXES: dict[str, StorageName] = {'.mcap': 'mcap', '.db3': 'sqlite3'}
-"""Storage by the suffix of its files."""
-
-METADATA = 'metadata.yaml'
-"""Description of a complete bag."""
-
-INFORMATION = 'rosbag2_bagfile_information'
-"""Key of all in it."""
-
-UNFINISHED = 'unfinished.json'
-"""Custom data of a bag that is being written."""
-
-NO_MESSAGE_YET = 2**63 - 1
-"""Start time that rosbag2 writes for a bag without messages [ns]."""
-
+METADATA = 'metadata.yaml'  # description of a complete bag
+INFORMATION = 'rosbag2_bagfile_information'  # key of all in it
+UNFINISHED = 'unfinished.json'  # custom data of a bag that is being written
+NO_MESSAGE_YET = 2**63 - 1  # start time that rosbag2 writes for a bag without messages [ns]
 _FORMATS = {'ros2msg': MessageDefinitionFormat.MSG, 'ros2idl': MessageDefinitionFormat.IDL}
 
 
 @dataclass(frozen=True)
 class Form:
-    """Format of a bag; only chunks of mcap can be compressed, by zstd.
-
-    A new file is begun at a size [bytes], and after a duration [ns]; 0 for a single file.
-    """
+    """Format of a bag, and when a new file is begun; never where both are 0."""
 
     storage: StorageName = 'mcap'
-    compressed: bool = False
-    split_size: int = 0
-    split_duration: int = 0
+    compressed: bool = False  # chunks of mcap only, by zstd
+    split_size: int = 0  # [bytes]
+    split_duration: int = 0  # [ns]
 
 
 @dataclass(frozen=True)
@@ -65,8 +52,8 @@ class FoundTopic:
     qos_profiles: tuple[Qos, ...]
 
 
+# A topic, or a message of it with its stamp [ns].
 Found = tuple[FoundTopic, int, bytes] | FoundTopic
-"""A topic, or a message of it with its stamp [ns]."""
 
 
 def read_definition(encoding: str, text: str) -> MessageDefinition | None:

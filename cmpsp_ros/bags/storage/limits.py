@@ -18,35 +18,21 @@ from pathlib import Path
 
 _MEGABYTE = 1 << 20
 
+# Size of a `metadata.yaml`, and of all QoS profiles in a storage file [bytes].
 MAX_METADATA = 2 * _MEGABYTE
-"""Size of a `metadata.yaml`, and of all QoS profiles in a storage file [bytes]."""
+MAX_DEPTH = 20  # nesting of YAML; what rosbag2 writes is 7 deep
+MAX_FILES = 10_000  # storage files of one bag
+MAX_TOPICS = 2_000  # topics of one bag
 
-MAX_DEPTH = 20
-"""Nesting of YAML; what rosbag2 writes is 7 deep."""
-
-MAX_FILES = 10_000
-"""Storage files of one bag."""
-
-MAX_TOPICS = 2_000
-"""Topics of one bag."""
-
+# Index at the end of an mcap file [bytes]; a day at one chunk a second takes 20 MB.
 MAX_SUMMARY = 64 * _MEGABYTE
-"""Index at the end of an mcap file [bytes]; a day at one chunk a second takes 20 MB."""
+MAX_CHUNKS = 200_000  # chunks of an mcap file; a day at one chunk a second has 86,400
+MAX_CHUNK = 64 * _MEGABYTE  # chunk of an mcap file, uncompressed, and any single message [bytes]
+MAX_HELD = 192 * _MEGABYTE  # messages held to bring chunks that overlap in time into order [bytes]
 
-MAX_CHUNKS = 200_000
-"""Chunks of an mcap file; a day at one chunk a second has 86,400."""
-
-MAX_CHUNK = 64 * _MEGABYTE
-"""Chunk of an mcap file, uncompressed, and any single message [bytes]."""
-
-MAX_HELD = 192 * _MEGABYTE
-"""Messages held to bring chunks that overlap in time into order [bytes]."""
-
+# Storage file that is compressed as a whole, uncompressed [bytes].
 MAX_INFLATED_FILE = 2048 * _MEGABYTE
-"""Storage file that is compressed as a whole, uncompressed [bytes]."""
-
-MAX_SEQUENCE = 1_000_000
-"""Elements of one sequence in a message."""
+MAX_SEQUENCE = 1_000_000  # elements of one sequence in a message
 
 # zstd reduces messages to a tenth or a fiftieth, zeros to a twenty-thousandth.
 _MAX_RATIO = 100
@@ -80,10 +66,7 @@ def check_yaml(text: str) -> None:
 
 
 def inflate(data: bytes, compression: str, limit: int, *, truncated: bool = False) -> bytes:
-    """Uncompress one frame of `zstd`, `lz4` or '' (none), to at most `limit` bytes.
-
-    Of a truncated frame the result is the beginning of the whole.
-    """
+    """Uncompress one frame, or the beginning of a truncated one, to at most `limit` bytes."""
     inflated, complete = data, True
     if compression:
         if compression == 'zstd':

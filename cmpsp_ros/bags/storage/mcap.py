@@ -59,16 +59,13 @@ class McapRecord(NamedTuple):
 
 
 class ChunkHead(NamedTuple):
-    """The header of a chunk: stamps [ns], and its records uncompressed and in the file [bytes].
-
-    A checksum, CRC-32, is 0 for none; compression is `zstd`, `lz4`, or empty for none.
-    """
+    """The header of a chunk: stamps [ns], and its records uncompressed and in the file [bytes]."""
 
     start: int
     end: int
     size: int
-    checksum: int
-    compression: str
+    checksum: int  # CRC-32, or 0 for none
+    compression: str  # `zstd`, `lz4`, or empty for none
     compressed: int
 
 
@@ -97,7 +94,9 @@ def content(file: BinaryIO, record: McapRecord, end: int, limit: int = _MAX_RECO
 
 def read_chunk(body: BytesIO, *, truncated: bool = False) -> tuple[ChunkHead, bytes]:
     """Uncompress a chunk record; a truncated one yields its first records."""
-    head = _chunk_head(body)
+    start, end, size, checksum = _CHUNK.unpack(read_exact(body, _CHUNK.size))
+    head = ChunkHead(start, end, size, checksum, read_string(body), _number(body, _UINT64))
+    _check_head(head)
     data = body.read(head.compressed) if truncated else read_exact(body, head.compressed)
     inflated = limits.inflate(data, head.compression, head.size, truncated=truncated)
     is_sound = len(inflated) == head.size and head.checksum in {0, crc32(inflated)}
@@ -106,19 +105,11 @@ def read_chunk(body: BytesIO, *, truncated: bool = False) -> tuple[ChunkHead, by
     return head, inflated
 
 
-def _chunk_head(body: BytesIO) -> ChunkHead:
-    start, end, size, checksum = _CHUNK.unpack(read_exact(body, _CHUNK.size))
-    head = ChunkHead(start, end, size, checksum, read_string(body), _number(body, _UINT64))
-    _check_head(head)
-    return head
-
-
 def _check_head(head: ChunkHead) -> None:
     if head.size > limits.MAX_CHUNK:
         raise ReaderError(f'chunk of {head.size} bytes, at most {limits.MAX_CHUNK} are read')
     if not head.compression and head.compressed != head.size:
-        msg = f'chunk of {head.size} bytes that takes {head.compressed} uncompressed'
-        raise ReaderError(msg)
+        raise ReaderError(f'chunk of {head.size} bytes that takes {head.compressed} uncompressed')
 
 
 def _number(body: BytesIO, form: struct.Struct) -> int:

@@ -33,14 +33,11 @@ class _WrittenChunk(NamedTuple):
 
 
 class McapStorage(McapWriter):
-    """A new file, which ends in a complete chunk between calls.
+    """A new file, by zstd if compressed, which ends in a complete chunk between calls.
 
-    When the disk refuses a chunk, or the index at the end, an `OSError` is raised, the file is cut
-    back to its last complete chunk and the refused messages stay in memory: the same call can be
-    repeated.
-
-    Args:
-        compressed: Chunks are compressed by zstd.
+    When the disk refuses a chunk, or the index at the end, an `OSError` is raised, the file is
+    cut back to its last complete chunk and the refused messages stay in memory: the same call
+    can be repeated.
     """
 
     def __init__(self, path: Path, *, compressed: bool = False) -> None:
@@ -97,12 +94,7 @@ class McapStorage(McapWriter):
             raise
 
     def make_room(self, metadata_size: int) -> None:
-        """Drop the pending chunk, and chunks from the end until index and metadata fit.
-
-        Args:
-            metadata_size: Size of the metadata, which is in this file and once more beside it
-                [bytes].
-        """
+        """Drop chunks from the end until index and metadata, of this size twice [bytes], fit."""
         self.chunk.msgs.clear()
         self.chunk.bio.seek(0)
         self.chunk.bio.truncate()
@@ -122,7 +114,6 @@ class McapStorage(McapWriter):
         self._cut_back()
 
     def _write_index_checksum(self) -> None:
-        """Checksum of all from the first byte of the index to the checksum itself."""
         with self.path.open('r+b') as file:
             footer = file.seek(-_FOOTER_SIZE, os.SEEK_END)
             file.seek(footer + _INDEX_START)
@@ -144,7 +135,6 @@ class McapStorage(McapWriter):
 
 
 def _patch(file: BinaryIO, offset: int, checksum: int) -> None:
-    """Write a checksum where rosbags left room for it."""
     file.seek(offset)
     file.write(checksum.to_bytes(4, 'little'))
     file.seek(0, os.SEEK_END)

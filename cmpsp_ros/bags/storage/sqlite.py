@@ -18,25 +18,14 @@ from rosbags.interfaces import Connection, MessageDefinition
 from rosbags.rosbag2 import ReaderError
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Writer
 
-from cmpsp_ros.bags.storage import limits
-from cmpsp_ros.bags.storage.common import (
-    NO_MESSAGE_YET,
-    Found,
-    FoundTopic,
-    Remark,
-    read_definition,
-    read_profiles,
-)
+from cmpsp_ros.bags.storage import common, limits
 
 _TABLES = ('schema', 'metadata', 'topics', 'message_definitions', 'messages')
 
-_WORK_UNIT = 10_000
-"""Steps of SQLite's machine between two checks of how many there were."""
-
+_WORK_UNIT = 10_000  # steps of SQLite's machine between two checks of how many there were
 _FREE_UNITS, _BYTES_PER_UNIT = 1_000, 1_000
 
-_ROW_SIZE = 32
-"""Size of a message's row beside its data, with its place in the index [bytes]."""
+_ROW_SIZE = 32  # size of a message's row beside its data, with its place in the index [bytes]
 
 
 def check_sqlite(path: Path) -> None:
@@ -101,11 +90,8 @@ def _check_tables(database: sqlite3.Connection, path: Path) -> None:
         limits.check_yaml(str(profiles))
 
 
-def salvage_sqlite(path: Path, folder: Path, remark: Remark) -> Iterator[Found]:
-    """Topics and messages of a file that may be cut off, not closed, or damaged.
-
-    It is copied to a temporary folder; `remark` is called with each reason for leaving out.
-    """
+def salvage_sqlite(path: Path, folder: Path, remark: common.Remark) -> Iterator[common.Found]:
+    """Topics and messages of a file that may be cut off, not closed, or damaged."""
     with TemporaryDirectory(dir=folder, prefix='.salvage_') as name:
         # Opening it merges its write-ahead log, and that must not change the original.
         copy = folder / name / path.name
@@ -133,7 +119,7 @@ def _drop_incomplete_page(path: Path) -> None:
         os.truncate(path, path.stat().st_size // size * size)
 
 
-def _from_tables(database: sqlite3.Connection, path: Path) -> Iterator[Found]:
+def _from_tables(database: sqlite3.Connection, path: Path) -> Iterator[common.Found]:
     definitions: dict[str, MessageDefinition | None] = {}
     with suppress(sqlite3.DatabaseError):
         # A damaged page ends the counting of messages, and the reading of them just as well.
@@ -141,12 +127,12 @@ def _from_tables(database: sqlite3.Connection, path: Path) -> Iterator[Found]:
     query = 'SELECT topic_type, encoding, encoded_message_definition FROM message_definitions'
     with suppress(sqlite3.DatabaseError):
         for msgtype, encoding, text in database.execute(query):
-            definitions[msgtype] = read_definition(encoding, text)
-    topics: dict[int, FoundTopic] = {}
+            definitions[msgtype] = common.read_definition(encoding, text)
+    topics: dict[int, common.FoundTopic] = {}
     query = 'SELECT id, name, type, offered_qos_profiles FROM topics LIMIT ?'
     for number, name, msgtype, profiles in database.execute(query, (limits.MAX_TOPICS,)):
-        topics[number] = FoundTopic(
-            str(name), str(msgtype), definitions.get(msgtype), read_profiles(profiles)
+        topics[number] = common.FoundTopic(
+            str(name), str(msgtype), definitions.get(msgtype), common.read_profiles(profiles)
         )
         yield topics[number]
     for number, stamp, raw in database.execute('SELECT topic_id, timestamp, data FROM messages'):
@@ -160,7 +146,7 @@ class SqliteStorage(Sqlite3Writer):
     def __init__(self, path: Path) -> None:
         self.path = path
         self.channel_stats: dict[int, int] = {}
-        self.message_start_time = NO_MESSAGE_YET
+        self.message_start_time = common.NO_MESSAGE_YET
         self.message_end_time = 0
         self.size = 0
         """Approximate size of the file so far [bytes]."""

@@ -4,19 +4,30 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.decision import UNTIMED, Decision, FallbackLevel, Plan
 from cmpsp_ros.guidance.planning.candidate import SolveResult
+from cmpsp_ros.guidance.planning.planning_context import PlanningContext
+from cmpsp_ros.guidance.prediction.estimator import Estimate, Observation
 from cmpsp_ros.guidance.safety.validation import Validation, Validator
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.state import LawState
 from cmpsp_ros.guidance.times import NANOSECONDS, NEVER, to_nanoseconds
 from cmpsp_ros.robots.motion import speeds_and_turns
 from cmpsp_ros.world.obstacles import NOTHING_MOVES, MovingDiscs
+
+
+class Step(NamedTuple):
+    """A control step that is decided on."""
+
+    state: LawState
+    seen: Observation
+    estimate: Estimate
+    context: PlanningContext
 
 
 class DecisionBuilder:
@@ -29,8 +40,7 @@ class DecisionBuilder:
 
     def follow(
         self,
-        state: LawState,
-        stamp: int,
+        step: Step,
         level: FallbackLevel,
         reason: str,
         plan: Plan,
@@ -39,23 +49,23 @@ class DecisionBuilder:
         result: SolveResult | None = None,
         phases: Mapping[str, float] = UNTIMED,
     ) -> Decision:
-        """Give the first command of a plan.
-
-        `stamp` [ns], `errors` [m], [rad], `phases` [ms].
-        """
-        following = state.following
+        """Give the first command of a plan; `errors` [m], [rad], `phases` [ms]."""
+        state, following = step.state, step.state.following
         following.previous_control, following.ramp = plan.controls[0], verdict.ramp
-        solved = {
-            'slack': result.slack if result is not None and result.elastic else 0.0,
-            'iterations': 0 if result is None else result.iterations,
-            'qp_iterations': 0 if result is None else result.qp_iterations,
-            'active_rows': 0 if result is None else result.active_rows,
-        }
+        fields: dict[str, Any] = {'phases': phases}
+        if result is not None:
+            fields['slack'] = result.slack if result.elastic else 0.0
+            fields['iterations'], fields['active_rows'] = result.iterations, result.active_rows
+            fields['qp_iterations'] = result.qp_iterations
         clearances = verdict.margin, verdict.worst_margin
-        elapsed = state.clock.now
-        return self._decision(
-            state, stamp, elapsed, level, reason, plan, errors, clearances, phases=phases, **solved
-        )
+        times = step.seen.stamp, state.clock.now
+        return self._decision(state, times, level, reason, plan, errors, clearances, **fields)
+
+    def stand(self, step: Step, reason: str, result: SolveResult | None = None) -> Decision:
+        """Stop at a control step, or brake as far as the wheels can."""
+        stamp, pose, *_ = step.seen
+        moving = step.context.start.moving
+        return self.stop(step.state, stamp, pose, reason, result, moving=moving)
 
     def stop(
         self,
@@ -67,10 +77,7 @@ class DecisionBuilder:
         moving: MovingDiscs = NOTHING_MOVES,
         **flags: Any,
     ) -> Decision:
-        """Stop, or brake as far as the wheels can.
-
-        `stamp` [ns], `pose` ``(3,)`` [m, m, rad].
-        """
+        """Stop at `stamp` [ns], or brake as far as the wheels can; `pose` ``(3,)`` [m, m, rad]."""
         following, progress = state.following, state.estimator.progress
         following.brake(stamp, self._period, state.estimator.robot)
         twist = self._robot.twist(following.previous_control)
@@ -79,17 +86,14 @@ class DecisionBuilder:
         clearance = float(self._validator.clearance_at(state.world, pose, moving, progress).min())
         errors = state.mission.goals.target.errors(pose)
         flags.setdefault('iterations', 0 if result is None else result.iterations)
-        elapsed, clearances = state.clock.elapsed(stamp), (clearance, clearance)
+        times, clearances = (stamp, state.clock.elapsed(stamp)), (clearance, clearance)
         level = FallbackLevel.STOP
-        return self._decision(
-            state, stamp, elapsed, level, reason, None, errors, clearances, **flags
-        )
+        return self._decision(state, times, level, reason, None, errors, clearances, **flags)
 
     def _decision(
         self,
         state: LawState,
-        stamp: int,
-        elapsed: int,
+        times: tuple[int, int],
         level: FallbackLevel,
         reason: str,
         plan: Plan | None,
@@ -98,6 +102,7 @@ class DecisionBuilder:
         **fields: Any,
     ) -> Decision:
         control, goals = state.following.previous_control, state.mission.goals
+        stamp, elapsed = times
         left = max(0, goals.end - elapsed) / NANOSECONDS if goals.end < NEVER else math.inf
         return Decision(
             stamp=stamp,

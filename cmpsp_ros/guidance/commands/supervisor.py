@@ -5,19 +5,24 @@ from __future__ import annotations
 import math
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.guidance.commands.decision_builder import DecisionBuilder
-from cmpsp_ros.guidance.commands.escalation import Escalation
-from cmpsp_ros.guidance.commands.making_way import Checks, Choice, MakingWay
-from cmpsp_ros.guidance.commands.waiting import PATIENCE, meets_soon, reason_to_wait, turns
+from cmpsp_ros.guidance.commands.decision_builder import DecisionBuilder, Step
+from cmpsp_ros.guidance.commands.fallback import Fallback, clear_fraction
+from cmpsp_ros.guidance.commands.making_way import (
+    PATIENCE,
+    Checks,
+    Choice,
+    MakingWay,
+    meets_soon,
+    reason_to_wait,
+    turns,
+)
+from cmpsp_ros.guidance.commands.recovery import Recovery
 from cmpsp_ros.guidance.decision import Decision, FallbackLevel, Plan
 from cmpsp_ros.guidance.planning.candidate import Candidate
 from cmpsp_ros.guidance.planning.plan_selector import PlanSelector
-from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 from cmpsp_ros.guidance.prediction.estimator import Estimate, Observation, PlanStart
-from cmpsp_ros.guidance.prediction.response import Risk
-from cmpsp_ros.guidance.safety.approach import STANDSTILL, Approach, Contact
-from cmpsp_ros.guidance.safety.fallback import Fallback, clear_fraction
-from cmpsp_ros.guidance.safety.validation import TOUCHING, Validation, Validator
+from cmpsp_ros.guidance.safety.approach import STANDSTILL, Approach, Conditions, Contact
+from cmpsp_ros.guidance.safety.validation import TOUCHING, Validator
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.state import LawState
 from cmpsp_ros.guidance.times import NANOSECONDS, to_nanoseconds
@@ -27,7 +32,6 @@ class Supervisor:
     """Selects the plan to follow and its speed, or stops the robot."""
 
     def __init__(self, settings: LawSettings, validator: Validator, selector: PlanSelector) -> None:
-        """Take limits and times from the settings."""
         self._settings, self._validator, self._selector = settings, validator, selector
         self._period = to_nanoseconds(settings.control_period)
         self._fallback = Fallback(settings, validator)
@@ -35,7 +39,7 @@ class Supervisor:
         self.decisions = DecisionBuilder(settings, validator)
         checks = Checks(validator, self._approach, self.decisions)
         self._making_way = MakingWay(settings, checks)
-        self._escalation = Escalation(settings, checks, self.drop_plan)
+        self._recovery = Recovery(settings, checks, self.drop_plan)
 
     def reason_not_to_begin(self, state: LawState, estimate: Estimate) -> str:
         """Why no plan begins where the robot is, in a sentence; empty for no reason."""
@@ -54,30 +58,24 @@ class Supervisor:
         wait_reason = state.mission.closed_road.wait_reason
         return '' if wait_reason and meets_soon(self._settings, estimate.start) else wait_reason
 
-    def choose(
-        self,
-        state: LawState,
-        seen: Observation,
-        estimate: Estimate,
-        context: PlanningContext,
-        selected: Candidate,
-    ) -> Decision:
+    def choose(self, step: Step, selected: Candidate) -> Decision:
         """Follow the selected plan or the previous one, no faster than is safe; or stop."""
-        mission, start, result = state.mission, estimate.start, selected.result
+        state, seen, estimate, context = step
+        mission, start, estimator = state.mission, context.start, state.estimator
         reached, mission.reaches_goal = mission.reaches_goal, False
-        closed = self._closed_ahead(state, context, selected)
-        estimator, here = state.estimator, estimate.here
+        closed = self._closed_ahead(step, selected)
         risk = estimator.response.risk(seen.stamp, estimator.commands)
+        under = Conditions(start, context.pending, estimate.here, risk)
         choose = self._fall_back
-        if selected.admissible or self._clears_slowly(selected, context, here, risk):
+        if selected.admissible or self._clears_slowly(selected, under):
             choose = self._accept
         choice = None
         if start.moving.names or state.following.refuge is not None:
-            choice = self._making_way.choose(state, seen, context, selected)
+            choice = self._making_way.choose(step, selected)
         is_counted = choice is None and (not reached or mission.watch.steps > 0)
         if is_counted and not meets_soon(self._settings, start):
-            choice = self._escalation.choose(state, seen, context, reached=reached)
-        choice = choice or choose(state, seen, context, selected, closed)
+            choice = self._recovery.choose(step, reached=reached)
+        choice = choice or choose(step, selected, closed)
         if isinstance(choice, Decision):
             return choice
         level, reason, plan, verdict, ahead, standby = choice
@@ -88,13 +86,11 @@ class Supervisor:
         if standby is not None:
             state.following.wait(standby)
         self._drop_plan_after_failures(state)
-        limited = self._approach.limited(plan, verdict, ahead, start, context.pending, here, risk)
+        limited = self._approach.limited(plan, verdict, ahead, under)
         if limited is None:
             why = verdict.reason or 'No speed is clear of what its response may be.'
             reason = f'The robot stops. {why} {reason}'
-            return self.decisions.stop(
-                state, seen.stamp, seen.pose, reason, result, moving=start.moving
-            )
+            return self.decisions.stand(step, reason, selected.result)
         slower, verdict, remark = limited
         errors = selected.terminal_error, selected.heading_error
         if plan is not selected.plan:
@@ -102,31 +98,21 @@ class Supervisor:
         error = errors[0] if slower is plan else context.goal.errors(slower.poses[-1])[0]
         is_clear = verdict.worst_margin >= -TOUCHING
         mission.reaches_goal = is_clear and error <= self._settings.goal_tolerance
-        reason, phases = reason + remark, self._selector.improver.phases
+        result, phases = selected.result, self._selector.improver.phases
         return self.decisions.follow(
-            state, seen.stamp, level, reason, slower, verdict, errors, result, phases
+            step, level, reason + remark, slower, verdict, errors, result, phases
         )
 
-    def _clears_slowly(
-        self, selected: Candidate, context: PlanningContext, here: PlanStart, risk: Risk
-    ) -> bool:
+    def _clears_slowly(self, selected: Candidate, under: Conditions) -> bool:
         """True if a plan that something could run into is clear at a lower speed."""
-        start, plan, verdict = context.start, selected.plan, selected.verdict
-        if not (selected.result.solved and start.reachable.names):
+        if not (selected.result.solved and under.start.reachable.names):
             return False
-        calm = self._approach.calmed(plan, verdict, start, context.pending, here, risk)
-        return calm is not None
+        return self._approach.calmed(selected.plan, selected.verdict, under) is not None
 
-    def _accept(
-        self,
-        state: LawState,
-        seen: Observation,
-        context: PlanningContext,
-        selected: Candidate,
-        closed: Contact | None,
-    ) -> Choice | Decision:
+    def _accept(self, step: Step, selected: Candidate, closed: Contact | None) -> Choice | Decision:
         """Follow an admissible plan, or stop where it leads nowhere."""
-        following, start = state.following, context.start
+        state, start = step.state, step.context.start
+        following = state.following
         verdict, plan = selected.verdict, selected.plan
         following.failures = 0
         level = FallbackLevel.ELASTIC if selected.is_relaxed else FallbackLevel.NOMINAL
@@ -137,13 +123,12 @@ class Supervisor:
         elif ahead is not None and self._ends_there(state, selected):
             end_speed = self._approach.end_speed(plan, ahead)
             following.end_speed = min(following.end_speed, end_speed)
-        if why := self._stop_reason(state, context, selected, ahead, closed):
+        if why := self._stop_reason(step, selected, ahead, closed):
             following.wait(plan)
             if ahead is not None and start.world.map_search(self._settings) is not None:
                 self.drop_plan(state)
                 why += ' Another path is searched from here.'
-            reason = f'{why} {reason}'
-            return self.decisions.stop(state, seen.stamp, seen.pose, reason, selected.result)
+            return self.decisions.stand(step, f'{why} {reason}', selected.result)
         return Choice(level, reason, plan, verdict, ahead)
 
     def _ends_there(self, state: LawState, selected: Candidate) -> bool:
@@ -152,60 +137,42 @@ class Supervisor:
         return has_goal and selected.terminal_error <= self._settings.goal_tolerance
 
     def _fall_back(
-        self,
-        state: LawState,
-        seen: Observation,
-        context: PlanningContext,
-        selected: Candidate,
-        closed: Contact | None,
+        self, step: Step, selected: Candidate, closed: Contact | None
     ) -> Choice | Decision:
         """Follow the previous plan, shifted, if it is still clear; or stop."""
-        result, start = selected.result, context.start
+        state, context, result = step.state, step.context, selected.result
         state.following.failures += 1
         reason = selected.verdict.reason if result.solved else result.reason
-        shifted = self._shifted(state, context)
+        shifted = self._fallback.shifted(state.following.plan, context)
         if shifted is None:
             state.mission.idle_steps = PATIENCE
             if closed is not None:
                 reason = f'{state.mission.closed_road.wait_before(closed)} {reason}'
             self._drop_plan_after_failures(state)
-            return self.decisions.stop(
-                state, seen.stamp, seen.pose, reason, result, moving=start.moving
-            )
+            return self.decisions.stand(step, reason, result)
         plan, verdict = shifted
-        ahead = self._approach.contact(plan, start, verdict.worst_margin)
+        ahead = self._approach.contact(plan, context.start, verdict.worst_margin)
         reason += ' The last audited plan goes on.'
         return Choice(FallbackLevel.PREVIOUS_PLAN, reason, plan, verdict, ahead)
 
-    def _shifted(self, state: LawState, context: PlanningContext) -> tuple[Plan, Validation] | None:
-        return self._fallback.shifted(
-            state.following.plan, context.start, context.horizon, context.delay, context.pending
-        )
-
-    def _closed_ahead(
-        self, state: LawState, context: PlanningContext, selected: Candidate
-    ) -> Contact | None:
+    def _closed_ahead(self, step: Step, selected: Candidate) -> Contact | None:
         """Obstacles that close the road; not checked while plans lead to the goal."""
-        settings, closed_road, start = self._settings, state.mission.closed_road, context.start
+        settings, state, start = self._settings, step.state, step.context.start
+        closed_road = state.mission.closed_road
         fails = not selected.feasible or selected.verdict.worst_margin < -TOUCHING
         if not (fails or closed_road.obstacles) or meets_soon(settings, start):
             return None
         if fails:
-            closed_road.look(settings, start, context.goal)
+            closed_road.look(settings, start, step.context.goal)
         if not closed_road.obstacles:
             return None
         return closed_road.update(settings, self._approach, start, state.clock.now)
 
     def _stop_reason(
-        self,
-        state: LawState,
-        context: PlanningContext,
-        selected: Candidate,
-        ahead: Contact | None,
-        closed: Contact | None,
+        self, step: Step, selected: Candidate, ahead: Contact | None, closed: Contact | None
     ) -> str:
         """Count steps without progress; reason to stop rather than follow a plan, '' if none."""
-        mission, why = state.mission, ''
+        mission, context, now, why = step.state.mission, step.context, step.state.clock.now, ''
         is_near = closed is not None and closed.speed < self._settings.robot.max_speed
         if not selected.result.elastic:
             mission.idle_steps = 0
@@ -214,40 +181,34 @@ class Supervisor:
             idle_steps = PATIENCE if is_near else mission.idle_steps
             why, mission.idle_steps = reason_to_wait(idle_steps, context, selected)
         if closed is not None:
-            if (why and is_near) or mission.closed_road.comes_no_nearer(closed, state.clock.now):
+            if (why and is_near) or mission.closed_road.comes_no_nearer(closed, now):
                 return mission.closed_road.wait_before(closed)
             return why
         is_at_rest = ahead is not None and ahead.speed < STANDSTILL and not turns(selected.plan)
         return f'The robot stops: {ahead}' if not why and is_at_rest else why
 
-    def follow_late(
-        self, state: LawState, seen: Observation, context: PlanningContext, late: float
-    ) -> Decision:
-        """Follow the plan that came too late [s], shifted, if it is still clear.
-
-        Nothing is solved: that might be late again.
-        """
-        following, start = state.following, context.start
-        shifted = self._shifted(state, context)
+    def follow_late(self, step: Step, late: float) -> Decision:
+        """Follow the plan that came too late [s], shifted, if it is still clear; solve nothing."""
+        following, context = step.state.following, step.context
+        shifted = self._fallback.shifted(following.plan, context)
         if shifted is None:
             following.wait(context.plan)
             reason = f'The computer was late, by {late:.3g} s: its last plan is not clear any more.'
-            return self.decisions.stop(state, seen.stamp, seen.pose, reason, moving=start.moving)
+            return self.decisions.stand(step, reason)
         plan, verdict = shifted
         following.plan = plan
         reason = f'The computer was late, by {late:.3g} s: its last plan goes on.'
         errors, level = context.goal.errors(plan.poses[-1]), FallbackLevel.PREVIOUS_PLAN
-        return self.decisions.follow(state, seen.stamp, level, reason, plan, verdict, errors)
+        return self.decisions.follow(step, level, reason, plan, verdict, errors)
 
-    def slowed(
-        self, state: LawState, decision: Decision, estimate: Estimate, ramp_before: Array
-    ) -> Decision:
+    def slowed(self, step: Step, decision: Decision, ramp_before: Array) -> Decision:
         """A decision with a slower command, where a command that is late would not be clear.
 
         Where no slower one is clear, with a ramp behind it, the robot stops by `ramp_before`.
         """
-        settings, validator, following = self._settings, self._validator, state.following
-        here, start, plan = estimate.here, estimate.start, decision.plan
+        settings, validator, state = self._settings, self._validator, step.state
+        here, start, following = step.estimate.here, step.estimate.start, state.following
+        plan = decision.plan
         latest = max(state.lateness.expected, settings.max_command_delay)
         if plan is None or latest <= settings.command_delay:
             return decision
@@ -269,26 +230,21 @@ class Supervisor:
         twist = settings.robot.twist(controls[0])
         return decision._replace(wheel_speeds=wheel_speeds, twist=twist, reason=reason)
 
-    def go_on(self, state: LawState, seen: Observation, context: PlanningContext) -> Decision:
+    def go_on(self, step: Step) -> Decision:
         """Let the last plan go on, past its end too, where a new command comes too late.
 
-        Too early a stop would cost the goal if the delay is shorter than it is said to be, or the
-        wheels rather lag.
+        Too early a stop would cost the goal if the delay is shorter than declared, or a lag.
         """
-        start, clock = context.start, state.clock
-        shifted = self._shifted(state, context)
+        state, context, clock = step.state, step.context, step.state.clock
+        shifted = self._fallback.shifted(state.following.plan, context)
         is_beyond = clock.now >= state.mission.goals.final - context.delay
         beyond = clock.due - clock.now if is_beyond else 0
-        if shifted is None or (
-            beyond and not self._fallback.may_outlast(start, shifted[0].controls, beyond)
-        ):
-            reason = 'No plan can go on until a stop takes effect.'
-            return self.decisions.stop(state, seen.stamp, seen.pose, reason, moving=start.moving)
+        if shifted is None or (beyond and not self.may_outlast(context.start, shifted[0], beyond)):
+            return self.decisions.stand(step, 'No plan can go on until a stop takes effect.')
         assert state.following.plan is not None  # noqa: S101 (it was shifted)
         reason = 'The plan goes on: a new command comes too late to change its end.'
         errors = context.goal.errors(state.following.plan.poses[-1])
-        level = FallbackLevel.NOMINAL
-        return self.decisions.follow(state, seen.stamp, level, reason, *shifted, errors)
+        return self.decisions.follow(step, FallbackLevel.NOMINAL, reason, *shifted, errors)
 
     def may_outlast(self, start: PlanStart, plan: Plan, nanoseconds: int) -> bool:
         """True if the first command of a plan may go on for so long."""
@@ -314,7 +270,7 @@ class Supervisor:
             by = f", {off:.3g} rad off the goal's heading"
         mission, moving = state.mission, estimate.here.moving
         if by:
-            self._escalation.explain_miss(state, estimate.here)
+            self._recovery.explain_miss(state, estimate.here)
         reason = mission.unreachable or f'The final time has passed{by}.'
         if by and not mission.unreachable and mission.closed_road.wait_reason:
             reason += f' {mission.closed_road.wait_reason}'

@@ -5,7 +5,11 @@ from typing import TYPE_CHECKING
 from cmpsp_ros.front_door import lazy_exports
 
 if TYPE_CHECKING:
-    from cmpsp_ros.guidance.formulation.guidance_problem import GuidanceProblem, guidance_data
+    from cmpsp_ros.guidance.formulation.guidance_problem import (
+        FUNCTIONS,
+        GuidanceProblem,
+        guidance_data,
+    )
     from cmpsp_ros.guidance.formulation.ocp_formulation import (
         PENALTIES,
         OcpFormulation,
@@ -13,6 +17,5 @@ if TYPE_CHECKING:
         sample_space,
     )
     from cmpsp_ros.guidance.formulation.ocp_functions import N_EDGE_CONSTRAINTS, GuidanceData
-    from cmpsp_ros.guidance.formulation.rate_problem import FUNCTIONS
 
 __getattr__, __all__ = lazy_exports(__name__, __file__)

@@ -1,14 +1,15 @@
-"""The paper's demonstrative example (91)-(95) as an optimal control problem."""
+"""The paper's example (91)-(95) as an optimal control problem, with limits on control changes."""
 
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from cmpsp_ros.arrays import Array
+from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.guidance.formulation import ocp_functions
+from cmpsp_ros.guidance.formulation.ocp_formulation import OcpFormulation
 from cmpsp_ros.guidance.formulation.ocp_functions import (
     HEADING_SCALE,
     N_EDGE_CONSTRAINTS,
@@ -17,12 +18,19 @@ from cmpsp_ros.guidance.formulation.ocp_functions import (
     GuidanceData,
     TerminalConstraint,
 )
+from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.solver_settings import Weights
 from cmpsp_ros.mpsp import Dimensions, Evaluation, Hessian, Linearisation, OptimalControlProblem
+from cmpsp_ros.mpsp.models import CONTROL_JERK, CONTROL_RATE, ControlJerkData, ControlRateData
 from cmpsp_ros.mpsp.qp.active_set import derivatives_in
 from cmpsp_ros.mpsp.qp.riccati import row_type, stage_type
+from cmpsp_ros.mpsp.sqp import Driver, Entries, Functions
 from cmpsp_ros.robots import Robot
 from cmpsp_ros.world import FreeSpace
+
+FUNCTIONS: Final = Functions(ocp_functions.predict, ocp_functions.evaluate, ocp_functions.linearise)
+"""The robot's problem without them."""
+ProblemData = GuidanceData | ControlRateData
 
 
 class GuidanceProblem(OptimalControlProblem):
@@ -37,28 +45,16 @@ class GuidanceProblem(OptimalControlProblem):
     def __init__(
         self,
         robot: Robot,
-        space: FreeSpace,
-        weights: Weights,
-        pose: Array,
-        goal: Array,
-        durations: Array,
-        heading: float = math.nan,
+        space: FreeSpace,  # of the robot's discs at the samples
+        weights: Weights,  # those of rates are not used
+        pose: Array,  # ``(3,)`` [m, m, rad]
+        goal: Array,  # point to pass at the end ``(2,)`` [m]
+        durations: Array,  # of every step ``(N,)`` [s]
+        heading: float = math.nan,  # as in `PARAMETERS`, not for a `POINT` [rad]
         outputs: int = TerminalConstraint.POINT,
-        progress: float = math.nan,
+        progress: float = math.nan,  # as in `GuidanceData` [m]
     ) -> None:
-        """Set the problem up from the robot's pose.
-
-        Args:
-            robot: Kinematics and wheel-speed limit.
-            space: Free space of the robot's discs at the samples.
-            weights: Weights of the cost; those of its rates are not used.
-            pose: Present pose, shape ``(3,)`` [m, m, rad].
-            goal: Point to pass at the end, shape ``(2,)`` [m].
-            durations: Length of every step, shape ``(N,)`` [s].
-            heading: As in `PARAMETERS`; not used for a `TerminalConstraint.POINT` [rad].
-            outputs: A `TerminalConstraint`.
-            progress: As in `GuidanceData` [m].
-        """
+        """Set the problem up from a pose."""
         steps, things = len(durations), N_EDGE_CONSTRAINTS + len(space.first) - 1
         self.size = Dimensions(
             horizon=steps,
@@ -117,12 +113,7 @@ def guidance_data(
         parameters=np.zeros(1, PARAMETERS),
         robot=robot.kinematics,
         wheel_rows=robot.limit_rows,
-        road=space.road,
-        fields=space.fields,
-        corners=np.ascontiguousarray(space.corners),
-        first=space.first,
-        radii=np.atleast_2d(space.radii),
-        discs=space.discs,
+        space=space.data,
     )
     return with_parameters(
         data,
@@ -148,3 +139,64 @@ def target_of(goal: Array, heading: float, outputs: int) -> Array:
     if outputs == TerminalConstraint.LINE:
         return np.array([math.cos(heading) * goal[0] + math.sin(heading) * goal[1]])
     return np.append(goal, HEADING_SCALE * heading) if outputs == TerminalConstraint.POSE else goal
+
+
+class CompiledProblem(NamedTuple):
+    """Machine code for formulations of one kind."""
+
+    kind: tuple[object, ...]
+    entries: Entries  # of the problem and the iteration
+    inner: IntArray | None = None  # addresses of functions that `CONTROL_RATE` calls, if it does
+    innermost: IntArray | None = None  # addresses of those that `CONTROL_JERK` calls
+
+
+def problem_data(
+    formulation: OcpFormulation,
+    data: GuidanceData,
+    start: PlanStart,
+    compiled: CompiledProblem | None = None,
+    end_jerk: float = math.inf,
+) -> ProblemData:
+    """Data of the whole problem from a start; of its inner functions only once it is compiled.
+
+    `end_jerk` is the largest second difference of wheel speeds to rest at the end [rad/s].
+    """
+    if not formulation.remembers_control:
+        return data
+    settings, steps = formulation.settings, len(data.durations)
+    previous = np.ascontiguousarray(start.previous_control, dtype=np.float64)
+    inner: GuidanceData | ControlJerkData = data
+    if formulation.jerk_rows:
+        before, wheels = np.stack([previous - start.previous_change, previous]), start.robot.wheels
+        functions = None if compiled is None else compiled.innermost
+        inner = ControlJerkData(
+            data,
+            steps,
+            before,
+            settings.max_second_difference,
+            wheels,
+            end_jerk,
+            formulation.first_jerk_row,
+            functions,
+        )
+    functions = None if compiled is None else compiled.inner
+    limits = settings.max_wheel_change, start.robot.rate_limits
+    rate = settings.weights.control_rate
+    return ControlRateData(inner, steps, rate, previous, *limits, functions)
+
+
+def compile_problem(
+    formulation: OcpFormulation, data: GuidanceData, start: PlanStart, driver: Driver
+) -> CompiledProblem:
+    """Compile the whole problem for data like these and a driver."""
+    kind, ws = formulation.kind, driver.ws
+    whole = problem_data(formulation, data, start)
+    if not isinstance(whole, ControlRateData):
+        return CompiledProblem(kind, FUNCTIONS.entries(whole, ws))
+    inner, innermost = FUNCTIONS.addresses(data, ws), None
+    if isinstance(whole.inner, ControlJerkData):
+        innermost = inner
+        jerk = whole.inner._replace(functions=innermost)
+        whole, inner = whole._replace(inner=jerk), CONTROL_JERK.addresses(jerk, ws)
+    entries = CONTROL_RATE.entries(whole._replace(functions=inner), ws)
+    return CompiledProblem(kind, entries, inner, innermost)

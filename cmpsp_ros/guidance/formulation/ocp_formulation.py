@@ -43,30 +43,15 @@ BY_PRIORITY: Final = tuple(sorted(PENALTIES, key=lambda each: -PENALTIES[each]))
 # of the iterations that is faster or turns faster.
 _RESERVE: Final = 1.1
 
-_FEW_CONTROLS: Final = 2
-"""Controls with which a program without previous controls has code of its own."""
-
-_MAX_ENDS: Final = 64
-"""Goals whose spaces are remembered."""
+_FEW_CONTROLS: Final = 2  # with so many, a program without previous controls has code of its own
+_MAX_ENDS: Final = 64  # goals whose spaces are remembered
 
 
 class OcpFormulation:
     """Common part of all plans for one set of settings, and so many obstacles.
 
-    Attributes:
-        settings: All settings of the guidance law.
-        world: Road and static obstacles of the last question.
-        penalty_path: Weight of each path constraint, shape ``(D (2 + M + S) + R,)`` [1/m]: for
-            every disc edges, static obstacles and slots of moving ones, then limits of wheels, of
-            the lateral acceleration, of jerk and of changes.
-        heading_trust_region: Largest change of heading in one iteration, infinite for none [rad].
-        remembers_control: True if the previous control is part of the state: it has a cost, or a
-            limit, or there are three controls, for which code of one size is enough. A jerk limit
-            adds the one before it.
-        jerk_rows: Number of those that limit the jerk.
-        first_jerk_row: Index of the first of them.
-        kind: All that the types of a planner's memory and functions depend on.
-        layout: All that its memory depends on: the kind, and the weights of path constraints.
+    Path constraints of a stage are those of every disc at edges, static obstacles and slots of
+    moving ones, then those of wheels, of the lateral acceleration, of jerk and of changes.
     """
 
     def __init__(self, settings: LawSettings, world: World) -> None:
@@ -77,6 +62,7 @@ class OcpFormulation:
         # The robot cannot exceed its own limits: they are never relaxed.
         changes = rate_rows(settings.max_wheel_change, settings.robot.rate_limits)
         self.jerk_rows = rate_rows(settings.max_second_difference, settings.robot.wheels)
+        # Weight of each path constraint, shape ``(D (2 + M + S) + R,)`` [1/m].
         self.penalty_path = np.array(
             len(settings.footprint.centers)
             * ([PENALTIES['edge']] * N_EDGE_CONSTRAINTS + [PENALTIES['obstacle']] * obstacles)
@@ -87,7 +73,10 @@ class OcpFormulation:
         self.first_jerk_row = len(self.penalty_path) - changes - self.jerk_rows
         self.heading_trust_region = settings.solver.heading_trust_region or math.inf
         has_rates = settings.weights.control_rate > 0.0 or changes > 0
+        # The previous control is part of the state then; with three controls always, for which code
+        # of one size is enough. A jerk limit adds the one before it.
         self.remembers_control = has_rates or settings.robot.n_controls > _FEW_CONTROLS
+        # All that the types of a planner's memory and functions depend on; its layout, the memory.
         self.kind = (
             settings.robot,
             settings.solver.qp,
@@ -126,16 +115,10 @@ class OcpFormulation:
         pose: Array | None = None,
         moving: MovingDiscs = NOTHING_MOVES,
     ) -> FreeSpace:
-        """Free space of the samples.
+        """Free space of the samples of a plan from a guess ``(N + 1, r)``.
 
-        Args:
-            world: Road and static obstacles, as many as the formulation was made for.
-            guess: Controls that the plan begins with, shape ``(N + 1, r)``.
-            durations: Length of every step, shape ``(N,)`` [s]. Only the first and the last may be
-                longer than a control period.
-            target: Target of the plan.
-            pose: Beginning of the plan, shape ``(3,)`` [m, m, rad]; for moving obstacles only.
-            moving: Moving obstacles, from then on.
+        Only the first and the last of the `durations` ``(N,)`` [s] may be longer than a control
+        period. The `pose` ``(3,)`` at which the plan begins is used for `moving` obstacles only.
         """
         if self._among is not None and world is self.world:
             (begin, known, goal, held), among = self._among
@@ -224,9 +207,8 @@ def path_space(settings: LawSettings, world: World) -> FreeSpace:
 def sample_space(settings: LawSettings, world: World, longest: float = 0.0) -> FreeSpace:
     """Free space of the samples of a plan, such that the path between them is in `path_space`.
 
-    Without a wheel limit none is known beforehand, and with `safety.between_samples` off none is
-    wanted: then it is `path_space`. The longest time between two samples is at least the control
-    period [s].
+    It is `path_space` without a wheel limit, or with `safety.between_samples` off. The longest time
+    between two samples is at least the control period [s].
     """
     period = max(settings.control_period, longest)
     space = path_space(settings, world)
@@ -240,13 +222,9 @@ def goal_space(
 ) -> FreeSpace | None:
     """Free space of the last sample of a plan, for a goal nearer to something than samples may be.
 
-    The inter-sample margin is for the motion after a sample. After the last goal there is none, and
-    the trajectory check sees the arc that leads there: so the last sample keeps only the distance
-    of `path_space` from that thing. A robot that drives on needs time to turn, and keeps more.
-
-    None for a goal as far from everything as samples must be, nearer than the path may be, or not
-    the last. The space of samples is that for the time between the last two; `sample_space` without
-    one.
+    After the last goal the robot is at rest, so that no inter-sample margin is needed: the last
+    sample keeps the distance of `path_space`. None for a goal as far from everything as samples
+    must be, nearer than the path may be, or not the last.
     """
     if target.drives_on or target.is_line:
         return None

@@ -22,7 +22,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.arrays import Array, IntArray
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.jit import allocation_free
 from cmpsp_ros.robots.motion import (
     Kinematics,
@@ -32,17 +32,14 @@ from cmpsp_ros.robots.motion import (
     put_lateral_gradient,
     roll_out,
 )
-from cmpsp_ros.world.grids import Fields
+from cmpsp_ros.world import SpaceData
 from cmpsp_ros.world.obstacles import away_from
-from cmpsp_ros.world.roads import RoadSpace, road_functions
+from cmpsp_ros.world.roads import road_functions
 
 Records = NDArray[np.void]
 
-N_EDGE_CONSTRAINTS = 2
-"""Path constraints of a disc at the road's edges; those at obstacles follow, then wheel speeds."""
-
-WHEEL_ROUNDING: Final = 1e-6
-"""Distance of plans from a limit of wheel speeds that is a constraint, for rounding [rad/s]."""
+N_EDGE_CONSTRAINTS = 2  # path constraints of a disc at edges; then obstacles, then wheels
+WHEEL_ROUNDING: Final = 1e-6  # distance of plans from a wheel limit, for rounding [rad/s]
 
 LATERAL_PART: Final = 0.99
 """Part of the lateral acceleration that plans use: iterations that are not at their end exceed it.
@@ -65,8 +62,7 @@ class TerminalConstraint(IntEnum):
     POSE = 3
 
 
-HEADING_SCALE: Final = 0.02
-"""Weight of a radian of heading relative to a metre of distance in the terminal error [m]."""
+HEADING_SCALE: Final = 0.02  # weight of a radian, relative to a metre, in the terminal error [m]
 
 
 PARAMETERS: Final = np.dtype(
@@ -83,46 +79,24 @@ PARAMETERS: Final = np.dtype(
 
 
 class GuidanceData(NamedTuple):
-    """The problem of one robot from its present pose.
+    """The problem of one robot from its present pose."""
 
-    Corners and radii are those of one free space for all stages, or one for each: ``K``, for
-    either, is 1 or ``N + 1``.
-
-    Attributes:
-        pose: Present pose, shape ``(3,)`` [m, m, rad].
-        progress: Arc length along the road of a place near the pose, NaN if unknown [m].
-        durations: Length of every step, shape ``(N,)`` [s].
-        parameters: One record of `PARAMETERS`, shape ``(1,)``, which is never written to.
-        robot: The robot.
-        wheel_rows: Number of path constraints that limit its wheel speeds; those of its lateral
-            acceleration and of a control rate follow in a stage.
-        road: Free space of the centres of its discs on the road.
-        fields: Distance fields of obstacles without corners.
-        corners: Corners of obstacles, as in `shape_functions`, shape ``(K, C, 2)`` [m].
-        first: Index of the first corner of each obstacle, shape ``(M + 1,)``.
-        radii: Least distances from the corners, ``-inf`` for none, shape ``(K, M)`` [m].
-        discs: Centres of the robot's discs, in its frame, shape ``(D, 2)`` [m].
-    """
-
-    pose: Array
-    progress: float
-    durations: Array
-    parameters: Records
+    pose: Array  # at present ``(3,)`` [m, m, rad]
+    progress: float  # arc length along the road of a place near the pose, NaN if unknown [m]
+    durations: Array  # length of every step, shape ``(N,)`` [s]
+    parameters: Records  # one record of `PARAMETERS`, shape ``(1,)``, which is never written to
     robot: Kinematics
+    # number of path constraints that limit its wheel speeds; those of its lateral acceleration and
+    # of a control rate follow in a stage
     wheel_rows: int
-    road: RoadSpace
-    fields: Fields
-    corners: Array
-    first: IntArray
-    radii: Array
-    discs: Array
+    space: SpaceData  # for all stages or one for each
 
 
 @allocation_free
 def predict(data: GuidanceData, U: Array, X: Array) -> None:
     """Fill X ``(N + 1, n)`` by the dynamics (1): exact arcs under zero-order hold.
 
-    This array and U ``(N + 1, r)``, and all below, may be longer than the horizon.
+    X, U ``(N + 1, r)``, and all arrays below, may be longer than the horizon.
     """
     for i in range(3):
         X[0, i] = data.pose[i]
@@ -138,24 +112,25 @@ def evaluate(data: GuidanceData, X: Array, U: Array, output_error: Array, g: Arr
     """
     p, cost = data.parameters[0], 0.0
     N, outputs = data.durations.shape[0], output_error.shape[0]
-    progress = road_functions.project(data.road, X[0, 0], X[0, 1], X[0, 2], data.progress)
-    rows = N_EDGE_CONSTRAINTS + data.radii.shape[1]
-    wheels = data.discs.shape[0] * rows
+    road, shapes, radii, discs = data.space
+    progress = road_functions.project(road, X[0, 0], X[0, 1], X[0, 2], data.progress)
+    rows = N_EDGE_CONSTRAINTS + radii.shape[1]
+    wheels = discs.shape[0] * rows
     for k in range(N + 1):
         progress, off_center, first, second = road_functions.lateral_error(
-            data.road, k, X[k, 0], X[k, 1], progress
+            road, k, X[k, 0], X[k, 1], progress
         )
-        at, there = min(k, data.radii.shape[0] - 1), min(k, data.corners.shape[0] - 1)
-        for i in range(data.discs.shape[0]):
+        at, there = min(k, radii.shape[0] - 1), min(k, shapes.corners.shape[0] - 1)
+        for i in range(discs.shape[0]):
             x, y, out_x, out_y = _disc_at(data, X, k, i)
             over, over_other = first, second
             if out_x != 0.0 or out_y != 0.0:
-                _, _, over, over_other = road_functions.lateral_error(data.road, k, x, y, progress)
+                _, _, over, over_other = road_functions.lateral_error(road, k, x, y, progress)
             row = i * rows
             g[k, row], g[k, row + 1] = (over, over_other) if k > 0 else (-math.inf, -math.inf)
-            for j in range(data.radii.shape[1]):
-                distance, _, _ = away_from(data.fields, data.corners, data.first, there, j, x, y)
-                g[k, row + N_EDGE_CONSTRAINTS + j] = _keep_away(distance, data.radii[at, j], k)
+            for j in range(radii.shape[1]):
+                distance, _, _ = away_from(shapes, there, j, x, y)
+                g[k, row + N_EDGE_CONSTRAINTS + j] = _keep_away(distance, radii[at, j], k)
         for i in range(data.wheel_rows):
             g[k, wheels + i] = _over_limit(data, U, k, i)
         if data.robot.max_lateral_acceleration < math.inf:
@@ -190,16 +165,17 @@ def linearise(
     """
     p, N = data.parameters[0], data.durations.shape[0]
     q, curvature = p.road_center, p.control_change + p.control_effort
-    rows = N_EDGE_CONSTRAINTS + data.radii.shape[1]
-    wheels = data.discs.shape[0] * rows
+    road, shapes, radii, discs = data.space
+    rows = N_EDGE_CONSTRAINTS + radii.shape[1]
+    wheels = discs.shape[0] * rows
     _linearise_motion(data, X, U, stages)
-    progress = road_functions.project(data.road, X[0, 0], X[0, 1], X[0, 2], data.progress)
+    progress = road_functions.project(road, X[0, 0], X[0, 1], X[0, 2], data.progress)
     for k in range(N + 1):
         stage = stages[k]
         progress, off_center, first, second = road_functions.lateral_error(
-            data.road, k, X[k, 0], X[k, 1], progress
+            road, k, X[k, 0], X[k, 1], progress
         )
-        gradients = road_functions.gradients(data.road, X[k, 0], X[k, 1], progress)
+        gradients = road_functions.gradients(road, X[k, 0], X[k, 1], progress)
         x, y, along, _, _, _, _ = gradients
         if p.hessian == CostHessian.GAUSS_NEWTON:
             along = 0.0
@@ -217,16 +193,14 @@ def linearise(
             stage.L_UU[a, a] = curvature
         if data.robot.wheels.shape[0] > U.shape[1]:
             _weigh_all_wheels(data, U, k, stage.L_U, stage.L_UU)
-        at, there = min(k, data.radii.shape[0] - 1), min(k, data.corners.shape[0] - 1)
-        for i in range(data.discs.shape[0]):
+        at, there = min(k, radii.shape[0] - 1), min(k, shapes.corners.shape[0] - 1)
+        for i in range(discs.shape[0]):
             x, y, out_x, out_y = _disc_at(data, X, k, i)
             is_beside = out_x != 0.0 or out_y != 0.0
             over, over_other, slopes = first, second, gradients
             if is_beside:
-                place, _, over, over_other = road_functions.lateral_error(
-                    data.road, k, x, y, progress
-                )
-                slopes = road_functions.gradients(data.road, x, y, place)
+                place, _, over, over_other = road_functions.lateral_error(road, k, x, y, progress)
+                slopes = road_functions.gradients(road, x, y, place)
             edge, other = path[k, i * rows], path[k, i * rows + 1]
             # The present pose cannot be changed: no constraint applies to it.
             edge.value, other.value = (over, over_other) if k > 0 else (-math.inf, -math.inf)
@@ -234,12 +208,10 @@ def linearise(
             if is_beside:
                 edge.X[2] = edge.X[1] * out_x - edge.X[0] * out_y
                 other.X[2] = other.X[1] * out_x - other.X[0] * out_y
-            for j in range(data.radii.shape[1]):
+            for j in range(radii.shape[1]):
                 row = path[k, i * rows + N_EDGE_CONSTRAINTS + j]
-                distance, away_x, away_y = away_from(
-                    data.fields, data.corners, data.first, there, j, x, y
-                )
-                row.value = _keep_away(distance, data.radii[at, j], k)
+                distance, away_x, away_y = away_from(shapes, there, j, x, y)
+                row.value = _keep_away(distance, radii[at, j], k)
                 row.X[0], row.X[1] = -away_x, -away_y
                 if is_beside:
                     row.X[2] = away_x * out_y - away_y * out_x
@@ -275,7 +247,7 @@ def _linearise_motion(data: GuidanceData, X: Array, U: Array, stages: Records) -
 @allocation_free
 def _disc_at(data: GuidanceData, X: Array, k: int, i: int) -> Any:
     """Centre of a disc at a stage, and its offset from the reference point [m]."""
-    x, y = point_of(X[k, 0], X[k, 1], X[k, 2], data.discs, i)
+    x, y = point_of(X[k, 0], X[k, 1], X[k, 2], data.space.discs, i)
     return x, y, x - X[k, 0], y - X[k, 1]
 
 

@@ -5,8 +5,7 @@ from typing import TYPE_CHECKING
 from cmpsp_ros.front_door import lazy_exports
 
 if TYPE_CHECKING:
-    from cmpsp_ros.guidance.messages.fusion import TrackFusion, without_robots
-    from cmpsp_ros.guidance.messages.object_tracks import ObjectTracks
+    from cmpsp_ros.guidance.messages.object_tracks import ObjectTracks, TrackFusion, without_robots
     from cmpsp_ros.guidance.messages.objects import is_relative
     from cmpsp_ros.guidance.messages.odometry_gate import Arrival, OdometryGate, motion_limits
     from cmpsp_ros.guidance.messages.poses import (

@@ -1,8 +1,9 @@
-"""Tracks from the objects of other trackers: numbers for names, velocities for detections."""
+"""Tracks from the objects of other trackers, and of several sources each object once."""
 
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Hashable, Sequence
 from dataclasses import replace
 from typing import Any, Final
@@ -11,27 +12,28 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.messages.objects import TrackedObject, objects_of
-from cmpsp_ros.guidance.messages.tracks import MAX_TRACKS, TrackError, problem_of
+from cmpsp_ros.guidance.messages.tracks import MAX_TRACKS, PeerTrajectory, TrackError, problem_of
 from cmpsp_ros.guidance.messages.transforms import compose
 from cmpsp_ros.guidance.times import NANOSECONDS
 from cmpsp_ros.sensing import MotionFilter, Track, TrackSource, stamp_of
 
-_GATE: Final = 9.21
-"""Squared Mahalanobis distance that 99 % of true pairs in a plane have at most."""
-
-_AGILITY: Final = 0.1
-"""Power spectral density of the accelerations of an object that is detected [m^2/s^3]."""
-_SPEED: Final = 1.0
-"""Standard deviation of its velocity when it is detected first, along each axis [m/s]."""
-_EXACT: Final = 0.01
-"""Smallest standard deviation of a place that is filtered [m]."""
+_GATE: Final = 9.21  # squared Mahalanobis distance that 99 % of true pairs in a plane have at most
+_AGILITY: Final = 0.1  # power spectral density of accelerations of a detection [m^2/s^3]
+_SPEED: Final = 1.0  # standard deviation of its velocity at first, along each axis [m/s]
+_EXACT: Final = 0.01  # smallest standard deviation of a place that is filtered [m]
+_SAME: Final = 13.28  # as `_GATE`, of place and velocity
+_CENTER: Final = 0.5  # part of its radius by which two sources see its centre apart (sigma)
+_VELOCITY: Final = 0.3  # as much for its velocity [m/s]
+_ACCELERATION: Final = 1.0  # acceleration of an object since it was seen (one sigma) [m/s^2]
+_HYSTERESIS: Final = 2.0  # factor on distances that keeps pairs, and on doubts the chosen track
+_TINY: Final = 1e-9
 
 
 class ObjectTracks:
     """Tracks of one source.
 
-    An object without a name is that of the message before which is nearest to it, an object without
-    a velocity is filtered: at constant velocity, from one message to the next.
+    An object without a name is matched to the nearest one of the message before; one without a
+    velocity is filtered, at constant velocity from one message to the next.
     """
 
     def __init__(self, source: TrackSource, number: int) -> None:
@@ -43,15 +45,10 @@ class ObjectTracks:
     def tracks_of(self, message: Any, there: Array, motion: Array, timeout: float) -> list[Track]:
         """Tracks in a message, in the frame of the course.
 
-        Args:
-            message: Of the type of the source.
-            there: Pose of its frame in that of the course, shape ``(3,)`` [m, m, rad].
-            motion: Velocity of its frame ``(3,)`` [m/s, m/s, rad/s], for velocities relative to it.
-            timeout: Time after which an object that is not seen is forgotten [s].
-
-        Raises:
-            TrackError: An object is not finite, no place on Earth, or of a negative radius or
-                standard deviation; nothing of the message is used then.
+        `there` ``(3,)`` is the pose of the message's frame in that of the course [m, m, rad],
+        `motion` ``(3,)`` its velocity, for velocities relative to it; an object not seen for
+        `timeout` [s] is forgotten. TrackError, and no track, for an object that is not finite, no
+        place on Earth, or of a negative radius or standard deviation.
         """
         objects, stamp = objects_of(message, self._source.type), stamp_of(message)
         if len(objects) > MAX_TRACKS:
@@ -121,9 +118,7 @@ class ObjectTracks:
 def pairs(distances: Array, gate: float) -> list[tuple[int, int]]:
     """Rows and columns that belong together, the nearest first.
 
-    Args:
-        distances: Squared Mahalanobis distances, shape ``(R, C)``.
-        gate: Largest of them.
+    `distances` ``(R, C)`` are squared Mahalanobis distances, `gate` is the largest that counts.
     """
     near = zip(*(each.tolist() for each in np.nonzero(distances <= gate)), strict=True)
     found: dict[int, int] = {}
@@ -151,3 +146,73 @@ def _with_state(track: Track, estimate: MotionFilter) -> Track:
     return replace(
         track, x=x, y=y, vx=vx, vy=vy, position_stddev=position, velocity_stddev=velocity
     )
+
+
+class TrackFusion:
+    """Association of tracks that are of the same object.
+
+    The surest track of an object is kept until another is clearly surer, so that its number stays.
+    The order of messages makes no difference.
+    """
+
+    def __init__(self) -> None:
+        self._paired: set[frozenset[int]] = set()
+        self._chosen: set[int] = set()
+
+    def update(self, stamp: int, sources: Sequence[Sequence[Track]]) -> list[Track]:
+        """The tracks at a time [ns]; within a source each is another object."""
+        objects: list[list[Track]] = []
+        for tracks in sources:
+            rows = [[self._distance(one[0], each, stamp) for each in tracks] for one in objects]
+            found = pairs(np.array(rows).reshape(len(objects), len(tracks)), _SAME)
+            for row, column in found:
+                objects[row].append(tracks[column])
+            taken = {column for _, column in found}
+            objects += [[each] for k, each in enumerate(tracks) if k not in taken]
+        kept = [min(each, key=lambda track: self._doubt(track, stamp)) for each in objects]
+        self._paired = {frozenset({one.id, a.id}) for one, *rest in objects for a in rest}
+        self._chosen = {each.id for each in kept}
+        return kept
+
+    def _distance(self, one: Track, other: Track, stamp: int) -> float:
+        """Squared Mahalanobis distance of place and velocity.
+
+        Infinite where neither has its centre in the other's disc: to take two for one is the worse
+        error.
+        """
+        (place, stddev), (place_, stddev_) = _place(one, stamp), _place(other, stamp)
+        apart = math.dist(place, place_)
+        is_paired = frozenset({one.id, other.id}) in self._paired
+        if apart > (one.radius + other.radius if is_paired else max(one.radius, other.radius)):
+            return math.inf
+        off = math.dist((one.vx, one.vy), (other.vx, other.vy))
+        size = _CENTER * max(one.radius, other.radius)
+        distance = apart**2 / max(size**2 + stddev**2 + stddev_**2, _TINY)
+        doubt = one.velocity_stddev**2 + other.velocity_stddev**2
+        distance += off**2 / (_VELOCITY**2 + doubt)
+        return distance / (_HYSTERESIS**2 if is_paired else 1.0)
+
+    def _doubt(self, track: Track, stamp: int) -> float:
+        """Doubt about the place a second later; less of the track that was chosen before."""
+        _, stddev = _place(track, stamp)
+        return (stddev + track.velocity_stddev) / (_HYSTERESIS if track.id in self._chosen else 1.0)
+
+
+def without_robots(
+    tracks: Sequence[Track], robots: Sequence[PeerTrajectory], radius: float, stamp: int
+) -> list[Track]:
+    """Tracks but for those that are of a robot of a radius [m] whose own plan is known."""
+    places = [each.position(stamp) for each in robots]
+    return [
+        each
+        for each in tracks
+        if all(math.dist(_place(each, stamp)[0], place) > radius for place in places)
+    ]
+
+
+def _place(track: Track, stamp: int) -> tuple[tuple[float, float], float]:
+    """Predicted place at a time [ns], and its standard deviation [m]."""
+    age = (stamp - track.stamp) / NANOSECONDS
+    stddev = math.hypot(track.position_stddev, track.velocity_stddev * age)
+    place = track.x + age * track.vx, track.y + age * track.vy
+    return place, stddev + _ACCELERATION * age**2 / 2.0

@@ -14,43 +14,27 @@ from cmpsp_ros.guidance.messages.poses import check_frame, heading_of
 from cmpsp_ros.guidance.messages.tracks import TrackError, tracks_of
 from cmpsp_ros.sensing import TrackSource
 
-_CYLINDER, _POLYGON = 1, 2
-"""Shapes of autoware_perception_msgs."""
-
-_TRACKED: Final = 1
-"""Detection level of derived_object_msgs from which on a velocity is valid."""
+_CYLINDER, _POLYGON = 1, 2  # shapes of autoware_perception_msgs
+_TRACKED: Final = 1  # detection level of derived_object_msgs from which on a velocity is valid
 
 
 class TrackedObject(NamedTuple):
-    """An object in the frame of its message.
+    """An object in the frame of its message."""
 
-    Attributes:
-        name: The same in each message; None where the message has none.
-        x: Place [m].
-        y: Place [m].
-        radius: Radius that covers it [m]; 0 where the message has no extent.
-        velocity: Along the axes of the frame [m/s]; None where the message has none.
-        position_stddev: Worst axis [m]; 0 where the message has none.
-        velocity_stddev: Worst axis [m/s]; 0 where the message has none.
-    """
-
-    name: Hashable
-    x: float
-    y: float
-    radius: float
-    velocity: tuple[float, float] | None
-    position_stddev: float = 0.0
-    velocity_stddev: float = 0.0
+    name: Hashable  # the same in each message; None where the message has none
+    x: float  # place [m]
+    y: float  # place [m]
+    radius: float  # radius that covers it [m]; 0 where the message has no extent
+    velocity: tuple[float, float] | None  # in the frame [m/s]; None where the message has none
+    position_stddev: float = 0.0  # worst axis [m]; 0 where the message has none
+    velocity_stddev: float = 0.0  # worst axis [m/s]; 0 where the message has none
 
 
 def objects_of(message: Any, kind: str) -> list[TrackedObject]:
     """Objects in a message of a type, such as `radar_msgs/msg/RadarTracks`.
 
-    A name that occurs twice names nobody, as the id 0 of all obstacles of a costmap_converter that
-    does not track.
-
-    Raises:
-        TrackError: An object is in another frame than the message, or the message is inconsistent.
+    A name that occurs twice names nobody, as the id 0 of a costmap_converter that does not track.
+    TrackError for an object in another frame than the message, or an inconsistent message.
     """
     found = list(_CONVERTERS[kind](message))
     names = [each.name for each in found]

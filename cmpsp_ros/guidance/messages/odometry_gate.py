@@ -12,11 +12,8 @@ from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.times import NANOSECONDS, to_nanoseconds
 from cmpsp_ros.robots import Robot
 
-_OVERSPEED: Final = 1.25
-"""Ratio of the speed that odometry may show to the limit of the wheels."""
-
-_TURN_PER_METER: Final = 2.0
-"""Tolerated jump of the heading per tolerated jump of the position [rad/m]."""
+_OVERSPEED: Final = 1.25  # ratio of the speed that odometry may show to the limit of the wheels
+_TURN_PER_METER: Final = 2.0  # tolerated jump of the heading for one of the position [rad/m]
 
 
 class Arrival(Enum):
@@ -32,17 +29,11 @@ class OdometryGate:
 
     After a fault the robot may go on once it was stopped and all odometry of a control period was
     consistent. That of two sources in turn never is.
-
-    Attributes:
-        fault: The last fault, a sentence; empty once the robot may go on.
-        newest: Stamp of the newest odometry taken [ns]; None before the first.
-        counts: Numbers of messages refused, out of order, and repeated.
     """
 
     def __init__(self) -> None:
-        """Start without odometry and without a fault."""
-        self.fault = ''
-        self.newest: int | None = None
+        self.fault = ''  # the last one, a sentence; empty once the robot may go on
+        self.newest: int | None = None  # stamp of the newest odometry taken [ns]
         self.counts = {'refused': 0, 'out_of_order': 0, 'repeated': 0}
         self._pose: Array | None = None
         self._consistent_since: int | None = None
@@ -76,11 +67,8 @@ class OdometryGate:
         """Take a pose ``(3,)`` [m, m, rad] at a time [ns], unless it is older than the newest.
 
         Time has jumped back where the newest does not fit the clock any more. After a fault older
-        odometry must be consistent as well.
-
-        Raises:
-            OdometryError: It does not fit the clock, or the wheels cannot have moved the robot to
-                its pose; the next is compared with this pose.
+        odometry must be consistent as well. OdometryError if it does not fit the clock, or the
+        wheels cannot have moved the robot there; the next is compared with this pose.
         """
         before = stamp if self.newest is None else self.newest
         pose_before = pose if self._pose is None else self._pose

@@ -12,8 +12,7 @@ from cmpsp_ros.guidance.goals import Goal, GoalError
 from cmpsp_ros.guidance.times import NANOSECONDS
 from cmpsp_ros.sensing import is_place, stamp_of
 
-RECEIVED: Final = 'goal_pose'
-"""Name of a goal that is received during a run."""
+RECEIVED: Final = 'goal_pose'  # name of a goal that is received during a run
 
 
 class OdometryError(ValueError):
@@ -21,21 +20,13 @@ class OdometryError(ValueError):
 
 
 class OdometryReading(NamedTuple):
-    """A `nav_msgs/Odometry` as far as it is used (REP-105).
+    """A `nav_msgs/Odometry` as far as it is used (REP-105)."""
 
-    Attributes:
-        stamp: Time stamp [ns].
-        frame_id: Frame of the pose.
-        child_frame_id: Frame whose pose it is.
-        position: Position (x, y) [m].
-        orientation: Quaternion (x, y, z, w).
-    """
-
-    stamp: int
-    frame_id: str
-    child_frame_id: str
-    position: tuple[float, float]
-    orientation: tuple[float, float, float, float]
+    stamp: int  # [ns]
+    frame_id: str  # of the pose
+    child_frame_id: str  # frame whose pose it is
+    position: tuple[float, float]  # (x, y) [m]
+    orientation: tuple[float, float, float, float]  # (x, y, z, w)
 
     @classmethod
     def of(cls, message: Any) -> OdometryReading:
@@ -47,9 +38,8 @@ class OdometryReading(NamedTuple):
     def pose_in(self, frame_id: str) -> Array:
         """Planar pose ``(x, y, heading)`` [m, m, rad] in the frame that it must be in.
 
-        Raises:
-            OdometryError: It is in another frame, is not finite, has no orientation, or is no
-                place on Earth.
+        OdometryError if it is in another frame, not finite, without orientation, or no place on
+        Earth.
         """
         check_frame('Odometry is', self.frame_id, frame_id, OdometryError)
         (x, y), length = self.position, math.sqrt(sum(each * each for each in self.orientation))
@@ -66,12 +56,9 @@ class OdometryReading(NamedTuple):
 
 
 def goal_of(message: Any, frame_id: str) -> tuple[int, Goal]:
-    """Time stamp [ns] and goal of a PoseStamped; the time to pass it is not known yet.
+    """Time stamp [ns] and goal of a PoseStamped without its time; zeros mean any orientation.
 
-    An orientation of zeros means any heading.
-
-    Raises:
-        GoalError: It is in another frame, is not finite, or has an orientation that is none.
+    GoalError if it is in another frame, is not finite, or has an orientation that is none.
     """
     check_frame('The goal is', message.header.frame_id, frame_id, GoalError)
     position, q = message.pose.position, message.pose.orientation

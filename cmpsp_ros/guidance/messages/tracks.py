@@ -1,10 +1,8 @@
 """Moving obstacles and other robots as messages report them.
 
-Obstacles arrive as `sensor_msgs/PointCloud2`, a point each, as trackers and radars publish them:
-fields ``x`` and ``y`` [m], ``vx`` and ``vy`` [m/s], ``radius`` [m] and ``id``, a whole number; with
-``position_stddev`` [m] and ``velocity_stddev`` [m/s] where the tracker knows them.
-Another robot publishes its plan as `nav_msgs/Path`, each pose with the time when it should be
-there, as `~/predicted_path` is; at rest it publishes one pose.
+Obstacles arrive as `sensor_msgs/PointCloud2`, a point each, with the fields of
+``doc/user/obstacles.md``. Another robot publishes its plan as `nav_msgs/Path`, each pose with the
+time when it should be there.
 """
 
 from __future__ import annotations
@@ -23,10 +21,8 @@ from cmpsp_ros.guidance.messages.poses import check_age, check_frame
 from cmpsp_ros.guidance.times import NANOSECONDS
 from cmpsp_ros.sensing import FARTHEST, ScanError, Track, is_place, points_of, stamp_of
 
-MAX_TRACKS: Final = 1000
-"""Points in a message; more are not obstacles but a scan."""
-_MAX_POSES: Final = 10_000
-"""Poses of a plan; nobody makes a longer one every control period."""
+MAX_TRACKS: Final = 1000  # points in a message; more are not obstacles but a scan
+_MAX_POSES: Final = 10_000  # poses of a plan; nobody makes a longer one every control period
 _FASTEST: Final = 1e4
 _KEY: Final = re.compile(r'(-?\d{1,10}|(?:/\w+)+)@(\d{1,19})', re.ASCII)
 
@@ -37,27 +33,20 @@ class TrackError(ValueError):
 
 @dataclass(frozen=True, order=True)
 class PeerTrajectory:
-    """Plan of another robot.
+    """Plan of another robot."""
 
-    Attributes:
-        id: Its namespace, as in `/r2`.
-        stamp: Time at which the plan was made [ns].
-        stamps: Increasing times [ns].
-        places: Positions then (x, y) [m], at least one; it stays at the last.
-    """
-
-    id: str
-    stamp: int
-    stamps: tuple[int, ...]
+    id: str  # its namespace, as in `/r2`
+    stamp: int  # time at which the plan was made [ns]
+    stamps: tuple[int, ...]  # increasing times [ns]
+    # positions then (x, y) [m], at least one; it stays at the last
     places: tuple[tuple[float, float], ...]
 
     @classmethod
     def of(cls, message: Any, namespace: str, frame_id: str) -> PeerTrajectory:
         """The plan in a `nav_msgs/Path` of the robot with this namespace.
 
-        Raises:
-            TrackError: It is in another frame, has no pose, or one that is not finite or no place
-                on Earth, or times that do not increase.
+        TrackError if it is in another frame, has no pose, one that is not finite or no place on
+        Earth, or times that do not increase.
         """
         whose = f'The plan of {namespace}'
         check_frame(f'{whose} is', message.header.frame_id, frame_id, TrackError)
@@ -119,8 +108,7 @@ class PeerTrajectory:
         return x, y
 
 
-MovingObject = Track | PeerTrajectory
-"""A report on something that moves."""
+MovingObject = Track | PeerTrajectory  # a report on something that moves
 
 Report = TypeVar('Report', Track, PeerTrajectory)
 
@@ -129,7 +117,6 @@ class Tracks(Generic[Report]):
     """Reports on moving objects, ordered by their stamps, not by their arrival."""
 
     def __init__(self) -> None:
-        """Start without reports."""
         self._known: dict[Any, list[Report]] = {}
 
     def add(self, reports: Iterable[Report]) -> None:
@@ -140,10 +127,7 @@ class Tracks(Generic[Report]):
             known.sort()
 
     def at(self, stamp: int, timeout: float) -> tuple[Report, ...]:
-        """The latest report on each object at a time [ns], in the order of their ids.
-
-        Later reports do not count yet; those older than the time-out [s] are dropped.
-        """
+        """The latest report on each object at a time [ns], by id; none beyond the time-out [s]."""
         oldest, latest = stamp - round(timeout * NANOSECONDS), []
         for number, known in sorted(self._known.items()):
             seen = sum(each.stamp <= stamp for each in known)
@@ -168,10 +152,9 @@ class Tracks(Generic[Report]):
 def tracks_of(message: Any, frame_id: str) -> list[Track]:
     """The obstacles in a `sensor_msgs/PointCloud2`.
 
-    Raises:
-        TrackError: It is in another frame, lacks a field, does not fit its own sizes, has two
-            obstacles of one number, or one that is not finite, farther or faster than anything on
-            Earth, or of negative radius; nothing of it is used then.
+    TrackError, and no obstacle, if it is in another frame, lacks a field, does not fit its own
+    sizes, has a number twice, or one that is not finite, farther or faster than anything on Earth,
+    or of negative radius.
     """
     check_frame('Obstacles are', message.header.frame_id, frame_id, TrackError)
     count, stamp = int(message.width) * int(message.height), stamp_of(message)
@@ -209,11 +192,7 @@ def track_keys(tracks: Iterable[MovingObject]) -> str:
 
 
 def read_keys(text: str) -> list[tuple[int | str, int]]:
-    """Keys (number or namespace, stamp) written by `track_keys`.
-
-    Raises:
-        ValueError: It did not write this.
-    """
+    """Keys (number or namespace, stamp) written by `track_keys`; ValueError for any other text."""
     found = [_KEY.fullmatch(each) for each in text.split()]
     if None in found:
         raise ValueError(f'found {text[:40]!r}, wanted obstacles as id@stamp')

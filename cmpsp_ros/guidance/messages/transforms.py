@@ -15,8 +15,7 @@ from cmpsp_ros.guidance.messages.poses import heading_of
 from cmpsp_ros.guidance.times import NANOSECONDS
 from cmpsp_ros.sensing import stamp_of
 
-_MAX_KEPT: Final = 1000
-"""Transforms of a frame that are remembered."""
+_MAX_KEPT: Final = 1000  # transforms of a frame that are remembered
 
 
 class TransformError(ValueError):
@@ -36,7 +35,6 @@ class Transforms:
     """Buffer of transforms."""
 
     def __init__(self) -> None:
-        """Start empty."""
         self._known: dict[str, _Known] = {}
 
     def add(self, message: Any, *, is_static: bool = False) -> None:
@@ -60,18 +58,10 @@ class Transforms:
                 known.poses.append(pose)
 
     def look_up(self, target: str, source: str, stamp: int, timeout: float) -> Array:
-        """Pose of the source frame in the target frame, shape ``(3,)`` [m, m, rad].
+        """Pose of the source frame in the target frame at `stamp` [ns], 0 for the latest, ``(3,)``.
 
         Between two instants it is interpolated; before the first and after the last that one holds.
-
-        Args:
-            target: Frame in which the pose is given.
-            source: Frame whose pose it is.
-            stamp: Time [ns]; 0 for the latest.
-            timeout: Largest distance of the nearest transform from that time [s].
-
-        Raises:
-            TransformError: It is not known for that time.
+        TransformError if the nearest is farther away than `timeout` [s].
         """
         chains = [self._ancestors(each) for each in (target, source)]
         common = next((each for each in chains[1] if each in chains[0]), None)

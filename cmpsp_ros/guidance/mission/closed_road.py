@@ -1,8 +1,8 @@
 """A road that obstacles close, alone or together: the robot stops before them.
 
-Each gap is a line from a corner of one obstacle to the next, or to the edge beside it, and the true
-gap is no wider than that. No robot crosses a chain of obstacles and gaps from edge to edge where
-every gap is too narrow; and it must, where all of the chain lies between start and goal.
+Each gap is a line from a corner of one obstacle to the next, or to the edge beside it; the true gap
+is no wider. No robot crosses a chain of obstacles and gaps from edge to edge where every gap is too
+narrow; and it must, where all of the chain lies between start and goal.
 """
 
 from __future__ import annotations
@@ -32,30 +32,19 @@ _LONGEST: Final = 4.0
 """Widths of the road along which a chain may lie: where a road crosses itself, a longer one may lie
 beside two parts of it."""
 
-_SHORTEST = 0.5
-"""Part of the arc length along the centre line that a way through bends has at least."""
-
-_SOON = 3 * NANOSECONDS
-"""Time that the robot may take to come nearer [ns]."""
+_SHORTEST = 0.5  # least part of the centre line's length that a way through bends has
+_SOON = 3 * NANOSECONDS  # time that the robot may take to come nearer [ns]
 
 
 @dataclass
 class ClosedRoad:
-    """Obstacles that close the road to the present goal, as far as it has been checked.
+    """Obstacles that close the road to the present goal, as far as it has been checked."""
 
-    Attributes:
-        obstacles: Names of the obstacles between which there is no passage.
-        goal: Goal to which the road was checked (x, y) [m]; None for not at all.
-        wait_reason: Reason to wait before them, a sentence; '' if none.
-        nearest: Least distance from them so far [m].
-        nearest_at: Time of that [ns].
-    """
-
-    obstacles: frozenset[str] = frozenset()
-    goal: Point | None = None
-    wait_reason: str = ''
-    nearest: float = math.inf
-    nearest_at: int = 0
+    obstacles: frozenset[str] = frozenset()  # names of those that leave no passage between them
+    goal: Point | None = None  # goal to which the road was checked (x, y) [m]; None for not at all
+    wait_reason: str = ''  # reason to wait before them, a sentence; '' if none
+    nearest: float = math.inf  # least distance from them so far [m]
+    nearest_at: int = 0  # time of that [ns]
 
     def look(self, settings: LawSettings, start: PlanStart, target: Target) -> None:
         """Look whether the road is closed for the robot without its margin; once for each goal."""
@@ -69,11 +58,7 @@ class ClosedRoad:
     def update(
         self, settings: LawSettings, approach: Approach, start: PlanStart, now: int
     ) -> Contact:
-        """Record the robot's distance at `now` [ns] from obstacles that close the road.
-
-        Returns:
-            Contact with the nearest of them.
-        """
+        """Record the distance at `now` [ns] from what closes the road; contact with the nearest."""
         assert self.goal is not None  # noqa: S101 (something closes the road to it)
         road, pose, progress = start.world.road, start.pose, start.progress
         sense = math.copysign(1.0, arc_length_to(road, pose, self.goal, progress=progress))
@@ -103,12 +88,9 @@ class ClosedRoad:
 def closures(
     road: Road, obstacles: Sequence[Shape], start: Point, goal: Point, wanted: float
 ) -> Iterator[tuple[list[str], float]]:
-    """Obstacles between which no disc gets through from start to goal.
+    """Chains of obstacles between which no disc of diameter `wanted` [m] gets from start to goal.
 
-    `start` [m], `goal` [m], `wanted` [m].
-
-    Yields:
-        Names of the obstacles of each chain, none in two of them, and its widest gap [m].
+    With names, none of them in two chains, and widest gap of each [m].
     """
     if not road.has_center_line:
         return
@@ -141,7 +123,7 @@ def closures(
 def _gaps(road: Road, shapes: tuple[Shape, ...]) -> Array:
     """Widths of gaps: both edges first, then the shapes, ``(2 + M, 2 + M)`` [m].
 
-    Kept from one run on a map to the next: they take longer than a control step.
+    Cached from run to run: on a map they take longer than a control step.
     """
     space, count = FreeSpace.of(road, shapes, 0.0), _EDGES + len(shapes)
     gaps = np.full((count, count), math.inf)

@@ -19,8 +19,7 @@ from cmpsp_ros.guidance.world import GuidanceSettings, World
 from cmpsp_ros.world import FreeSpace
 from cmpsp_ros.world.roads import OpenFloor, Point, Road
 
-_SPACING = 0.05
-"""Distance of the points of a line across a map that are looked at [m]."""
+_SPACING = 0.05  # distance of the points of a line across a map that are looked at [m]
 
 
 def shortest_time(settings: LawSettings, road: Road, start: Point) -> float:
@@ -38,7 +37,11 @@ def infeasibility_warnings(settings: LawSettings, world: World, start: Point) ->
         # With one goal the settings are its own already.
         leg = settings.towards(goal, begin) if settings.waypoints else settings
         to = f'On the way to {goal.name}: '
-        found = (*_too_far(leg, world.road, start), *_closed(leg, world, start))
+        found = (
+            *_too_far(leg, world.road, start),
+            *_too_near(leg, world),
+            *_closed(leg, world, start),
+        )
         said += [to + each if settings.waypoints else each for each in found]
         start, begin = goal.position, goal.time
     return said
@@ -63,11 +66,23 @@ def _too_far(settings: LawSettings, road: Road, start: Point) -> Iterator[str]:
         )
 
 
-def _too_fast(settings: LawSettings, road: Road, follow: Follow) -> Iterator[str]:
-    """Round a road without end: whether wheels allow the speed, and their acceleration the start.
+def _too_near(settings: LawSettings, world: World) -> Iterator[str]:
+    """Warning about a goal that no plan reaches within its tolerance and with the margin."""
+    space = FreeSpace.of(world.road, world.obstacles, settings.inscribed_radius)
+    clearances = space.at(np.array([[*settings.goal, settings.goal_heading or 0.0]]))[0]
+    nearest = int(np.argmin(clearances))
+    if clearances[nearest] + settings.goal_tolerance < settings.safety.margin:
+        yield (
+            f'At the goal the robot is {max(clearances[nearest], 0.0):.3f} m from'
+            f' {world.names[nearest]}, nearer than safety.margin, {settings.safety.margin:g} m:'
+            ' the plan will end beside the goal.'
+        )
 
-    No path is shorter than the centre line by more than half the width times all that it turns, and
-    the outer wheel has to drive the robot's own turn as well.
+
+def _too_fast(settings: LawSettings, road: Road, follow: Follow) -> Iterator[str]:
+    """Warnings about the speed on a road without end, and the acceleration to start with.
+
+    No path is shorter than the centre line by more than half the width times all that it turns.
     """
     robot = settings.robot
     line = road.center_line()

@@ -34,27 +34,16 @@ _LEAST_AHEAD: Final = 0.5
 
 
 class GoalManager:
-    """The present goal.
+    """The present goal."""
 
-    Attributes:
-        goal: That goal; None where a road is followed.
-        target: Terminal target of plans.
-        final: Time to reach it, or the end of the horizon along a road [ns].
-        end: Time to pass the last goal, or to leave the road [ns].
-        is_return: True if it leads back to a goal that was reached before.
-        goals_received: Number of goals received since the run began.
-        given_up: True if the run has ended before the goal.
-    """
-
-    goal: Goal | None
+    goal: Goal | None  # None where a road is followed
     target: Target
-    final: int
-    end: int
-    is_return: bool
-    given_up: bool
+    final: int  # time to reach it, or the end of the horizon along a road [ns]
+    end: int  # time to pass the last goal, or to leave the road [ns]
+    is_return: bool  # true if it leads back to a goal that was reached before
+    given_up: bool  # true if the run has ended before the goal
 
     def __init__(self, settings: LawSettings, world: World) -> None:
-        """Take the goals from the settings."""
         self._settings = settings
         self.goals_received = 0
         self._waiting: tuple[int, Goal] | None = None
@@ -85,10 +74,7 @@ class GoalManager:
     ) -> None:
         """Take another goal instead of all others, from the first control step that is not older.
 
-        `stamp` [ns], `latest` [ns].
-
-        Raises:
-            GoalError: It is refused, and nothing changes.
+        Times are in [ns]. Raises GoalError if it is refused, and nothing changes.
         """
         self.goals_received += 1
         _check_goal(self._settings, world, validator, goal)
@@ -103,13 +89,7 @@ class GoalManager:
         self._waiting = stamp, goal
 
     def update(self, stamp: int, now: int, start: PlanStart) -> bool:
-        """Find the present goal.
-
-        `stamp` [ns], `now` [ns].
-
-        Returns:
-            Whether it is another one than before.
-        """
+        """Find the present goal; True if it is another one than before. Times are in [ns]."""
         is_new = self._find(stamp, now, start)
         if not self._is_timed and self.goal is not None:
             self._is_timed = True
@@ -160,10 +140,7 @@ class GoalManager:
         self.goal = replace(self.goal, time=final / NANOSECONDS)
 
     def latest(self, begin: int, start: PlanStart) -> int:
-        """A time by which the present goal can be reached at a moderate speed [ns].
-
-        `begin` [ns].
-        """
+        """A time by which the present goal can be reached from `begin` at a moderate speed [ns]."""
         assert self.goal is not None  # noqa: S101 (only a road has none)
         # Before the goal it brakes: that takes longer than the way at a moderate speed.
         robot = start.robot
@@ -174,11 +151,8 @@ class GoalManager:
     def postpone(self, begin: int, start: PlanStart) -> float:
         """Pass the present goal later, and all after it, where the path to it takes too long.
 
-        `begin` [ns].
-
-        Returns:
-            By how much [s]; 0 where the time is enough, or no path is known and nobody closes it,
-            or the robot is within the tolerance of the goal.
+        Returns by how much [s]; 0 where the time is enough, or no path is known and nobody closes
+        it, or the robot is within the tolerance of the goal. `begin` [ns].
         """
         goal, search, period = self.goal, start.world.map_search(self._settings), self.period
         if goal is None or self.given_up or self._is_at_goal(start.pose):
@@ -191,7 +165,9 @@ class GoalManager:
         ):
             return 0.0
         needed = to_nanoseconds(self._time_to(goal, start))
-        if self.final - begin >= _SCARCE * needed:
+        # The earliest arrival that was found is not late where the wheels can keep it.
+        fastest = self._settings.pace / start.robot.max_speed if self._settings.is_soonest else 1.0
+        if self.final - begin >= _SCARCE * fastest * needed:
             return 0.0
         later = max(-(-(begin + needed) // period), begin // period + _FEWEST) * period
         by = max(0, later - self.final)
@@ -286,8 +262,8 @@ class GoalManager:
     def _look_ahead(self, now: int, world: World, pose: Array, progress: float) -> None:
         """Aim at the line across the road that is to be reached at the end of the horizon.
 
-        The line moves at most at the speed asked for. If it kept its distance from the robot, plans
-        that drive fast at first and slowly in the end would be as good as steady ones, for ever.
+        It moves at most at the speed asked for. At a constant distance from the robot, plans that
+        drive fast at first and slowly in the end would be as good as steady ones, for ever.
         """
         follow = self._settings.follow
         assert follow is not None  # noqa: S101 (the caller has looked)
@@ -318,11 +294,7 @@ def _time_in_bends(settings: LawSettings, start: PlanStart, goal: Goal, length: 
 
 
 def _check_goal(settings: LawSettings, world: World, validator: Validator, goal: Goal) -> None:
-    """Refuse a goal that the robot cannot stand at.
-
-    Raises:
-        GoalError: It is off the road or in an obstacle, or a road is followed.
-    """
+    """GoalError for a goal off the road or in an obstacle, and for any where a road is followed."""
     if settings.follow is not None:
         raise GoalError('The robot follows the road without end (follow.speed): it takes no goal.')
     x, y = goal.position

@@ -1,7 +1,6 @@
 """The return to a goal from which the robot was moved: turn towards it, drive, turn to its heading.
 
-A robot at rest beside its goal gets nowhere by driving along the road, and a linearisation says
-nothing of sideways motion at rest. It turns where it stands.
+At rest, a linearisation says nothing of sideways motion.
 """
 
 from __future__ import annotations
@@ -46,10 +45,7 @@ def return_time(settings: LawSettings, target: Target, pose: Array) -> float:
 def return_to_goal(
     settings: LawSettings, target: Target, start: PlanStart, horizon: Horizon, delay: int
 ) -> Plan:
-    """A plan of the return, which is complete at the end of the horizon.
-
-    `delay` [ns].
-    """
+    """A plan of the return, which is complete at the end of the horizon; `delay` [ns]."""
     robot, durations, k = settings.robot, horizon.durations, 0
     controls = np.zeros((len(durations) + 1, robot.n_controls))
     for steps, length, turn in _parts(settings, target, start.pose):

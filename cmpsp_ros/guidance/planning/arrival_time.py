@@ -1,9 +1,10 @@
 """The final time of goals that are to be passed as early as possible: a search, step by step.
 
-Within a plan the final time is fixed. At each control step a plan that ends a stride earlier is
-tried, made from the present one driven faster: if it meets every constraint it is followed, and the
-next stride is longer; otherwise the next one is shorter. A plan that has a flaw is tried with more
-time. So the plan that is followed ends at the earliest time found, and a trial changes no command.
+Within a plan the final time is fixed. At each control step, with a scanner after its command, a
+plan that ends a stride earlier is tried, made from the present one driven faster: if it meets every
+constraint it is followed, and the next stride is longer; otherwise the next one is shorter. A plan
+that has a flaw is tried with more time. So the plan that is followed ends at the earliest time
+found, and a trial changes no command.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from cmpsp_ros.guidance.horizon import remaining
-from cmpsp_ros.guidance.planning.candidate import Candidate
+from cmpsp_ros.guidance.planning.candidate import Candidate, reserve
 from cmpsp_ros.guidance.planning.plan_selector import PlanSelector
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 from cmpsp_ros.guidance.safety.unseen import drives_blind
@@ -28,6 +29,8 @@ _GROWTH: Final = 2.0
 """Factor on a stride after a success."""
 _LONGER: Final = 8.0
 """Factor from that stride to the second one."""
+_MORE: Final = 4.0
+"""Factor on both after a step at which neither helped."""
 _TRIALS: Final = 2
 _INITIAL_TRIALS: Final = 6
 _INITIAL_DELAYS: Final = 3
@@ -40,6 +43,11 @@ _OF_MARGIN: Final = 0.1
 """Part of the margin that a plan may lack."""
 _OF_TOLERANCE: Final = 0.2
 """Part of the goal's tolerance within which a plan on trial ends."""
+_LESS_SLACK: Final = 0.5
+"""Part of a plan's slack with which a later one is followed, although it needs slack as well."""
+_RESERVE: Final = 0.01
+"""Part of its time that an earlier plan can do without: with none, each error of the odometry makes
+the next plan impossible, and its subproblem is one with nearly all wheel speeds at their limits."""
 
 
 @dataclass
@@ -49,25 +57,28 @@ class ArrivalTime:
     Attributes:
         settings: All settings of the guidance law.
         stride: By how much the next trial is earlier, as a fraction of the time left.
+        delay: By how much the first trial of a flawed plan is later, likewise.
         sets_out: Whether no plan to the goal was made yet.
         slack: Slack that plans need however much time they have: a gap is too narrow [m].
+        trials: Trials after the command.
     """
 
     settings: LawSettings
     stride: float = _LONGEST
+    delay: float = _DELAY
     sets_out: bool = True
     slack: float = 0.0
+    trials: int = _TRIALS
 
-    def choose(
-        self, selector: PlanSelector, context: PlanningContext, selected: Candidate, latest: int
+    def set_out(
+        self, selector: PlanSelector, context: PlanningContext, selected: Candidate
     ) -> tuple[PlanningContext, Candidate]:
-        """The plan to follow instead of the selected one, and its control step.
-
-        `latest` [ns] is the latest final time that is tried.
-        """
-        sets_out, self.sets_out = self.sets_out, False
-        if sets_out:
-            self.stride, self.slack, tried = _LONGEST, 0.0, [(context, selected)]
+        """The plan to follow instead of the first one to a goal, and its control step."""
+        if self.sets_out:
+            self.sets_out = False
+            self.stride, self.delay, self.slack = _LONGEST, _DELAY, 0.0
+            self.trials = _INITIAL_TRIALS
+            tried = [(context, selected)]
             for _ in range(_INITIAL_DELAYS):
                 if self._is_good(selected):
                     break
@@ -78,25 +89,34 @@ class ArrivalTime:
                 tried.append((context, selected))
             if self._lacks_space(selected, tried[0][1]):
                 context, selected = tried[0]
-            elif not selected.result.solved:
-                followed = [each for each in tried if each[1].feasible] or tried[-1:]
-                context, selected = min(followed, key=lambda each: each[1].terminal_error)
+            elif not self._is_good(selected):
+                context, selected = min(tried, key=lambda each: _flaws(each[1]))
         if selected.feasible:
             self.slack = 0.0
-        if self._is_good(selected):
-            return self._earlier(
-                selector, context, selected, _INITIAL_TRIALS if sets_out else _TRIALS
-            )
-        return self._later(selector, context, selected, latest)
+        return context, selected
+
+    def another(
+        self, selector: PlanSelector, context: PlanningContext, selected: Candidate, latest: int
+    ) -> tuple[PlanningContext, Candidate]:
+        """A plan that ends earlier, or later if the selected one has a flaw, and its control step.
+
+        Where none is found they are those given. `latest` [ns] is the latest final time tried.
+        """
+        if not self._is_good(selected):
+            return self._later(selector, context, selected, latest)
+        self.delay = _DELAY
+        return self._earlier(selector, context, selected)
 
     def _earlier(
-        self, selector: PlanSelector, context: PlanningContext, selected: Candidate, trials: int
+        self, selector: PlanSelector, context: PlanningContext, selected: Candidate
     ) -> tuple[PlanningContext, Candidate]:
+        trials, self.trials = self.trials, _TRIALS
         period = to_nanoseconds(self.settings.control_period)
 
         def accepts(found: Candidate) -> bool:
             is_blind = drives_blind(self.settings, found.plan, context.start)
-            return self._is_accurate(found) and not is_blind
+            is_tight = reserve(found.plan, self.settings.robot.kinematics) < _RESERVE
+            return self._is_accurate(found) and not (is_blind or is_tight)
 
         is_bracketed = False
         for _ in range(trials):
@@ -120,15 +140,22 @@ class ArrivalTime:
         self, selector: PlanSelector, context: PlanningContext, selected: Candidate, latest: int
     ) -> tuple[PlanningContext, Candidate]:
         self.stride = _DELAY
+
+        def accepts(found: Candidate) -> bool:
+            return self._is_accurate(found) or self._is_clearly_better(found, selected)
+
         # Near the goal a part of the time left is hardly any time.
         left = float(context.horizon.durations.sum())
-        for delay in (_DELAY, max(_LONGER * _DELAY, self.settings.control_period / 2.0 / left)):
+        least = self.settings.control_period / 2.0 / left
+        for delay in (self.delay, max(_LONGER * self.delay, least)):
             trial = self._shifted(context, delay)
             if trial.horizon.edges[-1] > latest:
                 break
-            found = selector.try_at_another_time(selected.plan, trial, self._is_accurate)
-            if self._is_accurate(found) or self._lacks_space(found, selected):
+            found = selector.try_at_another_time(selected.plan, trial, accepts)
+            if accepts(found) or self._lacks_space(found, selected):
+                self.delay = _DELAY
                 return trial, found
+        self.delay = min(_MORE * self.delay, _LONGEST)
         return context, selected
 
     def _lacks_space(self, later: Candidate, earlier: Candidate) -> bool:
@@ -172,6 +199,20 @@ class ArrivalTime:
             and candidate.reaches_goal(self.settings, tolerances)
         )
 
+    def _is_clearly_better(self, later: Candidate, earlier: Candidate) -> bool:
+        """True if a later plan needs hardly half the slack of a plan that needs some."""
+        return (
+            later.admissible
+            and later.verdict.worst_margin >= -TOUCHING
+            and not later.result.brakes_late
+            and later.result.slack < _LESS_SLACK * earlier.result.slack
+        )
+
     def _is_accurate(self, candidate: Candidate) -> bool:
         """True if a plan on trial may be followed."""
         return self._is_good(candidate, _OF_TOLERANCE)
+
+
+def _flaws(candidate: Candidate) -> tuple[bool, bool, float]:
+    """Flaws of a plan to set out with, the worse ones first."""
+    return not candidate.result.solved, not candidate.feasible, candidate.terminal_error

@@ -25,71 +25,42 @@ from cmpsp_ros.world.roads import RoadSpace, road_functions
 # less. Two plans that are about as good must not take turns.
 _CLEARLY_LESS: Final = 0.5
 _CLEARLY_CHEAPER: Final = 0.8
-_HOPELESSLY_DEAR: Final = 2.0
-"""Relative cost of a plan that will not be selected while the other one is without a flaw."""
-_ENOUGH: Final = 0.1
-_SCARCE: Final = 0.04
-"""Reserves that a plan should leave, and at which it is replanned, as fractions of the limit."""
-_MORE, _LESS = 0.015, 0.01
-"""Differences of reserve that are clear."""
-_TOUCH: Final = 1e-3
-"""Accuracy to which an active constraint of a linearisation is met [m]."""
+_HOPELESSLY_DEAR: Final = 2.0  # relative cost of a plan that another one without a flaw rules out
+_ENOUGH: Final = 0.1  # reserve that a plan should leave, as a fraction of the limit
+_SCARCE: Final = 0.04  # the same at which it is replanned
+_MORE, _LESS = 0.015, 0.01  # differences of reserve that are clear
+_TOUCH: Final = 1e-3  # accuracy to which an active constraint of a linearisation is met [m]
 
 
 class SolveResult(NamedTuple):
-    """A plan after its iterations.
-
-    Attributes:
-        plan: The plan.
-        solved: Whether the subproblem of the last iteration was solved.
-        elastic: Whether slack was needed in it.
-        slack: Largest violation that the slack stands for [m].
-        slack_where: Indices of the path constraints with slack, outer and inner edge first.
-        slack_terminal: Whether the terminal constraint has slack.
-        iterations: Iterations done.
-        qp_iterations: Iterations of the QP back end in the last one.
-        active_rows: Constraints active in the last one.
-        reason: Status of the last one, in words.
-        work: Visits of a stage that the iterations took; 0 if they are not counted.
-        brakes_late: Whether too little time is left to come to rest within the limit of jerk.
-    """
+    """A plan after its iterations."""
 
     plan: Plan
-    solved: bool
-    elastic: bool
-    slack: float
+    solved: bool  # whether the subproblem of the last iteration was solved
+    elastic: bool  # whether slack was needed in it
+    slack: float  # largest violation that the slack stands for [m]
+    # indices of the path constraints with slack, outer and inner edge first
     slack_where: tuple[int, ...]
-    slack_terminal: bool
-    iterations: int
-    qp_iterations: int
-    active_rows: int
-    reason: str
-    work: int = 0
-    brakes_late: bool = False
+    slack_terminal: bool  # whether the terminal constraint has slack
+    iterations: int  # done
+    qp_iterations: int  # iterations of the QP back end in the last one
+    active_rows: int  # constraints active in the last one
+    reason: str  # status of the last one, in words
+    work: int = 0  # visits of a stage that the iterations took; 0 if they are not counted
+    brakes_late: bool = False  # whether there is no time left to come to rest within the jerk limit
 
 
 class Candidate(NamedTuple):
-    """A plan that may be followed.
-
-    Attributes:
-        plan: The plan.
-        result: Result of its iterations.
-        verdict: Validation on it and on the path to its beginning.
-        admissible: Whether it may be followed at all.
-        feasible: Whether it meets every constraint, too.
-        is_relaxed: Whether some constraint is not met, now or in the linearised plan.
-        terminal_error: Distance of its end from the goal [m].
-        heading_error: Error of its last heading [rad]; None where any will do.
-    """
+    """A plan that may be followed."""
 
     plan: Plan
     result: SolveResult
-    verdict: Validation
-    admissible: bool
-    feasible: bool
-    is_relaxed: bool
-    terminal_error: float
-    heading_error: float | None
+    verdict: Validation  # validation on it and on the path to its beginning
+    admissible: bool  # whether it may be followed at all
+    feasible: bool  # whether it meets every constraint, too
+    is_relaxed: bool  # whether some constraint is not met, now or in the linearised plan
+    terminal_error: float  # distance of its end from the goal [m]
+    heading_error: float | None  # error of its last heading [rad]; None where any will do
 
     @classmethod
     def of(cls, result: SolveResult, verdict: Validation, target: Target) -> Candidate:
@@ -136,32 +107,18 @@ class Candidate(NamedTuple):
 
 
 class Score(NamedTuple):
-    """Criteria by which plans are compared, in this order; violations in that of `BY_PRIORITY`.
+    """Criteria by which plans are compared, in this order; violations in that of `BY_PRIORITY`."""
 
-    Attributes:
-        admissible: Whether the plan may be followed at all.
-        obstacle: Depth in an obstacle or the margin kept from it [m]; 0 for none.
-        edge: Distance off the road or in the margin kept from its edges [m]; 0 for none.
-        terminal_error: Distance of its end from the goal [m]; 0 within the tolerance.
-        elastic: Whether its last iteration needed slack.
-        slack: Amount of slack, where nothing else is measured [m]; otherwise 0.
-        turns: Number of times it winds around itself.
-        blind: Whether it drives backward to where nothing has been seen.
-        reserve: Fraction of the time left that it could do without, were its wheels always at
-            their limit; at most `_ENOUGH`.
-        cost: Cost (95) of its path and its controls, without the proximal term.
-    """
-
-    admissible: bool = True
-    obstacle: float = 0.0
-    edge: float = 0.0
-    terminal_error: float = 0.0
-    elastic: bool = False
-    slack: float = 0.0
-    turns: int = 0
-    blind: bool = False
-    reserve: float = 0.0
-    cost: float = 0.0
+    admissible: bool = True  # whether the plan may be followed at all
+    obstacle: float = 0.0  # depth in an obstacle or the margin kept from it [m]; 0 for none
+    edge: float = 0.0  # distance off the road or in the margin kept from its edges [m]; 0 for none
+    terminal_error: float = 0.0  # distance of its end from the goal [m]; 0 within the tolerance
+    elastic: bool = False  # whether its last iteration needed slack
+    slack: float = 0.0  # amount of slack, where nothing else is measured [m]; otherwise 0
+    turns: int = 0  # number of times it winds around itself
+    blind: bool = False  # whether it drives backward to where nothing has been seen
+    reserve: float = 0.0  # fraction of the time left to spare at full speed; at most `_ENOUGH`
+    cost: float = 0.0  # cost (95) of its path and its controls, without the proximal term
 
     @property
     def flawed(self) -> bool:
@@ -224,7 +181,7 @@ class Ranking:
             elastic=result.elastic,
             turns=_turns(winding),
             blind=drives_blind(self._settings, candidate.plan, start),
-            reserve=min(self._reserve(candidate.plan), _ENOUGH),
+            reserve=min(reserve(candidate.plan, self._settings.robot.kinematics), _ENOUGH),
             cost=self._cost(candidate.plan, start.previous_control, off_center),
         )
 
@@ -237,20 +194,9 @@ class Ranking:
             candidate.verdict.worst_margin < -_TOUCH
             or candidate.terminal_error > self._goal_tolerance
             or _turns(_along(plan.poses, start.world.road_space)[0]) > 0
-            or self._reserve(plan) < _SCARCE
+            or reserve(plan, self._settings.robot.kinematics) < _SCARCE
             or (start.world.seen is not None and drives_blind(self._settings, plan, start))
         )
-
-    def _reserve(self, plan: Plan) -> float:
-        """Fraction of the time left that a plan could do without at full speed; 1 if unlimited.
-
-        With wheel speeds w: 1 - sum_k max_i |w_ki| dt_k / (w_max T). A disturbance costs time, and
-        nothing in the cost keeps any.
-        """
-        edges, robot = plan.horizon.edges, self._settings.robot.kinematics
-        needed = _turned(plan.controls, plan.horizon.durations, robot)
-        left = (edges.item(-1) - edges.item(0)) / NANOSECONDS
-        return 1.0 - needed / robot.max_wheel_speed / left
 
     def _cost(self, plan: Plan, previous_control: Array, off_center: float) -> float:
         """Cost (95) without its proximal term, with the weights of controls and their changes."""
@@ -262,6 +208,18 @@ class Ranking:
             changes = np.diff(controls, axis=0, prepend=previous_control[None])
             cost += weights.control_rate * float((changes**2).sum())
         return cost / 2.0
+
+
+def reserve(plan: Plan, robot: Kinematics) -> float:
+    """Fraction of the time left that a plan could do without at full speed; 1 if unlimited.
+
+    With wheel speeds w: 1 - sum_k max_i |w_ki| dt_k / (w_max T). Nothing in the cost keeps any
+    time.
+    """
+    edges = plan.horizon.edges
+    needed = _turned(plan.controls, plan.horizon.durations, robot)
+    left = (edges.item(-1) - edges.item(0)) / NANOSECONDS
+    return 1.0 - needed / robot.max_wheel_speed / left
 
 
 def _turns(winding: float) -> int:

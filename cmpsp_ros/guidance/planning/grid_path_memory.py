@@ -38,9 +38,8 @@ def search_ahead(
 def searched_with(settings: LawSettings, world: World, place: Array, goal: Point) -> Searched:
     """Inputs of the path search of the next control step; takes as long as one grid search.
 
-    Another path is taken if the present one is blocked, or if it is shorter by more than the
-    hysteresis. That doubles each time, since noise that opens and closes a gap would otherwise make
-    the robot drive to and fro.
+    Another path is taken if the present one is blocked, or longer by more than the hysteresis. That
+    doubles each time: noise that opens and closes a gap would make the robot drive to and fro.
     """
     if world.seen is None:
         return world.searched
@@ -71,8 +70,7 @@ def _with_a_map(
 ) -> Searched:
     """Search the map alone, or with the obstacles that blocked its path.
 
-    The path of the map alone counts again once all of them are seen to be free: an obstacle that is
-    only forgotten may still be there.
+    The map alone counts again once all of them are seen to be free, not only forgotten.
     """
     before, line = world.searched, _line(settings, world, place, goal)
     # A line strays by half a cell at corners.

@@ -25,29 +25,19 @@ from cmpsp_ros.robots.motion import Kinematics, drive, fastest_wheel, within_lim
 from cmpsp_ros.robots.motion import steer as steer_by
 from cmpsp_ros.world.roads import RoadSpace, road_functions
 
-SHORTEST_LOOKAHEAD: Final = 0.3
-"""Distance of the nearest point that is pursued [m]."""
-_ROAD_LOOKAHEAD: Final = 1.0
-_PATH_LOOKAHEAD: Final = 0.35
-"""Distance of the point that is pursued, as the time to get there [s]."""
-_SPOT: Final = 0.5
-"""Angle from which on a robot at rest turns on the spot [rad]."""
-_BACKWARD: Final = 0.5
-"""Largest speed backward, relative to the robot's."""
+SHORTEST_LOOKAHEAD: Final = 0.3  # distance of the nearest point that is pursued [m]
+_ROAD_LOOKAHEAD: Final = 1.0  # distance of the point pursued on a road, as a time [s]
+_PATH_LOOKAHEAD: Final = 0.35  # the same on a path
+_SPOT: Final = 0.5  # angle from which on a robot at rest turns on the spot [rad]
+_BACKWARD: Final = 0.5  # largest speed backward, relative to the robot's
 
 
 class Pursuit(NamedTuple):
-    """A robot in pursuit of points.
-
-    Attributes:
-        robot: Its kinematics.
-        max_turn: Largest turn in a step [rad].
-        free_turn_rate: Turn rate of a robot that drives sideways; NaN for any [rad/s].
-    """
+    """A robot in pursuit of points."""
 
     robot: Kinematics
-    max_turn: float
-    free_turn_rate: float
+    max_turn: float  # largest turn in a step [rad]
+    free_turn_rate: float  # turn rate of a robot that drives sideways; NaN for any [rad/s]
 
 
 def initial_guess(
@@ -62,10 +52,7 @@ def initial_guess(
 
 
 def along_road(settings: LawSettings, start: PlanStart, target: Target, durations: Array) -> Array:
-    """Pursuit of a point ahead on the centre line, paced to be at the goal in time.
-
-    Arguments and result as in `initial_guess`.
-    """
+    """Pursuit of a point ahead on the centre line, at the goal in time, as of `initial_guess`."""
     controls, poses = _empty(start, durations)
     road, heading = start.world.road_space, target.heading
     pursuit = Pursuit(
@@ -86,12 +73,11 @@ def follow_profile(
     free_turn_rate: float = 0.0,
     backward: float | None = None,
 ) -> Array:
-    """Pursuit of a point ahead on a path, paced to be at its end in time.
+    """Pursuit of a point ahead on a path, paced to be at its end in time; shape ``(N + 1, r)``.
 
-    Where the change of two wheels is limited none changes faster, and a robot at rest turns on the
-    spot first: while it sets out it cannot turn. So does one that has driven `backward` [m] along
-    the path, at any speed. The profile has the lateral positions of the path at the stations of the
-    frame, shape ``(K,)`` [m]; the result has shape ``(N + 1, r)``.
+    With a limit of acceleration no wheel changes faster, and a robot at rest turns on the spot
+    first. So does one that has driven `backward` [m] along the path. The `profile` ``(K,)`` are
+    lateral positions of the path at the stations of the frame [m].
     """
     left = np.zeros(len(profile))
     left[:-1] = np.cumsum(lengths(frame, profile)[::-1])[::-1]
@@ -118,10 +104,7 @@ def follow_profile(
 
 
 def free_turn_rate(start: PlanStart, target: Target, durations: Array) -> float:
-    """Turn rate to the heading of a goal, for a robot whose heading is free meanwhile [rad/s].
-
-    NaN if the heading of the goal is free too.
-    """
+    """Turn rate to the heading of a goal [rad/s], for a robot that drives sideways; NaN for any."""
     if target.heading is None or target.is_line or not start.robot.drives_sideways:
         return math.nan
     return wrapped(target.heading - float(start.pose[2])) / float(durations.sum())

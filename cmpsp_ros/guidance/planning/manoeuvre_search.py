@@ -13,13 +13,7 @@ import numpy as np
 from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.guidance.formulation.ocp_formulation import sample_space
 from cmpsp_ros.guidance.goals import Target
-from cmpsp_ros.guidance.planning.pose_search import (
-    Surroundings,
-    Tree,
-    expand,
-    is_clear,
-    surroundings_of,
-)
+from cmpsp_ros.guidance.planning.pose_search import Surroundings, Tree, expand, is_clear
 from cmpsp_ros.guidance.planning.reeds_shepp import (
     LEFT,
     STRAIGHT,
@@ -37,21 +31,14 @@ from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.robots import Robot
 from cmpsp_ros.world import FreeSpace
 
-_AT_ONCE: Final = 16
-"""Nodes that are expanded between two attempts to reach the robot."""
-_ATTEMPTS: Final = 6
-"""Attempts in a call: they bound its work, which takes 10 to 20 ms."""
+_AT_ONCE: Final = 16  # nodes that are expanded between two attempts to reach the robot
+_ATTEMPTS: Final = 6  # attempts in a call: they bound its work, which takes 10 to 20 ms
 _MAX_ATTEMPTS: Final = 600
-_NEAR: Final = 8.0
-"""Distance, in lengths, from which moves are searched for a robot that turns on the spot."""
-_STROKES: Final = 0.05, 0.025, 0.0125
-"""Lengths of a move, in turning radii: shorter ones are for where no path of longer ones fits."""
-_TOO_DEEP: Final = 0.05
-"""Depth of a path in margins that no iterations are trusted to lead out [m]."""
-_SAME: Final = 0.05
-"""Distance, in turning radii, and angle up to which a pose is the same [rad]."""
-_FEW: Final = 3
-"""Paths of an attempt that are checked."""
+_NEAR: Final = 8.0  # distance, in lengths, from which one that turns on the spot searches
+_STROKES: Final = 0.05, 0.025, 0.0125  # lengths of a move, in turning radii, the longest first
+_TOO_DEEP: Final = 0.05  # depth of a path in margins that no iterations are trusted to lead out [m]
+_SAME: Final = 0.05  # distance, in turning radii, and angle up to which a pose is the same [rad]
+_FEW: Final = 3  # paths of an attempt that are checked
 
 
 def may_need_manoeuvres(settings: LawSettings) -> bool:
@@ -86,7 +73,7 @@ def _around(
     settings: LawSettings, start: PlanStart, space: FreeSpace, depth: float, stroke: float
 ) -> Surroundings:
     length, turns = _length(settings, start.robot), start.robot.turns_on_the_spot
-    return surroundings_of(space, depth, length, stroke, turns_on_the_spot=turns)
+    return Surroundings(space.data, depth, length, turns, stroke)
 
 
 def _turning_paths(start: PlanStart, pose: Array, length: float) -> list[Path]:
@@ -102,15 +89,9 @@ def _turning_paths(start: PlanStart, pose: Array, length: float) -> list[Path]:
 
 
 class ManoeuvreSearch:
-    """Search for the moves from one pose to one goal.
-
-    Attributes:
-        path: The moves; empty where none are found, or not yet.
-        is_over: True once there is no more to search for.
-    """
+    """Search for the moves from one pose to one goal."""
 
     def __init__(self, settings: LawSettings, start: PlanStart, target: Target) -> None:
-        """Take the task; nothing is searched yet."""
         assert target.heading is not None  # noqa: S101 (the caller has looked)
         self._settings, self._start, self.target = settings, start, target
         self._space = sample_space(settings, start.world)
@@ -123,7 +104,7 @@ class ManoeuvreSearch:
         self._strokes = list(_STROKES)
         self._attempts, self._best, self._until = 0, math.inf, _MAX_ATTEMPTS
         self._plant()
-        self.path: Path = ()
+        self.path: Path = ()  # the moves; none are found yet
         self.is_over = False
 
     def _plant(self) -> None:
@@ -191,10 +172,7 @@ def _joined(segments: list[Segment]) -> Path:
 
 
 def timed(settings: LawSettings, start: PlanStart, durations: Array, path: Path) -> Array | None:
-    """A path as controls ``(N + 1, r)``, with stops between its segments to steer.
-
-    None if the time is too short.
-    """
+    """A path as controls ``(N + 1, r)``, with stops to steer; None if the time is too short."""
     robot, period = start.robot, settings.control_period
     length, change = _length(settings, robot), settings.max_wheel_change * robot.wheel_radius
     units, ways, pauses, steering = [], [], [], start.previous_control

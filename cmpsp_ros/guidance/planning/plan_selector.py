@@ -8,7 +8,7 @@ one for each of the most promising homotopy classes is kept and improved beside 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.decision import Plan
@@ -61,10 +61,14 @@ class Improver:
 
     def begin_step(self, context: PlanningContext) -> None:
         """Grant the work of a control step, and measure its times."""
-        self.phases = {'solve': 0.0, 'audit': 0.0}
+        self.begin_phases()
         self.work_left = self.work_limit >> context.halvings
         if context.plan is None:
             self.work_left *= _GENEROUS
+
+    def begin_phases(self) -> None:
+        """Measure times anew: those so far belong to the decision that was made."""
+        self.phases = {'solve': 0.0, 'audit': 0.0}
 
     def guess_from(self, plan: Plan, context: PlanningContext) -> Array:
         """Controls of a plan within the horizon of a step, shape ``(N + 1, r)``."""
@@ -161,8 +165,20 @@ class ReviewSchedule:
         return self.is_asked or not followed.admissible
 
 
+class _Comparison(NamedTuple):
+    """A comparison of the plan that is followed with others, put off until the command is out."""
+
+    warm: Candidate
+    context: PlanningContext
+    review: bool
+    may_change: bool
+
+
 class PlanSelector:
     """Improves the plan that is followed, and others where that may help, and selects one.
+
+    Where a scanner leaves a step less time, others are compared with an admissible plan after the
+    command; the better one is followed from the next step on.
 
     Attributes:
         improver: Improves all plans of a control step.
@@ -178,6 +194,10 @@ class PlanSelector:
         self._formulation = OcpFormulation(settings, world)
         self._selection = Selection(self._formulation, self.improver)
         self._world = world
+        self._comparison: _Comparison | None = None
+        # The plan followed last, the one that it is continued with, and the sentence on that.
+        self._instead: tuple[Plan, Plan] | None = None
+        self._found = ''
         self.forget()
 
     def reconfigure(self, settings: LawSettings, world: World, validator: Validator) -> None:
@@ -215,6 +235,7 @@ class PlanSelector:
         """Forget all alternatives, and search all homotopy classes at the next control step."""
         self._selection.pool.forget()
         self._reviews, self.remark = ReviewSchedule(), ''
+        self._comparison, self._instead, self._found = None, None, ''
 
     def restart(self) -> None:
         """Forget the warm start too: the model has changed."""
@@ -229,17 +250,26 @@ class PlanSelector:
         """Improve the plan, and others where that may help, and select one."""
         if context.start.world is not self._world:
             self._update_world(context.start.world)
-        self._selection.remark = ''
+        self._selection.remark, self._found = self._found, ''
         selected = self._best(context)
+        self._instead = None
         self._update_remark()
         return selected
 
     def _best(self, context: PlanningContext) -> Candidate:
         improver, selection, reviews = self.improver, self._selection, self._reviews
         improver.begin_step(context)
+        self._comparison = None
         # The plan that is followed comes first; the others share the work that it leaves.
         guess, first = self._guesses_of(context)
-        warm = improver.improve(selection.pool.followed, guess, context, generosity=_GENEROUS)
+        has_others = first is not None and len(first) > 1
+        warm = improver.improve(
+            selection.pool.followed,
+            guess,
+            context,
+            generosity=1 if has_others else _GENEROUS,
+            most_work=improver.work_left // 2 if has_others else None,
+        )
         if selection.limit == 1:
             return selection.only(warm, context)
         if context.plan is not None:
@@ -249,11 +279,35 @@ class PlanSelector:
         review = is_due or context.plan is None
         if not review and not selection.pool.alternatives:
             return warm
+        comparison = _Comparison(warm, context, review, may_change)
+        if first is None and warm.admissible and context.start.world.seen is not None:
+            self._comparison = comparison
+            return warm
+        return self._compared(comparison, first)
+
+    def _compared(self, comparison: _Comparison, first: list[Array] | None) -> Candidate:
+        warm, context, review, may_change = comparison
+        selection = self._selection
         selected, changed = selection.best(
             warm, context, first, review=review, may_change=may_change
         )
-        reviews.note_selected(changed=changed, reviewed=review)
-        return improver.polish(selection.pool.followed, selected, context)
+        self._reviews.note_selected(changed=changed, reviewed=review)
+        return self.improver.polish(selection.pool.followed, selected, context)
+
+    def compare(self) -> Candidate | None:
+        """The plan to go on with, where a comparison was put off; None if there was none."""
+        comparison, self._comparison = self._comparison, None
+        self.improver.begin_phases()
+        if comparison is None:
+            return None
+        selected = self._compared(comparison, None)
+        self._found = self._selection.remark
+        self.go_on_with(comparison.warm.plan, selected.plan)
+        return selected
+
+    def go_on_with(self, followed: Plan, plan: Plan) -> None:
+        """Continue a plan at the next step instead of the one that is followed."""
+        self._instead = followed, plan
 
     def _guesses_of(self, context: PlanningContext) -> tuple[Array, list[Array] | None]:
         """Guess of the plan that is followed, and all of a step that begins without one."""
@@ -265,6 +319,8 @@ class PlanSelector:
         # Put off: rows of its warm start would be at other places.
         if len(context.horizon.edges) > len(plan.horizon.edges):
             selection.pool.followed.forget()
+        if self._instead is not None and plan is self._instead[0]:
+            plan = self._instead[1]
         return self.improver.guess_from(plan, context), None
 
     def try_at_another_time(
@@ -273,7 +329,7 @@ class PlanSelector:
         """Improve a plan that ends earlier or later, and follow it if it is accepted."""
         pool, improver = self._selection.pool, self.improver
         planner, left = pool.take(), improver.work_left
-        improver.work_left = granted = max(left // 2, min(left, improver.work_limit // 8))
+        improver.work_left = granted = max(left // 2, improver.work_limit // 8)
         guess = improver.guess_from(plan, context)
         found = improver.improve(planner, guess, context, SCREENING)
         improver.work_left += left - granted

@@ -9,19 +9,20 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.guidance.decision import Plan
-from cmpsp_ros.guidance.formulation.guidance_problem import guidance_data, target_of
+from cmpsp_ros.guidance.formulation.guidance_problem import (
+    CompiledProblem,
+    ProblemData,
+    compile_problem,
+    guidance_data,
+    problem_data,
+    target_of,
+)
 from cmpsp_ros.guidance.formulation.ocp_formulation import (
     OcpFormulation,
     terminal_constraint,
     terminal_penalty,
 )
 from cmpsp_ros.guidance.formulation.ocp_functions import LATERAL_PART, WHEEL_ROUNDING, GuidanceData
-from cmpsp_ros.guidance.formulation.rate_problem import (
-    CompiledProblem,
-    ProblemData,
-    compile_problem,
-    problem_data,
-)
 from cmpsp_ros.guidance.goals import Target
 from cmpsp_ros.guidance.horizon import remaining
 from cmpsp_ros.guidance.planning.candidate import SolveResult
@@ -37,8 +38,7 @@ from cmpsp_ros.robots import Robot
 from cmpsp_ros.world import FreeSpace
 
 _ROUNDED_UP: Final = 1.0 + 1e-9
-_WORK_OF_BACK_END: Final = 10_000
-"""Work of an iteration of a QP back end at a stage, in visits of a stage."""
+_WORK_OF_BACK_END: Final = 10_000  # of an iteration at a stage, in visits of a stage
 _STATUS: Final[dict[int, QPStatus]] = {
     Outcome.SOLVED: QPStatus.SOLVED,
     Outcome.INFEASIBLE: QPStatus.INFEASIBLE,
@@ -65,14 +65,10 @@ class _Counters(NamedTuple):
 
 
 class Planner:
-    """Improves control histories.
+    """Improves control histories, one planner for each that is improved side by side with others.
 
-    One for every plan that is improved side by side with others. It keeps memory for the longest
-    horizon, and the active constraints of its last plan to warm-start the next one; they change
-    the path to the solution of a subproblem, not the solution.
-
-    Attributes:
-        compiled: Machine code of the problem.
+    It keeps memory for the longest horizon, and the active constraints of its last plan: a warm
+    start changes the path to the solution of a subproblem, not the solution.
     """
 
     def __init__(
@@ -121,18 +117,11 @@ class Planner:
     def improve(
         self,
         context: PlanningContext,
-        guess: Array,
+        guess: Array,  # ``(N + 1, r)``
         iterations: int | None = None,
-        work_limit: int = UNLIMITED,
+        work_limit: int = UNLIMITED,  # visits of a stage after which a subproblem is given up
     ) -> SolveResult:
-        """Run iterations.
-
-        Args:
-            context: The control step.
-            guess: Controls to start from, shape ``(N + 1, r)``.
-            iterations: Maximum number; by default that of a control step.
-            work_limit: Visits of a stage after which a subproblem is given up.
-        """
+        """Run iterations from a guess, by default as many as in a control step."""
         limit = iterations or self._formulation.settings.solver.iterations_per_step
         horizon, steps = context.horizon, len(context.horizon.durations)
         target = context.goal if steps > 1 else context.target
@@ -236,10 +225,7 @@ class Planner:
         return driver
 
     def _bound_speeds(self, driver: Driver, context: PlanningContext) -> None:
-        """Bound the speed of a car so that it comes to the end slowly enough, braking in time.
-
-        And that of every robot which is to be at rest there.
-        """
+        """Bound the speed of a robot that has to end slowly or at rest, braking in time."""
         robot, ws, change = context.start.robot, driver.ws, self._max_change
         durations, bounds = context.horizon.durations, robot.bounds
         ws.upper[:], ws.lower[:] = bounds, -bounds

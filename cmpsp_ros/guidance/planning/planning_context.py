@@ -37,23 +37,16 @@ from cmpsp_ros.world.roads import remaining_arc_length
 _WORTH_WHILE: Final = 0.05
 _FRACTION: Final = 0.1
 """Gain that makes a plan worth driving [m], and its limit as a fraction of the wheels' reach."""
-_SOON: Final = NANOSECONDS
-"""Time within which it must gain that: later gains may be only what it loses first [ns]."""
+_SOON: Final = NANOSECONDS  # time within which it must gain that: later it may be regained [ns]
 
 
 @dataclass(frozen=True)
 class Encounters:
-    """Moving discs at the time and place of the robot's closest approach.
-
-    Attributes:
-        names: Their names in messages.
-        centers: Shape ``(M, 2)`` [m].
-        radii: Radii with all that is kept from them, shape ``(M,)`` [m].
-    """
+    """Moving discs at the time and place of the robot's closest approach."""
 
     names: tuple[str, ...]
-    centers: Array
-    radii: Array
+    centers: Array  # shape ``(M, 2)`` [m]
+    radii: Array  # radii with all that is kept from them, shape ``(M,)`` [m]
 
     def taken_from(self, space: FreeSpace) -> FreeSpace:
         """A space without them, if there are any, as at one instant."""
@@ -69,33 +62,19 @@ _NONE: Final = Encounters((), np.empty((0, 2)), np.empty(0))
 
 @dataclass
 class PlanningContext:
-    """A control step that plans are made for.
-
-    Attributes:
-        settings: All settings of the guidance law.
-        start: Beginning of the plans.
-        goal: Goal of the robot.
-        horizon: Horizon of the plans.
-        plan: The plan followed until now, if any.
-        pending: Validation on the path to the start, if there is one.
-        halvings: Number of times that the work of the step is halved.
-        delay: Time from a command to its effect [ns].
-        end_speed: Largest speed of a car at the end of a plan; infinite for none [m/s].
-        ends_at_rest: Whether the command after the last may be that of rest.
-        moves: Moves to the goal that have been searched for; empty for none.
-    """
+    """A control step that plans are made for."""
 
     settings: LawSettings
     start: PlanStart
     goal: Target
     horizon: Horizon
-    plan: Plan | None = None
-    pending: Validation | None = None
-    halvings: int = 0
-    delay: int = 0
-    end_speed: float = math.inf
-    ends_at_rest: bool = False
-    moves: Path = ()
+    plan: Plan | None = None  # the plan followed until now, if any
+    pending: Validation | None = None  # validation on the path to the start, if there is one
+    halvings: int = 0  # number of times that the work of the step is halved
+    delay: int = 0  # time from a command to its effect [ns]
+    end_speed: float = math.inf  # largest speed of a car at the end; infinite for none [m/s]
+    ends_at_rest: bool = False  # whether the command after the last may be that of rest
+    moves: Path = ()  # moves to the goal that have been searched for; empty for none
 
     @classmethod
     def at_pose(
@@ -181,13 +160,9 @@ class PlanningContext:
 
 
 class Guesses:
-    """Makes initial control histories, each of shape ``(N + 1, r)``.
-
-    At most as many as its limit are compared; with a limit of one no homotopy class is searched.
-    """
+    """Makes at most `limit` initial control histories ``(N + 1, r)``; of one class if that is 1."""
 
     def __init__(self, formulation: OcpFormulation, limit: int) -> None:
-        """Take the common part of all plans, and the limit."""
         self._limit, self._formulation = limit, formulation
 
     def first(self, context: PlanningContext) -> list[Array]:
@@ -227,8 +202,8 @@ class Guesses:
     def turning(self, context: PlanningContext) -> list[Array]:
         """Guesses of the most promising homotopy classes that begin with a turn on the spot.
 
-        A searched path is among them: a guide path may lead to where a robot could not follow it. A
-        robot that drives sideways needs none, and a car turns back and forth instead.
+        A searched path is among them. A robot that drives sideways needs none; a car has
+        manoeuvres.
         """
         settings, start, durations = context.settings, context.start, context.horizon.durations
         if start.robot.drives_sideways:

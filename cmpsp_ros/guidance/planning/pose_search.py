@@ -1,8 +1,8 @@
 """Search of poses for the moves of a robot that has no space to turn: hybrid A*, from the goal.
 
-Where it is tight is at the goal, so that the search begins there: few poses are clear, and from
-the first that has a clear path of Reeds and Shepp to the robot the moves are known. Dolgov et al.,
-Path planning for autonomous vehicles in unknown semi-structured environments, 2010.
+It is tight at the goal: few poses there are clear, and from the first with a clear path of Reeds
+and Shepp to the robot the moves are known. Dolgov et al., Path planning for autonomous vehicles in
+unknown semi-structured environments, 2010.
 
 Lengths are in turning radii, costs are in units of 1/400 of one.
 """
@@ -17,20 +17,15 @@ import numpy as np
 from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.mpsp.jit import allocation_free
 from cmpsp_ros.robots.motion import point_of
-from cmpsp_ros.world import FreeSpace
-from cmpsp_ros.world.grids import Fields
+from cmpsp_ros.world import SpaceData
 from cmpsp_ros.world.obstacles import distance_from
-from cmpsp_ros.world.roads import RoadSpace, road_functions
+from cmpsp_ros.world.roads import road_functions
 
-_CELL: Final = 1.0 / 1.5
-"""Size of the cells in which one pose is kept for a heading and a direction, in strokes."""
+_CELL: Final = 1.0 / 1.5  # size of the cells with one pose a heading and direction, in strokes
 _UNIT: Final = 400.0
-_CUSP: Final = 400
-"""Cost of a change of direction."""
-_BEND: Final = 20
-"""Cost of a change of the steering alone."""
-_CHECKS: Final = 2
-"""Poses of a move that are checked, with its end."""
+_CUSP: Final = 400  # cost of a change of direction
+_BEND: Final = 20  # cost of a change of the steering alone
+_CHECKS: Final = 2  # poses of a move that are checked, with its end
 _NODES: Final = 1 << 17
 _BUCKETS: Final = 1 << 16
 _NONE: Final = -1
@@ -40,46 +35,24 @@ _MIXER: Final = 0x9E3779B1
 
 
 class Surroundings(NamedTuple):
-    """Space to keep to, for compiled code; see `FreeSpace`.
+    """Space to keep to, and moves, for compiled code."""
 
-    Attributes:
-        depth: Depth in what is kept from things that the start or the goal has, and every pose may
-            have [m].
-        radius: Turning radius; of a robot that turns on the spot, a length [m].
-        turns_on_the_spot: Whether it does.
-        stroke: Length of a move, and the turn of one that is no straight line [rad].
-    """
-
-    road: RoadSpace
-    fields: Fields
-    corners: Array
-    first: IntArray
-    radii: Array
-    discs: Array
-    depth: float
-    radius: float
-    turns_on_the_spot: bool
-    stroke: float
+    space: SpaceData
+    depth: float  # allowed depth in what is kept from things: that of start or goal [m]
+    radius: float  # turning radius; of a robot that turns on the spot, a length [m]
+    turns_on_the_spot: bool  # whether it does
+    stroke: float  # length of a move, and the turn of one that is no straight line [rad]
 
 
 class Tree(NamedTuple):
-    """Poses found so far, and what is kept of each.
+    """Poses found so far, and what is kept of each."""
 
-    Attributes:
-        poses: Shape ``(K, 3)`` [m, m, rad].
-        numbers: Cost, node before, move that led here, and next in the bucket, ``(K, 4)``.
-        cells: Cell of each node ``(K, 4)``: two of the position, heading, direction.
-        table: Node of each cell by its hash, `_NONE` for none.
-        buckets: First node by the least cost of a path through it.
-        counts: Number of nodes, the bucket that is worked on, and the expansions so far.
-    """
-
-    poses: Array
-    numbers: IntArray
-    cells: IntArray
-    table: IntArray
-    buckets: IntArray
-    counts: IntArray
+    poses: Array  # shape ``(K, 3)`` [m, m, rad]
+    numbers: IntArray  # cost, node before, move that led here, and next in the bucket, ``(K, 4)``
+    cells: IntArray  # cell of each node ``(K, 4)``: two of the position, heading, direction
+    table: IntArray  # node of each cell by its hash, `_NONE` for none
+    buckets: IntArray  # first node by the least cost of a path through it
+    counts: IntArray  # number of nodes, the bucket that is worked on, and the expansions so far
 
     @classmethod
     def at(cls, goal: Array) -> Tree:
@@ -105,15 +78,6 @@ class Tree(NamedTuple):
         return moves[::-1]
 
 
-def surroundings_of(
-    space: FreeSpace, depth: float, radius: float, stroke: float, *, turns_on_the_spot: bool
-) -> Surroundings:
-    """Free space of the robot's discs, for compiled code."""
-    radii = np.atleast_2d(space.radii)[0]
-    things = space.road, space.fields, space.corners, space.first, radii, space.discs
-    return Surroundings(*things, depth, radius, turns_on_the_spot, stroke)
-
-
 @allocation_free
 def expand(tree: Tree, around: Surroundings, start: Array, count: int) -> int:
     """Expand so many of the cheapest nodes; the last one, or -1 where none is left."""
@@ -130,10 +94,7 @@ def expand(tree: Tree, around: Surroundings, start: Array, count: int) -> int:
 
 @allocation_free
 def is_clear(around: Surroundings, pose: Array, segments: Array) -> bool:
-    """True if a path is clear; segments are turns and lengths ``(K, 2)``.
-
-    The pose is left where the path ends.
-    """
+    """True if a path of turns and lengths ``(K, 2)`` is clear; the pose is left at its end."""
     for k in range(segments.shape[0]):
         turn, length = int(segments[k, 0]), segments[k, 1]
         pieces = math.ceil(_CHECKS * abs(length) / around.stroke)
@@ -237,15 +198,15 @@ def _are_equal(cell: IntArray, other: IntArray) -> bool:
 @allocation_free
 def _is_clear(around: Surroundings, x: float, y: float, heading: float) -> bool:
     """True if no disc of the robot is nearer to anything than it may be."""
-    first, radii = around.first, around.radii
-    for i in range(around.discs.shape[0]):
-        at_x, at_y = point_of(x, y, heading, around.discs, i)
-        place = road_functions.project(around.road, at_x, at_y, heading, math.nan)
-        _, _, over, other = road_functions.lateral_error(around.road, 0, at_x, at_y, place)
+    road, shapes, radii, discs = around.space
+    for i in range(discs.shape[0]):
+        at_x, at_y = point_of(x, y, heading, discs, i)
+        place = road_functions.project(road, at_x, at_y, heading, math.nan)
+        _, _, over, other = road_functions.lateral_error(road, 0, at_x, at_y, place)
         if not (over <= around.depth and other <= around.depth):
             return False
-        for j in range(first.shape[0] - 1):
-            away = distance_from(around.fields, around.corners, first, 0, j, at_x, at_y)
-            if not away - radii[j] >= -around.depth:
+        for j in range(radii.shape[1]):
+            away = distance_from(shapes, 0, j, at_x, at_y)
+            if not away - radii[0, j] >= -around.depth:
                 return False
     return True

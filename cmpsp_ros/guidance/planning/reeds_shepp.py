@@ -26,18 +26,12 @@ LEFT, STRAIGHT, RIGHT = 1, 0, -1
 
 _TURNS: Final = {'L': LEFT, 'S': STRAIGHT, 'R': RIGHT}
 _QUARTER: Final = math.pi / 2.0
-_WIDER: Final = 1.1
-"""Turning radius of a guess, relative to the smallest: the steering needs time."""
-_NEAR: Final = 8.0
-"""Distance along the road from which a robot turns to the goal, else to the road half as far."""
-_STRAIGHT_IN: Final = (0.0, 2.0, -2.0)
-"""Straight ends of paths to a pose: a bay is entered along its heading."""
-_REVERSAL: Final = 1.0
-"""Cost of a change of direction."""
-_OF_PACE: Final = 0.6
-"""Speed of a guess before it reaches the road, relative to the pace."""
-_PIECE: Final = 0.2
-"""Length of the pieces that are checked for collisions."""
+_WIDER: Final = 1.1  # turning radius of a guess, in smallest ones: the steering needs time
+_NEAR: Final = 8.0  # distance along the road from which it turns to the goal, not the road
+_STRAIGHT_IN: Final = (0.0, 2.0, -2.0)  # straight ends of paths to a pose, as into a bay
+_REVERSAL: Final = 1.0  # cost of a change of direction
+_OF_PACE: Final = 0.6  # speed of a guess before it reaches the road, relative to the pace
+_PIECE: Final = 0.2  # length of the pieces that are checked for collisions
 _MAX_GUESSES: Final = 4
 
 Solutions = Iterator[tuple[float, ...]]
@@ -68,10 +62,7 @@ def has_to_turn(start: PlanStart, target: Target) -> bool:
 def manoeuvres(
     settings: LawSettings, start: PlanStart, target: Target, durations: Array
 ) -> list[Array]:
-    """Controls ``(N + 1, r)`` that turn to the goal, or to the road, by the shortest clear paths.
-
-    Those for which the time is too short are left out. Arguments as of `along_road`.
-    """
+    """Controls ``(N + 1, r)`` that turn to goal or road by the shortest clear paths in time."""
     scored = [
         (round(depth, 1), cost_of(path), path) for depth, path in _depths(settings, start, target)
     ]

@@ -1,71 +1,57 @@
 """Retreat from what comes at the robot and closes its way: to where it is not touched.
 
-On a grid around the robot, the cells in which it can be at a time without having been touched are
-those beside the ones of the time before, as far as they are clear by then. Of the cells that are
-left in the end, the robot goes to one where it can stay for long, and which is near.
+On a grid around the robot, the cells where it can be at a time, untouched, are those beside the
+ones of the time before that are clear by then. Of those left in the end, it goes to a near one
+where it can stay for long.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from cmpsp_ros.arrays import Array, BoolArray, IntArray
 from cmpsp_ros.guidance.decision import Plan
+from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.safety.unseen import looks_ahead
 from cmpsp_ros.guidance.safety.validation import TOUCHING
 from cmpsp_ros.guidance.settings import LawSettings
-from cmpsp_ros.guidance.times import Horizon
-from cmpsp_ros.robots import placed
+from cmpsp_ros.robots import Robot, placed
 from cmpsp_ros.world import FreeSpace
 from cmpsp_ros.world.obstacles import MovingDiscs
+from cmpsp_ros.world.roads import Point
 
-_CELLS: Final = 16
-"""Cells of the grid from the robot to its border, and times at which it is looked at."""
+_CELLS: Final = 16  # cells from the robot to the grid's border, and times looked at
 _ROOM, _SOONEST, _LATEST = 2.0, 3.0, 6.0
 """Distance that a robot can retreat in the time that is looked ahead [m], and its limits [s]."""
-_LONG: Final = 15.0
-"""Time from which on a place is as good as one for good [s]."""
-_LONGER: Final = 2.0
-"""Factor on the time for which a plan must be clear before a robot that makes way follows it."""
-_KEPT: Final = 1.0
-"""Time that another place must be better than the one chosen before [s]."""
-_SLOWED: Final = 0.7
-"""Speed of a robot that turns on its way, as a fraction of its largest."""
-_ALIGNED: Final = 0.5
-"""Angle to its way up to which a robot drives rather than turns on the spot [rad]."""
-_TURN_RATE: Final = 2.0
-_MOVES: Final = 0.05
-"""Speed from which on something counts that comes at the robot [m/s]."""
+_LONG: Final = 15.0  # time from which on a place is as good as one for good [s]
+_LONGER: Final = 2.0  # factor on the time that a plan is clear before it is followed again
+_KEPT: Final = 1.0  # time that another place must be better than the one chosen before [s]
+_SLOWED: Final = 0.7  # speed of a robot that turns on its way, as a fraction of its largest
+_TURN_RATE, _ALIGNED = 2.0, 0.5  # as of `Pace`
+_MOVES: Final = 0.05  # speed from which on something counts that comes at the robot [m/s]
 
 
 class RetreatPlanner:
-    """Plans retreats for one set of settings.
-
-    Attributes:
-        seconds: Time that is looked ahead [s].
-    """
+    """Plans retreats for one set of settings."""
 
     def __init__(self, settings: LawSettings) -> None:
-        """Take limits of the robot."""
         self._settings, robot = settings, settings.robot
         self._top = robot.max_speed if math.isfinite(robot.max_speed) else settings.pace
+        self._pace = Pace(self._top, _TURN_RATE, _ALIGNED)
         speed = _SLOWED * self._top
-        self.seconds = min(max(_ROOM / speed, _SOONEST), _LATEST)
+        self.seconds = min(max(_ROOM / speed, _SOONEST), _LATEST)  # looked ahead
         self._cell = speed * self.seconds / _CELLS
         self._kept = settings.circumscribed_radius + settings.safety.margin
         axis = self._cell * np.arange(-_CELLS, _CELLS + 1)
         self._grid = np.stack(np.meshgrid(axis, axis, indexing='ij'), axis=-1)
 
     def threats(self, start: PlanStart) -> MovingDiscs:
-        """Obstacles that may come near in the time that is looked ahead, where they are expected.
-
-        Those that touch the robot already do not count, and neither do other robots.
-        """
+        """Obstacles expected near in time, but for robots and those that touch this one already."""
         moving, seconds = start.moving, self.seconds
         reach = self._kept + self._cell * _CELLS
         near = moving.within(start.pose, reach, seconds)
@@ -103,17 +89,13 @@ class RetreatPlanner:
         return bool((discs.along(*arcs, times, settings.footprint.discs) < 0.0).any())
 
     def find(
-        self,
-        start: PlanStart,
-        horizon: Horizon,
-        delay: int,
-        threats: MovingDiscs,
-        before: tuple[float, float] | None,
-    ) -> tuple[Plan, tuple[float, float]] | None:
-        """Plan to a refuge, and its position; None if there is none.
+        self, context: PlanningContext, threats: MovingDiscs, before: Point | None
+    ) -> tuple[Plan, Point] | None:
+        """Plan to a refuge, and its position [m]; None if there is none.
 
-        `delay` [ns]; `before` is the refuge chosen in the step before [m].
+        `before` is the refuge of the step before [m].
         """
+        start, horizon = context.start, context.horizon
         layers = self._layers(start, threats)
         if not layers[-1].any():
             return None
@@ -122,7 +104,7 @@ class RetreatPlanner:
         controls = self._controls(start, start.pose[:2] + path, horizon.durations)
         poses = start.robot.roll_out(start.pose, controls, horizon.durations)
         x, y = (start.pose[:2] + self._grid[goal]).tolist()
-        return Plan(horizon, controls, poses, delay), (x, y)
+        return Plan(horizon, controls, poses, context.delay), (x, y)
 
     def _clearance(self, start: PlanStart, discs: MovingDiscs, times: Array) -> Array:
         """Clearance of the robot at rest from each disc, shape ``(K, M)`` [m]."""
@@ -154,11 +136,7 @@ class RetreatPlanner:
         return layers
 
     def _refuge(
-        self,
-        start: PlanStart,
-        threats: MovingDiscs,
-        cells: BoolArray,
-        before: tuple[float, float] | None,
+        self, start: PlanStart, threats: MovingDiscs, cells: BoolArray, before: Point | None
     ) -> tuple[int, int]:
         """Index of the best cell: long to stay at, near, and where the robot is going already."""
         index = np.argwhere(cells)
@@ -209,28 +187,40 @@ class RetreatPlanner:
         for k, duration in enumerate(durations.tolist()):
             while reached < len(path) - 1 and math.dist(pose[:2], path[reached]) < 2 * self._cell:
                 reached += 1
-            distance = math.dist(pose[:2], path[reached])
-            if distance < 0.5 * self._cell:
+            if math.dist(pose[:2], path[reached]) < 0.5 * self._cell:
                 break
-            bearing = math.atan2(path[reached, 1] - pose[1], path[reached, 0] - pose[0])
-            angle = math.remainder(bearing - pose[2], math.tau)
-            twist = self._twist(angle, distance, duration, looks_back=looks_back)
+            to = path[reached]
+            twist = twist_towards(robot, pose, to, duration, self._pace, looks_back=looks_back)
             controls[k] = robot.limited(robot.controls(twist))
             pose = robot.roll_out(pose, controls[k : k + 1], durations[k : k + 1])[-1]
         return start.followed(settings, controls, durations)
 
-    def _twist(self, angle: float, distance: float, duration: float, *, looks_back: bool) -> Array:
-        """Twist towards a point at an angle ahead or behind; it turns to look before it drives."""
-        robot, speed = self._settings.robot, min(self._top, distance / duration)
-        if robot.drives_sideways:
-            return np.array([speed * math.cos(angle), speed * math.sin(angle), 0.0])
-        if abs(angle) > math.pi / 2.0 and (looks_back or not robot.turns_on_the_spot):
-            angle, speed = math.remainder(angle - math.pi, math.tau), -speed
-        if robot.turns_on_the_spot and abs(angle) > _ALIGNED:
-            return np.array([0.0, math.copysign(min(abs(angle) / duration, _TURN_RATE), angle)])
-        curvature = 2.0 * math.sin(angle) / distance
-        curvature = min(max(curvature, -robot.max_curvature), robot.max_curvature)
-        return np.array([speed, abs(speed) * curvature])
+
+class Pace(NamedTuple):
+    """Limits of a robot that is driven from point to point."""
+
+    speed: float  # along its path [m/s]
+    turn_rate: float  # on the spot [rad/s]
+    aligned: float  # angle to its way up to which it drives rather than turns on the spot [rad]
+
+
+def twist_towards(
+    robot: Robot, pose: Array, point: Array, duration: float, pace: Pace, *, looks_back: bool = True
+) -> Array:
+    """Twist to a point with the nearer end ahead; if it cannot look back, it turns if it can."""
+    x, y = point - pose[:2]
+    distance = math.dist(pose[:2], point)
+    angle = math.remainder(math.atan2(y, x) - pose[2], math.tau)
+    speed = min(pace.speed, distance / duration)
+    if robot.drives_sideways:
+        return np.array([speed * math.cos(angle), speed * math.sin(angle), 0.0])
+    if abs(angle) > math.pi / 2.0 and (looks_back or not robot.turns_on_the_spot):
+        angle, speed = math.remainder(angle - math.pi, math.tau), -speed
+    if robot.turns_on_the_spot and abs(angle) > pace.aligned:
+        return np.array([0.0, math.copysign(min(abs(angle) / duration, pace.turn_rate), angle)])
+    curvature = 2.0 * math.sin(angle) / distance
+    curvature = min(max(curvature, -robot.max_curvature), robot.max_curvature)
+    return np.array([speed, abs(speed) * curvature])
 
 
 _BESIDE: Final[IntArray] = np.argwhere(np.ones((3, 3), dtype=bool)) - 1

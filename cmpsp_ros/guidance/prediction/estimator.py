@@ -13,6 +13,7 @@ from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.messages.tracks import MovingObject, Track
 from cmpsp_ros.guidance.prediction.obstacle_tracker import (
     ObstacleTracker,
+    StandingPeople,
     as_seen,
     reachable_sets,
     within_reach,
@@ -20,7 +21,6 @@ from cmpsp_ros.guidance.prediction.obstacle_tracker import (
 from cmpsp_ros.guidance.prediction.pending_commands import PendingCommands
 from cmpsp_ros.guidance.prediction.response_estimate import ResponseEstimate
 from cmpsp_ros.guidance.prediction.slip import SlipEstimate
-from cmpsp_ros.guidance.prediction.standing import StandingPeople
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.times import to_nanoseconds
 from cmpsp_ros.guidance.world import World
@@ -32,18 +32,14 @@ from cmpsp_ros.world.roads import project_on_path
 
 AT_REST: Final = np.zeros(2)
 
-_ASTRAY: Final = 0.2
-"""Largest standard deviation of the position of somebody seen that plans take [m]."""
-
-_NOTHING: Final = np.empty((0, 0)), np.empty(0)
-"""Controls that a robot without a delay is driven by until a new one takes effect."""
+_ASTRAY: Final = 0.2  # largest standard deviation of a place in sight that plans take [m]
+_NOTHING: Final = np.empty((0, 0)), np.empty(0)  # no controls, without a delay
 
 
 def as_expected(tracks: Sequence[MovingObject], period: float) -> tuple[MovingObject, ...]:
     """Tracks as plans take them: doubt about a velocity counts until the next control step [s].
 
-    That one plans anew. Over a long horizon, doubt that grows on would fill all space, as would
-    that about the position of somebody out of sight.
+    That one plans anew; doubt that grew on along a horizon would fill all space.
     """
     expected = list[MovingObject]()
     for each in tracks:
@@ -72,33 +68,18 @@ class Observation(NamedTuple):
 
 
 class PlanStart(NamedTuple):
-    """The initial state of a plan, and the models that predict it on from there.
+    """The initial state of a plan, and the models that predict it on from there."""
 
-    Attributes:
-        pose: Pose, shape ``(3,)`` [m, m, rad].
-        robot: Kinematics, with the slip that is estimated.
-        world: Road and static obstacles.
-        moving: Moving obstacles, from then on, as large as plans take them.
-        progress: Arc length along the road of a place near the pose, NaN if not needed [m].
-        previous_control: Control commanded until then, shape ``(r,)``.
-        reachable: All places that the same obstacles may reach, and then those of people who have
-            stopped.
-        among_people: Whether anything that moves was seen in this run.
-        touchable: Those of `reachable`, as large as they were seen.
-        previous_change: By how much the control until then differs from the one before it, shape
-            ``(r,)``; 0 after a stop, whose braking no limit of jerk holds for.
-    """
-
-    pose: Array
-    robot: Robot
+    pose: Array  # ``(3,)`` [m, m, rad]
+    robot: Robot  # kinematics, with the slip that is estimated
     world: World
-    moving: MovingDiscs = NOTHING_MOVES
-    progress: float = math.nan
-    previous_control: Array = AT_REST
-    reachable: MovingDiscs = NOTHING_MOVES
-    among_people: bool = False
-    touchable: MovingDiscs = NOTHING_MOVES
-    previous_change: Array = AT_REST
+    moving: MovingDiscs = NOTHING_MOVES  # moving obstacles from then on, as plans take them
+    progress: float = math.nan  # of a place near the pose, NaN if not needed [m]
+    previous_control: Array = AT_REST  # control commanded until then, shape ``(r,)``
+    reachable: MovingDiscs = NOTHING_MOVES  # all that they, and people who have stopped, may reach
+    among_people: bool = False  # whether anything that moves was seen in this run
+    touchable: MovingDiscs = NOTHING_MOVES  # those of `reachable`, as large as they were seen
+    previous_change: Array = AT_REST  # its difference from the one before ``(r,)``; 0 after a stop
 
     def followed(self, settings: LawSettings, controls: Array, durations: Array) -> Array:
         """Controls ``(N + 1, r)`` slowed down until the wheels follow them from this start.
@@ -120,48 +101,27 @@ class PlanStart(NamedTuple):
 
 
 class Estimate(NamedTuple):
-    """The present state, and the one at which a command given now takes effect.
-
-    Attributes:
-        here: The present state.
-        start: The initial state of a plan.
-        under_way: Controls in effect from here to there, ``(K, r)``, each for so long ``(K,)`` [s].
-        delay: From a command to its effect, with the lag that is estimated [ns].
-        model_changed: Whether the slip is another one now.
-    """
+    """The present state, and the one at which a command given now takes effect."""
 
     here: PlanStart
-    start: PlanStart
-    under_way: tuple[Array, Array]
-    delay: int
-    model_changed: bool
+    start: PlanStart  # the initial state of a plan
+    under_way: tuple[Array, Array]  # controls in effect from here to there, and durations [s]
+    delay: int  # from a command to its effect, with the lag that is estimated [ns]
+    model_changed: bool  # whether the slip is another one now
 
 
 class Estimator:
-    """Slip, response and place of the robot in one run, and the commands under way.
-
-    Attributes:
-        robot: Kinematics, with the slip in use.
-        used_slip: That slip.
-        commands: The commands of the run.
-        response: Estimate of how the robot responds to commands.
-        tracker: Slots of moving obstacles.
-        people: Seen people who have stopped.
-        among_people: Whether anything that moves was seen.
-        progress: Arc length of the robot along the road, NaN if not needed [m].
-        delay: From a command to its effect, with the lag that is estimated [ns].
-        change: `previous_change` of plans that begin now.
-    """
+    """Slip, response and place of the robot in one run, and the commands under way."""
 
     def __init__(self, settings: LawSettings) -> None:
-        """Begin on unknown ground, at rest."""
         self._slip = SlipEstimate(settings.max_slip)
         self._use(settings)
         self.commands = PendingCommands(self.robot.n_controls)
         self.response, self.tracker = ResponseEstimate(settings), ObstacleTracker()
         self.people, self.among_people = StandingPeople(), False
+        # Arc length of the robot along the road, and delay with the lag that is estimated.
         self.progress, self.delay = math.nan, 0
-        self.change = self.commands.latest
+        self.change = self.commands.latest  # `previous_change` of plans that begin now
 
     def _use(self, settings: LawSettings) -> None:
         """Rebuild the model with the current slip estimate."""
@@ -180,13 +140,10 @@ class Estimator:
         return self.commands.latest
 
     def update(self, seen: Observation, world: World, previous_control: Array) -> Estimate:
-        """Take in an observation at the beginning of a control step.
+        """Take in an observation at the beginning of a control step; `previous_control` ``(r,)``.
 
-        A plan begins where the robot will be when a command given now takes effect. One whose
-        wheels lag by ``T`` moves as one whose wheels obey at once, so much later: until then they
-        keep the speeds that they have when the command reaches them.
-
-        `previous_control` ``(r,)``.
+        A plan begins where the robot will be when a command given now takes effect. Wheels that lag
+        by ``T`` move as ones that obey at once, so much later, and keep their speeds until then.
         """
         stamp, pose, road = seen.stamp, seen.pose, world.road
         moving = reachable = touchable = NOTHING_MOVES

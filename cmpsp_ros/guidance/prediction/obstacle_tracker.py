@@ -1,4 +1,4 @@
-"""Moving obstacles of a control step: as large as plans take them, and all that they may reach."""
+"""Moving obstacles of a control step, all that they may reach, and people who have stopped."""
 
 from __future__ import annotations
 
@@ -13,13 +13,14 @@ from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.messages.tracks import MovingObject, PeerTrajectory, Track
 from cmpsp_ros.guidance.solver_settings import MovingObstacles
 from cmpsp_ros.guidance.times import NANOSECONDS
+from cmpsp_ros.sensing import Sighting
+from cmpsp_ros.world.grids import Cell
 from cmpsp_ros.world.obstacles import NOTHING_MOVES, MovingDiscs
 
-_AHEAD: Final = 10.0
-"""Time after which no encounter is predicted [s]."""
-_CERTAIN: Final = 3.0
-"""Standard deviations that a reachable set covers."""
+_AHEAD: Final = 10.0  # time after which no encounter is predicted [s]
+_CERTAIN: Final = 3.0  # standard deviations that a reachable set covers
 _ROUNDING: Final = 1e-9
+_BESIDE: Final = 1.5  # distance from a cell occupied before in which another is not new [cells]
 
 
 def within_reach(
@@ -39,17 +40,12 @@ class ObstacleTracker:
     """Keeps each obstacle in its slot from one control step to the next.
 
     So the constraints of a plan stay those that they were, and its warm start is worth something.
-
-    Attributes:
-        ids: Of the obstacles of the last update.
-        new_obstacle_seen: Whether the last update had an obstacle that the one before had not.
     """
 
     def __init__(self) -> None:
-        """Nothing is known."""
         self._slots: dict[int | str, int] = {}
-        self.ids: frozenset[int | str] = frozenset()
-        self.new_obstacle_seen = False
+        self.ids: frozenset[int | str] = frozenset()  # of the last update
+        self.new_obstacle_seen = False  # by the last update
 
     def update(
         self, stamp: int, pose: Array, tracks: Sequence[MovingObject], settings: MovingObstacles
@@ -90,8 +86,8 @@ def reachable_sets(
 ) -> MovingDiscs:
     """All places that moving obstacles may reach from `stamp` [ns] on, in the order of the tracks.
 
-    Position and velocity are within three standard deviations of those seen, no speed is above the
-    largest, and the velocity changes no faster than told. Other robots keep to their plans.
+    Position and velocity are within three standard deviations, speeds and accelerations within
+    their limits. Other robots keep to their plans.
     """
     if not tracks:
         return NOTHING_MOVES
@@ -134,11 +130,7 @@ def _reach(seen: Track, stamp: int, settings: MovingObstacles) -> tuple[float, .
 
 
 def _velocities(seen: Track, top: float) -> tuple[float, float, float]:
-    """The smallest disc of velocities around those that are both likely and possible.
-
-    They are in a disc around the velocity seen, and in one of radius `top` around zero. Centre and
-    radius [m/s].
-    """
+    """Centre and radius of the smallest disc of velocities both likely and up to `top` [m/s]."""
     spread, speed = _CERTAIN * seen.velocity_stddev, math.hypot(seen.vx, seen.vy)
     # One that is faster than anything should be has the velocity that was seen.
     if speed + spread <= top or speed - spread > top + _ROUNDING:
@@ -150,3 +142,51 @@ def _velocities(seen: Track, top: float) -> tuple[float, float, float]:
     along = (speed * speed + top * top - spread * spread) / (2.0 * speed)
     scale = along / speed
     return scale * seen.vx, scale * seen.vy, math.sqrt(max(top * top - along * along, 0.0))
+
+
+class StandingPeople:
+    """Remembers seen people whose tracks end where the grid has somebody stand from then on.
+
+    Moving obstacles mark no cell: occupied cells beside a track belong to something else.
+    """
+
+    def __init__(self) -> None:
+        self._slow: dict[int, Track] = {}
+        self._beside: dict[int, Array] = {}
+        self.standing: tuple[Track, ...] = ()
+
+    def update(self, stamp: int, tracks: Sequence[MovingObject], sighting: Sighting) -> None:
+        """Note who moves and who has stopped at a time [ns].
+
+        They stand where they were last tracked, as uncertain as their velocity was then.
+        """
+        moving = {each.id: each for each in tracks if isinstance(each, Track) and each.is_seen}
+        known = {each.id: each for each in self.standing} | self._slow
+        self.standing = tuple(
+            replace(each, stamp=stamp)
+            for number, each in known.items()
+            if number not in moving and self._is_there(each, sighting)
+        )
+        self._slow = {
+            number: replace(each, vx=0.0, vy=0.0, position_stddev=0.0)
+            for number, each in moving.items()
+            if math.hypot(each.vx, each.vy) <= _CERTAIN * each.velocity_stddev
+        }
+        beside = {number: _occupied(each, sighting) for number, each in self._slow.items()}
+        self._beside = {each.id: self._beside[each.id] for each in self.standing} | beside
+
+    def _is_there(self, person: Track, sighting: Sighting) -> bool:
+        """True if a newly occupied cell touches the place of a person."""
+        occupied = _occupied(person, sighting)
+        apart = np.linalg.norm(occupied[:, None] - self._beside[person.id], axis=-1)
+        is_new = apart.min(axis=1, initial=math.inf) > _BESIDE * sighting.grid.resolution
+        return bool(is_new.any())
+
+
+def _occupied(person: Track, sighting: Sighting) -> Array:
+    """Occupied cells that touch the place of a person, ``(K, 2)`` [m]."""
+    center, grid = np.array([[person.x, person.y]]), sighting.grid
+    near = grid.around(center, person.radius)
+    occupied = near.centers(*np.nonzero(near.cells == Cell.OCCUPIED))
+    touching: Array = occupied[np.hypot(*(occupied - center).T) <= person.radius]
+    return touching

@@ -1,8 +1,7 @@
 """Commands given so far: those in effect, and those pending, which do not drive the robot yet.
 
 A command takes effect `command_delay` after the stamp of the odometry that it answers, and holds
-until the next one takes effect. So the robot will be driven by the commands before for as long as
-the delay lasts, and a plan can begin only where they leave it.
+until the next one takes effect. So a plan can begin only where the commands before leave the robot.
 """
 
 from __future__ import annotations
@@ -16,18 +15,14 @@ import numpy as np
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.times import NANOSECONDS
 
-_REMEMBERED: Final = 5 * NANOSECONDS
-"""Age of the oldest command that is kept beside the one before it [ns]."""
-
-_TWISTS: Final = 64
-"""Number of twists that are kept."""
+_REMEMBERED: Final = 5 * NANOSECONDS  # age of the oldest command kept, beside one before it [ns]
+_TWISTS: Final = 64  # number of twists that are kept
 
 
 class PendingCommands:
     """The commands of one run, as far as they still matter."""
 
     def __init__(self, n_controls: int = 2) -> None:
-        """Begin with a robot that stands still."""
         self._before = self._in_force = np.zeros(n_controls)
         self._given: deque[tuple[int, Array]] = deque()
         self._twists: deque[tuple[int, list[float]]] = deque(maxlen=_TWISTS)
@@ -43,13 +38,10 @@ class PendingCommands:
         return self._given[-1][1] if self._given else self._before
 
     def add(self, stamp: int, control: Array, twist: Array | None = None) -> None:
-        """Remember a command.
+        """Remember a command ``(r,)`` and its twist, for `pose_after`.
 
-        Args:
-            stamp: Time that it answers [ns]; one before the last one's is taken for that one's,
-                for no command overtakes another.
-            control: The command, shape ``(r,)``.
-            twist: The same as a twist, shape ``(2,)`` or ``(3,)``, for `pose_after`.
+        `stamp` is the time that it answers [ns], at least the last one's: no command overtakes
+        another.
         """
         if self._given:
             stamp = max(stamp, self._given[-1][0])
@@ -67,12 +59,9 @@ class PendingCommands:
         return self.latest
 
     def until(self, stamp: int, delay: int) -> tuple[Array, Array]:
-        """Controls from an instant on until a command given then takes effect.
+        """Controls ``(K, r)`` from an instant until a command then takes effect, and durations.
 
-        `stamp` [ns], `delay` [ns].
-
-        Returns:
-            Controls ``(K, r)``, and for how long each holds ``(K,)`` [s]; nothing without a delay.
+        Times in [ns], durations ``(K,)`` in [s]; nothing without a delay.
         """
         ahead: list[tuple[int, Array]] = []
         self._in_force = self._before
@@ -92,12 +81,9 @@ class PendingCommands:
         return controls[lasting], durations[lasting]
 
     def since(self, begin: int, end: int, delay: int) -> tuple[Array, Array]:
-        """Controls in effect between two instants, the latest first.
+        """Controls ``(K, r)`` in effect between two instants, the latest first, and durations.
 
-        `begin` [ns], `end` [ns], `delay` [ns].
-
-        Returns:
-            Controls ``(K, r)``, and for how long each held ``(K,)`` [s].
+        Times in [ns], durations ``(K,)`` in [s].
         """
         controls, lengths = [], []
         for given, control in reversed(self._given):
@@ -113,9 +99,8 @@ class PendingCommands:
     ) -> tuple[float, float, float]:
         """Pose to which the commands lead a robot that obeys each at once, after the delay.
 
-        In plain Python: it is asked for at every control step, and takes microseconds so.
-
-        `pose` ``(3,)`` [m, m, rad], `begin` [ns], `end` [ns], `delay` [ns].
+        Plain Python, at every control step: microseconds. `pose` ``(3,)`` [m, m, rad]; times in
+        [ns].
         """
         held: list[tuple[list[float], float]] = []
         until = end
@@ -143,13 +128,9 @@ class PendingCommands:
         return x, y, heading
 
     def before(self, stamp: int, earliest: int) -> tuple[Array, Array]:
-        """Commands given up to an instant, for the response of the wheels to them.
+        """Commands given up to an instant: times relative to it ``(K,)`` [s], and controls.
 
-        `stamp` [ns], `earliest` [ns].
-
-        Returns:
-            When each was given, relative to the instant ``(K,)`` [s], and controls ``(K + 1, r)``:
-            the one before them first.
+        Controls ``(K + 1, r)`` begin with the one before them; `stamp` and `earliest` in [ns].
         """
         before = self._before
         times: list[float] = []

@@ -13,26 +13,17 @@ from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.jit import allocation_free
 from cmpsp_ros.robots.motion import Kinematics, drive, with_lag
 
-SLICES: Final = 4
-"""Arcs in which the robot is moved while a lagging control approaches one command."""
+SLICES: Final = 4  # arcs in which the robot is moved while a lagging control approaches one command
 
 
 class Response(NamedTuple):
-    """One way in which the robot may respond, and its commands so far.
+    """One way in which the robot may respond, and its commands so far."""
 
-    Attributes:
-        delay: From a command's stamp to its effect [s].
-        lag: Time constant of the control behind it [s].
-        effective: Control in effect now, shape ``(r,)``.
-        pending: Controls until a command given now takes effect, shape ``(K, r)``.
-        durations: How long each of them holds, shape ``(K,)`` [s].
-    """
-
-    delay: float
-    lag: float
-    effective: Array
-    pending: Array
-    durations: Array
+    delay: float  # from a command's stamp to its effect [s]
+    lag: float  # time constant of the control behind it [s]
+    effective: Array  # control in effect now, shape ``(r,)``
+    pending: Array  # controls until a command given now takes effect, shape ``(K, r)``
+    durations: Array  # how long each of them holds, shape ``(K,)`` [s]
 
     def in_effect(self) -> tuple[Array, Array]:
         """Controls in effect until a command given now reaches the wheels, and their durations."""
@@ -47,18 +38,11 @@ class Response(NamedTuple):
 
 
 class Risk(NamedTuple):
-    """Responses of the robot other than the one that plans assume.
+    """Responses of the robot other than the one that plans assume."""
 
-    Attributes:
-        responses: Quickest possible, slowest, and one between; none while odometry agrees with
-            settings without lag.
-        error: Bound of the prediction error that the response in use leaves [m].
-        remark: Reason to drive more slowly.
-    """
-
-    responses: list[Response]
-    error: float
-    remark: str
+    responses: list[Response]  # quickest, slowest, one between; none while the settings hold
+    error: float  # bound of the prediction error that the response in use leaves [m]
+    remark: str  # reason to drive more slowly
 
 
 def driven(effective: Array, commands: Array, held: Array, lag: float) -> tuple[Array, Array]:
@@ -70,10 +54,9 @@ def driven(effective: Array, commands: Array, held: Array, lag: float) -> tuple[
 def settle(
     effective: Array, instant: float, times: Array, commands: Array, delay: float, lag: float
 ) -> None:
-    """The control in effect at an instant.
+    """Leave the control in effect at an instant [s] in `effective` ``(r,)``.
 
-    `effective` ``(r,)``, `instant` [s], `times` ``(K,)`` [s], `commands` ``(K + 1, r)``,
-    `delay` [s], `lag` [s].
+    `times` ``(K,)``, `delay` and `lag` are in [s], `commands` are ``(K + 1, r)``.
     """
     for a in range(commands.shape[1]):
         effective[a] = commands[0, a]
@@ -87,26 +70,21 @@ def settle(
 
 @allocation_free
 def put_misfits(
-    misfits: Array,
-    delays: Array,
-    lags: Array,
-    times: Array,
-    commands: Array,
-    duration: float,
-    before: Array,
-    after: Array,
+    misfits: Array,  # ``(C,)`` [m^2]
+    delays: Array,  # ``(C,)`` [s]
+    lags: Array,  # ``(C,)`` [s]
+    times: Array,  # as of `settle` ``(K,)`` [s]
+    commands: Array,  # as of `settle` ``(K + 1, r)``
+    duration: float,  # of the period [s]
+    before: Array,  # pose ``(3,)``
+    after: Array,  # pose ``(3,)``
     half_track: float,
     robot: Kinematics,
-    poses: Array,
-    control: Array,
-    effective: Array,
+    poses: Array,  # memory ``(2, 3)``
+    control: Array,  # memory ``(1, r)``
+    effective: Array,  # memory ``(r,)``
 ) -> None:
-    """Squared distance between odometry and where each response leads in a control period.
-
-    `misfits` ``(C,)`` [m^2], `delays` ``(C,)`` [s], `times` ``(K,)`` [s], `commands` ``(K + 1,
-    r)``, `duration` [s], `before` ``(3,)`` [m, m, rad], `after` ``(3,)`` [m, m, rad],
-    `half_track` [m/rad], `poses` ``(2, 3)``, `control` ``(1, r)``, `effective` ``(r,)``.
-    """
+    """Squared distance between odometry and where each response leads in a control period."""
     count = times.shape[0]
     for c in range(misfits.shape[0]):
         delay, lag, now = delays[c], lags[c], -duration

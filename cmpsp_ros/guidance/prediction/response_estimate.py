@@ -1,18 +1,15 @@
 """Estimate of the robot's response to commands, from predictions compared with odometry.
 
-A response is a delay ``d`` from a command's stamp to its effect, and a first-order lag ``T`` behind
-it. At each control step the pose predicted for it by the response in use is compared with odometry.
-While they agree, nothing else is done. Once they do not, all responses within the bounds that the
-settings give are tried side by side: each leads from where odometry was to where it should be now,
-and the squared distances sum up to a misfit ``S`` of each. With ``n`` periods and errors of
-``sigma`` each, a response is possible as long as
+A response is a delay from a command's stamp to its effect, and a first-order lag behind it. Once
+odometry contradicts the one in use, all within the bounds of the settings are tried side by side:
+each leads from where odometry was to where it should be now, and the squared distances sum up to
+its misfit ``S``. With ``n`` periods and errors of ``sigma`` each, a response is possible as long as
 
-    S - min S <= (5 sigma)^2,   sigma^2 = max(min S, n (2 mm)^2) / (n - 1)
+    S - min S <= (5 sigma)^2,   sigma^2 = max(min S, n (2 mm)^2) / (n - 1),
 
-which is the likelihood-ratio interval of five standard deviations. The settings are replaced by the
-likeliest response when they are beyond three and it leaves at most a tenth of their misfit: slip, a
-push, or wheels that speed up slowly are no delay. The variation of the delay from command to
-command (jitter) is taken from the periods one by one.
+a likelihood-ratio interval of five standard deviations. The likeliest replaces the settings when
+they are beyond three and it leaves at most a tenth of their misfit: slip, a push, or wheels that
+speed up slowly are no delay. The jitter is taken from the periods one by one.
 """
 
 from __future__ import annotations
@@ -30,59 +27,29 @@ from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.times import NANOSECONDS, to_nanoseconds
 from cmpsp_ros.robots import Robot
 
-_UNNOTICED: Final = 0.002
-"""Error of a prediction that is always allowed for [m]."""
-
-_EXPLAINS: Final = 0.1
-"""Part of the misfit of the settings that the likeliest response may leave, to replace them."""
-
-_STAYS: Final = 0.4
-"""The same once they have been replaced."""
-
-_SLOWS: Final = 0.05
-"""Error of predictions that slows the robot down where no response explains it [m]."""
-
-_POSSIBLE: Final = 5.0
-"""Standard deviations up to which a response is possible."""
-
-_EXPLAINED: Final = 2.0
-"""Standard deviations up to which a response explains a single control period."""
-
-_IN_USE: Final = 3.0
-"""Standard deviations up to which the response in use stays."""
-
-_FORGETTING: Final = 0.95
-"""Weight that a period keeps when the next one with information comes."""
-
-_DECAY: Final = 0.9
-"""Part of the error bound that is left after a control period without such an error."""
-
-_FADING: Final = 0.98
-"""The same of the jitter, without such a deviation."""
-
-_STEP: Final = 0.01
-"""Distance of the delays that are tried [s]."""
-
-_LAGS: Final = 12
-"""Number of lags that are tried beside none, evenly spaced."""
-
-_SETTLED: Final = 10.0
-"""Time constants after which a lag is over."""
+_UNNOTICED: Final = 0.002  # error of a prediction that is always allowed for [m]
+_EXPLAINS: Final = 0.1  # part of the settings' misfit that a response may leave to replace them
+_STAYS: Final = 0.4  # the same once they have been replaced
+_SLOWS: Final = 0.05  # error of predictions that slows the robot down, if unexplained [m]
+_POSSIBLE: Final = 5.0  # standard deviations up to which a response is possible
+_EXPLAINED: Final = 2.0  # standard deviations up to which a response explains one period
+_IN_USE: Final = 3.0  # standard deviations up to which the response in use stays
+_FORGETTING: Final = 0.95  # weight that a period keeps when the next one with information comes
+_DECAY: Final = 0.9  # part of the error bound that is left after a period without such error
+_FADING: Final = 0.98  # the same of the jitter, without such a deviation
+_STEP: Final = 0.01  # distance of the delays that are tried [s]
+_LAGS: Final = 12  # number of lags that are tried beside none, evenly spaced
+_SETTLED: Final = 10.0  # time constants after which a lag is over
 
 _AS_TOLD: Final = Risk([], 0.0, '')
 
 
 class ResponseEstimate:
-    """The response of one run, seen at its control steps.
-
-    Attributes:
-        delay: From a command to its effect, of the response in use [ns].
-        error: Bound of the prediction error that the response in use leaves [m]; 0 up to 2 mm.
-    """
+    """The response of one run, seen at its control steps; `delay` [ns] and `lag` [s] are in use."""
 
     def __init__(self, settings: LawSettings) -> None:
         """Trust the settings until odometry contradicts them."""
-        self.error = 0.0
+        self.error = 0.0  # bound of the prediction error that the response in use leaves [m]
         self.reconfigure(settings)
 
     def reconfigure(self, settings: LawSettings) -> None:
@@ -174,10 +141,7 @@ class ResponseEstimate:
         return f'predictions have been wrong by {self.error:.2g} m.'
 
     def response(self, stamp: int, commands: PendingCommands, delay: float, lag: float) -> Response:
-        """A response, and the commands so far.
-
-        `stamp` [ns], `delay` [s], `lag` [s].
-        """
+        """A response with delay and lag [s], and the commands up to `stamp` [ns]."""
         nanoseconds = to_nanoseconds(delay)
         pending, durations = commands.until(stamp, nanoseconds)
         effective = commands.in_force

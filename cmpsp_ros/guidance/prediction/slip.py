@@ -1,13 +1,13 @@
 """Wheel slip, estimated from the distance driven under the commands given.
 
-A slipping wheel moves the robot by a fraction ``1 - s`` of its turning. A guidance law that
-ignores it overestimates the time left. The estimate is the least-squares solution of
+A slipping wheel moves the robot by a fraction ``1 - s`` of its turning. The estimate is the
+least-squares solution of
 
     d_i = (1 - s) l_i
 
-over the control periods so far, with ``l_i`` the distance without slip and ``d_i`` the
-distance driven, along the same chord. A period counts only if the wheels kept their speed:
-after a change of speed a lagging wheel looks like a slipping one.
+over the control periods so far, with ``l_i`` the distance without slip and ``d_i`` the distance
+driven, along the same chord. A period counts only if the wheels kept their speed: after a change of
+speed a lagging wheel looks like a slipping one.
 
 The prior is half of the largest slip: a second that was lost to unexpected slip cannot be won back,
 while a prior that is too high leaves time to spare.
@@ -40,7 +40,6 @@ class SlipEstimate:
     """The slip of one run, seen at its control steps."""
 
     def __init__(self, max_estimate: float) -> None:
-        """Begin on unknown ground."""
         self._prior, self._weight = max_estimate / 2.0, _PRIOR_LENGTH**2
         self._information = self._missed = 0.0
         self._in_use = _in_steps(max_estimate / 2.0)
@@ -60,12 +59,9 @@ class SlipEstimate:
         self._began = (stamp, pose, controls, durations)
 
     def end(self, stamp: int, pose: Array, robot: Robot, max_estimate: float) -> bool:
-        """Update the estimate by how far the robot has come in the control period.
+        """Update the estimate by how far the robot has come; True if `slip` is another one now.
 
         `stamp` [ns], `pose` ``(3,)`` [m, m, rad].
-
-        Returns:
-            Whether `slip` is another one now.
         """
         if self._began is None:
             return False

@@ -1,7 +1,7 @@
 """Speed limit before obstacles that a plan leads into: the robot stops before them.
 
-Where no plan passes an obstacle the best one leads through it, and only its first arc is checked. A
-robot that is heavier than its model is beyond that arc before it stands.
+Where no plan passes an obstacle the best one leads through it, and only its first arc is checked:
+the robot may be beyond that arc before it stands.
 """
 
 from __future__ import annotations
@@ -29,35 +29,23 @@ from cmpsp_ros.world.grids import Cell, GridObstacle, OccupancyGrid, is_free
 from cmpsp_ros.world.roads import OpenFloor
 
 _SPEEDS: Final = (1.0, 0.75, 0.5, 0.25, 0.0)
-_NEARLY: Final = 0.98
-"""Part of a limit of speed that rounding leaves below it."""
+_NEARLY: Final = 0.98  # part of a limit of speed that rounding leaves below it
 
 _OF_MARGIN: Final = 0.2
 """Part of `safety.margin` that wheels which lag must keep: lags between those tried may lead a
 little nearer to something."""
 
-STANDSTILL: Final = 0.02
-"""Speed below which the robot may as well stand [m/s]."""
-
-_SOME_CELLS: Final = 4.0
-"""Cells by which the part of a grid that counts is larger than what a path can touch."""
-
-_UNSEEN: Final = 'unseen'
-"""Name of space that no sensor has seen yet, among the names of obstacles."""
+STANDSTILL: Final = 0.02  # speed below which the robot may as well stand [m/s]
+_SOME_CELLS: Final = 4.0  # cells by which the grid looked at exceeds what a path can touch
+_UNSEEN: Final = 'unseen'  # name of space that no sensor has seen yet, among the names of obstacles
 
 
 class Contact(NamedTuple):
-    """First obstacle that a plan leads into.
-
-    Attributes:
-        name: Its name.
-        distance: Lower bound of the distance to it along the plan [m].
-        speed: Maximum speed with which the robot can still stop before it [m/s].
-    """
+    """First obstacle that a plan leads into."""
 
     name: str
-    distance: float
-    speed: float
+    distance: float  # lower bound of the distance to it along the plan [m]
+    speed: float  # maximum speed with which the robot can still stop before it [m/s]
 
     def __str__(self) -> str:
         if self.name == _UNSEEN:
@@ -65,11 +53,19 @@ class Contact(NamedTuple):
         return f'{self.name} is {self.distance:.2g} m ahead, and no plan passes it.'
 
 
+class Conditions(NamedTuple):
+    """All that a plan must be clear under."""
+
+    start: PlanStart
+    pending: Validation | None  # verdict on the path to the start, if there is one
+    here: PlanStart  # the present state
+    risk: Risk  # other responses of the robot
+
+
 class Approach:
     """Slows plans down before obstacles that they lead into."""
 
     def __init__(self, settings: LawSettings, validator: Validator) -> None:
-        """Take limits from the settings."""
         self._validator = validator
         part = replace(settings.safety, margin=_OF_MARGIN * settings.safety.margin)
         self._lag_validator = Validator(replace(settings, safety=part), with_margin=True)
@@ -98,10 +94,7 @@ class Approach:
         return found
 
     def end_speed(self, plan: Plan, ahead: Contact) -> float:
-        """Maximum speed at the end of a plan to stop before the contact behind it [m/s].
-
-        Infinite where the plan leads into it before.
-        """
+        """Maximum speed at the end of a plan to stop before a contact behind it [m/s]; else inf."""
         speeds = speeds_and_turns(self._settings.robot.twist(plan.controls[:-1]))[:, 0]
         room = ahead.distance - float(np.abs(speeds) @ plan.horizon.durations)
         if room < 0.0:
@@ -141,10 +134,7 @@ class Approach:
         return Contact(names[what], distance, self._speed(distance, float(durations[0]))), step
 
     def before(self, obstacles: Mapping[str, float], start: PlanStart) -> Contact:
-        """The nearest of some obstacles.
-
-        `obstacles` [m].
-        """
+        """Contact with the nearest of some obstacles, by their distances [m]."""
         space = start.world.free_space(self._settings)
         clearance = dict(
             zip(start.world.names, space.at(start.pose[None], start.progress)[0], strict=True)
@@ -157,33 +147,25 @@ class Approach:
         )
 
     def limited(
-        self,
-        plan: Plan,
-        verdict: Validation,
-        ahead: Contact | None,
-        start: PlanStart,
-        pending: Validation | None,
-        here: PlanStart,
-        risk: Risk,
+        self, plan: Plan, verdict: Validation, ahead: Contact | None, under: Conditions
     ) -> tuple[Plan, Validation, str] | None:
         """Slow a plan to a safe speed before its contact, for every possible response of the robot.
 
-        Returns:
-            Plan, verdict and a remark for the reason; None where no speed is safe.
+        Returns plan, verdict and a remark for the reason; None where no speed is safe.
         """
-        remark = ''
+        remark, start = '', under.start
         slowed = None if ahead is None else self.slowed(plan, start, ahead.speed)
         if slowed is not None:
             durations = slowed.horizon.durations
-            checked = self._validator.check(start, slowed.controls, durations, pending)
+            checked = self._validator.check(start, slowed.controls, durations, under.pending)
             if checked.passed:
                 plan, verdict = slowed, checked
                 remark = f' Slows down to {self._speed_of(plan):.3g} m/s: {ahead}'
-        calm = self.calmed(plan, verdict, start, pending, here, risk)
+        calm = self.calmed(plan, verdict, under)
         if calm is None:
             return None
         if calm[0] is not plan:
-            why = verdict.reason or self._why_slow(plan, verdict, start) or risk.remark
+            why = verdict.reason or self._why_slow(plan, verdict, start) or under.risk.remark
             remark += f' Slowed to {self._speed_of(calm[0]):.3g} m/s: {why}'
         return (*calm, remark)
 
@@ -213,35 +195,22 @@ class Approach:
         return plan._replace(controls=controls, poses=poses)
 
     def calmed(
-        self,
-        plan: Plan,
-        verdict: Validation,
-        start: PlanStart,
-        pending: Validation | None,
-        here: PlanStart,
-        risk: Risk,
+        self, plan: Plan, verdict: Validation, under: Conditions
     ) -> tuple[Plan, Validation] | None:
         """A plan so slow that its first command and a stop are clear however the robot responds.
 
-        Returns:
-            It and its verdict, at the largest speed tried that is clear; None where none is.
+        With its verdict, at the largest speed tried that is clear; None where none is.
         """
         if self._calmed is not None and self._calmed[0] is plan and self._calmed[1] is verdict:
             return self._calmed[2]
-        calm = self._calm(plan, verdict, start, pending, here, risk)
+        calm = self._calm(plan, verdict, under)
         self._calmed = plan, verdict, calm
         return calm
 
     def _calm(
-        self,
-        plan: Plan,
-        verdict: Validation,
-        start: PlanStart,
-        pending: Validation | None,
-        here: PlanStart,
-        risk: Risk,
+        self, plan: Plan, verdict: Validation, under: Conditions
     ) -> tuple[Plan, Validation] | None:
-        """As `calmed`."""
+        start, pending, here, risk = under
         watches = start.world.seen is not None and watches_unseen(self._settings, start)
         if verdict.passed and not risk.responses and not watches:
             return plan, verdict
@@ -303,10 +272,7 @@ class Approach:
         return FreeSpace.of(OpenFloor(), (GridObstacle(_UNSEEN, near),), radius, footprint.discs)
 
     def _to_rest(self, plan: Plan, start: PlanStart) -> Iterator[tuple[Array, Array]]:
-        """Commands of a plan, until the robot is at rest at the latest, and their durations.
-
-        After its end it brakes along its curvature, or else along the road.
-        """
+        """Commands of a plan, until the robot is at rest at the latest, and their durations."""
         settings = self._settings
         controls, durations = plan.controls[:-1], plan.horizon.durations
         period, limit = settings.control_period, self._max_change

@@ -1,4 +1,4 @@
-"""The sweep of a plan, arc by arc, past everything that it must not touch: compiled code."""
+"""The sweep of a plan, arc by arc, past all that it must not touch; its clearance for displays."""
 
 from __future__ import annotations
 
@@ -8,8 +8,13 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.arrays import Array, IntArray
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.guidance.decision import Decision
 from cmpsp_ros.guidance.formulation.ocp_functions import N_EDGE_CONSTRAINTS
+from cmpsp_ros.guidance.prediction.estimator import ObstacleTracker, as_expected, within_reach
+from cmpsp_ros.guidance.settings import LawSettings
+from cmpsp_ros.guidance.times import NANOSECONDS
+from cmpsp_ros.guidance.world import World
 from cmpsp_ros.mpsp.jit import allocation_free
 from cmpsp_ros.robots.motion import (
     Kinematics,
@@ -19,11 +24,9 @@ from cmpsp_ros.robots.motion import (
     fastest_wheel,
     point_of,
 )
-from cmpsp_ros.world.grids import Fields
+from cmpsp_ros.world import SpaceData
 from cmpsp_ros.world.obstacles import ROUGHNESS, disc_after, distance_from, sweep, sweep_moving
-from cmpsp_ros.world.roads import RoadSpace, road_functions
-
-Indices = IntArray
+from cmpsp_ros.world.roads import road_functions
 
 
 class PlanSweep(NamedTuple):
@@ -31,32 +34,20 @@ class PlanSweep(NamedTuple):
 
     Obstacles are numbered: both edges of the road first, then the static ones, then the moving
     discs. Committed steps are those that must be clear of what stands still.
-
-    Attributes:
-        fastest: Maximum wheel speed [rad/s].
-        committed: Minimum clearance of the committed steps.
-        worst: Minimum clearance of the whole plan.
-        nearest: Index of the obstacle of `worst`.
-        shortfall: Largest clearance from what stands still that the committed steps lack.
-        short_of: Index of the obstacle of `shortfall`.
-        tightest: Clearance from that.
-        edges: Minimum clearance of the whole plan from the road's edges.
-        others: The same from all other obstacles.
     """
 
-    fastest: float
-    committed: float
-    worst: float
-    nearest: float
-    shortfall: float
-    short_of: float
-    tightest: float
-    edges: float
-    others: float
+    fastest: float  # maximum wheel speed [rad/s]
+    committed: float  # minimum clearance of the committed steps
+    worst: float  # minimum clearance of the whole plan
+    nearest: float  # index of the obstacle of `worst`
+    shortfall: float  # largest clearance from what stands still that the committed steps lack
+    short_of: float  # index of the obstacle of `shortfall`
+    tightest: float  # clearance from that
+    edges: float  # minimum clearance of the whole plan from the road's edges
+    others: float  # the same from all other obstacles
 
 
-SWEEP: Final = np.dtype([(name, np.float64) for name in PlanSweep._fields])
-"""A `PlanSweep` for compiled code."""
+SWEEP: Final = np.dtype([(name, np.float64) for name in PlanSweep._fields])  # the same, compiled
 
 # With `safety.between_samples` off only the samples are held clear, and an active constraint is
 # met there to the accuracy of a linearisation.
@@ -65,44 +56,21 @@ _SAMPLE_TOLERANCE = 1e-3
 
 @allocation_free
 def sweep_plan(
-    found: NDArray[np.void],
-    scratch: Array,
-    pose: Array,
+    found: NDArray[np.void],  # filled with the result, one record of `SWEEP`
+    scratch: Array,  # shape ``(2, 2 + M + D)``
+    pose: Array,  # where it begins ``(3,)``
     controls: Array,
     durations: Array,
     robot: Kinematics,
-    committed: int,
-    between: bool,
-    road: RoadSpace,
-    fields: Fields,
-    corners: Array,
-    first: Indices,
-    radii: Array,
-    moving: Array,
-    progress: float,
-    discs: Array,
+    committed: int,  # number of steps that must be clear
+    between: bool,  # whether the path between samples counts
+    space: SpaceData,  # of all that stands still
+    moving: Array,  # states at the beginnings of steps ``(N, D, 7)``
+    progress: float,  # arc length of a place near the pose [m]
 ) -> None:
-    """Drive a plan arc by arc, with every disc of the robot: each drives an arc of its own.
-
-    Args:
-        found: Filled with the result, one record of `SWEEP`, shape ``(1,)``.
-        scratch: Shape ``(2, 2 + M + D)``.
-        pose: Where it begins.
-        controls: Of the robot.
-        durations: Of the steps.
-        robot: The robot.
-        committed: How many steps must be clear.
-        between: Whether the path between samples counts.
-        road: Where on it the centre of a disc may be.
-        fields: The distance fields of obstacles without corners.
-        corners: Of the obstacles, as `shape_functions` has them.
-        first: Where the corners of each begin.
-        radii: Least distances from the obstacles without theirs.
-        moving: States of the moving discs at the beginning of each step, shape ``(N, D, 7)``.
-        progress: Arc length along the road of a place near the pose [m].
-        discs: Centres of the robot's discs, in its frame, shape ``(E, 2)``.
-    """
+    """Drive a plan arc by arc, with every disc of the robot: each drives an arc of its own."""
     result, fastest = found[0], 0.0
+    road, shapes, radii, discs = space
     for k in range(controls.shape[0]):
         # `max` drops NaN, a sum propagates it.
         speed = fastest_wheel(controls, k, robot)
@@ -111,7 +79,7 @@ def sweep_plan(
     x, y, heading = pose[0], pose[1], pose[2]
     progress = road_functions.project(road, x, y, heading, progress)
     worst, at_rest = scratch[0], scratch[1]
-    moved = N_EDGE_CONSTRAINTS + radii.shape[0]
+    moved = N_EDGE_CONSTRAINTS + radii.shape[1]
     # A robot that is too close already must not get closer than at rest.
     for i in range(discs.shape[0]):
         there_x, there_y = point_of(x, y, heading, discs, i)
@@ -119,9 +87,9 @@ def sweep_plan(
         progress = at if i == 0 else progress
         _keep_least(at_rest, 0, i, -over)
         _keep_least(at_rest, 1, i, -over_other)
-        for j in range(radii.shape[0]):
-            distance = distance_from(fields, corners, first, 0, j, there_x, there_y) - radii[j]
-            if first[j + 1] - first[j] != 1:
+        for j in range(radii.shape[1]):
+            distance = distance_from(shapes, 0, j, there_x, there_y) - radii[0, j]
+            if shapes.first[j + 1] - shapes.first[j] != 1:
                 distance -= ROUGHNESS
             _keep_least(at_rest, N_EDGE_CONSTRAINTS + j, i, distance)
     for k in range(durations.shape[0]):
@@ -140,11 +108,11 @@ def sweep_plan(
             progress = after if i == 0 else progress
             _record(result, worst, at_rest, begins, 0, clearance, must, between)
             _record(result, worst, at_rest, begins, 1, other, must, between)
-            for j in range(radii.shape[0]):
+            for j in range(radii.shape[1]):
                 what = N_EDGE_CONSTRAINTS + j
-                bound = math.inf if begins else worst[what] + radii[j]
-                least = sweep(arc, fields, corners, first, j, bound)
-                _record(result, worst, at_rest, begins, what, least - radii[j], must, between)
+                bound = math.inf if begins else worst[what] + radii[0, j]
+                least = sweep(arc, shapes, j, bound)
+                _record(result, worst, at_rest, begins, what, least - radii[0, j], must, between)
             # Where only the samples count, so does only the end of the time.
             begin, lasting = (0.0, durations[k]) if between else (durations[k], 0.0)
             for j in range(moving.shape[1]):
@@ -195,3 +163,29 @@ def _record(
     # NaN comes in, and nothing replaces it.
     if begins or clearance < worst[what] or math.isnan(clearance):
         worst[what] = clearance
+
+
+def plan_clearance(settings: LawSettings, world: World, decision: Decision) -> Array:
+    """Least clearance ``(N + 1,)`` [m] of a plan from each pose to the next, and at the last.
+
+    From road edges and obstacles, moving ones too, minus the robot's radius; its minimum is the
+    decision's `worst_margin` where no command is pending. ValueError for a decision without a plan.
+    """
+    plan, radius = decision.plan, settings.robot_radius
+    if plan is None:
+        raise ValueError('decision: found one without a plan, wanted one with a plan')
+    # The end is an arc that takes no time.
+    durations = np.append(plan.horizon.durations, 0.0)
+    twists = (1.0 - decision.wheel_slip) * settings.robot.twist(plan.controls)
+    clearance = world.free_space(settings).along(plan.poses, twists, durations)
+    if decision.tracks:
+        known = settings.moving_obstacles
+        begin = plan.poses[0]
+        near = within_reach(decision.tracks, begin, settings.robot.max_speed)
+        tracks = as_expected(near, settings.control_period)
+        moving = ObstacleTracker().update(decision.stamp, begin, tracks, known)
+        times = plan.delay / NANOSECONDS + np.cumsum(durations) - durations
+        points = settings.footprint.discs
+        discs = moving.grown(radius).along(plan.poses, twists, durations, times, points)
+        clearance = np.hstack([clearance, discs])
+    return np.asarray(clearance.min(axis=1))

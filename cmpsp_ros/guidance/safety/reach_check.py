@@ -1,8 +1,7 @@
 """Passive motion safety: nothing that moves can reach the robot before it is at rest.
 
 Each command and the stop after it are clear of every place that a moving obstacle may reach by
-then. So from any command the stop is clear, and it is what remains where no other command is: by
-induction nothing touches the robot while it moves.
+then. By induction, nothing touches the robot while it moves.
 """
 
 from __future__ import annotations
@@ -20,11 +19,8 @@ from cmpsp_ros.world.obstacles import ROUGHNESS, MovingDiscs
 
 _ROUNDING: Final = 1e-6
 
-_LOST: Final = 0.5
-"""Three standard deviations of a position beyond which an obstacle is out of sight [m]."""
-
-_APART: Final = 1.0
-"""Distance from where such an obstacle is expected from which the robot drives away from it [m]."""
+_LOST: Final = 0.5  # three standard deviations of a position that is out of sight [m]
+_APART: Final = 1.0  # distance from such an obstacle from which the robot drives away [m]
 
 CREEP: Final = 0.05
 """Speed up to which the robot counts as standing [m/s]: faster, a contact would be one of a robot
@@ -32,27 +28,16 @@ that moves."""
 
 
 class _Sets(NamedTuple):
-    """Obstacles about a start, grown by the robot.
+    """Obstacles about a start, grown by the robot."""
 
-    Attributes:
-        pose: Pose at the start.
-        moving: What may be reached from there.
-        discs: The same, grown.
-        begins: Its clearance at the start [m].
-        seen: The same obstacles as they were seen, at rest there.
-        there: Their clearance at the start [m].
-        stands: Whether each stood when it was seen.
-        is_lost: Whether each is out of sight, far away, and does not come at the robot.
-    """
-
-    pose: Array
-    moving: MovingDiscs
-    discs: MovingDiscs
-    begins: Array
-    seen: MovingDiscs
-    there: Array
-    stands: BoolArray
-    is_lost: BoolArray
+    pose: Array  # pose at the start
+    moving: MovingDiscs  # what may be reached from there
+    discs: MovingDiscs  # the same, grown
+    begins: Array  # its clearance at the start [m]
+    seen: MovingDiscs  # the same obstacles as they were seen, at rest there
+    there: Array  # their clearance at the start [m]
+    stands: BoolArray  # whether each stood when it was seen
+    is_lost: BoolArray  # whether each is out of sight, far away, and does not come at the robot
 
 
 class ReachCheck:

@@ -13,38 +13,26 @@ from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.robots.motion import braking
 from cmpsp_ros.world.roads import lookahead_points
 
-_AHEAD: Final = 1.0
-"""Time in which the point that is pursued would be reached [s]."""
-
-_BESIDE: Final = (0.0, 0.25, -0.25)
-"""Offsets of paths to brake on, in widths of the road to the left of its centre line."""
+_AHEAD: Final = 1.0  # time in which the point that is pursued would be reached [s]
+_BESIDE: Final = (0.0, 0.25, -0.25)  # paths to brake on: road widths left of the centre line
 
 
 def brakings_on_road(
     start: PlanStart, first: Array, held: float, period: float, max_change: float
 ) -> Iterator[Array]:
-    """As `braking_on_road`: along the centre line, to its left and to its right."""
+    """Commands as of `braking` to stop on the centre line, to its left and to its right.
+
+    The first one, ``(r,)``, is `held` for a time, the others for a period [s].
+    """
     for part in _BESIDE:
         beside = part * start.world.road.width
-        yield braking_on_road(start, first, held, period, max_change, beside=beside)
+        yield _braking_on_road(start, first, held, period, max_change, beside)
 
 
-def braking_on_road(
-    start: PlanStart,
-    first: Array,
-    held: float,
-    period: float,
-    max_change: float,
-    *,
-    beside: float = 0.0,
+def _braking_on_road(
+    start: PlanStart, first: Array, held: float, period: float, max_change: float, beside: float
 ) -> Array:
-    """Commands that stop a robot on the road, in the direction in which it drives.
-
-    `first` ``(r,)``, `held` [s], `period` [s], `beside` [m].
-
-    Returns:
-        As of `braking`.
-    """
+    """Commands to stop, `beside` [m] to the left of the centre line in the direction driven."""
     road, robot, controls = start.world.road, start.robot, [first]
     speed = float(robot.twist(first)[0])
     pose = robot.roll_out(start.pose, first[None], np.array([held]))[-1]

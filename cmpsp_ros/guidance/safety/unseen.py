@@ -21,10 +21,8 @@ from cmpsp_ros.robots import placed
 from cmpsp_ros.robots.motion import speeds_and_turns
 from cmpsp_ros.world.grids import Cell
 
-PEEP: Final = 0.1
-"""Speed at which the robot looks behind corners, however near they are [m/s]."""
-_BESIDE: Final = 0.25
-"""Distance beyond the robot at which it looks where it drives [m]: beside it, cells are free."""
+PEEP: Final = 0.1  # speed at which the robot looks behind corners, however near they are [m/s]
+_BESIDE: Final = 0.25  # distance beyond the robot, where cells are free, at which it looks [m]
 
 _ROUNDING: Final = 1e-9
 
@@ -38,10 +36,10 @@ def watches_unseen(settings: LawSettings, start: PlanStart) -> bool:
 def is_clear_of_unseen(
     settings: LawSettings, start: PlanStart, controls: Array, durations: Array
 ) -> bool:
-    """True if the robot looks where it drives, and nothing out of sight can reach it in time.
+    """True if the robot looks where it drives, and nothing out of sight reaches it before it rests.
 
-    In time is before it is at rest; with `stationary` the second is not asked. `controls` is a path
-    to rest ``(K, r)``, `durations` ``(K,)`` [s].
+    With `stationary` the second is not asked. `controls` is a path to rest ``(K, r)``, `durations`
+    ``(K,)`` [s].
     """
     twists = start.robot.twist(controls)
     speeds = np.abs(speeds_and_turns(twists)[:, 0])

@@ -14,7 +14,6 @@ from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.formulation.ocp_functions import N_EDGE_CONSTRAINTS
 from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.prediction.response import Response, driven
-from cmpsp_ros.guidance.safety.command_changes import reason_not_to_change
 from cmpsp_ros.guidance.safety.plan_sweep import SWEEP, PlanSweep, sweep_plan
 from cmpsp_ros.guidance.safety.reach_check import ReachCheck
 from cmpsp_ros.guidance.safety.road_braking import brakings_on_road
@@ -24,12 +23,10 @@ from cmpsp_ros.mpsp.jit import entry_for
 from cmpsp_ros.robots import placed
 from cmpsp_ros.robots.motion import NO_RAMP, braking
 from cmpsp_ros.world import FreeSpace
-from cmpsp_ros.world.grids import Fields
 from cmpsp_ros.world.obstacles import NOTHING_MOVES, MovingDiscs
 from cmpsp_ros.world.roads import OpenFloor
 
-TOUCHING: Final = 1e-3
-"""Penetration up to which something is said to touch [m]: odometry errs by more."""
+TOUCHING: Final = 1e-3  # penetration that is said to touch [m]: odometry errs by more
 
 _NO_LEGS: Final = NOTHING_MOVES.legs(np.empty(0))
 
@@ -38,39 +35,24 @@ _ROUNDING = 1e-6
 
 _SEEN: Final = f'obstacle {SEEN}'
 
-_TO_REST: Final = 4.0
-"""Time constants for which a lagging wheel is watched after the last command."""
+_TO_REST: Final = 4.0  # time constants for which a lagging wheel is watched after the last command
+CHANGE_ROUNDING: Final = 1e-6  # excess over a limit that a solver may leave [rad/s]
 
 
 class Validation(NamedTuple):
-    """Outcome of a trajectory check.
+    """Outcome of a trajectory check."""
 
-    Attributes:
-        passed: True if the first command may be sent.
-        reason: Reason of a failure; '' when passed.
-        margin: Minimum clearance over the first control period [m].
-        worst_margin: Minimum clearance over the whole plan [m].
-        nearest: Name of the obstacle nearest to the whole plan.
-        edge_margin: Minimum clearance of the whole plan from the road's edges [m].
-        obstacle_margin: The same from obstacles, moving ones too; infinite without any [m].
-        ramp: Commands by which the robot can stop after the first one, shape ``(K, r)``;
-            none where it stops at once.
-    """
-
-    passed: bool
-    reason: str
-    margin: float
-    worst_margin: float
-    nearest: str
-    edge_margin: float
-    obstacle_margin: float
-    ramp: Array = NO_RAMP
+    passed: bool  # true if the first command may be sent
+    reason: str  # reason of a failure; '' when passed
+    margin: float  # minimum clearance over the first control period [m]
+    worst_margin: float  # minimum clearance over the whole plan [m]
+    nearest: str  # name of the obstacle nearest to the whole plan
+    edge_margin: float  # minimum clearance of the whole plan from the road's edges [m]
+    obstacle_margin: float  # the same from obstacles, moving ones too; infinite without any [m]
+    ramp: Array = NO_RAMP  # commands ``(K, r)`` to stop after the first; none to stop at once
 
     def followed_by(self, later: Validation) -> Validation:
-        """The verdict on this path and the one that follows it: both must pass.
-
-        Margins from edges and from obstacles are of the later one, which can still be changed.
-        """
+        """The verdict on this path and the one that follows, of which the margins are."""
         first = self if not self.passed or later.passed else later
         nearer = self if self.worst_margin < later.worst_margin else later
         return Validation(
@@ -88,20 +70,18 @@ class Validation(NamedTuple):
 class Validator:
     """Checks plans: finite, within the wheel limits, clear for the first control period.
 
-    With a limit of acceleration it must be clear from there until at rest, too, for a robot that
-    brakes along the plan, or else along its curvature or the road: the next control step can
-    always stop.
+    With a limit of acceleration it must be clear from there until at rest, too, along the plan, its
+    curvature or the road: the next control step can always stop.
     """
 
     def __init__(self, settings: LawSettings, *, with_margin: bool = False) -> None:
-        """Take limits from the settings."""
         self._settings = settings
         self._margin = settings.safety.margin if with_margin else 0.0
         self._radius = settings.robot_radius + self._margin
         self._between = settings.safety.between_samples
         self._slots = settings.tracked.slots
         self._has_limits = bool(settings.robot.steering_limits or settings.robot.lateral_rows)
-        self._known: tuple[World, FreeSpace, Fields] | None = None
+        self._known: tuple[World, FreeSpace] | None = None
         self._period, self._max_change = settings.control_period, settings.max_wheel_change
         self._reach = ReachCheck(settings, self._radius)
         self._found, self._scratch = np.zeros(1, SWEEP), np.empty((2, N_EDGE_CONSTRAINTS))
@@ -109,12 +89,11 @@ class Validator:
         rest = np.zeros((2, settings.robot.n_controls))
         self._sweep = entry_for(sweep_plan, *self._arguments(start, rest, np.ones(1)))
 
-    def _space(self, world: World) -> tuple[FreeSpace, Fields]:
-        """Free space of a world, and its fields: the world is mostly that of the last question."""
+    def _space(self, world: World) -> FreeSpace:
+        """Free space of a world, which is mostly that of the last question."""
         if self._known is None or self._known[0] is not world:
-            space = world.free_space(self._settings, self._margin)
-            self._known = world, space, space.fields
-        return self._known[1:]
+            self._known = world, world.free_space(self._settings, self._margin)
+        return self._known[1]
 
     def check(
         self, start: PlanStart, controls: Array, durations: Array, pending: Validation | None = None
@@ -183,11 +162,7 @@ class Validator:
             yield from brakings_on_road(start, controls[0], held, *limits)
 
     def braking_from(self, start: PlanStart) -> Array:
-        """Commands that bring the robot to rest from now on, along the curvature that it drives.
-
-        Returns:
-            Shape ``(K, 2)`` [rad/s]; none where they are not clear: it stops at once.
-        """
+        """Commands ``(K, r)`` to rest along the present curvature; none if they are not clear."""
         if self._max_change == math.inf:
             return NO_RAMP
         held = np.stack([start.previous_control, start.previous_control])
@@ -223,11 +198,9 @@ class Validator:
         return found.committed >= error
 
     def check_pending(self, start: PlanStart, controls: Array, durations: Array) -> Validation:
-        """Say whether the path is clear along which commands given before will lead.
+        """Verdict on the path along which commands given before lead ``(K, r)``, ``(K,)`` [s].
 
         All of it is swept like the first command of a plan; wheel speeds are not checked again.
-
-        `controls` ``(K, r)``, `durations` ``(K,)`` [s].
         """
         poses = start.robot.roll_out(start.pose, controls, durations)
         begins = np.cumsum(durations) - durations
@@ -262,7 +235,7 @@ class Validator:
     ) -> tuple[Any, ...]:
         """Arguments of `sweep_plan`, each always of the same type."""
         pose, robot, world, moving, progress, *_ = start
-        (space, fields), legs = self._space(world), _NO_LEGS
+        space, legs = self._space(world), _NO_LEGS
         things = len(world.names) + len(moving.names)
         if moving.names:
             legs = moving.grown(self._radius).legs(durations)
@@ -277,14 +250,9 @@ class Validator:
             robot.kinematics,
             committed,
             self._between,
-            space.road,
-            fields,
-            space.corners,
-            space.first,
-            space.radii,
+            space.data,
             legs,
             float(progress),
-            space.discs,
         )
 
     def clearance_at(
@@ -295,7 +263,7 @@ class Validator:
         progress: float = math.nan,
     ) -> Array:
         """Clearance of a pose from road edges, obstacles, moving ones last ``(2 + M + D,)`` [m]."""
-        space, _ = self._space(world)
+        space = self._space(world)
         static = space.at(pose[None], progress)[0]
         if not moving.names:
             return np.asarray(static)
@@ -305,8 +273,7 @@ class Validator:
     def why_no_start(self, world: World, pose: Array) -> str:
         """Reason not to start at a pose ``(3,)`` [m, m, rad]: it is inside an obstacle; '' if none.
 
-        A moving robot is led out instead. Seen cells do not count: they reach beyond the obstacle
-        seen, and so does noise.
+        A moving robot is led out instead. Seen cells reach beyond the obstacle, and do not count.
         """
         away, names = self.clearance_at(world, pose), world.names
         counts = range(N_EDGE_CONSTRAINTS, len(names))
@@ -339,3 +306,28 @@ def _name_of(number: float, start: PlanStart) -> str:
 
 def _refused(reason: str) -> Validation:
     return Validation(False, reason, -math.inf, -math.inf, 'nothing', -math.inf, -math.inf)
+
+
+def reason_not_to_change(settings: LawSettings, start: PlanStart, controls: Array) -> str:
+    """Reason not to send the first of some controls ``(K, r)``, in a sentence; '' for none.
+
+    All must keep the limit of acceleration, the first that of jerk.
+    """
+    commands, robot = np.vstack([start.previous_control, controls]), start.robot
+    limit = settings.max_wheel_change
+    change = float(np.abs(np.diff(commands, axis=0) @ robot.rate_limits.T).max())
+    if not change <= limit + CHANGE_ROUNDING:
+        return (
+            f'The plan changes a wheel by {change!r} rad/s from one command to the next, the'
+            f' limit is {limit!r} rad/s.'
+        )
+    if (limit := settings.max_second_difference) == math.inf:
+        return ''
+    second = controls[0] - start.previous_control - start.previous_change
+    change = float(np.abs(robot.wheels @ second).max())
+    if change <= limit + CHANGE_ROUNDING:
+        return ''
+    return (
+        f'The plan changes the acceleration of a wheel by {change!r} rad/s per control period, the'
+        f' limit is {limit!r} rad/s.'
+    )

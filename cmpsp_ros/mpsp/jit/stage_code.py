@@ -50,17 +50,20 @@ class StageCode:
         self._ends = np.cumsum([0, *sizes]).tolist()
         self._shapes = shapes or [(size,) for size in sizes]
         self._none = (np.empty((0, 0)),) * (_INPUTS - function.n_in())
+        self._places: dict[int, list[tuple[slice, tuple[int, ...]]]] = {}
         self._engine, self._address = _compiled(_Text(function, lanes).text)
 
     def __call__(self, *inputs: Array) -> list[Array]:
         """Outputs at all stages, which are their first axis, for inputs ``(stages, numbers)``."""
-        stages, ends = len(inputs[0]), self._ends
-        whole = np.empty(stages * ends[-1])
+        stages = len(inputs[0])
+        if stages not in self._places:
+            parts = zip(pairwise(self._ends), self._shapes, strict=True)
+            self._places[stages] = [
+                (slice(stages * a, stages * b), (stages, *shape)) for (a, b), shape in parts
+            ]
+        whole = np.empty(stages * self._ends[-1])
         self._run(inputs, whole, stages)
-        return [
-            whole[stages * a : stages * b].reshape(stages, *shape)
-            for (a, b), shape in zip(pairwise(ends), self._shapes, strict=True)
-        ]
+        return [whole[place].reshape(shape) for place, shape in self._places[stages]]
 
     def roll_out(self, start: Array, *inputs: Array) -> Array:
         """States ``(stages + 1, n)``, each the only output for the last one; of a single lane."""
@@ -71,7 +74,7 @@ class StageCode:
         return states
 
     def _run(self, inputs: Iterable[Array], out: Array, stages: int) -> None:
-        held = (np.ascontiguousarray(each, float) for each in inputs)
+        held = [np.ascontiguousarray(each, float) for each in inputs]
         _caller()(self._address, *held, *self._none, out, stages)
 
 

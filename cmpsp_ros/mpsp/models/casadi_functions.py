@@ -199,6 +199,7 @@ class CasadiProblem(StageProblem):
     ) -> None:
         super().__init__(size, start, target, bounds)
         self._expressions, self._applies = expressions, applies
+        self._all_apply = bool(applies.all())
         units = np.ones((len(p_values), sum(expressions.sizes)))
         self._data = np.hstack([p_values, units])
         self._roll_out = expressions.roll_out(size.horizon)
@@ -256,7 +257,8 @@ class CasadiProblem(StageProblem):
         return self._evaluation(*value), ahead[:-1]
 
     def _evaluation(self, cost: Array, h: Array, g: Array) -> Evaluation:
-        g = np.where(self._applies, g, -np.inf)
+        if not self._all_apply:
+            g[~self._applies] = -np.inf
         return Evaluation(float(cost.sum()), h[-1] - self.target, g)
 
     def _linearised(self, X: Array, U: Array, hessian: Hessian) -> Linearisation:
@@ -267,7 +269,7 @@ class CasadiProblem(StageProblem):
             blocks = self._blocks(nearest_positive_semidefinite(of_L) + others[0])
         if hessian == 'projected':
             blocks = project_stages(*blocks)
-        if not self._applies.all():
+        if not self._all_apply:
             g[~self._applies] = -np.inf
             g_X[~self._applies], g_U[~self._applies] = 0.0, 0.0
         L_XX, L_UX, L_UU = (np.ascontiguousarray(block) for block in blocks)

@@ -21,7 +21,7 @@ from cmpsp_ros.mpsp.problem import (
     Linearisation,
     OptimalControlProblem,
 )
-from cmpsp_ros.mpsp.qp.active_set.records import derivatives_in, put_derivatives
+from cmpsp_ros.mpsp.qp.active_set.records import derivative_arrays, derivatives_in, put_derivatives
 from cmpsp_ros.mpsp.qp.active_set.state import Indices
 from cmpsp_ros.mpsp.qp.riccati.program import Records, row_type, stage_type
 from cmpsp_ros.mpsp.sqp.driver import Functions
@@ -148,7 +148,7 @@ class ControlRateProblem(OptimalControlProblem):
         stages = np.zeros(steps + 1, stage_type(size.state, size.control))
         path, terminal = np.zeros((steps + 1, size.path), row), np.zeros(size.output, row)
         inner = self._inner.linearise(X[:, : self._inner.size.state], U, hessian)
-        put_derivatives(stages, path[:, : self._inner.size.path], terminal, inner)
+        put_derivatives(derivative_arrays(stages, path, terminal, inner.size), inner)
         X, U = np.ascontiguousarray(X), np.ascontiguousarray(U)
         _add_derivatives(weight, max_change, rows, steps, X, U, stages, path)
         return derivatives_in(stages, path, terminal, size)

@@ -21,7 +21,6 @@ from cmpsp_ros.mpsp.qp.active_set.records import (
     kkt_residual,
     solution_in,
 )
-from cmpsp_ros.mpsp.qp.active_set.solver import solve as solve_program
 from cmpsp_ros.mpsp.qp.active_set.state import WarmStart, empty_warm_start
 from cmpsp_ros.mpsp.qp.dense import clarabel_backend, hildreth
 from cmpsp_ros.mpsp.qp.dense.back_ends import solve_by_daqp, solve_by_qpsolvers
@@ -56,8 +55,7 @@ def solve_from(subproblem: Subproblem, penalties: Penalties | None, warm: WarmSt
     """
     with borrowed_space(subproblem.size) as space:
         fill(space, subproblem, penalties)
-        outcome = solve_program(space.program, space.active, warm)
-        return answer_in(space, outcome, warm, lambda: (subproblem, penalties))
+        return answer_in(space, space.solve(warm), warm, lambda: (subproblem, penalties))
 
 
 def answer_in(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
 from weakref import finalize
 
@@ -18,10 +19,9 @@ from cmpsp_ros.mpsp.problem import (
     OptimalControlProblem,
 )
 from cmpsp_ros.mpsp.qp import QPStatus
-from cmpsp_ros.mpsp.qp.active_set.records import put_derivatives
-from cmpsp_ros.mpsp.qp.riccati.program import Records
+from cmpsp_ros.mpsp.qp.active_set.records import put_derivatives, residual_without_step
 from cmpsp_ros.mpsp.qp.subproblem import Subproblem
-from cmpsp_ros.mpsp.results import SLACK_TOLERANCE, Iterate, Size, Status, Step, residual_at
+from cmpsp_ros.mpsp.results import SLACK_TOLERANCE, Iterate, Size, Status, Step
 from cmpsp_ros.mpsp.sqp.driver import Driver, Functions
 from cmpsp_ros.mpsp.sqp.workspace import Phase, set_weights
 
@@ -41,14 +41,16 @@ class CMPSP:
         fitted = options.fitted(size)
         self._problem = problem
         self._options = options
+        self._target_size = float(np.linalg.norm(problem.target)) or 1.0
         self._trust_radius = fitted[-1]
         idle = _idle[size, options.qp, options.hessian]
         self._driver = idle.pop() if idle else Driver(size, *fitted, (options.qp, options.hessian))
         self.space = self._driver.space
         # To make memory takes longer than a few iterations.
         finalize(self, idle.append, self._driver)
-        self._loaded: list[Linearisation] = []
-        self._functions = _functions_of(problem, self._loaded)
+        # Derivatives that are in the records already.
+        self.loaded: Linearisation | None = None
+        self._functions = Functions(self._predict, self._evaluate, self._linearise)
         self._last: Iterate | None = None
         ws = self._driver.ws
         set_weights(ws.program, *fitted)
@@ -73,17 +75,17 @@ class CMPSP:
         evaluation = self._problem.evaluate(X, U)
         return Iterate(0, U, X, evaluation, _size(U, evaluation))
 
-    def subproblem(self, at: Iterate) -> Subproblem:
-        """The quadratic program (45) (54) (57) at an iterate."""
+    def subproblem(self, at: Iterate, hessian: Hessian | None = None) -> Subproblem:
+        """The quadratic program (45) (54) (57) at an iterate; gaps are not in it."""
         problem = self._problem
-        linearisation = problem.linearise(at.X, at.U, self._options.hessian)
+        linearisation = problem.linearise(at.X, at.U, hessian or self._options.hessian)
         lower, upper = problem.control_lower - at.U, problem.control_upper - at.U
         return Subproblem(linearisation, lower, upper, self._trust_radius)
 
-    def residual(self, at: Iterate, subproblem: Subproblem | None) -> float:
-        """KKT residual of an iterate with its latest multipliers; NaN without its subproblem."""
-        self._loaded[:] = [] if subproblem is None else [subproblem.linearisation]
-        return residual_at(at, subproblem, self.space)
+    def residual(self, at: Iterate, subproblem: Subproblem) -> float:
+        """KKT residual of an iterate with its latest multipliers."""
+        self.loaded = lin = subproblem.linearisation
+        return residual_without_step(self.space, subproblem, *at.multipliers_on(lin))
 
     def step(self, at: Iterate, subproblem: Subproblem | None = None) -> Iterate:
         """One iteration; an iterate that cannot be improved keeps its controls.
@@ -97,7 +99,7 @@ class CMPSP:
         if at is not self._last:
             self._driver.forget()
         self._driver.go_on(self._functions, subproblem.linearisation)
-        self._loaded.clear()
+        self.loaded = None
         size, ws = self._problem.size, self._driver.ws
         U, X, evaluation = at.U, at.X, at.evaluation
         if ws.run['length'][0] > 0.0:
@@ -119,6 +121,23 @@ class CMPSP:
         run['iterations'], run['max_iterations'] = at.index, at.index + 1
         run['length'] = 0.0 if at.step is None else at.step.length
         run['full_change'] = run['active_rows'] = run['is_corrected'] = 0
+
+    # Functions of the derivatives at the iterate, that fill records with more room.
+    def _predict(self, _: Linearisation, U: Array, X: Array) -> None:
+        size = self._problem.size
+        X[:, : size.state] = self._problem.predict(U[:, : size.control])
+
+    def _evaluate(
+        self, _: Linearisation, X: Array, U: Array, output_error: Array, g: Array
+    ) -> float:
+        size = self._problem.size
+        found = self._problem.evaluate(X[:, : size.state], U[:, : size.control])
+        output_error[:], g[:] = found.output_error, found.g
+        return found.cost
+
+    def _linearise(self, data: Linearisation, *_: object) -> None:
+        if self.loaded is not data:
+            put_derivatives(self.space.derivatives, data)
 
     def terminate(self, at: Iterate) -> Status | None:
         """Status where the iteration is over by itself, else None.
@@ -153,41 +172,12 @@ class CMPSP:
             return Status.INFEASIBLE if at_bottom else Status.STALLED
         return None
 
-    @property
-    def _target_size(self) -> float:
-        return float(np.linalg.norm(self._problem.target)) or 1.0
-
     def _is_met(self, evaluation: Evaluation) -> bool:
         """True where terminal and path constraints are within their tolerances."""
-        miss = np.linalg.norm(evaluation.output_error)
-        return bool(
-            miss <= self._options.output_tolerance * self._target_size
-            and evaluation.g.max(initial=-np.inf) <= self._options.violation_tolerance
-        )
-
-
-def _functions_of(problem: OptimalControlProblem, loaded: list[Linearisation]) -> Functions:
-    """A problem in Python as functions that fill records, which may have more room.
-
-    Their data are its derivatives at the iterate; the records have those that are `loaded`.
-    """
-    n, r = problem.size.state, problem.size.control
-
-    def predict(_: Linearisation, U: Array, X: Array) -> None:
-        X[:, :n] = problem.predict(U[:, :r])
-
-    def evaluate(_: Linearisation, X: Array, U: Array, output_error: Array, g: Array) -> float:
-        found = problem.evaluate(X[:, :n], U[:, :r])
-        output_error[:], g[:] = found.output_error, found.g
-        return found.cost
-
-    def linearise(
-        data: Linearisation, _X: Array, _U: Array, stages: Records, path: Records, terminal: Records
-    ) -> None:
-        if not (loaded and loaded[0] is data):
-            put_derivatives(stages, path, terminal, data)
-
-    return Functions(predict, evaluate, linearise)
+        error, options = evaluation.output_error, self._options
+        if not math.sqrt(np.vdot(error, error)) <= options.output_tolerance * self._target_size:
+            return False
+        return bool((evaluation.g <= options.violation_tolerance).all())
 
 
 def _size(U: Array, evaluation: Evaluation) -> Size:
@@ -201,7 +191,7 @@ def _summary(driver: Driver, subproblem: Subproblem) -> Step:
     solution, elastic = back_end.solution, bool(run['level'] > 0)
     solved = solution.status is QPStatus.SOLVED
     not_finite = '' if solved else subproblem.linearisation.not_finite
-    slack, miss = np.zeros_like(solution.path), np.zeros_like(solution.terminal)
+    slack, miss = np.zeros(solution.path.shape), np.zeros(solution.terminal.shape)
     if elastic and not not_finite:
         dX = subproblem.propagate(solution.dU)
         slack = np.maximum(subproblem.path(solution.dU, dX), 0.0)

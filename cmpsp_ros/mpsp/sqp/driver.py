@@ -86,7 +86,7 @@ class BackEnd:
         self._is_new, is_relaxed, outcome = False, bool(level > 0), None
         if self._warm:
             space, warm = self._space, self._warm[is_relaxed]
-            outcome = Outcome(solve(space.program, space.active, warm))
+            outcome = space.solve(warm)
             self.solution = answer_in(space, outcome, warm, lambda: program_in(space))
             if outcome is Outcome.SOLVED:
                 self._has_basis = True

@@ -68,16 +68,10 @@ def lagrangian_curvature(
     """
     if lin is None:
         lin = problem.linearise(at.X, at.U, 'exact')
-    terminal, path, _ = multipliers(at, lin)
+    terminal, path, _ = at.multipliers_on(lin)
     mu = costates(lin, terminal, path)
     XX, UX, UU = problem.constraint_curvature(at.X, at.U, mu[1:], terminal, path)
     return Curvature(lin, mu, stage_blocks(lin.L_XX + XX, lin.L_UX + UX, lin.L_UU + UU))
-
-
-def multipliers(at: Iterate, lin: Linearisation) -> tuple[Array, Array, Array]:
-    """`Iterate.multipliers`, 0 for path constraints that do not apply."""
-    terminal, path, bounds = at.multipliers
-    return terminal, np.where(lin.g == -np.inf, 0.0, path), bounds
 
 
 def stage_blocks(XX: Array, UX: Array, UU: Array) -> Array:
@@ -92,9 +86,7 @@ def stage_blocks(XX: Array, UX: Array, UU: Array) -> Array:
 def with_hessian(lin: Linearisation, H: Array) -> Linearisation:
     """A linearisation with other Hessian blocks by ``(X_k, U_k)``."""
     n = lin.A.shape[1]
-    blocks = H[:, :n, :n], H[:, n:, :n], H[:, n:, n:]
-    XX, UX, UU = (np.ascontiguousarray(block) for block in blocks)
-    return replace(lin, L_XX=XX, L_UX=UX, L_UU=UU)
+    return replace(lin, L_XX=H[:, :n, :n], L_UX=H[:, n:, :n], L_UU=H[:, n:, n:])
 
 
 def _with_rows(found: Curvature, path: BoolArray, bounds: BoolArray, weight: float) -> Array:
@@ -109,8 +101,7 @@ def _with_rows(found: Curvature, path: BoolArray, bounds: BoolArray, weight: flo
     if path.any():
         g_Z = np.where(path[:, :, None], np.concatenate([lin.g_X, lin.g_U], axis=2), 0.0)
         H += weight * g_Z.swapaxes(1, 2) @ g_Z
-    own = range(lin.A.shape[1], H.shape[1])
-    H[:, own, own] += weight * bounds
+    np.einsum('kaa->ka', H)[:, lin.A.shape[1] :] += weight * bounds
     return H
 
 
@@ -129,7 +120,7 @@ def descent_curvature(
     """
     found = lagrangian_curvature(problem, at, lin)
     lin, size = found.linearisation, problem.size
-    _, rho, beta = multipliers(at, lin)
+    _, rho, beta = at.multipliers_on(lin)
     scale = _ACTIVE * (1.0 + float(np.abs(found.costates).max()))
     size_H = float(np.abs(found.H).max())
     lower, upper = problem.control_lower - at.U, problem.control_upper - at.U

@@ -27,19 +27,18 @@ from cmpsp_ros.mpsp.options import Options
 from cmpsp_ros.mpsp.problem import Evaluation, Linearisation, OptimalControlProblem
 from cmpsp_ros.mpsp.qp import RICCATI_ACTIVE_SET, QPStatus, solve_qp
 from cmpsp_ros.mpsp.qp.active_set.records import (
-    Space,
     is_positive_definite,
     program_in,
     put_derivatives,
     put_solution,
 )
-from cmpsp_ros.mpsp.qp.active_set.solver import solve
 from cmpsp_ros.mpsp.qp.back_ends import answer_in
 from cmpsp_ros.mpsp.qp.riccati.program import Outcome
 from cmpsp_ros.mpsp.qp.subproblem import Subproblem
-from cmpsp_ros.mpsp.results import Iterate, Step, residual_at
+from cmpsp_ros.mpsp.results import Iterate, Step
+from cmpsp_ros.mpsp.sqp.cmpsp import CMPSP
 from cmpsp_ros.mpsp.sqp.iteration import LEVELS, relax
-from cmpsp_ros.mpsp.sqp.lagrangian import Curvature, lagrangian_curvature, multipliers, stage_blocks
+from cmpsp_ros.mpsp.sqp.lagrangian import Curvature, lagrangian_curvature, stage_blocks
 from cmpsp_ros.mpsp.sqp.shooting_program import Direction, Point, entries_for, memory
 
 # Violation of the start above which the Hessian is that of Gauss and Newton while it is as large.
@@ -61,17 +60,18 @@ class MultipleShooting:
         self,
         problem: OptimalControlProblem,
         options: Options,
-        space: Space,
+        papers: CMPSP,
         at: Iterate,
         *,
         exact: bool,
     ) -> None:
         """Take a problem that gives `next_states` and `constraint_curvature`, and a start.
 
-        `space` has the weights of the rows. Unless `exact`, the Hessian is that of Gauss and Newton
-        as long as the violation is large.
+        It works in the records of `papers`, which have the weights of the rows. Unless `exact`, the
+        Hessian is that of Gauss and Newton as long as the violation is large.
         """
-        self._problem, self._options, self._space = problem, options, space
+        self._problem, self._options, self._papers = problem, options, papers
+        self._space = space = papers.space
         self._memory = memory(problem.size)
         self._compiled = entries_for(*space.program.stages['B'].shape[1:])
         relax(space.program, 0)
@@ -80,22 +80,13 @@ class MultipleShooting:
         self._funnel, self.is_exact = max(1.0, 1.25 * violation), exact or violation < _FAR
         self._proximal = self._convexifying = 0.0
         self._violation, self._in_vain, self._is_cautious = 0.0, 0, False
-        self._loaded: Linearisation | None = None
         space.warm.clear()
 
-    def subproblem(self, at: Iterate) -> Subproblem:
-        """Derivatives at an iterate with the exact Hessian of the cost; gaps are not in it."""
-        lin, free = self._problem.linearise(at.X, at.U, 'exact'), self._problem.size.state
-        lower, upper = self._problem.control_lower - at.U, self._problem.control_upper - at.U
-        return Subproblem(lin, lower, upper, np.full(free, np.inf))
-
-    def residual(self, at: Iterate, subproblem: Subproblem | None) -> float:
-        """KKT residual of an iterate with its latest multipliers; NaN without its subproblem."""
-        self._loaded = None if subproblem is None else subproblem.linearisation
-        return residual_at(at, subproblem, self._space)
-
     def step(self, at: Iterate, subproblem: Subproblem) -> Iterate:
-        """One iteration; an iterate that cannot be improved keeps its controls."""
+        """One iteration; an iterate that cannot be improved keeps its controls.
+
+        Of the subproblem it takes the derivatives, with the exact Hessian of the cost.
+        """
         point = self._here
         found = lagrangian_curvature(self._problem, at, subproblem.linearisation)
         if point.violation > _FAR and not self.is_exact:
@@ -124,12 +115,13 @@ class MultipleShooting:
     def _load(self, at: Iterate, point: Point, found: Curvature) -> None:
         """Put derivatives and multipliers where the program is assembled from."""
         lin, s, p = found.linearisation, self._memory, self._space.program
-        if self._loaded is not lin:
-            put_derivatives(p.stages, p.path, p.terminal, lin)
+        if self._papers.loaded is not lin:
+            put_derivatives(self._space.derivatives, lin)
+        self._papers.loaded = None
         p.head['trust_radius'], p.head['horizon'] = np.inf, len(lin.A)
         n = lin.A.shape[1]
         s.H[:], s.gradient[:, :n], s.gradient[:, n:] = found.H, lin.L_X, lin.L_U
-        _, s.path[:], s.bounds[:] = multipliers(at, lin)
+        _, s.path[:], s.bounds[:] = at.multipliers_on(lin)
         self._set_values(point, lin)
 
     def _set_values(self, point: Point, lin: Linearisation) -> None:
@@ -142,19 +134,19 @@ class MultipleShooting:
         with np.errstate(all='ignore'):
             value, ahead = self._problem.evaluate_with_next(X, U)
         arrays = (X, ahead, value.output_error, value.g)
-        X, ahead, error, g = (np.ascontiguousarray(each, float) for each in arrays)
-        point = Point(X, U, Evaluation(value.cost, error, g), ahead, 0.0)
-        self._measure(point)
-        return point._replace(violation=float(self._memory.sums[0]))
+        X, ahead, error, g = [np.ascontiguousarray(each, float) for each in arrays]
+        violation, _, _ = self._measured(X, ahead, error, g)
+        return Point(X, U, Evaluation(value.cost, error, g), ahead, violation)
 
-    def _measure(self, point: Point) -> None:
-        self._compiled.measure(self._space.program, self._memory, *point.values)
+    def _measured(self, *point: Array) -> tuple[float, float, float]:
+        self._compiled.measure(self._space.program, self._memory, *point)
+        violation, hard, weighted, _ = self._memory.sums.tolist()
+        return violation, hard, weighted
 
     def _merit(self, point: Point, above: float) -> float:
         """Weighted violation: what a merit adds to the cost."""
-        self._measure(point)
-        _, hard, weighted, _ = self._memory.sums.tolist()
-        return float(above * hard + weighted)
+        _, hard, weighted = self._measured(*point.values)
+        return above * hard + weighted
 
     def _solve_at(self, point: Point, shift: float, held: float, level: int) -> QPStatus | None:
         """Solve the program at a point, relaxed as far as it is asked for, or has to be.
@@ -170,7 +162,7 @@ class MultipleShooting:
             if self._level:
                 space.warm.clear()
             if name == RICCATI_ACTIVE_SET:
-                outcome = Outcome(solve(space.program, space.active, space.warm))
+                outcome = space.solve(space.warm)
                 if outcome is Outcome.SOLVED:
                     return QPStatus.SOLVED
                 if outcome is Outcome.NO_CURVATURE:
@@ -314,7 +306,7 @@ class MultipleShooting:
             old + length * (then - old) if length else old
             for old, then in zip(at.multipliers, way.multipliers, strict=True)
         )
-        change, whole = (np.linalg.norm(each, axis=1).sum() for each in (s.dU, at.U))
+        change, whole = (np.sqrt((each * each).sum(axis=1)).sum() for each in (s.dU, at.U))
         return Step(
             way.status, way.level > 0, s.slack_terminal.copy(), s.slack_path.copy(), length,
             terminal, path, bounds, int(np.count_nonzero(path) + np.count_nonzero(bounds)),
@@ -325,7 +317,7 @@ class MultipleShooting:
 def _not_finite(at: Iterate, found: Curvature) -> Step:
     """Summary of a step that could not be looked for."""
     lin = found.linearisation
-    terminal, path, bounds = multipliers(at, lin)
+    terminal, path, bounds = at.multipliers_on(lin)
     return Step(
         QPStatus.FAILED, False, np.zeros_like(terminal), np.zeros_like(path), 0.0, terminal, path,
         bounds, 0, 0, not_finite=lin.not_finite or 'the curvature of the constraints',

@@ -80,7 +80,7 @@ class Point(NamedTuple):
     @property
     def is_finite(self) -> bool:
         """True where cost and violation are."""
-        return bool(np.isfinite(self.evaluation.cost + self.violation))
+        return math.isfinite(self.evaluation.cost + self.violation)
 
     @property
     def values(self) -> tuple[Array, Array, Array, Array]:

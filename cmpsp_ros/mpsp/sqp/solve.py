@@ -99,7 +99,6 @@ class _Run:
     at: Iterate
     can_shoot: bool
     shooting: MultipleShooting | None = None
-    is_shooting: bool = False
     escapes: int = 0
     short: int = 0
     before: Iterate | None = None
@@ -139,8 +138,8 @@ class _Run:
         while True:
             at = self.at
             # The subproblem at the new iterate gives its KKT residual, and the next step needs it.
-            subproblem = None if at.not_finite else self._method.subproblem(at)
-            residual = self._method.residual(at, subproblem)
+            subproblem = None if at.not_finite else self._subproblem()
+            residual = math.nan if subproblem is None else self.papers.residual(at, subproblem)
             history.append(self._record(residual))
             progress(history[-1])
             status, is_minimum, goes_on = self._status(residual), None, False
@@ -164,28 +163,25 @@ class _Run:
                         continue
                     return self._conclude(status, history, is_minimum)
             if goes_on or subproblem is None:
-                subproblem = self._method.subproblem(self.at)
-            self.at = self._method.step(self.at, subproblem)
+                subproblem = self._subproblem()
+            self.at = (self.shooting or self.papers).step(self.at, subproblem)
 
-    @property
-    def _method(self) -> CMPSP | MultipleShooting:
-        return self.shooting if self.shooting is not None and self.is_shooting else self.papers
+    def _subproblem(self) -> Subproblem:
+        return self.papers.subproblem(self.at, 'exact' if self.shooting else None)
 
     def _record(self, residual: float) -> Record:
         """Measurements of the iterate in the user's units, in which bounds hold to the last bit."""
         at, unit, step, value = self.at, self.scaling, self.at.step, self.at.evaluation
         lower, upper = self.given.control_lower, self.given.control_upper
         U = np.minimum(np.maximum(at.U * unit.control, lower), upper)
-        terminal, path, bounds = at.multipliers
-        before = at.U if at.previous_U is None else at.previous_U
+        terminal, path, bounds = unit.unscaled_multipliers(at.multipliers)
+        change = 0.0 if at.previous_U is None else _length((at.U - at.previous_U) * unit.control)
         return Record(
-            at.index, U, value.cost * unit.cost,
-            _length((at.U - before) * unit.control),
-            0.0 if step is None else step.length,
+            at.index, U, value.cost * unit.cost, change, 0.0 if step is None else step.length,
             _length(value.output_error * unit.output),
-            float((value.g * unit.path).max(initial=0.0)), at.gap, residual,
-            terminal * unit.cost / unit.output, path * unit.cost / unit.path,
-            bounds * unit.cost / unit.control, 0.0 if step is None else step.shift,
+            float((value.g * unit.path).max(initial=0.0)) if value.g.size else 0.0,
+            at.gap, residual,
+            terminal, path, bounds, 0.0 if step is None else step.shift,
         )  # fmt: skip
 
     def _status(self, residual: float) -> Status | None:
@@ -198,20 +194,20 @@ class _Run:
 
     def _go_on_elsewhere(self, status: Status | None, guess: Iterate) -> bool:
         """Go on by multiple shooting, or by it from the guess, where this gets no further."""
-        at, guess = self.at, replace(guess, index=self.at.index)
-        if self.is_shooting:
-            assert self.shooting is not None  # noqa: S101 (it is at work)
+        at = self.at
+        if self.shooting:
             is_over = status in {Status.INFEASIBLE, Status.STALLED, Status.QP_FAILED}
             if not is_over or self.shooting.is_exact:
                 return False
             if self.before is None or _violation(at) <= _violation(self.before):
                 self.before = at
             self.until = at.index + _SECOND
-            return self._shoot(guess, exact=True)
+            return self._shoot(replace(guess, index=at.index), exact=True)
         if not self.can_shoot or (status is None and not self._is_slow()):
             return False
         self.before = at
-        return self._shoot(at if _violation(at) <= _WORTH_KEEPING * _violation(guess) else guess)
+        is_worth_keeping = _violation(at) <= _WORTH_KEEPING * _violation(guess)
+        return self._shoot(at if is_worth_keeping else replace(guess, index=at.index))
 
     def _is_slow(self) -> bool:
         """True where the paper's iteration has had its time, or does not get on."""
@@ -228,7 +224,7 @@ class _Run:
         if _violation(before) >= _violation(self.at):
             return False
         self.at = replace(before, index=self.at.index + 1)
-        self.can_shoot = self.is_shooting = False
+        self.can_shoot, self.shooting = False, None
         return True
 
     def _shoot(self, at: Iterate, *, exact: bool = False) -> bool:
@@ -236,14 +232,14 @@ class _Run:
         self.can_shoot = self.can_shoot and _can_shoot(self.problem, at)
         if self.can_shoot:
             self.shooting = MultipleShooting(
-                self.problem, self.options, self.papers.space, at, exact=exact
+                self.problem, self.options, self.papers, at, exact=exact
             )
-            self.is_shooting, self.at = True, replace(at, step=None)
-        return self.is_shooting
+            self.at = replace(at, step=None)
+        return self.shooting is not None
 
     def _judge(self, subproblem: Subproblem | None) -> tuple[Array | None, bool | None]:
         """Direction of negative curvature at the iterate, and whether it is a minimum."""
-        is_exact = self.is_shooting or self.options.hessian == 'exact'
+        is_exact = self.shooting is not None or self.options.hessian == 'exact'
         lin = subproblem.linearisation if is_exact and subproblem is not None else None
         try:
             direction = descent_curvature(self.problem, self.at, lin)

@@ -18,22 +18,18 @@ _CHANGE_PERIOD = 0.1
 
 @dataclass(frozen=True)
 class Report:
-    """State of a node: level of `diagnostic_msgs/DiagnosticStatus`, and a sentence.
-
-    A change of `marks` is published at once; `values` are computed only when they are published.
-    """
+    """State of a node: level of `diagnostic_msgs/DiagnosticStatus`, and a sentence."""
 
     level: bytes
     message: str
-    marks: tuple[object, ...]
-    values: Callable[[], Mapping[str, object]]
+    marks: tuple[object, ...]  # a change of these is published at once
+    values: Callable[[], Mapping[str, object]]  # computed only when they are published
 
 
 class Health:
     """Publishes a node's state once a second and whenever it has changed."""
 
     def __init__(self, node: Node, look: Callable[[], Report]) -> None:
-        """Begin to publish the state from ``look``, ten times a second."""
         self._node = node
         self._look = look
         self._shown: tuple[object, ...] | None = None

@@ -16,9 +16,7 @@ from cmpsp_ros.guidance import NANOSECONDS
 from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.parameters import ParameterError, Problem, Values, describe
 
-BASE: Final = 'base_link'
-"""Frame of a robot whose odometry does not name it."""
-
+BASE: Final = 'base_link'  # frame of a robot whose odometry does not name it
 ROAD: Final = 'road'
 _MAX_POINTS: Final = 10_000
 
@@ -40,10 +38,7 @@ def set_pose(message: Pose, pose: Iterable[float]) -> None:
 
 
 def cloud_of(tracks: Sequence[Track], stamp_ns: int, frame_id: str) -> PointCloud2:
-    """The message that describes moving obstacles; numbers read back exactly.
-
-    They lie in the plane: RViz shows a cloud only if its points have a z.
-    """
+    """Moving obstacles as a message, exactly; RViz shows only points that have a z."""
     signed = any(each.id < 0 for each in tracks)
     doubts = tuple(name for name in Track.DOUBTS if any(getattr(each, name) for each in tracks))
     floats = (*Track.FIELDS, *doubts)
@@ -81,12 +76,8 @@ def path_of(values: Values) -> Path:
 def road_in(message: Any, frame_id: str) -> dict[str, Any]:
     """The parameters of a road in a `nav_msgs/Path`, by key; the road itself is not checked.
 
-    The guidance node takes them as a live change, so a bag contains the road itself. A line that
-    ends where it begins is a closed road. Heights and orientations are ignored.
-
-    Raises:
-        ParameterError: It is in another frame (a pose may leave its own empty), has no points or
-            too many, or one is not finite; names the point.
+    A line that ends where it begins is closed. Raises ParameterError for another frame (a pose
+    may leave its own empty), no points or too many, or one that is not finite.
     """
     _check_frame(ROAD, message.header.frame_id, frame_id)
     if not 0 < len(message.poses) <= _MAX_POINTS:

@@ -14,22 +14,15 @@ from cmpsp_ros.parameters import TABLE, Values, config_directory
 from cmpsp_ros.parameters import Parameter as Row
 from cmpsp_ros.parameters.files import with_files
 
-_UNBOUNDED = 1e9
-"""Beyond what any parameter may hold."""
+_UNBOUNDED = 1e9  # beyond what any parameter may hold
 
 
 def declare(node: Node, which: str) -> Values:
-    """Read all parameter overrides of the node, and declare the parameters it uses.
+    """Declare the parameters that a node uses, and return the complete set of both nodes.
 
-    Both nodes read one file: parameters of the other one are checked as well, but not declared.
-    Prefer a node without `automatically_declare_parameters_from_overrides`: rclpy cannot construct
-    one with it that is given an empty list.
-
-    Returns:
-        The complete set of both nodes.
-
-    Raises:
-        ParameterError: With all unknown keys and invalid values, before anything is declared.
+    Both read one file: parameters of the other node are checked as well. rclpy cannot construct
+    a node with `automatically_declare_parameters_from_overrides` that is given an empty list.
+    Raises ParameterError with all unknown keys and invalid values, before anything is declared.
     """
     # ROS does not say which file a parameter is from: relative paths are those of our presets.
     values = TABLE.resolve(with_files(overrides(node), config_directory()))
@@ -54,7 +47,6 @@ def change_parameters(node: Node, changes: dict[str, Any]) -> None:
 
 
 def _plain(value: Any) -> Any:
-    """A value as it is in the table: arrays of ROS as lists."""
     return value if isinstance(value, str) or not hasattr(value, '__iter__') else list(value)
 
 

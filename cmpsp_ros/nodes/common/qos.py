@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -11,19 +11,20 @@ from rosbags import interfaces as bag
 _DEPTH, _MAX_DEPTH = 10, 10_000
 
 
-def hearing_all(offered: Iterable[QoSProfile], *, depth: int) -> QoSProfile:
-    """Strictest request of a subscription that still hears every publisher.
-
-    It is reliable if they all are, and transient local if they all are.
-    """
-    profiles = list(offered)
-    reliable = all(each.reliability == ReliabilityPolicy.RELIABLE for each in profiles)
-    latched = all(each.durability == DurabilityPolicy.TRANSIENT_LOCAL for each in profiles)
+def quality(depth: int, *, reliable: bool, latched: bool) -> QoSProfile:
+    """Profile of a topic; late subscribers get the last messages if it is latched."""
     return QoSProfile(
         depth=depth,
         reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
         durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
     )
+
+
+def hearing_all(offered: Sequence[QoSProfile], *, depth: int) -> QoSProfile:
+    """Strictest request of a subscription that still hears every publisher."""
+    reliable = all(each.reliability == ReliabilityPolicy.RELIABLE for each in offered)
+    latched = all(each.durability == DurabilityPolicy.TRANSIENT_LOCAL for each in offered)
+    return quality(depth, reliable=reliable, latched=latched)
 
 
 def for_bag(profile: QoSProfile) -> bag.Qos:
@@ -41,23 +42,16 @@ def for_bag(profile: QoSProfile) -> bag.Qos:
     )
 
 
-def offering(recorded: Iterable[bag.Qos]) -> QoSProfile:
+def offering(recorded: Sequence[bag.Qos]) -> QoSProfile:
     """Offer that reaches all subscribers that recorded publishers reached.
 
-    It is reliable if any was, or none is known, and transient local if any was. Deadlines and
-    lifespans are left out: a paused playback could not keep them.
+    Deadlines and lifespans are left out: a paused playback could not keep them.
     """
-    profiles = list(recorded)
-    reliable = any(each.reliability == bag.QosReliability.RELIABLE for each in profiles)
-    latched = any(each.durability == bag.QosDurability.TRANSIENT_LOCAL for each in profiles)
-    depth = max((each.depth for each in profiles), default=_DEPTH)
-    return QoSProfile(
-        depth=min(max(depth, 1), _MAX_DEPTH),
-        reliability=ReliabilityPolicy.RELIABLE
-        if reliable or not profiles
-        else ReliabilityPolicy.BEST_EFFORT,
-        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
-    )
+    reliable = any(each.reliability == bag.QosReliability.RELIABLE for each in recorded)
+    latched = any(each.durability == bag.QosDurability.TRANSIENT_LOCAL for each in recorded)
+    depth = max((each.depth for each in recorded), default=_DEPTH)
+    depth = min(max(depth, 1), _MAX_DEPTH)
+    return quality(depth, reliable=reliable or not recorded, latched=latched)
 
 
 def _time(duration: Duration) -> bag.QosTime:

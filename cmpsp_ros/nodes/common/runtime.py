@@ -28,11 +28,10 @@ from rclpy.signals import SignalHandlerOptions
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
+# Longest wait for work [s]: an executor does not notice signals, so this bounds the answer.
 WAKE_PERIOD = 0.05
-"""Longest wait for work [s]: an executor does not notice signals, so this bounds the answer."""
-
+# Longest wait at the end for subscribers to confirm what was published last [s].
 DELIVERY_LIMIT = 0.5
-"""Longest wait at the end for subscribers to confirm what was published last [s]."""
 
 
 class StartupError(ValueError):
@@ -46,22 +45,12 @@ def run(
     args: Sequence[str] | None = None,
     outlasts: float = 0.0,
 ) -> int:
-    """Make a node, spin it until SIGINT or SIGTERM, and stop it in good order.
+    """Make a node, spin it until SIGINT or SIGTERM, and stop it in good order; the exit code.
 
-    To be called in the main thread, as the last thing a process does: both signals stay ignored
-    when it returns, so that a second one cannot cut the exit short.
-
-    Args:
-        make_node: Returns a node. Its `stop` method, if it has one, is called once before it is
-            destroyed. An exception in its attribute `failure` ends it as if it had been raised.
-        name: Name of the logger for as long as there is no node.
-        args: Command line; `sys.argv` when absent.
-        outlasts: Time for which the node goes on after the process that it is to stop with [s]: the
-            last command is still to be driven, shown and recorded.
-
-    Returns:
-        Exit code: 0 after a signal, 1 after an exception. A `ValueError` of `make_node` is logged
-        by its message alone.
+    To be called in the main thread, as the last thing a process does: both signals stay
+    ignored. The node's `stop` is called once; an exception in its `failure` ends it. A
+    `ValueError` of `make_node` is logged by its message alone. It outlasts the process that it
+    is to stop with by some time [s], in which the last command is driven, shown and recorded.
     """
     stopping = _stop_on_signal()
     logger = get_logger(name)
@@ -84,7 +73,6 @@ def run(
 def _live(
     make_node: Callable[[], Node], stopping: threading.Event, logger: RcutilsLogger, outlasts: float
 ) -> int:
-    """Construct, spin, stop and destroy the node; returns the exit code."""
     try:
         node = make_node()
     except ValueError as error:
@@ -121,11 +109,7 @@ def _live(
 
 
 def _deliver(node: Node) -> None:
-    """Wait until reliable subscribers have received the last message.
-
-    A publisher that is destroyed drops messages not yet delivered: on a busy machine about one in
-    ten last zero twists was lost, and the robot drove on.
-    """
+    """Wait until reliable subscribers have received the last message: one destroyed drops it."""
     end = time.monotonic() + DELIVERY_LIMIT
     for publisher in sorted(node.publishers, key=lambda each: each.qos_profile.depth):
         left = max(0.0, end - time.monotonic())
@@ -183,7 +167,6 @@ class ProcessWatch:
     """Sees another process end (Linux only): that of the parameter `stop_with_process`."""
 
     def __init__(self, node: Node, outlasts: float) -> None:
-        """Watch; over that many seconds after the end of the other process."""
         self._node, self._outlasts = node, outlasts
         self._process = overrides(node).get('stop_with_process', 0)
         self._handle: int | None = None

@@ -13,49 +13,35 @@ from typing import Any, Literal
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 
 from cmpsp_ros.bags import UnknownTypeError
+from cmpsp_ros.nodes.common.qos import quality
 
 _NAME = re.compile(r'([a-z][a-z0-9_]*)/msg/([A-Z][A-Za-z0-9]*)')
 
 
 @dataclass(frozen=True)
 class Topic:
-    """One topic or service of a node.
-
-    Attributes:
-        direction: Seen from the node.
-        name: As the node uses it, before namespaces and remapping.
-        type: Message or service class.
-        notes: For the user.
-        depth: Depth of its queue; 0 for a service.
-        best_effort: True if a subscription accepts best-effort publishers as well.
-        latched: True if late subscribers get the last message (transient local).
-        repeats: True if it only repeats the content of other topics; it is then not recorded.
-    """
+    """One topic or service of a node."""
 
     node: str
-    direction: Literal['in', 'out', 'srv']
-    name: str
-    type: Any
-    notes: str
-    depth: int = 10
-    best_effort: bool = False
-    latched: bool = False
+    direction: Literal['in', 'out', 'srv']  # seen from the node
+    name: str  # as the node uses it, before namespaces and remapping
+    type: Any  # message or service class
+    notes: str  # for the user
+    depth: int = 10  # of its queue; 0 for a service
+    best_effort: bool = False  # true if a subscription accepts best-effort publishers as well
+    latched: bool = False  # true if late subscribers get the last message (transient local)
+    # True if it only repeats the content of other topics; it is then not recorded.
     repeats: bool = False
 
     @property
     def qos(self) -> QoSProfile:
         """Quality of service."""
-        reliability, durability = ReliabilityPolicy, DurabilityPolicy
-        return QoSProfile(
-            depth=self.depth,
-            reliability=reliability.BEST_EFFORT if self.best_effort else reliability.RELIABLE,
-            durability=durability.TRANSIENT_LOCAL if self.latched else durability.VOLATILE,
-        )
+        return quality(self.depth, reliable=not self.best_effort, latched=self.latched)
 
     def publish_on(self, node: Node) -> Publisher:
         """Create a publisher."""

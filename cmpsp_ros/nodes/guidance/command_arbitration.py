@@ -18,11 +18,10 @@ from rclpy.node import Node
 from cmpsp_ros.nodes.common.topic import publisher_names, steady_timer
 from cmpsp_ros.nodes.common.topics import COMMAND, GUIDED_BY
 
-PERIOD = 0.5
-"""Time between two claims [s]."""
+PERIOD = 0.5  # time between two claims [s]
 
+# Time for which a claim is believed: a process that was killed makes no more [s].
 TRUST = 4 * PERIOD
-"""Time for which a claim is believed: a process that was killed makes no more [s]."""
 
 
 class CommandArbiter:
@@ -92,10 +91,7 @@ class CommandArbiter:
         if claim.key == self._name:
             return
         self._heard[claim.key] = time.monotonic()
-        if self._since is not None and _order(claim) < (self._since, self._name):
+        # An order of beginning that both nodes see alike.
+        since = int(claim.value) if claim.value.isdecimal() else 0
+        if self._since is not None and (since, claim.key) < (self._since, self._name):
             self._give_way(claim.key)
-
-
-def _order(claim: KeyValue) -> tuple[int, str]:
-    """Order of beginning; both nodes must see the same."""
-    return (int(claim.value) if claim.value.isdecimal() else 0, claim.key)

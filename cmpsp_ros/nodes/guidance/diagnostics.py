@@ -20,11 +20,8 @@ if TYPE_CHECKING:
 
 _REMEMBERED_STEPS = 1000
 
-_ENOUGH_STEPS = 10
-"""Steps after which their usual delay is known."""
-
-_UNKNOWN_DELAY = 0.1
-"""Control periods by which commands may be later than `command_delay` says."""
+_ENOUGH_STEPS = 10  # steps after which their usual delay is known
+_UNKNOWN_DELAY = 0.1  # control periods by which commands may be later than `command_delay` says
 
 
 def report_on(
@@ -34,11 +31,7 @@ def report_on(
     warnings: Sequence[str] = (),
     errors: Sequence[str] = (),
 ) -> Report:
-    """Report on the guidance node in a state of its lifecycle.
-
-    `refusal` is a reason not to go on to another state; `warnings` and `errors` are sentences of
-    others.
-    """
+    """Report on the guidance node in a state, or on its `refusal` to leave it, with sentences."""
     decision = None if loop is None else loop.decision
     connections = {} if loop is None else loop.connections
     level, message = _state(state, refusal, loop)
@@ -99,10 +92,7 @@ class StepTimes:
         *,
         is_late: bool = False,
     ) -> None:
-        """Count a step: its time, and that from the stamp of odometry to its command [ms].
-
-        The control period, and the known delay until a command takes effect, are in seconds.
-        """
+        """Count a step: its time, and that from stamp to command [ms]; period and delay in [s]."""
         self._times.append(step_ms)
         self._answers.append(answer_ms)
         self._period_ms, self._delay_ms = 1e3 * period, 1e3 * delay

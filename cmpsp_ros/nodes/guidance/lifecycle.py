@@ -17,18 +17,16 @@ try:
 except ImportError:  # bond is not among the wheels
     Status = None
 
+# States of a lifecycle node.
 UNCONFIGURED, INACTIVE, ACTIVE, FINALIZED = 'unconfigured', 'inactive', 'active', 'finalized'
-"""States of a lifecycle node."""
-
 _TOPIC, _DEPTH = 'bond', 10
 _PERIOD, _TIMEOUT = 0.1, 4.0
 
 
 def guard_change_state(node: LifecycleNode) -> None:
-    """Make `~/change_state` answer `success=False` to a transition that is not possible now.
+    """Make `~/change_state` refuse a transition that is not possible now.
 
-    rclpy raises an exception for such a request by id, which ends the process: any client could
-    end a moving robot's node by a mistyped number. To be called once, in the constructor.
+    rclpy raises an exception for such a request by id, which would end a moving robot's node.
     """
     service = next(each for each in node.services if each.srv_type is ChangeState)
     change_state = service.callback
@@ -52,7 +50,6 @@ class LifecycleBond:
     """This node's side of a bond; the manager's is not waited for, and may be missing."""
 
     def __init__(self, node: Node) -> None:
-        """Open the topic, where `bond` is installed."""
         self._node = node
         self._timer: Timer | None = None
         if Status is not None:

@@ -30,18 +30,14 @@ from cmpsp_ros.parameters import Values
 
 _WATCH_PERIOD = 0.025
 
+# Control periods after a command until which the braking path that was audited with it holds.
 _LATEST_RAMP = 1.5
-"""Control periods after a command until which the braking path that was audited with it holds."""
-
+# Wait for odometry of the final time before the clock stops the robot [ns].
 _LATEST_ODOMETRY = 5_000_000
-"""Wait for odometry of the final time before the clock stops the robot [ns]."""
 
 
 class GuidanceLoop:
-    """Feeds odometry to the guidance law and publishes its decisions, while active.
-
-    Lost or unusable odometry, and any exception, leads to a stop.
-    """
+    """Feeds odometry to the law and publishes its decisions while active; stops for any fault."""
 
     def __init__(
         self,
@@ -50,7 +46,6 @@ class GuidanceLoop:
         settings: GuidanceSettings,
         garbage: GarbageCollection,
     ) -> None:
-        """Open the topics, and wait to be active; garbage is collected in idle time."""
         self._node, self._settings, self._garbage = node, settings, garbage
         self.active, self._in_lockstep = False, values['lockstep']
         self._law = GuidanceLaw(settings, settings.world, time.perf_counter_ns)
@@ -243,7 +238,6 @@ class GuidanceLoop:
         self._use_slack(period - (time.perf_counter_ns() - began) / 1e9)
 
     def _expect_end(self, decision: Decision, now: int) -> None:
-        """Schedule the final stop, in case no odometry arrives just then."""
         end = self._law.ends_at
         # In lockstep it comes; the order of clock and odometry would be chance.
         if decision.finished or end is None or self._in_lockstep:

@@ -52,14 +52,9 @@ SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FA
 
 
 class GuidanceNode(LifecycleNode):
-    """Lifecycle node that guides the robot while active.
-
-    However its activity ends - deactivation, shutdown, a signal, an exception, lost or unusable
-    odometry - the last command it publishes is a zero twist.
-    """
+    """Lifecycle node that guides the robot while active; its last command is a zero twist."""
 
     def __init__(self) -> None:
-        """Declare the parameters and, with `autostart`, go on to the active state."""
         super().__init__('guidance')
         guard_change_state(self)
         self._values: Values | None = None
@@ -177,7 +172,6 @@ class GuidanceNode(LifecycleNode):
         super().destroy_node()
 
     def _rest(self, reason: str) -> None:
-        """Stop the robot for a reason, and guide it no more."""
         self._loop.rest(reason)
         self._give_back()
 
@@ -202,7 +196,6 @@ class GuidanceNode(LifecycleNode):
         return [f'No course: {each}' for each in course_problems(self._values, self._given)]
 
     def _remarks(self) -> list[str]:
-        """Remarks on the parameters before the run, in sentences."""
         return [*self._missing(), *plausibility_warnings(self._values or {}), *self._foretold]
 
     def _give_way(self, rival: str) -> None:

@@ -41,7 +41,6 @@ class LateCompilations:
     """Detects kernels that are compiled while a node is active: each delays a control step."""
 
     def __init__(self) -> None:
-        """Start without measurements."""
         self._names: list[str] = []
         self._watch = ExitStack()
 
@@ -62,14 +61,9 @@ class LateCompilations:
 
 
 class GarbageCollection:
-    """Collects garbage on request instead of automatically.
-
-    Objects that exist at its start are not examined again, so only the few objects of a control
-    step remain.
-    """
+    """Collects garbage on request; objects that exist at its start are not examined again."""
 
     def __init__(self) -> None:
-        """Leave the collector alone until `begin`."""
         self._on = False
 
     @property
@@ -130,7 +124,6 @@ class Scheduling:
     """Scheduling of the calling thread, as set by the parameters or as before."""
 
     def __init__(self, values: Values) -> None:
-        """Take the wishes from a set of parameters."""
         self._priority: int = values['realtime.priority']
         self._cpu: int = values['realtime.cpu']
         self._policy_before: tuple[int, os.sched_param] | None = None

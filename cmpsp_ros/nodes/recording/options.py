@@ -16,12 +16,11 @@ from cmpsp_ros.guidance.messages import PeerTrajectory
 from cmpsp_ros.nodes.common.runtime import StartupError
 from cmpsp_ros.nodes.common.topics import TOPICS
 
+# Recorded with any choice of topics: without them a run cannot be replayed.
 ALWAYS: Final = ('/clock', '/parameter_events')
-"""Recorded with any choice of topics: without them a run cannot be replayed."""
 
+# Type of `~/parameters` of any node, which is always recorded, too.
 _PARAMETER_EVENT: Final = 'rcl_interfaces/msg/ParameterEvent'
-"""Type of `~/parameters` of any node, which is always recorded, too."""
-
 _NAMES: Final = Parameter.Type.STRING_ARRAY
 
 # fmt: off
@@ -47,8 +46,8 @@ _CHOICES: Final = {'storage': ('mcap', 'sqlite3'), 'compression': ('none', 'zstd
 class Options:
     """Choice of topics and format of a recording.
 
-    Topics are listed by name; chosen are these and a robot's own, or all when empty. With the
-    topics of a robot come the plans of all robots, which a replay needs.
+    Chosen are topics listed by name and a robot's own, or all when empty. With the topics of a
+    robot come the plans of all robots, which a replay needs.
     """
 
     output: Path
@@ -60,10 +59,7 @@ class Options:
     excluded: frozenset[str]
 
     def want(self, name: str, types: Container[str], of_nodes: Container[str] = ()) -> bool:
-        """True if a topic is to be recorded; hidden ones only if they are chosen.
-
-        Remapped topics `of_nodes` of the robot count as its own.
-        """
+        """True if a topic is to be recorded; hidden ones and those `of_nodes` only if chosen."""
         if name in self.excluded:
             return False
         if self.chosen:
@@ -107,10 +103,7 @@ def read_options(node: Node) -> Options:
 
 
 def own_topics(namespace: str) -> frozenset[str]:
-    """Full names of the topics of guidance and sim in a namespace, including their inputs.
-
-    Hidden topics are left out, as everywhere in ROS, and topics that only repeat others.
-    """
+    """Full names of the topics of guidance and sim in a namespace, but hidden and repeated ones."""
     root = namespace.rstrip('/')
     return frozenset(
         each.name if each.name.startswith('/') else f'{root}/{each.name.replace("~", each.node)}'

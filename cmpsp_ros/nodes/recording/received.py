@@ -20,12 +20,11 @@ from rosgraph_msgs.msg import Clock
 
 CLOCK: Final = '/clock'
 
+# Maximum wait of a message for the next `/clock` [ns]; what is lost comes again within 3 s.
 PATIENCE: Final = 4_000_000_000
-"""Maximum wait of a message for the next `/clock` [ns]; what is lost comes again within 3 s."""
 
+# Time after which a message that the middleware has received is in its queue [ns].
 _CROSSING = 2_000_000
-"""Time after which a message that the middleware has received is in its queue [ns]."""
-
 _MAX_TICKS = 200_000
 
 _LOST = rclpy_implementation.rcl_subscription_event_type_t.RCL_SUBSCRIPTION_MESSAGE_LOST
@@ -34,15 +33,11 @@ _COUNT, _NEWEST = ' messages', ' newest'
 
 
 class Received(NamedTuple):
-    """A received message, serialised.
+    """A received message, serialised."""
 
-    Attributes:
-        received: Time of reception by the middleware, by the system clock [ns].
-        published: Time of publication, by the clock of the publisher's system [ns]; the time of
-            reception if the middleware does not know it.
-    """
-
-    received: int
+    received: int  # time of reception by the middleware, by the system clock [ns]
+    # Time of publication, by the clock of the publisher's system [ns]; the time of reception if the
+    # middleware does not know it.
     published: int
     topic: str
     raw: bytes
@@ -57,13 +52,10 @@ class _Queue(NamedTuple):
 
 
 class RawSubscriptions:
-    """Subscriptions that no executor serves: it would wake up for every message.
+    """Subscriptions that no executor serves: to wake up costs more than to take a message.
 
-    That costs many times more than taking the message, and determines how much processor time a
-    recorder takes from the nodes that it records.
-
-    The queues are polled in turn. A message that arrives meanwhile may be found while an earlier
-    one, on a topic polled before, is not; it is kept until the next round, when both are there.
+    The queues are polled in turn. A message that arrives meanwhile is kept until the next
+    round, when earlier ones on topics polled before are there, too.
     """
 
     def __init__(self, node: Node) -> None:
@@ -98,10 +90,7 @@ class RawSubscriptions:
                 yield name, status.total_count
 
     def take(self, only: Container[str] | None = None, *, all_: bool = False) -> list[Received]:
-        """Messages received since the last round, in the order of their arrival.
-
-        On `only` some topics, or all. `all_` if there is no next round.
-        """
+        """Messages since the last round, by arrival; `all_` if there is no next round."""
         begun = time.time_ns()
         found = self._kept
         for name, (handle, kind, _) in self._queues.items():
@@ -124,9 +113,7 @@ class RawSubscriptions:
 class SimulatedTime:
     """Simulated time by time of publication, and messages that wait for a later `/clock`.
 
-    In lockstep much simulated time passes before a busy recorder receives a message, so the time of
-    publication counts. A message published after the latest known `/clock` has to wait, because a
-    later `/clock` may still arrive.
+    In lockstep much simulated time passes before a busy recorder receives a message.
     """
 
     def __init__(self) -> None:
@@ -144,8 +131,9 @@ class SimulatedTime:
     ) -> list[tuple[int, Received]]:
         """Messages whose time is known by now, each with it [ns], in the order of publication.
 
-        A message received long before the time `now` [ns] does not wait any more: simulated time is
-        paused. With `all_` nothing waits; messages before the first `/clock` are dated 0.
+        One received long before `now` [ns] does not wait any more: simulated time is
+        paused. With `all_` nothing waits, and messages before the first `/clock` are dated
+        0.
         """
         for each in came:
             self._waiting.append(each)

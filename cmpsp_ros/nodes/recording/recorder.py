@@ -22,28 +22,18 @@ from cmpsp_ros.nodes.common.qos import for_bag, hearing_all
 from cmpsp_ros.nodes.common.runtime import StartupError, run
 from cmpsp_ros.nodes.common.topic import message_class, steady_timer
 from cmpsp_ros.nodes.common.topics import RECORDER_FLUSH
+from cmpsp_ros.nodes.recording import received
 from cmpsp_ros.nodes.recording.options import read_options, topics_of_nodes
-from cmpsp_ros.nodes.recording.received import (
-    CLOCK,
-    ByTopic,
-    RawSubscriptions,
-    SimulatedTime,
-    Written,
-    to_values,
-)
 from cmpsp_ros.programs import quick_exit
 
-TAKE_PERIOD: Final = 0.05
-"""Time between two rounds through the queues [s]."""
+TAKE_PERIOD: Final = 0.05  # time between two rounds through the queues [s]
 
+# Time between two flushes [s]; what came after the last is lost when the process is killed.
 FLUSH_PERIOD: Final = 0.5
-"""Time between two flushes [s]; what came after the last is lost when the process is killed."""
-
+# Messages a topic may hold between two rounds; memory is taken only as they come.
 QUEUE_DEPTH: Final = 10_000
-"""Messages a topic may hold between two rounds; memory is taken only as they come."""
-
+# The end: nothing published before the signal has come for the first [s], or the second [s].
 DRAIN_QUIET, DRAIN_LIMIT = 0.1, 2.0
-"""The end: nothing published before the signal has come for the first [s], or the second [s]."""
 
 
 @dataclass
@@ -67,12 +57,10 @@ class _Loss:
 
 
 class Recorder(Node):
-    """Records until it is stopped.
+    """Records serialised messages until it is stopped, by reception or simulated publication.
 
-    Serialised messages are copied from the middleware's queues to the bag. A message's time is that
-    of its reception; in simulated time that of its publication. A later publisher whose quality of
-    service does not fit the existing subscription is not recorded: a warning says so. Namespace and
-    parameters of the command line override those given; StartupError where one is wrong.
+    A later publisher whose quality of service does not fit is not recorded: a warning says so.
+    Namespace and parameters of the command line override those given; or StartupError.
     """
 
     def __init__(
@@ -82,18 +70,17 @@ class Recorder(Node):
         super().__init__('recorder', namespace=namespace, parameter_overrides=given)
         self._options = read_options(self)
         self._topics: dict[str, _Recorded] = {}
-        self._written: ByTopic = defaultdict(Written)
+        self._written: received.ByTopic = defaultdict(received.Written)
         self._left_out: set[str] = set()
         self._lost: dict[str, _Loss] = {}
         self._begun = self._looked = time.monotonic()
-        self._queues = RawSubscriptions(self)
+        self._queues = received.RawSubscriptions(self)
         try:
             self._bag = BagWriter(self._options.output, self._options.form)
         except BagError as error:
-            msg = f'parameter output: {error}'
-            raise StartupError(msg) from error
+            raise StartupError(f'parameter output: {error}') from error
         self.failure: BagError | None = None
-        self._simulated = SimulatedTime()
+        self._simulated = received.SimulatedTime()
         # Simulated time may stand still; looking and taking must go on.
         for period, act in (
             (TAKE_PERIOD, self._take),
@@ -149,7 +136,7 @@ class Recorder(Node):
                 'output': str(self._bag.path),
                 'messages': self._bag.message_count,
                 'topics': len(self._topics),
-                **to_values(self._written),
+                **received.to_values(self._written),
             }
 
         return Report(level, message, (message,), values)
@@ -180,7 +167,6 @@ class Recorder(Node):
                         self.get_logger().warning(msg)
 
     def _begin(self, name: str, types: list[str], count: int) -> None:
-        """Subscribe to a topic; one that cannot be recorded is left out, with a warning."""
         offered = [each.qos_profile for each in self.get_publishers_info_by_topic(name)]
         if not offered:
             return
@@ -206,14 +192,11 @@ class Recorder(Node):
                 loss.last, loss.count = self._looked - self._begun, count
 
     def _take(self, *, ending: bool = False) -> int | None:
-        """Write all messages received; at the end also those before simulated time began.
-
-        Returns the earliest time of publication among them [ns], None when there are none.
-        """
+        """Write all messages received; returns the earliest time of publication among them [ns]."""
         simulated = cast('ROSClock', self.get_clock()).ros_time_is_active
         # All else is kept, up to its depth, by the middleware.
         waits = simulated and not self._simulated.begun and not ending
-        came = self._queues.take((CLOCK,) if waits else None, all_=ending)
+        came = self._queues.take((received.CLOCK,) if waits else None, all_=ending)
         if simulated:
             dated = self._simulated.date(came, time.time_ns(), all_=ending)
         else:
@@ -248,8 +231,7 @@ def _class_of(topic: str, types: list[str]) -> Any:
     try:
         return message_class(types[0])
     except UnknownTypeError as error:
-        msg = f'topic {topic} left out: {error}'
-        raise UnknownTypeError(msg) from error
+        raise UnknownTypeError(f'topic {topic} left out: {error}') from error
 
 
 def record(parameters: Mapping[str, Any], namespace: str | None = None) -> int:

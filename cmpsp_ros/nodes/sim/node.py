@@ -49,7 +49,8 @@ class SimNode(Node):
         tells = self.values['road.source'] == 'topic'
         self._road = topics.SIM_ROAD.publish_on(self) if tells else None
         self._tell_road()
-        self._truth = topics.TRUTH.publish_on(self)
+        # Of the topics of a run that with the most messages.
+        self._truth, self.published = topics.TRUTH.publish_on(self), 0
         self._wheels = topics.SIM_WHEELS.publish_on(self)
         self._clock_out = topics.CLOCK.publish_on(self) if has_clock else None
         # As a broadcaster of tf2_ros; without the message RViz shows the course alone.
@@ -121,11 +122,7 @@ class SimNode(Node):
         return message
 
     def publish(self, message: Odometry | None) -> None:
-        """Publish odometry of this instant if it is not lost.
-
-        Time, moving obstacles and scans come before it, since decisions on it use them; the truth
-        after it.
-        """
+        """Publish odometry, if any, after all that decisions on it use; then the truth."""
         stamp_ns = self.plant.stamp_ns
         if self._clock_out is not None:
             now = Time(nanoseconds=stamp_ns - self._clock_offset_ns).to_msg()
@@ -147,7 +144,6 @@ class SimNode(Node):
             self._road.publish(path_of(self.values))
 
     def _tell_scanner(self) -> None:
-        """Publish the pose of the scanner on the robot, which never changes, once."""
         if self._scanner is not None and TFMessage is not None:
             topic = Topic('sim', 'out', '/tf_static', TFMessage, '', depth=1, latched=True)
             self._static = topic.publish_on(self)
@@ -168,6 +164,7 @@ class SimNode(Node):
             return
         message = self._odometry(motion.stamp_ns, motion.pose, motion.twist)
         self._truth.publish(message)
+        self.published += 1
         wheels = JointState(header=message.header, name=self.values['robot.joint_names'])
         wheels.velocity = motion.wheel_speeds.tolist()
         self._wheels.publish(wheels)

@@ -6,7 +6,10 @@ import math
 import time
 from typing import TYPE_CHECKING
 
+from rclpy.duration import Duration
+
 from cmpsp_ros.nodes.common.topic import steady_timer
+from cmpsp_ros.nodes.common.topics import OF_A_RUN
 
 if TYPE_CHECKING:
     from geometry_msgs.msg import Twist
@@ -16,14 +19,9 @@ if TYPE_CHECKING:
 
 _NS = 1_000_000_000
 
-REPEAT_PERIOD = 0.1
-"""Wall time after which odometry that is not answered is published again [s]."""
-
-CATCH_UP = 50
-"""Most odometry instants published in one go: commands must be heard between them."""
-
-LATE = 0.1
-"""Wall time by which odometry may be late before a word is said [s]."""
+REPEAT_PERIOD = 0.1  # wall time after which odometry that is not answered is published again [s]
+CATCH_UP = 50  # most odometry instants published in one go: commands must be heard between them
+LATE = 0.1  # wall time by which odometry may be late before a word is said [s]
 
 
 class RealTime:
@@ -71,9 +69,9 @@ class RealTime:
 
 
 class Lockstep:
-    """Simulated time stands still at every control instant until its odometry is answered.
+    """Simulated time stands still at control instants until their odometry is answered.
 
-    Where the odometry of that instant is lost, or falls due later, it stands still at the next.
+    It also waits for subscribers that fall behind, such as a recorder: no message of a run is lost.
     """
 
     def __init__(self, sim: SimNode) -> None:
@@ -84,13 +82,14 @@ class Lockstep:
         self._begun_ns = sim.plant.stamp_ns
         self._asked_at = 0.0
         self._is_heard = self._is_overdue = False
+        self._confirmed, self._waits = 0, True
         self._timer = steady_timer(sim, REPEAT_PERIOD, self._on_timer)
 
     def hear(self, twist: Twist, stamp_ns: int | None = None) -> None:
         """Take the answer to the odometry awaited, and drive to the next control instant.
 
-        A twist that is refused is an answer too: the guidance has spoken and will not do so again
-        for the same instant; the last valid twist stays, as it would on a robot.
+        A twist that is refused is an answer, too: guidance will not speak again for the
+        same instant.
         """
         now_ns = self._sim.plant.stamp_ns
         if not self._is_heard or (stamp_ns is not None and stamp_ns != now_ns):
@@ -115,6 +114,7 @@ class Lockstep:
             self._go_on()
 
     def _go_to(self, stamp_ns: int) -> None:
+        self._confirm()
         self._awaited = self._sim.run_to(stamp_ns)
         if self._sim.measured_ns < stamp_ns:
             self._awaited = None
@@ -125,12 +125,21 @@ class Lockstep:
         while self._awaited is None:
             self._awaited = self._sim.run_to(self._sim.instants.next_ns)
 
-    def _next_instant(self, now_ns: int) -> int:
-        """When the guidance will decide again, after it has decided now.
+    def _confirm(self) -> None:
+        """Wait until subscribers have what was published, before a queue is half full."""
+        if self._sim.published - self._confirmed < OF_A_RUN // 2 or not self._waits:
+            return
+        limit = Duration(seconds=self._sim.values['lockstep_timeout'])
+        self._waits = all(each.wait_for_all_acked(limit) for each in self._sim.publishers)
+        self._confirmed = self._sim.published
+        if not self._waits:
+            self._sim.get_logger().warning(
+                f'lockstep: a subscriber is behind by more than {limit.nanoseconds / _NS} s; '
+                'it is not waited for any more and may lose messages'
+            )
 
-        That is the next control instant but for one nearer than half a control period, and after
-        the final time, when nothing hangs on instants, a control period later.
-        """
+    def _next_instant(self, now_ns: int) -> int:
+        """The next control instant but for one nearer than half a period; later, a period on."""
         elapsed_ns = now_ns - self._begun_ns
         if elapsed_ns >= self._final_ns:
             return now_ns + self._control_ns

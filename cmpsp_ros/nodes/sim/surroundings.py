@@ -59,7 +59,6 @@ class Pedestrians:
     """People on foot, and the topic on which judges find them."""
 
     def __init__(self, sim: SimNode) -> None:
-        """Place them on the course; ParameterError where their parameters do not fit together."""
         values, settings = sim.values, people_settings(sim.values)
         shapes, lines = scenery(values)
         self._people = People(settings, edges_of(shapes, lines), discs_of(shapes))
@@ -87,7 +86,6 @@ class Scanner:
     """A laser among the shapes of a course, those that only the simulator knows, and traffic."""
 
     def __init__(self, sim: SimNode, traffic: Traffic, people: Pedestrians) -> None:
-        """Start scanning; ParameterError where the parameters do not fit together."""
         values, motion = sim.values, sim.plant.motion
         self._settings, self._traffic, self._people = laser_settings(values), traffic, people
         self._laser = Laser(self._settings, motion.stamp_ns)

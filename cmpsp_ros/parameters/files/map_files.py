@@ -29,12 +29,9 @@ _WHITE: Final = 255.0
 
 
 def with_map_file(values: Mapping[str, Any], folder: Path | None = None) -> dict[str, Any]:
-    """The values with the map of the file that they name, if they name one.
+    """The values with the map of the file that they name, from the folder or working directory.
 
-    A relative path is taken from the folder if the file is there, else from the working directory.
-
-    Raises:
-        ParameterError: The file or its picture cannot be read, or is no map; names file and key.
+    Raises ParameterError, with file and key, if it or its picture cannot be read, or is no map.
     """
     if KEY not in values:
         return dict(values)

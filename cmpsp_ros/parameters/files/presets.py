@@ -23,10 +23,7 @@ _ALSO_OF_ROBOT: Final = ('command_delay', 'max_wheel_lag', 'enable_stamped_cmd_v
 
 
 def config_directory(here: Path = Path(__file__)) -> Path:
-    """The folder of the presets, in a source tree or where pip or colcon put it.
-
-    It is looked for above a module. ParameterError if the package was installed without it.
-    """
+    """Folder of the presets above a module; ParameterError if it was not installed."""
     # The second path matters in a workspace of symbolic links, the first where only they lead on.
     for folder in [*here.absolute().parents, *here.resolve().parents]:
         in_source = folder / 'config'
@@ -63,17 +60,11 @@ def load_parameter_file(
 ) -> dict[str, Any]:
     """The values of a parameter file, flat, before keys and values are checked.
 
-    If several sections set a key, the later one counts. Road and map of files are read, too.
-
-    Args:
-        path_or_preset_name: A file; or, as text without folder and suffix, a preset.
-        node: Full name of a node, such as ``/r1/guidance``: the values that ROS passes to it.
-        namespace: Namespace of a robot, such as ``/r1``, whose guidance and simulator are meant.
-            Without either, the values for guidance and simulator in any namespace.
-
-    Raises:
-        ParameterError: If there is no such file or preset, the file is not YAML of ROS parameters,
-            or has different values for several nodes and none is selected.
+    `path_or_preset_name` is a file or, as text without folder and suffix, a preset. Values are
+    those that ROS passes to a `node` such as ``/r1/guidance``, or those of guidance and simulator
+    in a `namespace` such as ``/r1``, else in any; the later section counts. ParameterError if there
+    is no such file, it has no ROS parameters, or different values for several nodes and none is
+    selected.
     """
     path = _path(path_or_preset_name)
     sections = _sections(path)

@@ -16,8 +16,7 @@ import yaml
 
 from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
 
-Sections = dict[str, dict[str, Any]]
-"""Flat parameters by the name of the node, in the order in which the names first appear."""
+Sections = dict[str, dict[str, Any]]  # flat parameters by node, in order of appearance
 
 _MARK: Final = 'ros__parameters'
 _TRUE: Final = re.compile(r'[Yy]|yes|Yes|YES|true|True|TRUE|on|On|ON')
@@ -81,7 +80,7 @@ def _compose(text: str, source: str) -> Any:
 def _collect(node: Any, name: str, sections: Sections, source: str) -> None:
     for key, value in node.value:
         if not isinstance(key, yaml.ScalarNode) or not isinstance(value, yaml.MappingNode):
-            wanted = f"a node's name with {_MARK} below it"
+            wanted = f'"/**:" or a node\'s name, and below it {_MARK} with all values'
             found = f'a value without {_MARK} around it'
             raise ParameterError(Problem(_at(source, key), found, wanted))
         if key.value == _MARK:

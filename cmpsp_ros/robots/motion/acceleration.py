@@ -10,11 +10,8 @@ import numpy as np
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.jit import allocation_free
 
-_REST: Final = 1e-9
-"""Speed of a wheel that rounding may leave of none [rad/s]."""
-
-NO_RAMP: Array = np.zeros((0, 2))
-"""The ramp of a robot at rest, and of one that stops at once."""
+_REST: Final = 1e-9  # speed of a wheel that rounding may leave of none [rad/s]
+NO_RAMP: Array = np.zeros((0, 2))  # the ramp of a robot at rest, and of one that stops at once
 
 
 class TimeScaling(NamedTuple):
@@ -57,14 +54,9 @@ def smoothed(
 ) -> Array:
     """Controls that follow a plan ``(N + 1, r)`` as closely as a limit of the wheels' jerk allows.
 
-    A plan that keeps the limit is its own result.
-
-    Args:
-        plan: The plan, which keeps the other limits.
-        previous: The command before it, shape ``(r,)``.
-        change: By how much that differs from the one before, shape ``(r,)``.
-        limits: Largest wheel speed, change between commands, and change of that [rad/s].
-        scaled: Number of controls, the first, that are speeds of wheels; others are the plan's.
+    `previous` ``(r,)`` is the command before, `change` its difference from the one before. `limits`
+    are those of wheel speed, its change between commands, and the change of that [rad/s]. The first
+    `scaled` controls are speeds of wheels; others are the plan's.
     """
     followed = plan.copy()
     fastest, most, jolt = (min(each, 1.0 / _REST) for each in limits)
@@ -112,10 +104,7 @@ def braking(
 def least_scale(
     command: Array, previous: Array, max_change: float, scaling: TimeScaling = _BOTH_WHEELS
 ) -> float:
-    """Least factor of a command ``(r,)`` that can follow a previous one, as the command itself can.
-
-    `max_change` and `scaling` are those of `within_ramp`.
-    """
+    """Least factor of a command ``(r,)`` that can follow a previous one; as `within_ramp`."""
     speeds = (scaling.wheels @ each for each in (command, previous))
     wheels = zip(*(each.tolist() for each in speeds), strict=True)
     least = [
@@ -127,11 +116,10 @@ def least_scale(
 def with_lag(
     controls: Array, commands: Array, held: Array, time_constant: float, slices: int
 ) -> tuple[Array, Array]:
-    """Controls of wheels that follow commands with a first-order lag, in slices of constant speed.
+    """Controls ``(K * slices, r)`` of wheels behind a first-order lag, and their durations [s].
 
     `controls` ``(r,)`` are in effect at first, and overwritten by the last. Each of the `commands`
-    ``(K, r)`` lasts `held` ``(K,)`` [s]; `time_constant` > 0 [s]. Returns controls in effect,
-    ``(K * slices, r)``, and their durations [s].
+    ``(K, r)`` lasts `held` ``(K,)`` [s]; `time_constant` > 0 [s].
     """
     means = np.empty((len(commands) * slices, commands.shape[1]))
     _lag(means, controls, np.ascontiguousarray(commands), held, time_constant, slices)

@@ -10,8 +10,7 @@ import numpy as np
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.jit import allocation_free
 
-REFERENCE_POINT = np.zeros((1, 2))
-"""A robot's reference point as the only one of some in its frame."""
+REFERENCE_POINT = np.zeros((1, 2))  # a robot's reference point as the only one of some in its frame
 
 # Below this turn [rad] an arc is taken for its chord, from which it is nowhere further than an
 # eighth of that part of its length.
@@ -106,10 +105,7 @@ def point_of(x: float, y: float, heading: float, points: Array, i: int) -> Any:
 
 @allocation_free
 def arc_of_point(arc: Arc, heading: float, points: Array, i: int) -> Arc:
-    """The arc of point ``i`` of the robot, see `point_of`, from that of its reference point.
-
-    `heading` is the robot's at the beginning [rad].
-    """
+    """The arc of point ``i`` of the robot from that of its reference point and heading [rad]."""
     if points[i, 0] == 0.0 and points[i, 1] == 0.0:
         return arc
     x, y = point_of(arc.x, arc.y, heading, points, i)

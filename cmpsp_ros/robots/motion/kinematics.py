@@ -26,34 +26,20 @@ _STEP: Final = 2.0**-333
 
 
 class Kinematics(NamedTuple):
-    """A robot for compiled code, of one type for all models.
+    """A robot for compiled code, of one type for all models."""
 
-    Attributes:
-        functions: Addresses of the model's functions, see `addresses`.
-        values: Numbers that they are given.
-        scratch: Written by them, shape ``(4, 3)``.
-        wheels: Wheel speeds of a control, as a matrix, shape ``(W, r)``. Wheels that are controls
-            come first.
-        bounds: Largest magnitudes of the controls, shape ``(r,)``.
-        n_speeds: How many of the controls, the first, are 0 at rest; the others are angles.
-        max_wheel_speed: Limit of each wheel [rad/s].
-        max_speed: Largest speed along the path [m/s].
-        max_lateral_acceleration: Limit of `lateral_acceleration` [m/s^2]; infinite for none.
-        max_curvature: Largest curvature of its path; infinite if it turns on the spot [1/m].
-        drives_sideways: Whether it moves in every direction without turning first.
-    """
-
-    functions: IntArray
-    values: Array
-    scratch: Array
+    functions: IntArray  # addresses of the model's functions, see `addresses`
+    values: Array  # numbers that they are given
+    scratch: Array  # written by them, shape ``(4, 3)``
+    # Wheel speeds of a control, as a matrix, shape ``(W, r)``. Wheels that are controls come first.
     wheels: Array
-    bounds: Array
-    n_speeds: int
-    max_wheel_speed: float
-    max_speed: float
-    max_lateral_acceleration: float
-    max_curvature: float
-    drives_sideways: bool
+    bounds: Array  # largest magnitudes of the controls, shape ``(r,)``
+    n_speeds: int  # how many of the controls, the first, are 0 at rest; the others are angles
+    max_wheel_speed: float  # limit of each wheel [rad/s]
+    max_speed: float  # largest speed along the path [m/s]
+    max_lateral_acceleration: float  # limit of `lateral_acceleration` [m/s^2]; infinite for none
+    max_curvature: float  # largest curvature of its path; infinite if it turns on the spot [1/m]
+    drives_sideways: bool  # whether it moves in every direction without turning first
 
 
 @allocation_free
@@ -116,7 +102,7 @@ def steer(
 ) -> None:
     """Fill control ``k`` with that of a twist [m/s, m/s, rad/s]; see `within_limits`.
 
-    The curvature [1/m] is that of the path, for robots that are steered and not turned.
+    The curvature of the path [1/m] is for robots that are steered and not turned.
     """
     given = robot.values, robot.scratch, forward, left, turn_rate, curvature
     call(robot.functions[_STEER], given)
@@ -154,10 +140,7 @@ def fastest_wheel(controls: Array, k: int, robot: Kinematics) -> float:
 
 @allocation_free
 def lateral_acceleration(controls: Array, k: int, robot: Kinematics) -> float:
-    """Speed along the path times turn rate under control ``k`` [m/s^2]; the sign is that of both.
-
-    The speed of a robot that drives sideways has no sign.
-    """
+    """Speed along the path times turn rate under control ``k`` [m/s^2], of the sign of both."""
     _displace(robot, _DISPLACE, controls, k, 1.0)
     across: float = _signed_speed(robot) * robot.scratch[0, 2]
     return across
@@ -229,8 +212,7 @@ def addresses(*functions: Any) -> IntArray:
     return np.array([address_of(None, each, *given) for each in functions])
 
 
-_kept: Final[list[Any]] = []
-"""Functions whose machine code is called by its address."""
+_kept: Final[list[Any]] = []  # functions whose machine code is called by its address
 
 
 @cache

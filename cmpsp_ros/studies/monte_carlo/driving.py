@@ -34,20 +34,15 @@ _EDGES = 2
 
 @dataclass
 class DrivenRun:
-    """A completed run: motions, the last at rest, and decisions up to the final time [ns].
-
-    Attributes:
-        exception: Type and text of an exception of the law; empty if there was none.
-        walking: Those who walk about, if any.
-        people: Instants [ns], and the states of all people from then on, as of `People.at`.
-    """
+    """A completed run: motions, the last at rest, and decisions up to the final time [ns]."""
 
     task: RunTask
     motions: list[Motion] = field(default_factory=list)
     decisions: list[Decision] = field(default_factory=list)
-    exception: str = ''
+    exception: str = ''  # type and text of an exception of the law; empty if there was none
     end: int = 0
-    walking: People | None = None
+    walking: People | None = None  # those who walk about, if any
+    # Instants [ns], and the states of all people from then on, as of `People.at`.
     people: list[tuple[int, Array]] = field(default_factory=list)
 
     @property
@@ -88,14 +83,10 @@ class DrivenRun:
 
 
 class Computer:
-    """A computer that needs time for each step: uniformly distributed, up to the longest.
-
-    It is busy until the end of a step [ns], and keeps the decision until the robot receives it.
-    """
+    """A computer that needs random time for each step, and keeps the decision until it is sent."""
 
     def __init__(self, task: RunTask) -> None:
-        """Idle computer, its times drawn from the seed of the run."""
-        self._period, self._lateness = task.settings.control_period, task.lateness
+        self._period, self._lateness = task.settings.control_period, task.kind.lateness
         self._random = np.random.default_rng([task.scenario.seed, task.scenario.number])
         self.busy_until = 0
         self.decision: Decision | None = None
@@ -114,10 +105,7 @@ class Computer:
 
 
 def drive(task: RunTask) -> DrivenRun:
-    """Make a run: odometry at its rate, commands of the law until the final time, then to rest.
-
-    An exception in the law ends its part as in the node: the robot is stopped.
-    """
+    """Make a run until the robot is at rest; an exception in the law stops it, as in the node."""
     if task.foreign is not None:
         return _drive_foreign(task, task.foreign)
     driven, plant = DrivenRun(task, walking=task.people()), Plant(task.plant)
@@ -201,8 +189,10 @@ def outcome(driven: DrivenRun) -> StudyOutcome:
     speeds = [each.wheel_speeds for each in driven.decisions]
     largest = [float(np.abs(each).max()) for each in speeds if np.isfinite(each).all()]
     limit = settings.robot.max_wheel_speed * (1.0 + _ROUNDING)
-    levels = Counter(each.level for each in driven.decisions)
-    worst = max(driven.decisions, key=lambda each: each.level, default=None)
+    # At the first step it may stand to make a plan.
+    decided = [each for each in driven.decisions if each.step or each.plan is not None]
+    levels = Counter(each.level for each in decided)
+    worst = max(decided, key=lambda each: each.level, default=None)
     x, y = _instants(driven, final)
     return StudyOutcome(
         number=task.scenario.number,
@@ -228,8 +218,8 @@ def outcome(driven: DrivenRun) -> StudyOutcome:
         y=y,
         time=task.settings.final_time if task.foreign else driven.end / NANOSECONDS,
         told_error=None if task.foreign is None else task.foreign.told_error,
-        pace=_shortest(task) / (final / NANOSECONDS) / settings.pace if task.has_map else None,
-        slowness=None if task.scored is None else _slowness(driven, *task.scored),
+        pace=_shortest(task) / (final / NANOSECONDS) / settings.pace if task.kind.has_map else None,
+        slowness=_slowness(driven),
         crowd=_crowd(driven),
     )
 
@@ -243,7 +233,6 @@ def _crowd(driven: DrivenRun) -> CrowdOutcome | None:
 
 
 def _over_limit(driven: DrivenRun) -> int:
-    """Commands that change more than the robot can, or steer too far."""
     settings, controls = driven.task.settings, driven.controls
     if not np.isfinite(controls).all():
         return 0
@@ -254,12 +243,14 @@ def _over_limit(driven: DrivenRun) -> int:
     return int(sum(sudden | [bool(robot.over_limit(each[None])) for each in controls]))
 
 
-def _slowness(driven: DrivenRun, speed: float, tolerance: float) -> float:
-    """Time until the robot is within a tolerance [m], by that of the shortest path at a speed."""
-    goal = driven.task.settings.goal
-    near = (each for each in driven.motions if math.dist(each.pose[:2], goal) <= tolerance)
+def _slowness(driven: DrivenRun) -> float | None:
+    """Time until the robot has arrived, by that of the shortest path at the speed of the score."""
+    goal, kind = driven.task.settings.goal, driven.task.kind
+    if kind.score_speed is None:
+        return None
+    near = (each for each in driven.motions if math.dist(each.pose[:2], goal) <= kind.tolerance)
     arrived = next(near, driven.motions[-1]).stamp_ns / NANOSECONDS
-    return arrived * speed / _shortest(driven.task)
+    return arrived * kind.score_speed / _shortest(driven.task)
 
 
 def _shortest(task: RunTask) -> float:
@@ -267,10 +258,7 @@ def _shortest(task: RunTask) -> float:
 
 
 def farthest(task: RunTask) -> float:
-    """Distance that the robot drives from rest until the final time at its limit [m].
-
-    Random slip is ignored, because it may happen to be zero.
-    """
+    """Distance from rest until the final time at the robot's limit [m]; random slip is ignored."""
     plant, time = task.plant, task.settings.final_time
     if plant.wheel_slip_stddev > 0.0:
         return math.inf
@@ -292,7 +280,6 @@ def _advance(plant: Plant, driven: DrivenRun, stamp: int) -> None:
 
 
 def _walk(driven: DrivenRun, plant: Plant) -> None:
-    """Let people walk up to the time of the plant, from the first decision on."""
     if driven.walking is None:
         return
     if driven.decisions:
@@ -305,7 +292,6 @@ def _walk(driven: DrivenRun, plant: Plant) -> None:
 
 
 def _told(driven: DrivenRun, stamp: int) -> tuple[Track, ...]:
-    """People who are known exactly."""
     crowd = driven.task.crowd
     if driven.walking is None or crowd is None or not crowd.told:
         return ()

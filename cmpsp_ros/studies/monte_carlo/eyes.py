@@ -46,7 +46,6 @@ class Eyes:
         shapes: Sequence[Shape],
         people: People | None = None,
     ) -> None:
-        """Start without scans."""
         (self._sensor,), self._scanner = settings.sight.sensors, scanner
         self._laser = Laser(scanner, 0)
         self._surroundings = Surroundings(settings.sight, settings.robot_radius, settings.footprint)
@@ -71,7 +70,6 @@ class Eyes:
         return self._surroundings.at(stamp, pose)
 
     def _message(self, scan: Scan) -> SimpleNamespace:
-        """A scan as a `sensor_msgs/LaserScan`, of whose precision its ranges are."""
         scanner, (seconds, nanoseconds) = self._scanner, divmod(scan.stamp_ns, NANOSECONDS)
         stamp = SimpleNamespace(sec=seconds, nanosec=nanoseconds)
         return SimpleNamespace(

@@ -23,10 +23,8 @@ _LAGS = 0.05, 0.2
 _OFFSETS = -0.05, 0.05
 _TOLD_ERRORS = -0.1, 0.1
 _BUSY = 0.0, 0.01
-_STEP = 0.002, 0.008
-"""Time of a control step on an idle computer [s]."""
-_MESSAGE = 0.0005, 0.003
-"""Time that a message takes [s]."""
+_STEP = 0.002, 0.008  # time of a control step on an idle computer [s]
+_MESSAGE = 0.0005, 0.003  # time that a message takes [s]
 _POSITION_STDDEV, _HEADING_STDDEV = 0.001, 0.001
 _WATCHDOG = 0.5
 _TO_REST = 1.5
@@ -34,23 +32,14 @@ _TO_REST = 1.5
 
 @dataclass(frozen=True)
 class ForeignRobot:
-    """Properties of the robot, drawn for a run.
+    """Properties of the robot, drawn for a run."""
 
-    Attributes:
-        rate: Rate of its loop and its odometry [Hz].
-        lag: Time constant of speed and turn rate [s].
-        clock_offset: Lead of its clock over the computer's [s].
-        told_error: Error of the `command_delay` given to the law [s].
-        busy: Mean delay of a control step by other work [s].
-        seed: Seed of latencies and noise.
-    """
-
-    rate: float
-    lag: float
-    clock_offset: float
-    told_error: float
-    busy: float
-    seed: int
+    rate: float  # of its loop and its odometry [Hz]
+    lag: float  # time constant of speed and turn rate [s]
+    clock_offset: float  # lead of its clock over the computer's [s]
+    told_error: float  # error of the `command_delay` given to the law [s]
+    busy: float  # mean delay of a control step by other work [s]
+    seed: int  # of latencies and noise
 
     @classmethod
     def draw(cls, seed: int, number: int) -> ForeignRobot:
@@ -64,10 +53,7 @@ class ForeignRobot:
 
     @property
     def delay(self) -> float:
-        """Mean delay of its response to a command, the lag included [s].
-
-        Half a tick less: a command acts on the whole of the tick that it comes in.
-        """
+        """Mean delay of its response to a command, lag included, half a tick less [s]."""
         latencies = (sum(each) / 2.0 for each in (_STEP, _MESSAGE, _MESSAGE))
         return self.lag + sum(latencies) + self.busy - 0.5 / self.rate
 
@@ -105,18 +91,11 @@ class _Unicycle:
 
 
 class ForeignDrive:
-    """A drive: the robot, the messages under way, and the law on a computer that takes its time.
-
-    Attributes:
-        motions: Pose and twist at each tick, stamped by the robot's clock.
-        decisions: Decisions of the law, up to the final time.
-        end: The final time, by the robot's clock [ns]; 0 before the first decision.
-    """
+    """A drive: the robot, the messages under way, and the law on a computer that takes its time."""
 
     def __init__(
         self, foreign: ForeignRobot, model: Robot, pose: tuple[float, float, float]
     ) -> None:
-        """Put the robot at a pose [m, m, rad], at rest; the model has wheel speeds of twists."""
         self._foreign, self._model = foreign, model
         self._tick = 1.0 / foreign.rate
         self._random = np.random.default_rng(foreign.seed)
@@ -125,9 +104,9 @@ class ForeignDrive:
         self._odometry: deque[tuple[float, int, Array]] = deque()
         self._commands: deque[tuple[float, tuple[float, float]]] = deque()
         self._free_at = 0.0
-        self.motions: list[Motion] = []
-        self.decisions: list[Decision] = []
-        self.end = 0
+        self.motions: list[Motion] = []  # pose and twist at each tick, by the robot's clock
+        self.decisions: list[Decision] = []  # up to the final time
+        self.end = 0  # the final time, by the robot's clock [ns]; 0 before the first decision
 
     def run(self, law: GuidanceLaw, period: float) -> None:
         """Drive, with a control period [s], until the robot is at rest after the final time."""

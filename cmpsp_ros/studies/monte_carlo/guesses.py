@@ -20,10 +20,7 @@ _NEIGHBOURS = ((1, 0), (0, 1), (1, 1), (1, -1))
 
 
 def grid_path(settings: GuidanceSettings, pose: Array, spare: float) -> Array:
-    """Points ``(K, 2)`` [m] from a pose ``(3,)`` to the goal; none where no path is clear.
-
-    The path keeps `spare` beside the margin [m].
-    """
+    """Points ``(K, 2)`` [m] to the goal, `spare` beside the margin [m]; none if none is clear."""
     ends = np.array([pose[:2], settings.goal])
     low, high = ends.min(axis=0) - _AROUND, ends.max(axis=0) + _AROUND
     across, up = (np.arange(low[axis], high[axis], _CELL) for axis in range(2))
@@ -56,11 +53,7 @@ def grid_path(settings: GuidanceSettings, pose: Array, spare: float) -> Array:
 
 
 def shortest_length(settings: GuidanceSettings, pose: Array) -> float:
-    """Length of the shortest clear path from a pose to the goal, or a little more [m].
-
-    It is that on the grid, drawn taut: from each corner straight to the last point in sight.
-    Infinite where no path is clear; arguments as of `grid_path`.
-    """
+    """Length of the shortest clear path to the goal [m], on a grid and drawn taut, or infinity."""
     points = grid_path(settings, pose, 0.0)
     distance = settings.robot_radius + settings.safety.margin
     space = FreeSpace.of(settings.road, settings.obstacles, distance)
@@ -80,10 +73,7 @@ _FINE = 2000
 
 
 def slalom(settings: GuidanceSettings, pose: Array) -> Path:
-    """The line from a pose ``(3,)`` to the goal through the widest gaps, at a constant speed.
-
-    Its controls nearly lead from one pose to the next; no robot could follow its corners.
-    """
+    """The line from a pose ``(3,)`` to the goal through the widest gaps, at a constant speed."""
     road = settings.world.annulus
     start = (float(pose[0]), float(pose[1]))
     ahead = road.angle_between(start, settings.goal)

@@ -67,8 +67,7 @@ NOISY: Final = {
 }
 """Faults of sensors and odometry in a share of the runs among people."""
 
-OWN: Final = 'own'
-"""Robot that is no other but the study's own, at 1 m/s."""
+OWN: Final = 'own'  # robot that is no other but the study's own, at 1 m/s
 
 ROBOTS: Final[Mapping[str, Mapping[str, Any]]] = MappingProxyType(
     {
@@ -85,35 +84,25 @@ _WITH_A_BODY: Final = {'robot.radius': 0.1, 'safety.margin': 0.02}
 
 @dataclass(frozen=True)
 class StudyKind:
-    """The properties of one kind of study.
+    """The properties of one kind of study."""
 
-    Attributes:
-        changes: Parameters that differ from those of the preset.
-        tolerance: Maximum terminal error that counts as arrived [m].
-        draw: Makes a scenario from settings, seed, run number and maximum number of obstacles.
-        lateness: Maximum duration of a control step, in control periods.
-        lag: Range of the time constant of the wheels, drawn for each run [s]; None for that of the
-            parameters.
-        preset: Preset that is changed.
-        sees: True if the law knows obstacles only from a scanner.
-        has_map: True if the law knows obstacles from a map, and its driving times are compared with
-            the shortest path.
-        is_foreign: True if the robot is a `ForeignRobot`, with a wrong model in the law.
-        has_people: True if people walk about, and runs take several robots and scenes in turn.
-        score_speed: Speed along the planned path, for the score of the BARN challenge [m/s]; or
-            None.
-    """
-
-    changes: Mapping[str, Any]
-    tolerance: float
+    changes: Mapping[str, Any]  # parameters that differ from those of the preset
+    tolerance: float  # maximum terminal error that counts as arrived [m]
+    # Makes a scenario from settings, seed, run number and maximum number of obstacles.
     draw: Callable[[GuidanceSettings, int, int, int], Scenario] = scenario
-    lateness: float = 0.0
+    lateness: float = 0.0  # maximum duration of a control step, in control periods
+    # Range of the time constant of the wheels, drawn for each run [s]; None for that of the
+    # parameters.
     lag: tuple[float, float] | None = None
-    preset: str = PRESET
-    sees: bool = False
+    preset: str = PRESET  # that is changed
+    sees: bool = False  # true if the law knows obstacles only from a scanner
+    # True if the law knows obstacles from a map, and its driving times are compared with the
+    # shortest path.
     has_map: bool = False
-    is_foreign: bool = False
+    is_foreign: bool = False  # true if the robot is a `ForeignRobot`, with a wrong model in the law
+    # True if people walk about, and runs take several robots and scenes in turn.
     has_people: bool = False
+    # Speed along the planned path, for the score of the BARN challenge [m/s]; or None.
     score_speed: float | None = None
 
     @property

@@ -8,7 +8,8 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import asdict, dataclass, fields
 from enum import StrEnum
 from functools import cache
@@ -37,69 +38,48 @@ class RunVerdict(StrEnum):
     MISSED = 'clear, but missed the goal'
 
 
+# Verdicts that ask for no explanation.
 HARMLESS = frozenset({RunVerdict.ARRIVED, RunVerdict.TOO_FAR})
-"""Verdicts that ask for no explanation."""
 
 
 @dataclass(frozen=True)
 class StudyOutcome:
-    """Figures of one run.
+    """Figures of one run."""
 
-    Attributes:
-        number: Number of the run in its study.
-        miss: Distance from the goal at the final time [m].
-        road_clearance: Least clearance of the true path from the road's edges, also between samples
-            and until the robot is at rest, less its radius [m].
-        obstacle_clearance: The same from obstacles; None without any.
-        began_outside: True if the start itself was not clear.
-        max_wheel_speed: Maximum wheel speed commanded [rad/s].
-        too_fast: Commands above the wheel limit.
-        over_limit: Commands beyond a limit of acceleration, or of a steering angle or its rate.
-        not_finite: Commands that were not finite.
-        nominal, elastic, previous_plan: Control steps at these fallback levels.
-        stop: The same, without stops after the final time.
-        trouble: Reason of the first step at the worst fallback level; empty if that is nominal.
-        trouble_time: Time of that step [s]; None without trouble.
-        exception: Type and text of an exception of the law; empty if there was none.
-        shortest_way: Length of the shortest path from start to goal, ignoring obstacles [m].
-        farthest: Distance that the robot can drive until the final time at its wheel limit [m].
-        obstacles: Number on the road.
-        x, y: At control instants and the final time [m].
-        time: The final time, possibly postponed [s].
-        pace: Length of the shortest clear path by that time, as a part of the nominal speed; None
-            without a map.
-        slowness: Time until it came within the tolerance, by that of the planned path at the speed
-            of the score; None in studies without one.
-        told_error: Error of the delay given to the law [s]; None if it is exact.
-        crowd: Figures among people; None without.
-    """
-
-    number: int
-    miss: float
+    number: int  # of the run in its study
+    miss: float  # distance from the goal at the final time [m]
+    # Least clearance of the true path from the road's edges, also between samples and until the
+    # robot is at rest, less its radius [m].
     road_clearance: float
-    obstacle_clearance: float | None
-    began_outside: bool
-    max_wheel_speed: float
-    too_fast: int
-    over_limit: int
-    not_finite: int
+    obstacle_clearance: float | None  # the same from obstacles; None without any
+    began_outside: bool  # true if the start itself was not clear
+    max_wheel_speed: float  # maximum wheel speed commanded [rad/s]
+    too_fast: int  # commands above the wheel limit
+    over_limit: int  # commands beyond a limit of acceleration, or of a steering angle or its rate
+    not_finite: int  # commands that were not finite
+    # nominal, elastic, previous_plan: Control steps at these fallback levels.
     nominal: int
     elastic: int
     previous_plan: int
-    stop: int
-    trouble: str
-    trouble_time: float | None
-    exception: str
-    shortest_way: float
-    farthest: float
-    obstacles: int
+    stop: int  # the same, without stops after the final time
+    trouble: str  # reason of the first step at the worst fallback level; empty if that is nominal
+    trouble_time: float | None  # time of that step [s]; None without trouble
+    exception: str  # type and text of an exception of the law; empty if there was none
+    shortest_way: float  # length of the shortest path from start to goal, ignoring obstacles [m]
+    farthest: float  # distance that the robot can drive until the final time at its wheel limit [m]
+    obstacles: int  # number on the road
+    # x, y: At control instants and the final time [m].
     x: tuple[float, ...]
     y: tuple[float, ...]
-    time: float
+    time: float  # the final time, possibly postponed [s]
+    # Length of the shortest clear path by that time, as a part of the nominal speed; None without a
+    # map.
     pace: float | None = None
+    # Time until it came within the tolerance, by that of the planned path at the speed of the
+    # score; None in studies without one.
     slowness: float | None = None
-    told_error: float | None = None
-    crowd: CrowdOutcome | None = None
+    told_error: float | None = None  # error of the delay given to the law [s]; None if it is exact
+    crowd: CrowdOutcome | None = None  # figures among people; None without
 
     @property
     def clearance(self) -> float:
@@ -176,12 +156,17 @@ _READ_WRITE: Final = 0o644
 
 
 def open_results_log(folder: Path, study: Study) -> dict[int, StudyOutcome]:
-    """Begin a study in a folder, or continue the one that is there.
-
-    Returns:
-        The outcomes that are there, by number.
-    """
-    head = _head(study)
+    """Begin a study in a folder, or continue the one there; its outcomes so far, by number."""
+    head = {
+        'code': digest(),
+        'study': study.name,
+        'seed': study.seed,
+        'robot': study.robot,
+        'scene': study.scene,
+        'told': study.told,
+        'obstacles': study.most_obstacles,
+        'parameters': study.values(),
+    }
     path = folder / NAME
     with disk_errors(folder):
         if not path.exists():
@@ -192,7 +177,12 @@ def open_results_log(folder: Path, study: Study) -> dict[int, StudyOutcome]:
             _append(path, json.dumps(head))
             return {}
         lines = path.read_text(encoding='utf-8', errors='replace').splitlines()
-    values = list(_values(lines))
+    values = []
+    for line in lines:
+        # A truncated line is an unfinished run.
+        with suppress(ValueError):
+            values.append(json.loads(line))
+    values = [each for each in values if isinstance(each, dict)]
     found = values[0] if values else {}
     if found != json.loads(json.dumps(head)):
         differing = [key for key in head if found.get(key) != head[key]]
@@ -200,7 +190,12 @@ def open_results_log(folder: Path, study: Study) -> dict[int, StudyOutcome]:
         raise StudyError(
             f'{path}: found other {", ".join(differing) or "content"}, wanted {wanted}'
         )
-    return {each.number: each for each in _outcomes(values[1:])}
+    done = {}
+    for each in values[1:]:
+        with suppress(KeyError, TypeError):
+            outcome = StudyOutcome.from_values(each)
+            done[outcome.number] = outcome
+    return done
 
 
 def append(folder: Path, outcome: StudyOutcome) -> None:
@@ -227,35 +222,3 @@ def _append(path: Path, line: str) -> None:
         os.write(file, f'\n{line}\n'.encode())
     finally:
         os.close(file)
-
-
-def _head(study: Study) -> dict[str, Any]:
-    return {
-        'code': digest(),
-        'study': study.name,
-        'seed': study.seed,
-        'robot': study.robot,
-        'scene': study.scene,
-        'told': study.told,
-        'obstacles': study.most_obstacles,
-        'parameters': study.values(),
-    }
-
-
-def _values(lines: list[str]) -> Iterator[dict[str, Any]]:
-    """Whole lines; a truncated one is an unfinished run."""
-    for line in lines:
-        try:
-            value = json.loads(line)
-        except ValueError:
-            continue
-        if isinstance(value, dict):
-            yield value
-
-
-def _outcomes(values: list[dict[str, Any]]) -> Iterator[StudyOutcome]:
-    for each in values:
-        try:
-            yield StudyOutcome.from_values(each)
-        except (KeyError, TypeError):
-            continue

@@ -20,9 +20,7 @@ from cmpsp_ros.studies.monte_carlo.outcome import RunVerdict, StudyOutcome
 
 _DPI: Final = 150
 _SMALLEST_MISS: Final = 1e-16
-_EVERY: Final = 2.0
-"""Time between two marks on paths among people [s]."""
-
+_EVERY: Final = 2.0  # time between two marks on paths among people [s]
 _ROAD, _EDGE, _RIM = '0.93', '0.55', '0.3'
 _LOOKS: Final = {
     RunVerdict.ARRIVED: ('tab:blue', 0.5),
@@ -36,10 +34,7 @@ def draw_study(
     folder: Path, title: str, settings: GuidanceSettings | None, outcomes: Sequence[StudyOutcome],
     tolerance: float,
 ) -> list[Path]:  # fmt: skip
-    """Draw all paths into one picture, and the spread of miss and clearance into another.
-
-    `settings` hold road and goal if shared by all runs; arrival is within `tolerance` [m].
-    """
+    """Draw all paths, and the spread of miss and clearance; arrival is within `tolerance` [m]."""
     with plot_style():
         return [
             _save(_paths(title, settings, outcomes, tolerance), folder / 'paths.png'),

@@ -16,16 +16,8 @@ from typing import Any, Final
 
 from cmpsp_ros.guidance import NANOSECONDS
 from cmpsp_ros.studies.common import StudyError, disk_errors
-from cmpsp_ros.studies.monte_carlo import pictures
+from cmpsp_ros.studies.monte_carlo import judging, pictures
 from cmpsp_ros.studies.monte_carlo.driving import DrivenRun, drive, outcome
-from cmpsp_ros.studies.monte_carlo.judging import (
-    COSTS,
-    JUDGED,
-    compare_cost,
-    judge_failure,
-    read_answers,
-    write_answers,
-)
 from cmpsp_ros.studies.monte_carlo.outcome import (
     RunVerdict,
     StudyOutcome,
@@ -37,54 +29,38 @@ from cmpsp_ros.studies.monte_carlo.study import RunTask, Study
 from cmpsp_ros.studies.monte_carlo.summary import figures, write_parquet
 from cmpsp_ros.warmup import new_pool
 
-PICTURES: Final = 12
-"""Failures of which a picture is drawn."""
-
-CHUNK: Final = 8
-"""Runs handed to a process at a time."""
-
+PICTURES: Final = 12  # failures of which a picture is drawn
+CHUNK: Final = 8  # runs handed to a process at a time
 _ANSWER_TIMEOUT: Final = 10.0
 _CONTINUES: Final = 'is kept, and the same command continues'
 
 # A worker may have several threads; a run has kernels to load and is not made for company.
 _ONE_AT_A_TIME: Final = threading.Lock()
 
+# Called with a part of the work and its pieces; returns a function for pieces done.
 Progress = Callable[[str, int], Callable[[int], None]]
-"""Called with a part of the work and its pieces; returns a function for pieces done."""
 
 
 @dataclass(frozen=True)
 class Order:
-    """A request for a study of so many runs, with all results in a folder.
-
-    Attributes:
-        workers: Processes that share the runs; 1 is this one.
-        scheduler: Address of a Dask scheduler whose workers share them instead, if any, as in
-            ``tcp://10.0.0.1:8786``; they need this package.
-        judge: True if IPOPT is run on failed runs.
-        costs: Number of runs that arrived whose cost is compared with IPOPT's.
-    """
+    """A request for a study of so many runs, with all results in a folder."""
 
     study: Study
     runs: int
     folder: Path
-    workers: int = 1
+    workers: int = 1  # processes that share the runs; 1 is this one
+    # Address of a Dask scheduler whose workers share them instead, if any, as in
+    # ``tcp://10.0.0.1:8786``; they need this package.
     scheduler: str = ''
-    judge: bool = False
-    costs: int = 0
+    judge: bool = False  # true if IPOPT is run on failed runs
+    costs: int = 0  # number of runs that arrived whose cost is compared with IPOPT's
 
 
 def run_study(order: Order, progress: Progress) -> dict[str, Any]:
-    """Make the missing runs, and summarise all of them.
+    """Make the missing runs, and summarise all of them; the figures, as in `summary.json`.
 
-    Returns:
-        The figures, which `summary.json` has as well. Beside it lie `runs.jsonl`, `runs.parquet`
-        where pyarrow is installed, and the pictures.
-
-    Raises:
-        StudyError: The folder holds something else, or cannot be used; a worker died; the cluster
-            cannot be used; or CasADi is not installed and wanted.
-        ParameterError: A parameter is wrong.
+    Raises StudyError if folder, workers or cluster cannot be used or CasADi is missing, and
+    ParameterError.
     """
     study, folder = order.study, order.folder
     there = open_results_log(folder, study)
@@ -97,8 +73,8 @@ def run_study(order: Order, progress: Progress) -> dict[str, Any]:
     failed = [each.number for each in outcomes if each.failed(study.tolerance)]
     arrived = [each.number for each in outcomes if each.miss <= study.tolerance]
     solved = partial(_solved, order, progress)
-    judged = solved('judge', failed if order.judge else [], JUDGED, judge_failure)
-    compared = solved('costs', arrived[: order.costs], COSTS, compare_cost)
+    judged = solved('judge', failed if order.judge else [], judging.JUDGED, judging.judge_failure)
+    compared = solved('costs', arrived[: order.costs], judging.COSTS, judging.compare_cost)
     values = figures(study, outcomes, judged, compared)
     with disk_errors(folder):
         (folder / 'summary.json').write_text(json.dumps(values, indent=2) + '\n', encoding='utf-8')
@@ -108,12 +84,7 @@ def run_study(order: Order, progress: Progress) -> dict[str, Any]:
 
 
 def run_one(study: Study, number: int, folder: Path) -> tuple[StudyOutcome, list[str], Path]:
-    """Make one run again and draw it into a folder, whose other files stay.
-
-    Returns:
-        Its outcome, the decision at each change of fallback level and all contacts with people, and
-        the picture.
-    """
+    """Make one run again; its outcome, the changes of level and all contacts, and the picture."""
     study.values()
     driven = drive(study.run(number))
     with disk_errors(folder):
@@ -227,7 +198,6 @@ def _made(study: Study, number: int) -> StudyOutcome:
 
 
 def _make_remotely(study: Study, numbers: Sequence[int], code: str) -> list[StudyOutcome]:
-    """Runs made by a worker that has the code of this digest."""
     found = digest()
     if found != code:
         raise StudyError(f'a worker has other code: found {found}, wanted {code}')
@@ -243,16 +213,15 @@ def _solved(
     name: str,
     solve: Callable[[RunTask], dict[str, Any]],
 ) -> dict[int, dict[str, Any]]:
-    """IPOPT's answers on some runs, and those found before."""
     path = order.folder / name
-    found = read_answers(path)
+    found = judging.read_answers(path)
     if not numbers:
         return found
     advance = progress(part, len(numbers))
     for number in numbers:
         if number not in found:
             found[number] = solve(order.study.run(number))
-            write_answers(path, found)
+            judging.write_answers(path, found)
         advance(1)
     return found
 

@@ -37,17 +37,13 @@ from cmpsp_ros.studies.monte_carlo.kinds import KINDS, NOISY, OWN, ROBOTS, Study
 
 MOST_OBSTACLES: Final = 4
 
-_NOISY_TURN: Final = 4
-"""Turns through all scenes and robots, of which the last has noise."""
-
+_NOISY_TURN: Final = 4  # turns through all scenes and robots, of which the last has noise
+# Parameters of presets that every run draws for itself.
 _DRAWN: Final = ('obstacles.', 'sim.obstacles.', 'road.points', 'road.half_width')
-"""Parameters of presets that every run draws for itself."""
-
+# Time [s], and multiple of that for the straight way, after which a run among people ends.
 _PATIENCE: Final = 30.0, 2.0
-"""Time [s], and multiple of that for the straight way, after which a run among people ends."""
-
+# Mean speed that is asked for with a map, along the shortest path, of the nominal one.
 _PACE: Final = 0.95
-"""Mean speed that is asked for with a map, along the shortest path, of the nominal one."""
 
 # The paper's first guess is made for the paper's start, and fewer iterations go with it.
 _ALWAYS: Final = {
@@ -58,25 +54,15 @@ _ALWAYS: Final = {
 
 @dataclass(frozen=True)
 class Study:
-    """A study: every run of it depends only on this value and the run's number.
+    """A study: every run of it depends only on this value and the run's number."""
 
-    Attributes:
-        name: Name of its kind.
-        seed: Seed of all its scenarios.
-        most_obstacles: Maximum number on the road in one run.
-        assignments: Further parameters, each as `key=value`.
-        robot: Name or file of a robot, for which the courses are made then.
-        scene: Name of the scene of all runs with people; empty for all scenes in turn.
-        told: True if people are known exactly instead of seen.
-    """
-
-    name: str
-    seed: int = 1
-    most_obstacles: int = MOST_OBSTACLES
-    assignments: tuple[str, ...] = ()
-    robot: str = ''
-    scene: str = ''
-    told: bool = False
+    name: str  # of its kind
+    seed: int = 1  # of all its scenarios
+    most_obstacles: int = MOST_OBSTACLES  # maximum number on the road in one run
+    assignments: tuple[str, ...] = ()  # further parameters, each as `key=value`
+    robot: str = ''  # name or file of a robot, for which the courses are made then
+    scene: str = ''  # name of the scene of all runs with people; empty for all scenes in turn
+    told: bool = False  # true if people are known exactly instead of seen
 
     @property
     def tolerance(self) -> float:
@@ -89,13 +75,7 @@ class Study:
         return KINDS[self.name]
 
     def values(self) -> dict[str, Any]:
-        """All parameters, without obstacles.
-
-        Raises:
-            StudyError: There is no study of that name, or there is no room on its road, or it has
-                no courses for the robot.
-            ParameterError: An assignment is wrong.
-        """
+        """All parameters, without obstacles; raises StudyError or ParameterError."""
         if self.name not in KINDS:
             raise StudyError(f'study: found {self.name!r}, wanted one of {", ".join(KINDS)}')
         given = load_parameter_file(self.kind.preset)
@@ -107,7 +87,8 @@ class Study:
             raise StudyError(f'--scene: found {self.scene!r}, wanted one of {", ".join(SCENES)}')
         assigned = dict(parse_assignment(each) for each in self.assignments)
         if self.kind.has_people:
-            given |= _among_people(self.robot)
+            own = {} if self.robot in {'', OWN} else load_robot(self.robot)
+            given |= {**own, **ROBOTS.get(self.robot, {}), **_ALWAYS}
         elif self.robot:
             given |= self._fitted(given, assigned)
         values = TABLE.resolve(given | assigned)
@@ -126,7 +107,6 @@ class Study:
         return dict(values)
 
     def _fitted(self, given: Mapping[str, Any], assigned: Mapping[str, Any]) -> dict[str, Any]:
-        """The robot, and a course in proportion to it."""
         if self.kind is not KINDS['nominal']:
             raise StudyError(f'--robot: found study {self.name}, wanted nominal: it has its own')
         changes = load_robot(self.robot) | _ALWAYS
@@ -138,7 +118,7 @@ class Study:
 
     def setup(self) -> tuple[GuidanceSettings, PlantSettings]:
         """Settings of law and plant in every run, but for start, obstacles and seed."""
-        return _setup(self)
+        return _setup(self)[:2]
 
     def run(self, number: int) -> RunTask:
         """Task of the run of that number."""
@@ -164,18 +144,19 @@ class Study:
             periods = math.ceil(time / settings.control_period)
             changes = {**changes, 'final_time': periods * settings.control_period}
             known = (map_of(drawn.obstacles),)
-        return RunTask(
-            drawn,
-            replace(settings, obstacles=known, **changes),
-            replace(plant, initial_pose=drawn.pose, seed=drawn.seed),
-            self.kind.lateness,
-            replace(_scanner(self), seed=drawn.seed) if self.kind.sees else None,
-            has_map=self.kind.has_map,
-            scored=None
-            if self.kind.score_speed is None
-            else (self.kind.score_speed, self.tolerance),
-            foreign=foreign,
-        )
+        return self._task(drawn, replace(settings, obstacles=known, **changes), plant, foreign)
+
+    def _task(
+        self,
+        drawn: Scenario,
+        settings: GuidanceSettings,
+        plant: PlantSettings,
+        foreign: ForeignRobot | None = None,
+    ) -> RunTask:
+        laser = _setup(self)[2]
+        scanner = None if laser is None else replace(laser, seed=drawn.seed)
+        plant = replace(plant, initial_pose=drawn.pose, seed=drawn.seed)
+        return RunTask(drawn, settings, plant, self.kind, scanner, foreign)
 
     def _run_among_people(self, number: int) -> RunTask:
         """Task of a run with people: scenes and robots in turn, every fourth turn with noise."""
@@ -189,14 +170,10 @@ class Study:
         settings, plant = study.setup()
         drawn = crowd_scenario(settings, self.seed, number, scenes[scene])
         straight = math.dist(drawn.pose[:2], drawn.changes['goal']) / settings.pace
-        return RunTask(
-            drawn,
-            replace(settings, **drawn.changes),
-            replace(plant, initial_pose=drawn.pose, seed=drawn.seed),
-            scanner=replace(_scanner(study), seed=drawn.seed),
-            patience=_PATIENCE[0] + _PATIENCE[1] * straight,
-            crowd=Crowd(scenes[scene], robots[robot], bool(noise), self.told),
-        )
+        patience = _PATIENCE[0] + _PATIENCE[1] * straight
+        crowd = Crowd(scenes[scene], robots[robot], bool(noise), self.told)
+        task = study._task(drawn, replace(settings, **drawn.changes), plant)  # noqa: SLF001 (own)
+        return replace(task, patience=patience, crowd=crowd)
 
     def command(self, number: int) -> str:
         """The command that makes one run again."""
@@ -213,45 +190,26 @@ class Study:
 
 @dataclass(frozen=True)
 class Crowd:
-    """Circumstances of a run among people, who are known exactly if `told`, or else seen.
-
-    A noisy run has missed returns, and noise of odometry.
-    """
+    """Circumstances of a run among people."""
 
     scene: str
     robot: str
-    is_noisy: bool
-    told: bool
+    is_noisy: bool  # with missed returns, and noise of odometry
+    told: bool  # True if people are known exactly, or else seen
 
 
 @dataclass(frozen=True)
 class RunTask:
-    """Everything that one run depends on.
+    """Everything that one run depends on."""
 
-    Attributes:
-        scenario: Start and obstacles.
-        settings: Settings of the guidance law.
-        plant: Settings of the simulated robot.
-        foreign: The robot that is driven instead, if any.
-        lateness: Maximum duration of a control step, in control periods.
-        scanner: Scanner of a robot that knows obstacles only by sight.
-        patience: Time after which a run with repeatedly postponed goals ends [s].
-        has_map: Same as in `StudyKind`.
-        crowd: Circumstances of a run among people; None without.
-        scored: Speed along the planned path [m/s], and distance from the goal that counts as
-            arrived [m], for the score of the BARN challenge; None for none.
-    """
-
-    scenario: Scenario
-    settings: GuidanceSettings
-    plant: PlantSettings
-    lateness: float = 0.0
-    scanner: LaserSettings | None = None
-    patience: float = 180.0
-    has_map: bool = False
-    foreign: ForeignRobot | None = None
-    crowd: Crowd | None = None
-    scored: tuple[float, float] | None = None
+    scenario: Scenario  # start and obstacles
+    settings: GuidanceSettings  # of the guidance law
+    plant: PlantSettings  # settings of the simulated robot
+    kind: StudyKind
+    scanner: LaserSettings | None = None  # of a robot that knows obstacles only by sight
+    foreign: ForeignRobot | None = None  # the robot that is driven instead, if any
+    patience: float = 180.0  # time after which a run with repeatedly postponed goals ends [s]
+    crowd: Crowd | None = None  # circumstances of a run among people; None without
 
     @property
     def truth(self) -> GuidanceSettings:
@@ -273,19 +231,9 @@ class RunTask:
         return Eyes(self.settings, self.scanner, self.scenario.obstacles, seen)
 
 
-def _among_people(robot: str) -> dict[str, Any]:
-    """Parameters of a robot among people, by its name or file; of one at 1 m/s for none."""
-    own = robot in {'', OWN}
-    return {**({} if own else load_robot(robot)), **ROBOTS.get(robot, {}), **_ALWAYS}
-
-
 @cache
-def _setup(study: Study) -> tuple[GuidanceSettings, PlantSettings]:
+def _setup(study: Study) -> tuple[GuidanceSettings, PlantSettings, LaserSettings | None]:
     """Settings shared by all runs of a study; reading them takes as long as a run."""
     values = study.values()
-    return guidance_settings(values), plant_settings(values)
-
-
-@cache
-def _scanner(study: Study) -> LaserSettings:
-    return laser_settings(study.values())
+    laser = laser_settings(values) if study.kind.sees else None
+    return guidance_settings(values), plant_settings(values), laser

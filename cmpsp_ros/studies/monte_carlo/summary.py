@@ -19,17 +19,14 @@ from cmpsp_ros.studies.monte_carlo.outcome import RunVerdict, StudyOutcome
 from cmpsp_ros.studies.monte_carlo.study import Study
 
 _LEVELS = ('nominal', 'elastic', 'previous_plan', 'stop')
-_NEARLY = 0.03
-"""Error of a delay that is told nearly right [s]."""
+_NEARLY = 0.03  # error of a delay that is told nearly right [s]
 _SPREADS = {
     'miss [m], goal in reach': 'miss_in_reach_m',
     'clearance [m]': 'clearance_m',
     'time [s]': 'time_s',
     'mean speed, by the shortest path, of the nominal': 'pace',
 }
-_WITHIN = 0.05
-"""Part of the least cost that a run may cost more."""
-
+_WITHIN = 0.05  # part of the least cost that a run may cost more
 _QUANTILES = {'least': 0.0, '1 %': 0.01, 'median': 0.5, '99 %': 0.99, 'largest': 1.0}
 
 
@@ -186,10 +183,7 @@ def write_parquet(
     tolerance: float,
     judged: Mapping[int, Mapping[str, Any]],
 ) -> None:
-    """Write a row for each run, lengths in [m], times in [s], wheel speeds in [rad/s].
-
-    Without pyarrow nothing is written. A run has arrived within `tolerance` [m].
-    """
+    """Write a row for each run [m, s, rad/s], where pyarrow is installed."""
     try:
         import pyarrow as pa  # type: ignore[import-untyped]  # noqa: PLC0415 (optional)
         from pyarrow import parquet  # noqa: PLC0415
@@ -254,7 +248,6 @@ def _crowd_figures(outcomes: Sequence[StudyOutcome], tolerance: float) -> dict[s
 
 
 def _crowd_tables(values: Mapping[str, Any]) -> list[Table]:
-    """The figures to look at."""
     table = Table(
         'runs', 'number', 'active contact', 'all held', 'other contact', 'arrived',
         'arrived told', 'both', 'time by told', 'time by empty', title='among people',
@@ -271,7 +264,6 @@ def _crowd_tables(values: Mapping[str, Any]) -> list[Table]:
 def _group(
     runs: Sequence[tuple[StudyOutcome, CrowdOutcome]], tolerance: float
 ) -> dict[str, float | None]:
-    """Counts of runs, and medians of their times by those of others."""
     arrived = [each.verdict(tolerance) is RunVerdict.ARRIVED for each, _ in runs]
     told = [crowd.told_time is not None for _, crowd in runs]
     both = [(each, crowd) for (each, crowd), *good in zip(runs, arrived, told, strict=True)

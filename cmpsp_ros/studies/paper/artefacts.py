@@ -29,17 +29,13 @@ _PATHS = ('x_m', 'y_m')
 
 
 class Artefact(NamedTuple):
-    """A figure or table of the paper, its runs, and what is drawn of them.
-
-    The check adds claims, further numbers and tables to its sheet; `series` of the runs go into
-    `results.json`; `table` is the heading of a table of the runs, empty for none.
-    """
+    """A figure or table of the paper, its runs, and what is drawn of them."""
 
     title: str
-    check: Callable[[Sheet], None]
+    check: Callable[[Sheet], None]  # adds claims, further numbers and tables
     runs: Callable[[], Sequence[Experiment]] = tuple
-    series: Sequence[str] = ()
-    table: str = ''
+    series: Sequence[str] = ()  # of the runs, for `results.json`
+    table: str = ''  # heading of a table of the runs; empty for none
     draw: Callable[[Panels], Figure] | None = None
 
 
@@ -110,8 +106,8 @@ _ARTEFACTS: Final[Mapping[str, Artefact]] = {
     'timing': Artefact('Computing time', convergence.timing),
 }  # fmt: skip
 
+# Names of the paper's figures and tables, in its order, and of the computing time.
 ARTEFACTS: Final[tuple[str, ...]] = tuple(_ARTEFACTS)
-"""Names of the paper's figures and tables, in its order, and of the computing time."""
 
 
 def run(
@@ -121,20 +117,17 @@ def run(
     *,
     judge: bool = False,
 ) -> Path:
-    """Reproduce the paper's figures and tables, and check its claims.
+    """Reproduce figures and tables, all or those named, in a new folder; the path of the report.
 
-    Args:
-        output: Folder to write to; made if it does not exist, and empty if it does.
-        only: Names out of `ARTEFACTS`; all of them when empty.
-        progress: Called with a line on the work in progress.
-        judge: True if IPOPT computes the optimum with many obstacles; needs CasADi.
-
-    Returns:
-        The report, `results.md`. Beside it are `results.json` and a PNG and an SVG of each figure.
+    Beside it are `results.json` and each figure; to `judge`, IPOPT finds optima, which needs
+    CasADi.
     """
     if unknown := [name for name in only if name not in _ARTEFACTS]:
         raise StudyError(f'only: found {", ".join(unknown)}, wanted some of {", ".join(ARTEFACTS)}')
-    _make_folder(output)
+    with disk_errors(output):
+        if output.exists() and (not output.is_dir() or any(output.iterdir())):
+            raise StudyError(f'{output}: found something there, wanted a new or empty folder')
+        output.mkdir(parents=True, exist_ok=True)
     lab = Laboratory(progress, judge=judge)
     sheets: dict[str, Sheet] = {}
     with plot_style():
@@ -164,10 +157,3 @@ def _fill(artefact: Artefact, lab: Laboratory) -> Sheet:
     if artefact.draw is not None:
         sheet.figure = artefact.draw(panels)
     return sheet
-
-
-def _make_folder(output: Path) -> None:
-    with disk_errors(output):
-        if output.exists() and (not output.is_dir() or any(output.iterdir())):
-            raise StudyError(f'{output}: found something there, wanted a new or empty folder')
-        output.mkdir(parents=True, exist_ok=True)

@@ -17,26 +17,19 @@ from cmpsp_ros.studies.closed_loop import drive
 from cmpsp_ros.studies.paper.experiments import Experiment
 from cmpsp_ros.view import along
 
-ARRIVED = 1e-6
-"""Distance from the goal up to which a run counts as having met it [m]."""
+ARRIVED = 1e-6  # distance from the goal up to which a run counts as having met it [m]
 
+# Clearance down to which an active constraint counts as met [m]: rounding of a linearisation.
 TOUCHED = -1e-6
-"""Clearance down to which an active constraint counts as met [m]: rounding of a linearisation."""
 
 
 @dataclass(frozen=True)
 class Path:
-    """A path driven under zero-order hold, and its controls.
+    """A path driven under zero-order hold, and its controls."""
 
-    Attributes:
-        settings: Settings of the law, or of the controller used instead.
-        poses: At each control instant and at the end, shape ``(N + 1, 3)`` [m, m, rad].
-        controls: Shape ``(N, r)``; of the paper's robot the speeds of its right and left wheel
-            [rad/s].
-    """
-
-    settings: GuidanceSettings
-    poses: Array
+    settings: GuidanceSettings  # of the law, or of the controller used instead
+    poses: Array  # at each control instant and at the end, shape ``(N + 1, 3)`` [m, m, rad]
+    # Shape ``(N, r)``; of the paper's robot the speeds of its right and left wheel [rad/s].
     controls: Array
 
     @classmethod
@@ -114,16 +107,13 @@ class Path:
 
 @dataclass(frozen=True)
 class Drive:
-    """A run of the guidance law, with fallback level and computing time [ms] of each control step.
-
-    With `between_samples` the path between samples was constrained, too.
-    """
+    """A run of the guidance law."""
 
     experiment: Experiment
-    between_samples: bool
+    between_samples: bool  # True if the path between samples was constrained, too
     path: Path
-    levels: tuple[str, ...]
-    step_times: Array
+    levels: tuple[str, ...]  # fallback level of each control step
+    step_times: Array  # computing time of each control step [ms]
 
     @property
     def steps_with_slack(self) -> int:
@@ -242,7 +232,6 @@ class Laboratory:
     """Every experiment, run once for any number of figures."""
 
     def __init__(self, progress: Callable[[str], None], *, judge: bool = False) -> None:
-        """Start without runs."""
         self.progress = progress
         self.judge = judge
         self._drives: dict[tuple[str, bool], Drive] = {}

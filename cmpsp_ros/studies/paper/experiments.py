@@ -26,12 +26,9 @@ TABLE1_GUESSES: Final = (
 )
 """Right and left wheel [rad/s], colour."""
 
+# Initial heading [deg], colour; from (0, -9.25) m, with `TABLE2_GUESS`.
 TABLE2_HEADINGS: Final = ((60.0, 'black'), (0.0, 'blue'), (-60.0, 'green'))
-"""Initial heading [deg], colour; from (0, -9.25) m, with `TABLE2_GUESS`."""
-
-TABLE2_GUESS: Final = (36.0, 36.0)
-"""Right and left wheel [rad/s]."""
-
+TABLE2_GUESS: Final = (36.0, 36.0)  # right and left wheel [rad/s]
 _CASES: Final = (('case1', 'Case 1', 'black'), ('case2', 'Case 2', 'blue'))
 _CASE3: Final = ('case3', 'Case 3', 'red')
 _FEW: Final = (('zero', 'black'), ('one', 'red'), ('two', 'green'))
@@ -40,16 +37,13 @@ _MANY: Final = (('three', 'blue'), ('four', 'magenta'), ('five', 'cyan'))
 
 @dataclass(frozen=True)
 class Experiment:
-    """One run of the paper from a pose [m, m, rad], in its colour if the paper names one.
+    """One run of the paper."""
 
-    The key is unique among all runs, the label for legends and tables.
-    """
-
-    key: str
-    label: str
-    color: str
+    key: str  # unique among all runs
+    label: str  # for legends and tables
+    color: str  # the paper's, if it names one
     settings: GuidanceSettings
-    pose: tuple[float, float, float]
+    pose: tuple[float, float, float]  # where it begins [m, m, rad]
 
     def with_bound(self, between_samples: bool) -> GuidanceSettings:
         """Settings that keep the path clear between samples too, or the samples only."""
@@ -108,7 +102,6 @@ def many_obstacles() -> tuple[Experiment, ...]:
 
 
 def _case3(key: str, label: str, color: str, guess: tuple[float, float] | None) -> Experiment:
-    """Case 3 from a constant guess, or from one along the road."""
     case3 = _preset(*_CASE3)
     initial = InitialGuess('road') if guess is None else InitialGuess('constant', guess)
     settings = replace(case3.settings, initial_guess=initial)

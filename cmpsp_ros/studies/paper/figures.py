@@ -34,8 +34,8 @@ from cmpsp_ros.studies.paper.report import ClaimVerdict, Sheet, Table, millimetr
 _PAPER_PEAKS = 52.7, 50.4
 _NEAR = 0.05
 _NEAR_EDGE = 0.5
+# Distance [m], or difference of wheel speeds [rad/s], from which two runs are different.
 _DIFFERENT = 0.1
-"""Distance [m], or difference of wheel speeds [rad/s], from which two runs are different."""
 
 
 def fig2(sheet: Sheet) -> None:
@@ -269,7 +269,6 @@ def _admissible(
 
 
 def _optima(sheet: Sheet) -> dict[str, Any]:
-    """IPOPT's optimum of each run with the bound, if wanted."""
     if not sheet.lab.judge:
         return {}
     optima = {}

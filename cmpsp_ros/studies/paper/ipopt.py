@@ -32,36 +32,23 @@ _OPTIONS: dict[str, Any] = {'print_level': 0, 'sb': 'yes', 'max_iter': 500}
 
 @dataclass(frozen=True)
 class ReferenceSolution:
-    """Result of IPOPT.
+    """Result of IPOPT."""
 
-    Attributes:
-        feasible: True if it ended at a point that satisfies every constraint.
-        status: IPOPT's status.
-        cost: First term of (95) there.
-        controls: Shape ``(N, r)``, of a differential drive its wheel speeds [rad/s].
-        braking: Controls that bring the robot to rest afterwards, shape ``(K, r)``.
-        excess: Maximum violation of a limit of the robot; 0 or less where all are kept.
-        time: Final time [s].
-    """
-
-    feasible: bool
-    status: str
-    cost: float
-    controls: Array
-    braking: Array
-    excess: float
-    time: float
+    feasible: bool  # true if it ended at a point that satisfies every constraint
+    status: str  # IPOPT's status
+    cost: float  # first term of (95) there
+    controls: Array  # shape ``(N, r)``, of a differential drive its wheel speeds [rad/s]
+    braking: Array  # controls that bring the robot to rest afterwards, shape ``(K, r)``
+    excess: float  # maximum violation of a limit of the robot; 0 or less where all are kept
+    time: float  # final time [s]
 
 
 class Limits(NamedTuple):
-    """Limits of quantities that are linear functions of the control, by `rows` ``(q, r)``.
+    """Limits of quantities that are linear functions of the control; infinite for none."""
 
-    Their largest magnitude and change in a second, both ``(q,)``, are infinite for none.
-    """
-
-    rows: Array
-    largest: Array
-    change: Array
+    rows: Array  # the functions, ``(q, r)``
+    largest: Array  # largest magnitudes, ``(q,)``
+    change: Array  # largest changes in a second, ``(q,)``
 
     @classmethod
     def of(cls, robot: Robot) -> Limits:
@@ -82,16 +69,10 @@ class Limits(NamedTuple):
 def reference_solution(settings: GuidanceSettings, pose: Array, start: Path) -> ReferenceSolution:
     """Minimise the first term of (95) over the whole horizon at once, or with `goal.when` the time.
 
-    All steps have one duration then, and the robot may be at rest after the last of them.
-
-    Args:
-        settings: The problem; with `safety.between_samples` in the shrunk space that keeps the
-            path between samples clear.
-        pose: Initial pose, shape ``(3,)`` [m, m, rad].
-        start: A path to start from; it decides on which side obstacles are passed.
-
-    Raises:
-        StudyError: CasADi is not installed, or does not know the robot.
+    All steps have one duration then, and the robot may be at rest after the last of them. The
+    start, a path from the pose ``(3,)``, decides on which side obstacles are passed; with
+    `safety.between_samples` the space is shrunk to keep the path between samples clear. Raises
+    StudyError without CasADi, or for an unknown robot.
     """
     try:
         import casadi  # noqa: PLC0415 (only needed here)
@@ -101,7 +82,10 @@ def reference_solution(settings: GuidanceSettings, pose: Array, start: Path) -> 
     steps = round(settings.final_time / settings.control_period)
     robot, space = settings.robot, sample_space(settings, settings.world)
     end = goal_space(settings, settings.world, settings.target) or space
-    stopping = 0 if settings.is_soonest else _stopping_steps(settings)
+    stopping, change = 0, settings.max_wheel_change
+    if change < math.inf and not settings.is_soonest:
+        # Afterwards it comes to rest from any speed.
+        stopping = math.ceil(settings.robot.max_wheel_speed / change) + 1
     start = _braked(start, steps, stopping)
     opti = casadi.Opti()
     U = opti.variable(robot.n_controls, steps + stopping)
@@ -220,12 +204,6 @@ def _limit(
                 opti.subject_to(smooth >= -steady)
 
 
-def _stopping_steps(settings: GuidanceSettings) -> int:
-    """Steps in which the robot comes to rest after the final time, from any speed."""
-    change = settings.max_wheel_change
-    return 0 if change == math.inf else math.ceil(settings.robot.max_wheel_speed / change) + 1
-
-
 def _braked(start: Path, steps: int, stopping: int) -> Path:
     """A path of `steps + stopping` steps that slows down along its last arc."""
     missing = steps + stopping - len(start.controls)
@@ -246,7 +224,6 @@ class _SpaceConstraints:
     """Road and obstacles as constraints of a program, stage by stage."""
 
     def __init__(self, casadi: Any, opti: Any, settings: GuidanceSettings, start: Path) -> None:
-        """Make the variables of a corridor, which begin at `start`."""
         self._casadi, self._opti, self._start = casadi, opti, start
         road = settings.road
         self._road, stages = road, len(start.poses)

@@ -42,14 +42,10 @@ _DIFFERENCE = 1e-3
 
 
 class Recipe(Enum):
-    """Computation of the two iterations of a control step.
+    """Computation of the two iterations of a control step."""
 
-    Attributes:
-        AS_WRITTEN: Squared constraints (92) (93), hard, and the full step (43).
-        ONE_PLAN: The law's relaxation, trust region and line search, but the warm start alone.
-    """
-
-    AS_WRITTEN = 'as written'
+    AS_WRITTEN = 'as written'  # squared constraints (92) (93), hard, and the full step (43)
+    # The law's relaxation, trust region and line search, but the warm start alone.
     ONE_PLAN = 'one plan'
 
 
@@ -75,7 +71,6 @@ class SquaredConstraints(GuidanceProblem):
     """The same problem with the squared distances of (92) and (93)."""
 
     def __init__(self, robot: Robot, space: FreeSpace, *rest: Any) -> None:
-        """Set the problem up; arguments as of `GuidanceProblem`."""
         super().__init__(robot, space, *rest)
         edges = space.annulus
         self._centers = np.vstack([edges.center, edges.center, space.centers])
@@ -99,17 +94,11 @@ class SquaredConstraints(GuidanceProblem):
 
 @dataclass(frozen=True)
 class Convergence:
-    """Iterations from one guess.
+    """Iterations from one guess."""
 
-    Attributes:
-        first_miss: ``|dY_N|`` of the guess itself [m].
-        last_miss: The same after all iterations [m].
-        controls: Control history of every iteration, stacked, shape ``(I + 1, q)`` [rad/s].
-    """
-
-    first_miss: float
-    last_miss: float
-    controls: Array
+    first_miss: float  # ``|dY_N|`` of the guess itself [m]
+    last_miss: float  # the same after all iterations [m]
+    controls: Array  # control history of every iteration, stacked, shape ``(I + 1, q)`` [rad/s]
 
     @property
     def errors(self) -> Array:
@@ -149,15 +138,10 @@ def converge(
     road_center: float,
     full_steps: bool = False,
 ) -> Convergence:
-    """Iterate the problem without road and obstacles from a constant guess.
+    """Iterate the problem without road and obstacles from a constant guess [rad/s].
 
-    Args:
-        experiment: Robot, horizon and start.
-        guess: Right and left wheel [rad/s].
-        iterations: Maximum number; an iteration at rest ends earlier.
-        road_center: ``q`` of (95); with 0 its second term alone is left.
-        full_steps: True if every step is taken in full, as (43) is written, instead of within the
-            law's trust region and as far as its line search allows.
+    `road_center` is ``q`` of (95). With `full_steps` each step is taken in full, as (43) is
+    written, instead of within the law's trust region and as far as its line search allows.
     """
     settings = experiment.settings
     steps = round(settings.final_time / settings.control_period)
@@ -187,26 +171,16 @@ def converge(
 
 @dataclass(frozen=True)
 class Conditions:
-    """Numbers behind conditions (ii) and (iii) of Theorem 2.
+    """Numbers behind conditions (ii) and (iii) of Theorem 2."""
 
-    Attributes:
-        size: ``q``, number of unknowns.
-        rank_S_N: Rank of the output sensitivity (55).
-        path_rows: Path constraints (92) (93) that are active.
-        wheel_rows: Wheel limits (94) that are active.
-        rank_G: Rank of ``G`` of Theorem 2.
-        least_eigenvalue: Minimum eigenvalue of the exact Hessian of (95), ``R`` of its second term
-            included.
-        neglected: Part of the Hessian of the first term that (45) leaves out, in norm.
-    """
-
-    size: int
-    rank_S_N: int
-    path_rows: int
-    wheel_rows: int
-    rank_G: int
+    size: int  # ``q``, number of unknowns
+    rank_S_N: int  # rank of the output sensitivity (55)
+    path_rows: int  # path constraints (92) (93) that are active
+    wheel_rows: int  # wheel limits (94) that are active
+    rank_G: int  # rank of ``G`` of Theorem 2
+    # Minimum eigenvalue of the exact Hessian of (95), ``R`` of its second term included.
     least_eigenvalue: float
-    neglected: float
+    neglected: float  # part of the Hessian of the first term that (45) leaves out, in norm
 
     @property
     def columns_G(self) -> int:
@@ -263,7 +237,6 @@ def _improve(
 
 
 def _options(settings: GuidanceSettings, terminal: Array, path: Array, additions: bool) -> Options:
-    """Penalties of the rows, with or without the law's relaxation, trust region and line search."""
     trust = np.array([np.inf, np.inf, settings.solver.heading_trust_region])
     return Options(
         penalty_terminal=terminal,

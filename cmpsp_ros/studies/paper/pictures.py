@@ -28,8 +28,7 @@ _END: Final[Look] = {'color': 'white', 'mec': 'black'}
 _BESIDE = 0.35
 _DPI = 200
 
-_PERIOD: Final = 9.0
-"""Length of a dash and its gap, in line widths."""
+_PERIOD: Final = 9.0  # length of a dash and its gap, in line widths
 
 
 def save(figure: Figure, folder: FilePath, name: str) -> None:
@@ -155,7 +154,6 @@ def _grid(
     looks: Sequence[Look],
     keys: Sequence[Line2D] = (),
 ) -> tuple[Figure, list[list[Axes]]]:
-    """A row of axes for each quantity, a column for each panel, and the legend above all."""
     figure = Figure(figsize=(WIDTH, 0.5 + 1.45 * len(names)), layout='constrained')
     heights = (0.22, *(1.0 for _ in names))
     grid = figure.add_gridspec(len(heights), len(panels), height_ratios=heights)
@@ -176,7 +174,6 @@ def _grid(
 
 
 def _share(panels: Sequence[Axes]) -> None:
-    """One range of values for panels that are to be compared."""
     limits = [axes.get_ylim() for axes in panels]
     for axes in panels:
         axes.set_ylim(min(low for low, _ in limits), max(high for _, high in limits))
@@ -194,10 +191,7 @@ def _guess_key() -> Line2D:
 
 
 def _strokes(count: int, *, coincide: bool) -> list[Look]:
-    """Strokes for curves that run close to one another, in the order in which they are drawn.
-
-    Those drawn first are wider; where several coincide they are dashed, so that each colour shows.
-    """
+    """Strokes for close curves: those drawn first wider, or dashed where several coincide."""
     if not coincide:
         return [{'lw': 0.9 + 0.8 * (count - 1 - place)} for place in range(count)]
     dashes = [_PERIOD * (count - place) / (count + 1) for place in range(1, count)]

@@ -82,15 +82,12 @@ class Table(NamedTuple):
 
 @dataclass
 class Sheet:
-    """A figure or table of the paper, with the runs that it shows, while its check fills it in.
-
-    Its numbers are for `results.json`, its tables and the paper's claims for the report.
-    """
+    """A figure or table of the paper, with the runs that it shows, while its check fills it in."""
 
     title: str
     lab: Laboratory
     panels: Panels
-    numbers: dict[str, Any] = field(default_factory=dict)
+    numbers: dict[str, Any] = field(default_factory=dict)  # for `results.json`
     claims: list[Claim] = field(default_factory=list)
     tables: list[Table] = field(default_factory=list)
     figure: Figure | None = None

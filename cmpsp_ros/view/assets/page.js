@@ -111,9 +111,11 @@ function show() {
   });
 }
 
+// A goal alone has no name in decisions: it is passed at the final time.
 function goalOf({goal: name, goal_time: time}) {
-  if (!name) return '–';
-  return isNumber(time) ? `${name} at ${time.toFixed(1)} s` : name;
+  const {final_time: end, 'follow.speed': pace} = latest.robot || {};
+  if (name) return isNumber(time) ? `${name} at ${time.toFixed(1)} s` : name;
+  return end && pace === 0 ? `at ${end.toFixed(1)} s` : '–';
 }
 
 // The node stops once more when it is shut down after the goal; the run has arrived all the same.
@@ -366,4 +368,6 @@ function drawStrip(id, lines, marks) {
   for (const left of [whole, 0]) pen.fillText(`${(whole - left).toFixed(0)} s`, Math.max(to([left, 0])[0], 56), height - 6);
 }
 
+// A picture is as large as the window was: it would be stretched, the last one for good.
+addEventListener('resize', () => { drawCourse(); drawStrips(); });
 ask();

@@ -12,11 +12,8 @@ from cmpsp_ros.mpsp.jit import allocation_free
 from cmpsp_ros.world.grids.field_functions import FRAME, DistanceField
 from cmpsp_ros.world.grids.occupancy_grid import Cell, OccupancyGrid, is_free
 
-AROUND: Final = 2
-"""Cells that a field has around its grid."""
-
-_FAR: Final = 1e4
-"""Distance where nothing is occupied, or nothing free [cells]."""
+AROUND: Final = 2  # cells that a field has around its grid
+_FAR: Final = 1e4  # distance where nothing is occupied, or nothing free [cells]
 
 
 def distance_field(grid: OccupancyGrid, *, unknown_is_free: bool = False) -> DistanceField:
@@ -80,10 +77,7 @@ def signed_distances(marked: Flags) -> Array:
 def _transform(
     distances: Array, marked: Flags, heights: Array, begins: Array, lowest: Indices
 ) -> None:
-    """Fill in the distances, first along columns, then along rows.
-
-    Between two cells of the other kind in a row, nothing beyond these two is nearest.
-    """
+    """Fill in the distances, first along columns, then along rows."""
     _along_columns(distances, marked)
     rows, columns = marked.shape
     for i in range(rows):

@@ -49,23 +49,14 @@ _ASTRAY = 1e-5
 
 
 class DistanceField(NamedTuple):
-    """Distances at the nodes of a grid.
+    """Distances at the nodes of a grid."""
 
-    Attributes:
-        frame: One record of `FRAME`, shape ``(1,)``. It is shared and never written to.
-        distances: From the occupied cells, negative inside them, shape ``(rows, columns)``, at
-            least four each [m].
-    """
-
-    frame: Records
-    distances: Array
+    frame: Records  # one record of `FRAME`, shape ``(1,)``, shared and never written to
+    distances: Array  # negative inside occupied cells, at least four rows and columns [m]
 
 
-NO_FIELD: Final = DistanceField(np.ones(1, FRAME), np.full((4, 4), math.inf))
-"""Stands where there is none."""
-
-Fields = tuple[DistanceField, DistanceField]
-"""The fields of a map and of what sensors see."""
+NO_FIELD: Final = DistanceField(np.ones(1, FRAME), np.full((4, 4), math.inf))  # there is none
+Fields = tuple[DistanceField, DistanceField]  # the fields of a map and of what sensors see
 
 
 @allocation_free
@@ -119,13 +110,7 @@ def distance_from(field: DistanceField, x: float, y: float) -> float:
 
 @allocation_free
 def sweep(field: DistanceField, arc: Arc, enough: float) -> float:
-    """A lower bound of the least distance of an arc, from end to end.
-
-    Args:
-        field: The field.
-        arc: The arc.
-        enough: A distance that need not be known more exactly [m].
-    """
+    """Lower bound of the least distance of an arc, end to end; exact enough up to `enough` [m]."""
     before, deepest = _bounds(field, arc.x, arc.y)
     after, deeper = _bounds(field, arc.end_x, arc.end_y)
     astray = abs(arc.length * arc.turn) / 8.0

@@ -21,18 +21,11 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True, eq=False)
 class GridObstacle(Shape):
-    """Occupied cells of a grid.
+    """Occupied cells of a grid."""
 
-    Attributes:
-        name: The user's name for it, used in messages.
-        grid: The grid.
-        unknown_is_free: True if unknown cells are free, and all beyond the grid; else they are
-            occupied.
-    """
-
-    name: str
+    name: str  # the user's name for it, used in messages
     grid: OccupancyGrid
-    unknown_is_free: bool = False
+    unknown_is_free: bool = False  # true if unknown cells and all beyond are free
 
     corners: ClassVar[tuple[Point, ...]] = ()
     """None: it has a distance field instead."""
@@ -80,11 +73,9 @@ _MOST: Final = 24
 
 
 def islands_of(occupied: Flags) -> tuple[Indices, Indices]:
-    """Rows and columns of the middlemost cell of each group that does not touch the rim.
+    """Rows and columns of the middlemost cell of the largest groups that do not touch the rim.
 
-    Args:
-        occupied: Shape ``(rows, columns)``. Of its groups, which hang together at corners too, the
-            largest count.
+    `occupied` ``(rows, columns)``; groups hang together at corners, too.
     """
     cells = np.empty(np.count_nonzero(occupied), dtype=np.int64)
     middles, sizes = np.empty_like(cells), np.empty_like(cells)
@@ -137,13 +128,9 @@ Node = tuple[int, int]
 
 
 def loops(cells: BoolArray) -> list[tuple[Array, Array]]:
-    """Closed lines with the cells to their left: around them, and around holes in them.
+    """Closed lines with the cells ``(rows, columns)`` to their left: around them and their holes.
 
-    Args:
-        cells: Which cells, shape ``(rows, columns)``.
-
-    Returns:
-        Rows and columns of the nodes of each line where it turns, the first again at its end.
+    Rows and columns are those of the nodes where a line turns, the first again at its end.
     """
     onward = _edges(cells)
     found = []

@@ -14,19 +14,15 @@ from cmpsp_ros.mpsp.jit import allocation_free
 Indices = IntArray
 Links = NDArray[np.int32]
 
-NARROW: Final = 2.0
-"""By how much more a cell costs where there is no clearance to spare."""
-
-ROOM: Final = 0.4
-"""Clearance below which a cell costs more [m]."""
+NARROW: Final = 2.0  # by how much more a cell costs where there is no clearance to spare
+ROOM: Final = 0.4  # clearance below which a cell costs more [m]
 
 _NONE: Final = -1
 NEIGHBOURS: Final = np.array(
     [[-1, -1], [-1, 0], [-1, 1], [0, -1], [0, 1], [1, -1], [1, 0], [1, 1]], dtype=np.int64
 )
 """Rows and columns from a cell to those beside it."""
-STEPS: Final = np.hypot(*NEIGHBOURS.T)
-"""Lengths of these steps [cells]."""
+STEPS: Final = np.hypot(*NEIGHBOURS.T)  # lengths of these steps [cells]
 
 
 def costs_of(clearance: Array) -> Array:
@@ -38,9 +34,9 @@ def costs_of(clearance: Array) -> Array:
 def lengths_to(costs: Array, goal: Indices) -> Array:
     """Path lengths from all cells to one, weighted by cost, infinite where there is none [cells].
 
-    It is Dijkstra's algorithm with buckets (Dial, Comm. ACM 12, 1969): no step costs less than the
-    width of a bucket, 1, so that the order of the cells in one does not matter. Costs ``(rows,
-    columns)`` are 1 at least.
+    Dijkstra's algorithm with buckets (Dial, Comm. ACM 12, 1969): no step costs less than the width
+    of a bucket, 1, so that the order in a bucket does not matter. Costs ``(rows, columns)`` are at
+    least 1.
     """
     lengths = np.full((costs.shape[0] + 2, costs.shape[1] + 2), math.inf)
     walled = np.pad(costs, 1, constant_values=math.inf)

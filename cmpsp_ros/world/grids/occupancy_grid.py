@@ -15,8 +15,7 @@ from cmpsp_ros.arrays import Array, BoolArray, IntArray
 Cells = NDArray[np.uint8]
 Indices = IntArray
 
-MOST_CELLS: Final = 100_000_000
-"""Larger grids are refused."""
+MOST_CELLS: Final = 100_000_000  # larger grids are refused
 
 
 class Cell(IntEnum):
@@ -42,19 +41,13 @@ class GridError(ValueError):
 class OccupancyGrid:
     """Cells in rows along x, one row after the other along y, as in nav_msgs/OccupancyGrid.
 
-    Attributes:
-        origin: Pose of the outer corner of cell (0, 0) [m, m, rad].
-        resolution: Side of a cell [m].
-        cells: Values of `Cell`, shape ``(rows, columns)``.
-
-    Raises:
-        GridError: No cells or too many, a value that is none, an origin or a resolution that is
-            not finite, or a resolution that is not positive.
+    GridError if there are no cells or too many, a value is none, or origin or resolution are not
+    finite, or the resolution is not positive.
     """
 
-    origin: tuple[float, float, float]
-    resolution: float
-    cells: Cells
+    origin: tuple[float, float, float]  # pose of the outer corner of cell (0, 0) [m, m, rad]
+    resolution: float  # side of a cell [m]
+    cells: Cells  # values of `Cell`, shape ``(rows, columns)``
 
     def __post_init__(self) -> None:
         if not all(map(math.isfinite, self.origin)):

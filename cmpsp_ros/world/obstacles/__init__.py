@@ -11,7 +11,13 @@ if TYPE_CHECKING:
         disc_after,
         sweep_moving,
     )
-    from cmpsp_ros.world.obstacles.shape_functions import ROUGHNESS, away_from, distance_from, sweep
+    from cmpsp_ros.world.obstacles.shape_functions import (
+        ROUGHNESS,
+        ShapeData,
+        away_from,
+        distance_from,
+        sweep,
+    )
     from cmpsp_ros.world.obstacles.shapes import (
         SHAPES,
         Capsule,

@@ -29,24 +29,18 @@ class MovingDiscs:
 
     They go on at constant velocity, but for those whose ways are known: they go straight from one
     place to the next, and stand before the first and after the last.
-
-    Attributes:
-        names: Names in messages.
-        states: Centre, velocity and radius of each, growth of the radius and its acceleration,
-            shape ``(M, 7)`` [m, m, m/s, m/s, m, m/s, m/s^2]: the radius is that of all places where
-            the disc may be.
-        slots: Index of each one's rows of a plan's constraints, -1 for none, shape ``(M,)``.
-        ways: Times from now on and places (t, x, y) by the index of a disc, each of shape
-            ``(J, 3)`` [s, m, m]; the velocity in `states` does not count there.
     """
 
-    names: tuple[str, ...]
+    names: tuple[str, ...]  # names in messages
+    # centre, velocity and radius of each, growth of the radius and its acceleration, ``(M, 7)``
+    # [m, m, m/s, m/s, m, m/s, m/s^2]: the radius is that of all places where the disc may be
     states: Array
-    slots: Indices
+    slots: Indices  # index of each one's rows of a plan's constraints, -1 for none, shape ``(M,)``
+    # times from now on and places (t, x, y) by the index of a disc, ``(J, 3)`` [s, m, m] each;
+    # the velocity in `states` does not count there
     ways: Mapping[int, Array] = field(default_factory=dict)
 
     def __len__(self) -> int:
-        """The number of discs."""
         return len(self.names)
 
     def after(self, seconds: float) -> MovingDiscs:
@@ -111,11 +105,10 @@ class MovingDiscs:
         return centers, states[:, _RADIUS] + growth * times[:, None]
 
     def legs(self, durations: Array) -> Array:
-        """States at the beginnings of steps; in each the discs keep their velocity and growth.
+        """States ``(K, M, 7)`` at the beginnings of steps, in which velocity and growth are kept.
 
         The chord of a radius that grows ever faster is above it. Where a way bends within a step
         its disc goes straight all the same, and is greater by as much as the way strays from that.
-        Shape ``(K, M, 7)`` for durations ``(K,)`` [s].
         """
         if not len(self):
             return _NO_LEGS
@@ -171,7 +164,7 @@ class MovingDiscs:
         times: Array,
         points: Array = REFERENCE_POINT,
     ) -> Array:
-        """Least clearance ``(K, M)`` [m] of arcs that are driven while they move, or less.
+        """Least clearance ``(K, M)`` [m], or less, of arcs that are driven while they move.
 
         Arcs are those of `FreeSpace.along`, each of which begins at a time from now on [s]. Of the
         points of the robot ``(D, 2)`` the nearest counts.
@@ -189,8 +182,7 @@ class MovingDiscs:
         return radii, np.hypot(legs[..., 2], legs[..., 3])
 
 
-NOTHING_MOVES = MovingDiscs((), np.empty((0, _COLUMNS)), np.empty(0, np.int64))
-"""No discs."""
+NOTHING_MOVES = MovingDiscs((), np.empty((0, _COLUMNS)), np.empty(0, np.int64))  # no discs
 
 _NO_LEGS = np.empty((0, 0, _COLUMNS))
 
@@ -235,10 +227,7 @@ def _along(
 
 @allocation_free
 def disc_after(states: Array, j: int, time: float, lasting: float) -> Any:
-    """Centre, velocity, radius and growth (x, y, u, v, radius, growth) of a disc some time later.
-
-    The growth is the mean one of the time that lasts from then on.
-    """
+    """Centre, velocity, radius and mean growth (x, y, u, v, radius, growth) some time later."""
     u, v, growth, bend = states[j, 2], states[j, 3], states[j, 5], states[j, 6]
     radius = states[j, 4] + (growth + 0.5 * bend * time) * time
     x, y = states[j, 0] + time * u, states[j, 1] + time * v
@@ -291,7 +280,7 @@ def _least_on_approach(
 ) -> float:
     """Least distance from the origin on a straight way, less a radius that changes evenly.
 
-    It is a convex function of the part of the way, least where its slope vanishes.
+    Convex, and least where its slope vanishes.
     """
     way_x, way_y, grown = to_x - x, to_y - y, to_radius - radius
     squared = way_x * way_x + way_y * way_y

@@ -10,7 +10,7 @@ corners is that of the first distance field, another one that of the second.
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.mpsp.jit import allocation_free, inlined
@@ -20,38 +20,42 @@ from cmpsp_ros.world.grids.field_functions import DistanceField, Fields
 
 Indices = IntArray
 
-ROUGHNESS = 1e-5
-"""Error, on the safe side, of the distance of a path from a shape that is no point [m]."""
+ROUGHNESS = 1e-5  # safe error of the distance of a path from a shape that is no point [m]
 
 _MOST_PIECES = 256
+
+
+class ShapeData(NamedTuple):
+    """Several shapes for compiled code, as above."""
+
+    fields: Fields
+    corners: Array  # shape ``(K, C, 2)`` [m]
+    first: Indices  # first corner of each shape, and the end of the last, shape ``(M + 1,)``
+
 
 # At a point itself: no distance, and a way out.
 _SOME = (0.0, 1.0, 0.0)
 
 
 @allocation_free
-def distance_from(
-    fields: Fields, corners: Array, first: Indices, k: int, j: int, x: float, y: float
-) -> float:
+def distance_from(shapes: ShapeData, k: int, j: int, x: float, y: float) -> float:
     """Distance of a point from a shape."""
     distance: float
-    if first[j] == first[j + 1]:
-        return field_functions.distance_from(_field_of(fields, first, j), x, y)
-    distance, _, _ = away_from(fields, corners, first, k, j, x, y)
+    if shapes.first[j] == shapes.first[j + 1]:
+        return field_functions.distance_from(_field_of(shapes, j), x, y)
+    distance, _, _ = away_from(shapes, k, j, x, y)
     return distance
 
 
 @inlined
-def away_from(
-    fields: Fields, corners: Array, first: Indices, k: int, j: int, x: float, y: float
-) -> Any:
+def away_from(shapes: ShapeData, k: int, j: int, x: float, y: float) -> Any:
     """Distance of a point from a shape and its gradient, a unit vector away from it.
 
     Where there is no gradient it is some unit vector that leads out, so that a solver can leave.
     """
-    begin, end = first[j], first[j + 1]
+    corners, begin, end = shapes.corners, shapes.first[j], shapes.first[j + 1]
     if end == begin:
-        return field_functions.away_from(_field_of(fields, first, j), x, y)
+        return field_functions.away_from(_field_of(shapes, j), x, y)
     if end - begin == 1:
         dx, dy = x - corners[k, begin, 0], y - corners[k, begin, 1]
         from_point = math.sqrt(dx * dx + dy * dy)
@@ -82,16 +86,16 @@ def away_from(
 
 
 @inlined
-def sweep(arc: Arc, fields: Fields, corners: Array, first: Indices, j: int, enough: float) -> float:
+def sweep(arc: Arc, shapes: ShapeData, j: int, enough: float) -> float:
     """Least distance of an arc, from end to end, from a shape that stands still.
 
     Exact for a point. Else a lower bound from chords of the arc, low by `ROUGHNESS` at most,
     unless it is more than ``enough``.
     """
     least: float
-    begin, end = first[j], first[j + 1]
+    corners, begin, end = shapes.corners, shapes.first[j], shapes.first[j + 1]
     if end == begin:
-        return field_functions.sweep(_field_of(fields, first, j), arc, enough)
+        return field_functions.sweep(_field_of(shapes, j), arc, enough)
     if end - begin == 1:
         least, _ = reach_of(arc, corners[0, begin, 0], corners[0, begin, 1])
         return least
@@ -109,12 +113,12 @@ def sweep(arc: Arc, fields: Fields, corners: Array, first: Indices, j: int, enou
 
 
 @allocation_free
-def _field_of(fields: Fields, first: Indices, j: int) -> DistanceField:
+def _field_of(shapes: ShapeData, j: int) -> DistanceField:
     """The field of a shape without corners."""
     for i in range(j):
-        if first[i] == first[i + 1]:
-            return fields[1]
-    return fields[0]
+        if shapes.first[i] == shapes.first[i + 1]:
+            return shapes.fields[1]
+    return shapes.fields[0]
 
 
 @allocation_free

@@ -15,8 +15,7 @@ from cmpsp_ros.setting import POSITIVE, setting
 
 Point = tuple[float, float]
 
-_TURN = math.tau / 72.0
-"""Between two points of a rounded outline [rad]."""
+_TURN = math.tau / 72.0  # between two points of a rounded outline [rad]
 
 
 class Shape(ABC):
@@ -64,10 +63,7 @@ class Shape(ABC):
         return len(self.corners) == 1
 
     def outlines(self, distance: float) -> list[Array]:
-        """The closed lines at a distance [m] from its corners' hull, ``(K, 2)`` [m] each.
-
-        At its own radius they are its edge, anticlockwise, and clockwise around holes.
-        """
+        """Closed lines ``(K, 2)`` at a distance from its corners' hull [m], clockwise at holes."""
         return [outline_of(self.corners, distance)]
 
 
@@ -139,9 +135,7 @@ class ShapeError(ValueError):
 def convex(name: str, vertices: Sequence[Point]) -> Polygon:
     """A polygon from its vertices in either sense of rotation.
 
-    Raises:
-        ShapeError: There are less than three, or two of them coincide, or one of them does not
-            turn the way that the others do, or they go round more than once.
+    ShapeError for less than three, coincident ones, a concave corner, or more than one turn.
     """
     count = len(vertices)
     if count < 3:

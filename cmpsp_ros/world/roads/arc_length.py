@@ -27,8 +27,7 @@ def arc_length_to(
     Where the road crosses itself, the heading at the goal [rad] and the progress [m] near the pose
     select the branch; None or NaN if unknown.
     """
-    there = math.nan if heading is None else heading
-    return _length_to(road.space(0.0), pose[0], pose[1], pose[2], *goal, there, float(progress))
+    return float(remaining_arc_length(road, pose[None], goal, heading, progress)[0])
 
 
 def lookahead_point(
@@ -42,10 +41,7 @@ def lookahead_point(
 def lookahead_points(
     road: Road, pose: Array, lengths: Array, goal: Point, progress: float = math.nan
 ) -> Array:
-    """Points ``(K, 2)`` [m] of the centre line some arc lengths ``(K,)`` ahead of a pose.
-
-    On open floor they are on the straight line to the goal.
-    """
+    """Points ``(K, 2)`` [m] of the centre line, or on open floor of the line to the goal."""
     points = np.empty((len(lengths), 2))
     _fill_points(points, road.space(0.0), pose, lengths, goal, float(progress))
     return points
@@ -54,9 +50,8 @@ def lookahead_points(
 def project_on_path(road: Road, pose: Array, before: float) -> float:
     """Arc length of a pose, on the branch of the road along which the robot has come.
 
-    `before` is its last known value, NaN at first: near a crossing the heading may point along the
-    other branch. A pose far beside the road there is projected afresh. NaN for roads that cannot
-    cross themselves.
+    `before` is its last known value, NaN at first. A pose far beside the road there is projected
+    afresh. NaN for roads that cannot cross themselves.
     """
     if not road.has_progress:
         return math.nan
@@ -67,13 +62,11 @@ def project_on_path(road: Road, pose: Array, before: float) -> float:
 def remaining_arc_length(
     road: Road, poses: Array, goal: Point, heading: float | None, progress: float = math.nan
 ) -> Array:
-    """Arc lengths ``(K,)`` from beside each pose of a path to beside the goal, see `arc_length_to`.
-
-    They are negative where the goal is behind [m].
-    """
+    """Arc lengths ``(K,)`` from each pose of a path to the goal, negative behind it [m]."""
     lengths = np.empty(len(poses))
     there = math.nan if heading is None else heading
-    _fill_remaining(lengths, road.space(0.0), poses, *goal, there, float(progress))
+    place = float(goal[0]), float(goal[1])
+    _fill_remaining(lengths, road.space(0.0), poses, place, float(there), float(progress))
     return lengths
 
 
@@ -87,23 +80,6 @@ def find_near(
     if max(over, over_other) > far:
         place = road_functions.project(road, x, y, heading, math.nan)
     return place
-
-
-@allocation_free
-def _length_to(
-    road: RoadSpace,
-    x: float,
-    y: float,
-    heading: float,
-    goal_x: float,
-    goal_y: float,
-    there: float,
-    progress: float,
-) -> float:
-    here = road_functions.project(road, x, y, heading, progress)
-    at_goal = road_functions.project(road, goal_x, goal_y, there, math.nan)
-    length: float = road_functions.arc_length_to(road, x, y, here, goal_x, goal_y, at_goal)
-    return length
 
 
 @allocation_free
@@ -133,17 +109,12 @@ def _fill_points(
 
 @allocation_free
 def _fill_remaining(
-    lengths: Array,
-    road: RoadSpace,
-    poses: Array,
-    goal_x: float,
-    goal_y: float,
-    goal_heading: float,
-    progress: float,
+    lengths: Array, road: RoadSpace, poses: Array, goal: Point, heading: float, progress: float
 ) -> None:
     here = road_functions.project(road, poses[0, 0], poses[0, 1], poses[0, 2], progress)
-    at_goal = road_functions.project(road, goal_x, goal_y, goal_heading, math.nan)
+    at_goal = road_functions.project(road, goal[0], goal[1], heading, math.nan)
     for k in range(poses.shape[0]):
         x, y = poses[k, 0], poses[k, 1]
-        here = road_functions.lateral_error(road, 0, x, y, here)[0]
-        lengths[k] = road_functions.arc_length_to(road, x, y, here, goal_x, goal_y, at_goal)
+        if k > 0:
+            here = road_functions.lateral_error(road, 0, x, y, here)[0]
+        lengths[k] = road_functions.arc_length_to(road, x, y, here, goal[0], goal[1], at_goal)

@@ -32,37 +32,21 @@ class CenterLine(NamedTuple):
 
 
 class Samples(NamedTuple):
-    """A line at many places, each array of shape ``(Z,)``.
+    """A line at many places, each array of shape ``(Z,)``."""
 
-    Attributes:
-        progress: Length along the line [m].
-        point: Number of the point from which on each sample is, or of the last one.
-        x: Position [m].
-        y: See `x`.
-        cosine: Of the direction.
-        sine: See `cosine`.
-        curvature: Positive to the left [1/m].
-        curvature_slope: Its derivative by the length [1/m^2].
-        widths: To the left and the right, with first and second derivatives by the length, shape
-            ``(2, 3, Z)`` [m, 1, 1/m].
-    """
-
-    progress: Array
-    point: IntArray
-    x: Array
-    y: Array
-    cosine: Array
-    sine: Array
-    curvature: Array
-    curvature_slope: Array
-    widths: Array
+    progress: Array  # length along the line [m]
+    point: IntArray  # number of the point from which on each sample is, or of the last one
+    x: Array  # position [m]
+    y: Array  # see `x`
+    cosine: Array  # of the direction
+    sine: Array  # see `cosine`
+    curvature: Array  # positive to the left [1/m]
+    curvature_slope: Array  # its derivative by the length [1/m^2]
+    widths: Array  # left and right, and two derivatives by length, ``(2, 3, Z)`` [m, 1, 1/m]
 
 
 def fit(points: Array, left: Array, right: Array, *, closed: bool) -> CenterLine:
-    """The smooth line through points ``(P, 2)`` with widths ``(P,)`` to the left and right [m].
-
-    Neighbours among the points differ.
-    """
+    """The smooth line through points ``(P, 2)`` with widths ``(P,)`` to the left and right [m]."""
     from scipy.interpolate import CubicSpline  # noqa: PLC0415 (half a second for roads of this kind)
 
     if closed:

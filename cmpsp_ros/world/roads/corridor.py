@@ -130,10 +130,7 @@ class Corridor(Road):
         return max(0.0, float(-along if nearest == 0 else along))
 
     def shortest_length(self, start: Point, goal: Point, distance: float = 0.0) -> float:
-        """Along the inner edges of all curves between start and goal, the shorter way round.
-
-        Where the road crosses itself, from whichever part of it to whichever is nearer.
-        """
+        """Along the inner edges of all curves from start to goal, by the shorter way or branch."""
         at, step = self._samples, np.diff(self._samples.progress, append=self.length)
         beside = np.maximum(self._inside - distance * np.abs(at.curvature), 0.0)
         driven = np.cumsum(step * (1.0 - beside)) - step

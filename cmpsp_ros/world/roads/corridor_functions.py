@@ -58,10 +58,7 @@ STATION = 4
 
 @inner
 def project(road: RoadSpace, x: float, y: float, heading: float, near: float) -> None:
-    """Progress of the nearest place that leads the same way.
-
-    Nearness and direction are added up as squares; which way along the road does not matter.
-    """
+    """Progress of the nearest place in the same direction; both are added up as squares."""
     if not math.isnan(near):
         road.found[0] = _across(road, x, y, near)[0]
         return
@@ -212,7 +209,7 @@ def _nearly(clearance: float) -> float:
 def _lowest(here: float, slope: float, there: float, slope_there: float, bound: float) -> float:
     """Lower bound of a function on [0, 1] whose second derivative is bounded.
 
-    Two parabolas lie below it, one from each end; where they cross is the lowest of the greater.
+    Two parabolas lie below it, one from each end: where they cross.
     """
     drop = bound - slope + slope_there
     at = (here - there + slope_there + bound / 2.0) / drop if drop > 0.0 else 0.0
@@ -241,10 +238,9 @@ def _on_arc(road: RoadSpace, arc: Arc, t: float, progress: float) -> Any:
 
 @inlined
 def _across(road: RoadSpace, x: float, y: float, progress: float) -> Any:
-    """Progress of the nearest place of the centre line, going along it from a place nearby.
+    """Progress of the nearest place of the centre line, by Newton's method from a place nearby.
 
-    Newton's method on the derivative of half the squared distance. With it come the distance to the
-    left of the centre line, and the widths to the left and the right.
+    With the distance to the left of the centre line, and the widths to the left and the right.
     """
     progress, stride = _within(road, progress), road.numbers[STRIDE]
     piece, t, step = 0, 0.0, 0.0

@@ -21,11 +21,7 @@ Point = tuple[float, float]
 
 
 class Road(ABC):
-    """A road: the robot stays inside, and keeps to its centre line.
-
-    A kind of road is a frozen dataclass, equal to another one of the same values, and compiled
-    functions of its `numbers`.
-    """
+    """A road: a frozen dataclass, equal by its values, and compiled functions of its `numbers`."""
 
     edge_names: ClassVar[tuple[str, str]]
     """Names of the first and the second edge in messages."""

@@ -19,8 +19,7 @@ from cmpsp_ros.arrays import Array, BoolArray, IntArray
 from cmpsp_ros.mpsp.jit import address_of, allocation_free, call, inner
 from cmpsp_ros.robots.motion import Arc
 
-FAR = 1e6
-"""Clearance from an edge that is not there [m]: a number that can be added, written and read."""
+FAR = 1e6  # clearance from an edge that is not there [m]: a number that can be added
 
 _PROJECT, _LATERAL_ERROR, _GRADIENTS, _SWEEP, _ARC_LENGTH_TO, _POINT_AHEAD = range(6)
 
@@ -29,21 +28,14 @@ class RoadSpace(NamedTuple):
     """The part of a road where the robot's centre may be.
 
     The first edge is the outer one of an annulus and the left one of a corridor.
-
-    Attributes:
-        functions: Addresses of the road's functions, see `addresses`.
-        numbers: Their data on the road, in their own order; shared, never written to.
-        table: More data, in rows.
-        found: Their output, shape ``(7,)``.
-        kept: For both edges, for all stages or for each of them, shape ``(K, 2)`` [m]: of an
-            annulus the greatest and the least distance from the centre, of a corridor the
-            clearance to keep.
     """
 
-    functions: IntArray
-    numbers: Array
-    table: Array
-    found: Array
+    functions: IntArray  # addresses of the road's functions, see `addresses`
+    numbers: Array  # their data on the road, in their own order; shared, never written to
+    table: Array  # more data, in rows
+    found: Array  # their output, shape ``(7,)``
+    # for both edges, ``K`` stages or 1, ``(K, 2)`` [m]: of an annulus the greatest and the least
+    # distance from the centre, of a corridor the clearance to keep
     kept: Array
 
     def with_some(self, samples: BoolArray, of: RoadSpace) -> RoadSpace:
@@ -82,9 +74,8 @@ def project(road: RoadSpace, x: float, y: float, heading: float, near: float) ->
 def lateral_error(road: RoadSpace, k: int, x: float, y: float, progress: float) -> Any:
     """Position of a point across the road at a stage, from the progress of a point nearby.
 
-    Returns:
-        Progress, distance from the centre line with a sign, and one path constraint an edge, not
-        positive where met and ``-inf`` where there is no edge; all [m].
+    Progress, signed distance from the centre line, and one path constraint an edge, not positive
+    where met and ``-inf`` where there is no edge; all [m].
     """
     at, found = min(k, road.kept.shape[0] - 1), road.found
     call(road.functions[_LATERAL_ERROR], (road, at, x, y, progress))
@@ -95,10 +86,8 @@ def lateral_error(road: RoadSpace, k: int, x: float, y: float, progress: float) 
 def gradients(road: RoadSpace, x: float, y: float, progress: float) -> Any:
     """Derivatives of the results of `lateral_error`, at the progress that it returned.
 
-    Returns:
-        The gradient of the distance from the centre line (x, y), a unit vector or zero; the
-        component along the road of the second derivative of half its square; the gradients (x, y)
-        of the first and of the second constraint.
+    The gradient of the distance from the centre line (x, y), a unit vector or zero; the component
+    along the road of the second derivative of half its square; the gradients of both constraints.
     """
     found = road.found
     call(road.functions[_GRADIENTS], (road, x, y, progress))
@@ -107,12 +96,9 @@ def gradients(road: RoadSpace, x: float, y: float, progress: float) -> Any:
 
 @allocation_free
 def sweep(road: RoadSpace, arc: Arc, progress: float, enough: float, enough_other: float) -> Any:
-    """Least clearance of an arc, from end to end, from the edges of the first stage.
+    """Progress at the end of an arc, and least clearance from both edges of the first stage [m].
 
     Clearances need not be known more exactly above `enough`, or `enough_other` at the second edge.
-
-    Returns:
-        Progress at its end, and clearance from both edges; all [m].
     """
     call(road.functions[_SWEEP], (road, arc, progress, enough, enough_other))
     return road.found[0], road.found[1], road.found[2]
@@ -133,10 +119,7 @@ def arc_length_to(
 
 @allocation_free
 def point_ahead(road: RoadSpace, x: float, y: float, progress: float, way: float, to: Any) -> Any:
-    """Point of the centre line (x, y) some way ahead of a place, negative against its direction.
-
-    On open floor it is on the straight line to ``to`` (x, y) [m].
-    """
+    """Point (x, y) of the centre line some way ahead; on open floor, of the line to ``to`` [m]."""
     call(road.functions[_POINT_AHEAD], (road, x, y, progress, way, (to[0], to[1])))
     return road.found[0], road.found[1]
 

@@ -14,8 +14,6 @@ from cmpsp_ros.bags.runs import encounters, read_run
 from cmpsp_ros.parameters import TABLE, guidance_settings
 from cmpsp_ros.robots.motion import REFERENCE_POINT
 
-pytestmark = pytest.mark.integration
-
 
 @pytest.fixture
 def drive(start_demo, tmp_path):

@@ -14,8 +14,6 @@ from cmpsp_ros.bags import Bag
 from cmpsp_ros.bags.runs import read_run
 from cmpsp_ros.nodes import MODULES
 
-pytestmark = pytest.mark.integration
-
 
 def children(pid):
     """Name and process id of the nodes that a process has started."""

@@ -105,6 +105,16 @@ class Client:
 
         return self.until(said, *bound)
 
+    def teller(self, kind, topic, qos=10):
+        """A function that publishes a message, once somebody listens."""
+        publisher = self.node.create_publisher(kind, topic, qos)
+
+        def tell(message):
+            self.until(publisher.get_subscription_count)
+            publisher.publish(message)
+
+        return tell
+
     def send(self, stamp, pose=START, frame_id='odom'):
         message = odometry(stamp, pose, frame_id)
         self.odometry.publish(message)

@@ -6,8 +6,6 @@ from rclpy.duration import Duration
 from rclpy.time import Time
 from rosgraph_msgs.msg import Clock
 
-pytestmark = pytest.mark.integration
-
 SECOND = 1_000_000_000
 PERIOD = SECOND // 5
 POSE = (0.0, -9.25, 0.0)

@@ -3,13 +3,10 @@
 import signal
 import time
 
-import pytest
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from geometry_msgs.msg import Twist
 
 from cmpsp_ros.nodes.common.topics import GUIDED_BY
-
-pytestmark = pytest.mark.integration
 
 ZERO = (0.0, 0.0)
 # Nearly half way round takes long enough for another node to start on a busy machine.

@@ -32,7 +32,6 @@ print(found)
 """
 
 
-@pytest.mark.integration
 @pytest.mark.timeout(600)
 @pytest.mark.parametrize(
     ('definitions', 'feedback'),

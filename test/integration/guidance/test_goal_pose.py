@@ -1,7 +1,6 @@
 """Goals that are told to the guidance node as RViz tells them."""
 
 import numpy as np
-import pytest
 from geometry_msgs.msg import PoseStamped
 from live import LATCHED, PERIOD_NS, pose_stamped
 from visualization_msgs.msg import MarkerArray
@@ -9,9 +8,6 @@ from visualization_msgs.msg import MarkerArray
 from cmpsp_ros.guidance import GuidanceLaw, Observation
 from cmpsp_ros.guidance.messages import OdometryReading, goal_of
 from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
-
-pytestmark = pytest.mark.integration
-
 
 # Odometry is stamped ahead of time here, and the test may be slow between two messages.
 PATIENT = {'odom_timeout': 60.0}

@@ -14,9 +14,6 @@ from cmpsp_ros.guidance import GuidanceLaw, Observation
 from cmpsp_ros.guidance.messages import OdometryReading
 from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 
-pytestmark = pytest.mark.integration
-
-
 # Odometry is stamped ahead of time here, and the test may be slow between two messages.
 PATIENT = {'odom_timeout': 60.0}
 

@@ -9,8 +9,6 @@ import pytest
 
 from cmpsp_ros.guidance import FallbackLevel
 
-pytestmark = pytest.mark.integration
-
 SECONDS = float(os.environ.get('LIVE_CHANGES_SECONDS', '15'))
 """Seconds of live changes; `LIVE_CHANGES_SECONDS=60 pytest ...` makes a minute of it."""
 

@@ -16,8 +16,6 @@ from rclpy.time import Time
 from cmpsp_ros.bags.audit import CheckOutcome, audit
 from cmpsp_ros.robots.motion import arc_ends
 
-pytestmark = pytest.mark.integration
-
 START = (0.0, 0.0, 0.0)
 
 # Odometry is stamped ahead of time here, and the test may be slow between two messages.
@@ -78,13 +76,7 @@ REFUSED = (
 @pytest.fixture
 def tell(client):
     """Publish a map: `tell(message)`."""
-    publisher = client.node.create_publisher(OccupancyGrid, 'floor', LATCHED)
-
-    def send(message):
-        client.until(publisher.get_subscription_count)
-        publisher.publish(message)
-
-    return send
+    return client.teller(OccupancyGrid, 'floor', LATCHED)
 
 
 def test_a_map_is_waited_for_and_a_bad_one_stops_the_robot(

@@ -11,8 +11,6 @@ from sensor_msgs.msg import PointCloud2
 from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.nodes.common.messages import cloud_of
 
-pytestmark = pytest.mark.integration
-
 POSE = (0.0, -9.25, 0.0)
 ROOM = {'odom_timeout': 60.0, 'moving_obstacles.capacity': 2, 'moving_obstacles.timeout': 50.0}
 
@@ -20,13 +18,8 @@ ROOM = {'odom_timeout': 60.0, 'moving_obstacles.capacity': 2, 'moving_obstacles.
 @pytest.fixture
 def tell(client):
     """Tell of obstacles as they are in a frame: `tell(tracks, frame_id='odom')`."""
-    publisher = client.node.create_publisher(PointCloud2, 'moving_obstacles', 10)
-
-    def send(tracks, frame_id='odom'):
-        client.until(publisher.get_subscription_count)
-        publisher.publish(cloud_of(tracks, tracks[0].stamp, frame_id))
-
-    return send
+    send = client.teller(PointCloud2, 'moving_obstacles')
+    return lambda tracks, frame_id='odom': send(cloud_of(tracks, tracks[0].stamp, frame_id))
 
 
 def test_what_cannot_be_used_changes_nothing_and_is_said(

@@ -9,8 +9,6 @@ from live import MS, ZERO
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 
-pytestmark = pytest.mark.integration
-
 PERIOD = 200 * MS
 ACCELERATION = 100.0
 """Limit of the wheels in these tests [rad/s^2]: a stop takes half a second."""

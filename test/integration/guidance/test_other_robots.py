@@ -9,8 +9,6 @@ from live import PERIOD_NS
 from nav_msgs.msg import Path
 from rclpy.time import Time
 
-pytestmark = pytest.mark.integration
-
 POSE = (0.0, -9.25, 0.0)
 OTHERS = {'odom_timeout': 60.0, 'others.namespaces': ['/r2'], 'others.radius': 0.2}
 AWAY = [(20.0, 0.0), (20.1, 0.0)]
@@ -32,13 +30,7 @@ def plan(stamp, places, frame_id='odom', step=PERIOD_NS):
 @pytest.fixture
 def tell(client):
     """Publish a plan of /r2: `tell(message)`."""
-    publisher = client.node.create_publisher(Path, '/r2/guidance/predicted_path', 10)
-
-    def send(message):
-        client.until(publisher.get_subscription_count)
-        publisher.publish(message)
-
-    return send
+    return client.teller(Path, '/r2/guidance/predicted_path')
 
 
 def test_what_cannot_be_used_changes_nothing_and_is_said(

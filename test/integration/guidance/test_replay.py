@@ -9,8 +9,6 @@ from std_srvs.srv import Trigger
 
 from cmpsp_ros.bags import Bag, DecisionRecord, Names
 
-pytestmark = pytest.mark.integration
-
 NAMES = Names.under('')
 
 

@@ -13,8 +13,6 @@ from cmpsp_ros.bags.audit import CheckOutcome, audit
 from cmpsp_ros.nodes.common.messages import path_of
 from cmpsp_ros.robots.motion import arc_ends
 
-pytestmark = pytest.mark.integration
-
 START = (0.0, -10.0, 0.0)
 
 # Odometry is stamped ahead of time here, and the test may be slow between two messages.
@@ -54,13 +52,7 @@ REFUSED = (
 @pytest.fixture
 def tell(client):
     """Tell of a road: `tell(message)`."""
-    publisher = client.node.create_publisher(PathMessage, 'road', LATCHED)
-
-    def send(road):
-        client.until(publisher.get_subscription_count)
-        publisher.publish(road)
-
-    return send
+    return client.teller(PathMessage, 'road', LATCHED)
 
 
 def test_a_road_is_waited_for_and_a_bad_one_refused(fault, start_node, client, make_odometry, tell):

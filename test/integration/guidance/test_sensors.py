@@ -11,8 +11,6 @@ from rclpy.qos import qos_profile_sensor_data
 from rclpy.time import Time
 from sensor_msgs.msg import LaserScan, PointCloud2, PointField
 
-pytestmark = pytest.mark.integration
-
 POSE = (0.0, -9.25, 0.0)
 # Tests take their time between messages.
 SEEING = {'odom_timeout': 60.0, 'sensors.names': '[front]', 'sight.timeout': 0.5}
@@ -21,10 +19,9 @@ SEEING = {'odom_timeout': 60.0, 'sensors.names': '[front]', 'sight.timeout': 0.5
 @pytest.fixture
 def show(client):
     """Publish a scan of an empty place as sensors do: `show(stamp, frame_id='base_scan')`."""
-    publisher = client.node.create_publisher(LaserScan, 'scan', qos_profile_sensor_data)
+    tell = client.teller(LaserScan, 'scan', qos_profile_sensor_data)
 
     def send(stamp, frame_id='base_scan', **changes):
-        client.until(publisher.get_subscription_count)
         message = LaserScan(
             angle_min=-3.0, angle_max=3.0, angle_increment=0.01, range_min=0.1, range_max=9.0,
             ranges=[math.inf] * 601,
@@ -33,7 +30,7 @@ def show(client):
             setattr(message, key, value)
         message.header.stamp = Time(nanoseconds=stamp).to_msg()
         message.header.frame_id = frame_id
-        publisher.publish(message)
+        tell(message)
 
     return send
 
@@ -97,14 +94,13 @@ def test_points_on_the_floor_show_where_to_drive_and_no_points_nothing(
     start_active, client, make_odometry
 ):
     running = start_active(SEEING_FLOOR)
-    publisher = client.node.create_publisher(PointCloud2, 'scan', qos_profile_sensor_data)
-    client.until(publisher.get_subscription_count)
+    tell = client.teller(PointCloud2, 'scan', qos_profile_sensor_data)
     stamp = client.now()
 
     def decide(points):
         nonlocal stamp
         stamp += PERIOD_NS
-        publisher.publish(cloud_of(points, stamp))
+        tell(cloud_of(points, stamp))
         return client.decide(make_odometry(stamp, POSE))
 
     # A cloud may come after the odometry of its time: it counts for the next.

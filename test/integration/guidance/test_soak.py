@@ -10,7 +10,6 @@ import pytest
 SOAK = Path(__file__).with_name('soak.py')
 
 
-@pytest.mark.integration
 @pytest.mark.timeout(300)
 @pytest.mark.usefixtures('ros_domain')
 def test_memory_and_descriptors_stay_as_they_are_from_run_to_run():
@@ -26,7 +25,6 @@ CROWD = Path(__file__).with_name('crowd.py')
 
 
 @pytest.mark.slow
-@pytest.mark.integration
 @pytest.mark.timeout(300)
 @pytest.mark.usefixtures('ros_domain')
 def test_on_a_busy_computer_no_moving_disc_is_touched():

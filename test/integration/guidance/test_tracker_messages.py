@@ -16,8 +16,6 @@ from cmpsp_ros.guidance.messages.objects import TrackedObject, objects_of
 from cmpsp_ros.nodes.common.messages import cloud_of
 from cmpsp_ros.sensing import TrackSource
 
-pytestmark = pytest.mark.integration
-
 KINDS = get_args(get_type_hints(TrackSource)['type'])
 HERE, AT_REST = np.zeros(3), np.zeros(3)
 SECOND = 1_000_000_000

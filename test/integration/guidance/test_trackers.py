@@ -13,7 +13,7 @@ from cmpsp_ros.guidance.messages import Track, tracks_of
 from cmpsp_ros.nodes.common.messages import cloud_of
 from cmpsp_ros.robots.motion import arc_ends
 
-pytestmark = [pytest.mark.integration, pytest.mark.timeout(300)]
+pytestmark = pytest.mark.timeout(300)
 
 POSE = (0.0, -9.25, 0.0)
 ROOM = {

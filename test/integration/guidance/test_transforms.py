@@ -21,7 +21,7 @@ from cmpsp_ros.guidance.messages import Track, compose
 from cmpsp_ros.nodes.common.messages import cloud_of
 from cmpsp_ros.robots.motion import arc_ends
 
-pytestmark = [pytest.mark.integration, pytest.mark.timeout(300)]
+pytestmark = pytest.mark.timeout(300)
 
 START = np.array([0.0, -9.25, 0.0])
 CENTER = np.array([0.1, -0.05, 0.4])

@@ -18,8 +18,6 @@ from std_msgs.msg import String
 
 from cmpsp_ros.bags import Bag
 
-pytestmark = pytest.mark.integration
-
 COMMAND = [sys.executable, '-m', 'cmpsp_ros.cli']
 COUNT = 2000
 

@@ -10,7 +10,9 @@ from pathlib import Path
 
 import pytest
 from geometry_msgs.msg import Twist
+from rcl_interfaces.srv import SetParameters
 from rclpy.duration import Duration
+from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 from recorder_process import RECORDER, flushing, heard
@@ -22,9 +24,9 @@ from std_msgs.msg import String, UInt32
 from talker import BEST_EFFORT, COUNT
 
 from cmpsp_ros.bags import Bag
+from cmpsp_ros.nodes import MODULES
 from cmpsp_ros.nodes.recording.received import RawSubscriptions
 
-pytestmark = pytest.mark.integration
 COMMAND = [sys.executable, '-m', 'cmpsp_ros.cli']
 LOST = re.compile(r'/said: (\d+) messages, between ([\d.]+) and ([\d.]+) s of the recording')
 TALKER = Path(__file__).parent / 'talker.py'
@@ -257,3 +259,69 @@ def test_what_comes_first_is_taken_first_whichever_topic_is_looked_at_first(ros)
     assert taken == [(k, topic) for k in range(many) for topic in topics]
     assert list(subscriptions.lost()) == []
     subscriptions.close()
+
+
+KEY = 'noise.position_stddev'
+
+
+@pytest.fixture
+def start_sim(spawn):
+    """Start a simulator, with a value of the parameter."""
+    command = [sys.executable, '-m', MODULES['sim_node'], '--ros-args', '-p']
+    return lambda value: spawn([*command, f'{KEY}:={value}'])
+
+
+@pytest.fixture
+def change(ros):
+    """Change the parameter of the simulator."""
+
+    def change(value):
+        wanted = [Parameter(KEY, value=value).to_parameter_msg()]
+        request = SetParameters.Request(parameters=wanted)
+        assert ros.call(SetParameters, '/sim/set_parameters', request).results[0].successful
+
+    return change
+
+
+def changes(bag):
+    return [
+        each.value.double_value
+        for _, event in bag.messages('/parameter_events')
+        for each in event.changed_parameters
+        if event.node == '/sim'
+    ]
+
+
+def test_they_are_those_before_the_first_recorded_change(record, ros, bag, start_sim, change):
+    start_sim(0.125)
+    change(0.25)
+    # What topics are chosen does not matter.
+    recorder = record('topics:=[/odom]')
+    counts = flushing(ros)
+    ros.spin_until(lambda: counts().get('/sim/parameters') == 1)
+    change(0.5)
+    ros.spin_until(lambda: counts().get('/sim/parameters') == 2)
+    recorder.signal(signal.SIGINT)
+    assert recorder.wait() == 0
+    with Bag(bag) as recorded:
+        assert recorded.parameters['/sim'][KEY] == 0.25
+        assert changes(recorded) == [0.5]
+        assert recorded.restarts == {}
+
+
+def test_a_node_that_is_started_anew_has_its_new_parameters_kept(record, ros, bag, start_sim):
+    recorder = record()
+    counts, begun = flushing(ros), []
+    for number, value in enumerate((0.125, 0.25), 1):
+        begun.append(ros.node.get_clock().now().nanoseconds)
+        simulator = start_sim(value)
+        ros.spin_until(lambda number=number: counts().get('/sim/parameters') == number)
+        simulator.signal(signal.SIGINT)
+        assert simulator.wait() == 0
+    recorder.signal(signal.SIGINT)
+    assert recorder.wait() == 0, recorder.stderr
+    with Bag(bag) as recorded:
+        assert recorded.parameters['/sim'][KEY] == 0.125
+        ((since, values),) = recorded.restarts['/sim']
+        assert values[KEY] == 0.25
+        assert begun[0] < begun[1] < since

@@ -1,6 +1,10 @@
 """The simulator in lockstep: time waits for the answer to every control step."""
 
 import math
+import os
+import signal
+import sys
+import time
 
 import numpy as np
 import pytest
@@ -8,9 +12,8 @@ from geometry_msgs.msg import Twist, TwistStamped
 from rclpy.time import Time
 from sim_client import CONTROL_NS, MS, PERIOD_NS, Client, place, stamp, twist
 
+from cmpsp_ros.bags import Bag
 from cmpsp_ros.robots import DifferentialDrive
-
-pytestmark = pytest.mark.integration
 
 LOCKSTEP = {'lockstep': 'true', 'publish_clock': 'true'}
 
@@ -106,6 +109,35 @@ def test_lockstep_asks_again_complains_once_and_goes_on(simulate, ros):
     client.send(twist(0.1))
     client.until(lambda: stamp(client.odometry[-1]) == CONTROL_NS)
     assert 'lockstep goes on after' in running.stderr
+
+
+def test_lockstep_waits_for_a_subscriber_that_is_behind(simulate, ros, spawn, wait_until, tmp_path):
+    output = tmp_path / 'bag'
+    module = 'cmpsp_ros.nodes.recording.recorder'
+    recorder = spawn([sys.executable, '-m', module, '--ros-args', '-p', f'output:={output}'])
+    simulate({**LOCKSTEP, 'odom_rate': 200.0})
+    client = Client(ros)
+    client.connect()
+    # The client's own subscriptions are two of them.
+    client.until(lambda: client.node.count_subscribers('/sim/truth') == 2)
+    os.kill(recorder.pid, signal.SIGSTOP)
+    client.steps_left, client.answer = 100, lambda _: twist(0.1)
+    client.send(twist(0.1))
+    client.until(lambda: len(client.events) > 10)
+    seconds = time.monotonic()
+    client.until(lambda: time.monotonic() - seconds > 3.0)
+    assert len(client.events) < 30
+    os.kill(recorder.pid, signal.SIGCONT)
+    client.until(lambda: len(client.events) == 100)
+    client.until(lambda: stamp(client.truth[-1]) == 101 * CONTROL_NS)
+    recorder.signal(signal.SIGINT)
+    assert recorder.wait() == 0
+    with Bag(output) as bag:
+        stamps = {
+            message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
+            for _, message in bag.messages('/sim/truth')
+        }
+    assert stamps == set(range(0, 101 * CONTROL_NS + 1, 5 * MS))
 
 
 def test_lockstep_takes_only_the_answer_whose_stamp_is_that_of_the_odometry(simulate, ros):

@@ -14,8 +14,6 @@ from sim_client import BEST_EFFORT, Client, stamp, twist
 from cmpsp_ros.bags import Bag
 from cmpsp_ros.guidance.messages import tracks_of
 
-pytestmark = pytest.mark.integration
-
 COURSE = {
     'initial_pose': [0.0, 0.0, 0.0],
     'road.type': 'none',

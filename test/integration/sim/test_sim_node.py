@@ -13,8 +13,6 @@ from sim_client import MS, PERIOD_NS, Client, place, speed, stamp, twist
 
 from cmpsp_ros.robots import DifferentialDrive
 
-pytestmark = pytest.mark.integration
-
 
 def test_odometry_lies_on_an_exact_grid_in_the_time_of_the_system(simulate, ros):
     before = time.time_ns()

@@ -16,13 +16,13 @@ from bag_messages import (
     odometry,
     path,
     pose_stamped,
-    raw,
     status,
     twist,
+    write_bag,
 )
 from pyarrow import parquet
 
-from cmpsp_ros.bags import BagError, BagWriter
+from cmpsp_ros.bags import BagError
 from cmpsp_ros.bags.export import export
 
 THIRD = 1 / 3
@@ -41,12 +41,8 @@ def write(tmp_path):
     """Write a bag: `write((topic, message), ...)`, a second apart."""
 
     def write(*records):
-        with BagWriter(tmp_path / 'bag') as bag:
-            for stamp, (topic, message) in enumerate(records, 1):
-                if not any(topic == each for each, _ in records[: stamp - 1]):
-                    bag.topic(topic, message.__msgtype__)
-                bag.write(topic, stamp * 10**9, raw(message))
-        return tmp_path / 'bag'
+        records = [(topic, k * 10**9, message) for k, (topic, message) in enumerate(records, 1)]
+        return write_bag(tmp_path / 'bag', records)
 
     return write
 

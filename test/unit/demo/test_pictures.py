@@ -5,22 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bag_messages import (
-    CLOUD,
-    JOINTS,
-    ODOMETRY,
-    PLAIN_DECISION,
-    SECOND,
-    STATUS,
-    cloud,
-    joints,
-    odometry,
-    raw,
-    status,
-)
+from bag_messages import PLAIN_DECISION, SECOND, cloud, joints, odometry, status, write_bag
 from matplotlib.patches import Circle
 
-from cmpsp_ros.bags import BagWriter
 from cmpsp_ros.bags.runs import read_run
 from cmpsp_ros.demo import load_scenario
 from cmpsp_ros.demo.results import draw_controls, draw_fleet, draw_trajectory
@@ -44,22 +31,16 @@ def driven(tmp_path):
         twists = np.tile(motion, (len(stamps), 1))
         starts = np.tile(scenario.values['initial_pose'], (len(stamps), 1))
         wheels = settings.robot.wheel_speeds(np.array(motion))
-        with BagWriter(path) as bag:
-            for topic, kind in (('odom', ODOMETRY), ('sim/truth', ODOMETRY)):
-                bag.topic(f'{namespace}/{topic}', kind)
-            bag.topic(f'{namespace}/sim/wheel_speeds', JOINTS)
-            bag.topic(f'{namespace}/guidance/decision', STATUS)
-            poses = arc_ends(starts, twists, stamps / SECOND)
-            for stamp, pose in zip(stamps.tolist(), poses.tolist(), strict=True):
-                bag.write(f'{namespace}/sim/truth', stamp, raw(odometry(stamp, pose, motion)))
-                speeds = raw(joints(stamp, tuple(wheels.tolist())))
-                bag.write(f'{namespace}/sim/wheel_speeds', stamp, speeds)
-            for topic, number in (('sim/people', 0), ('guidance/tracks', Track.SEEN + 1)):
-                bag.topic(f'{namespace}/{topic}', CLOUD)
-                for stamp in stamps[::10].tolist() if people else ():
-                    walked = cloud(stamp, [(number, 1.0, 2.0 - stamp / SECOND, 0.0, -1.0, 0.25)])
-                    bag.write(f'{namespace}/{topic}', stamp, raw(walked))
-            bag.write(f'{namespace}/guidance/decision', 0, raw(status(**PLAIN_DECISION, stamp=0)))
+        poses = arc_ends(starts, twists, stamps / SECOND)
+        records = [('guidance/decision', 0, status(**PLAIN_DECISION, stamp=0))]
+        for stamp, pose in zip(stamps.tolist(), poses.tolist(), strict=True):
+            records.append(('sim/truth', stamp, odometry(stamp, pose, motion)))
+            records.append(('sim/wheel_speeds', stamp, joints(stamp, tuple(wheels.tolist()))))
+        for topic, number in (('sim/people', 0), ('guidance/tracks', Track.SEEN + 1)):
+            for stamp in stamps[::10].tolist() if people else ():
+                walked = cloud(stamp, [(number, 1.0, 2.0 - stamp / SECOND, 0.0, -1.0, 0.25)])
+                records.append((topic, stamp, walked))
+        write_bag(path, [(f'{namespace}/{topic}', *rest) for topic, *rest in records])
         return replace(scenario, settings=settings), read_run(path, namespace)
 
     return made

@@ -8,9 +8,7 @@ import sys
 
 import pytest
 
-from cmpsp_ros.demo import Child, DemoError, load_scenario, make_folder, processes
-from cmpsp_ros.demo.runner import _get_ready
-from cmpsp_ros.nodes import LifecycleClient
+from cmpsp_ros.demo import Child, DemoError, make_folder, processes
 
 
 def test_a_new_folder_is_made_with_its_parents(tmp_path):
@@ -97,21 +95,7 @@ def test_an_interruption_while_a_node_is_started_is_not_forgotten(tmp_path, numb
     assert (done.stdout, done.stderr) == ('interrupted True\n', '')
 
 
-CASE3 = load_scenario('case3', [], lockstep=True)
 WORDS = 'compiling, once; `cmpsp warmup` does it beforehand'
-
-
-class Stubborn(LifecycleClient):
-    """Ask for the guidance node's states and hear what a test says, without ROS."""
-
-    def __init__(self, answer):
-        self._answer = answer
-
-    def configure(self, timeout, namespace, still_compiles):
-        self.waits = still_compiles()
-        if self._answer is None:
-            raise TimeoutError(f'no answer within {timeout:.0f} s')
-        return self._answer
 
 
 @pytest.fixture
@@ -135,28 +119,28 @@ def child(tmp_path):
         process.communicate()
 
 
-def test_a_node_that_does_not_answer_is_no_node_that_refuses(child):
-    with pytest.raises(DemoError, match=r'no answer within 30 s; it said:\ncompiling, once'):
-        _get_ready(Stubborn(None), [child()], [CASE3], record=True)
+def no_answer():
+    raise TimeoutError('no answer within 30 s')
+
+
+@pytest.mark.parametrize(
+    ('code', 'change', 'said'),
+    [
+        ('', no_answer, r'no answer within 30 s; it said:\ncompiling'),
+        ('raise SystemExit(3)', no_answer, 'guidance_node ended with exit code 3'),
+        ('', lambda: False, r'guidance_node refuses to start:\ncompiling'),
+    ],
+)
+def test_a_node_that_does_not_become_ready_is_told_with_its_words(child, code, change, said):
+    with pytest.raises(DemoError, match=said):
+        child(code).ask('refuses to start', change)
 
 
 def test_a_node_that_compiles_is_waited_for_while_it_lives(child, capsys):
-    observer, node = Stubborn(None), child()
+    node = child()
     node.log.write_text('[INFO] [guidance]: Compiling kernels (once): 12: solve\n')
-    with pytest.raises(DemoError, match='no answer'):
-        _get_ready(observer, [node], [CASE3], record=True)
-    assert observer.waits
+    assert node.still_compiles()
     assert capsys.readouterr().err == 'guidance_node: Compiling kernels (once): 12: solve\n'
     node.log.write_text('[INFO] [guidance]: compiled 240 kernels in 61.0 s\n')
     assert not node.still_compiles()
     assert not child('raise SystemExit(3)').still_compiles()
-
-
-def test_a_node_that_has_ended_is_told_as_such(child):
-    with pytest.raises(DemoError, match='guidance_node ended with exit code 3'):
-        _get_ready(Stubborn(None), [child('raise SystemExit(3)')], [CASE3], record=True)
-
-
-def test_a_node_that_refuses_says_why(child):
-    with pytest.raises(DemoError, match=r'refuses to start:\ncompiling'):
-        _get_ready(Stubborn(False), [child()], [CASE3], record=True)

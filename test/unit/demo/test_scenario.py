@@ -16,6 +16,7 @@ def test_lockstep_brings_the_clock_with_it_and_nodes_wait_to_be_activated():
         scenario = load_scenario('case3', assignments, lockstep=lockstep)
         assert scenario.lockstep
         assert scenario.values['publish_clock']
+    assert load_scenario('case3', ['real_time_factor=0.5'], lockstep=False).values['publish_clock']
 
 
 def test_assignments_change_the_preset_and_later_ones_count():

@@ -4,11 +4,12 @@ import json
 import math
 from dataclasses import replace
 
+import bag_messages
 import numpy as np
 import pytest
-from bag_messages import JOINTS, ODOMETRY, PLAIN_DECISION, STATUS, joints, odometry, raw, status
+from bag_messages import PLAIN_DECISION, joints, odometry, status
 
-from cmpsp_ros.bags import BagError, BagWriter
+from cmpsp_ros.bags import BagError
 from cmpsp_ros.bags.runs import read_run
 from cmpsp_ros.demo import Summary
 from cmpsp_ros.demo.results import draw_controls, draw_trajectory
@@ -27,18 +28,10 @@ def write_bag(tmp_path):
     """Write a bag of `truth` (stamp, pose, twist), `wheels` (stamp, speeds) and `decisions`."""
 
     def write(truth, wheels=((0, (0.0, 0.0)),), decisions=({'stamp': 0},), name='bag'):
-        path = tmp_path / name
-        with BagWriter(path) as bag:
-            bag.topic('/sim/truth', ODOMETRY)
-            bag.topic('/sim/wheel_speeds', JOINTS)
-            bag.topic('/guidance/decision', STATUS)
-            for stamp, pose, twist in truth:
-                bag.write('/sim/truth', stamp, raw(odometry(stamp, pose, twist)))
-            for stamp, speeds in wheels:
-                bag.write('/sim/wheel_speeds', stamp, raw(joints(stamp, speeds)))
-            for each in decisions:
-                bag.write('/guidance/decision', each['stamp'], raw(decision(**each)))
-        return path
+        records = [('/sim/truth', stamp, odometry(stamp, *rest)) for stamp, *rest in truth]
+        records += [('/sim/wheel_speeds', stamp, joints(stamp, each)) for stamp, each in wheels]
+        records += [('/guidance/decision', each['stamp'], decision(**each)) for each in decisions]
+        return bag_messages.write_bag(tmp_path / name, records)
 
     return write
 

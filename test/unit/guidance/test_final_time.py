@@ -111,7 +111,7 @@ def test_it_is_put_off_where_somebody_may_close_the_only_path(is_somebody_there)
     cells[10:50, 10:50] = Cell.FREE
     grid = OccupancyGrid((x - 1.5, y - 1.5, 0.0), 0.05, cells)
     law = GuidanceLaw(settings, settings.world)
-    for stamp in (0, 19_600_000_000):
+    for stamp in (0, 200_000_000, 19_600_000_000):
         person = Track(Track.SEEN + 1, stamp, 0.25, x + 1.0, y, 0.0, 0.2)
         tracks = (person,) if is_somebody_there else ()
         law.step(Observation(stamp, pose, tracks, Sighting(stamp, grid)))

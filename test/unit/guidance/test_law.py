@@ -1,7 +1,11 @@
 """The guidance law in closed loop with an exact robot."""
 
 import math
+import pickle
+import sys
+import tracemalloc
 from dataclasses import replace
+from itertools import pairwise
 from operator import attrgetter
 
 import numpy as np
@@ -24,7 +28,15 @@ from scenarios import (
     with_plans,
 )
 
-from cmpsp_ros.guidance import GuidanceLaw, Observation, Safety, SolverSettings, Weights
+from cmpsp_ros.guidance import (
+    GuidanceLaw,
+    Observation,
+    Safety,
+    SolverSettings,
+    Weights,
+    to_nanoseconds,
+)
+from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 from cmpsp_ros.world.obstacles import Obstacle
 
 
@@ -238,14 +250,80 @@ def test_shortest_final_times(final_time):
 
 
 def test_a_live_change_keeps_the_planner_where_the_number_of_constraints_stays():
+    """Another planner has a memory of its own, of about a megabyte."""
     given = settings((FIRST, SECOND), 51.0, ROAD)
     law = GuidanceLaw(given, given.world)
     run = drive(law, given, ON_TIME[:10])
     other = replace(given, weights=replace(given.weights, road_center=14.0))
     moved = replace(other, obstacles=(replace(FIRST, center=(8.1, -6.0)), SECOND))
     more = replace(moved, obstacles=(*moved.obstacles, replace(SECOND, center=(-8.0, 8.0))))
-    planner = law._selector._selection.pool.followed
-    for changed, is_kept in ((other, True), (moved, True), (more, False)):
+    for stamp, changed, is_kept in zip(
+        ON_TIME[10:], (other, moved, more), (True, True, False), strict=False
+    ):
+        tracemalloc.start()
         reconfigure(law, changed)
-        assert (law._selector._selection.pool.followed is planner) == is_kept
-    assert law.step(Observation(ON_TIME[10], run.pose)).level in SETTLED
+        assert law.step(Observation(stamp, run.pose)).level in SETTLED
+        grown, _ = tracemalloc.get_traced_memory()
+        tracemalloc.stop()
+        assert (grown < 300_000) == is_kept
+
+
+def test_it_foretells_whether_there_is_a_decision():
+    law, begin, pose = (
+        GuidanceLaw(CASES['case 3'], CASES['case 3'].world),
+        1_000_000_007,
+        np.array(START),
+    )
+    offsets = [0, 1, PERIOD // 2, PERIOD - 1, PERIOD, PERIOD, 0, 3 * PERIOD, 49 * PERIOD]
+    stamps = [begin + offset for offset in [*offsets, 50 * PERIOD, 50 * PERIOD + 1, 51 * PERIOD]]
+    foretold, decided = [], []
+    for stamp in stamps:
+        foretold.append(law.is_due(stamp))
+        decided.append(law.step(Observation(stamp, pose)) is not None)
+    assert foretold == decided
+    assert decided == [True, *[False] * 3, True, *[False] * 2, *[True] * 3, False, True]
+
+
+def test_after_a_halt_the_next_newer_odometry_is_due():
+    law, pose = GuidanceLaw(CASES['case 3'], CASES['case 3'].world), np.array(START)
+    law.step(Observation(0, pose))
+    assert not law.is_due(1)
+    law.halt(1, 'Why not.')
+    assert law.is_due(1)
+    assert not law.is_due(0)
+    law.reset()
+    assert law.is_due(0)
+
+
+def test_a_copy_for_another_process_has_no_addresses_of_compiled_code():
+    settings = CASES['case 3']
+    world, pose = settings.world, np.array([[0.0, -9.25, 0.0]])
+    before = world.free_space(settings).at(pose)
+    copy = pickle.loads(pickle.dumps(world))
+    assert not copy.__dict__.get('_spaces')
+    np.testing.assert_array_equal(copy.free_space(settings).at(pose), before)
+
+
+def test_a_nominal_step_runs_through_few_modules():
+    settings = guidance_settings(TABLE.resolve(load_parameter_file('case3')))
+    law, pose = GuidanceLaw(settings, settings.world), np.array([0.0, -9.25, 0.0])
+    files = []
+
+    def note(frame, event, _):
+        if event == 'call' and 'cmpsp_ros' in frame.f_code.co_filename:
+            files.append(frame.f_code.co_filename)
+
+    period = to_nanoseconds(settings.control_period)
+    for step in range(6):
+        before = sys.getprofile()
+        sys.setprofile(note if step == 5 else before)
+        try:
+            decision = law.step(Observation(step * period, pose))
+        finally:
+            sys.setprofile(before)
+        law.after_step()
+        speeds = decision.wheel_speeds[None]
+        pose = settings.robot.roll_out(pose, speeds, np.array([settings.control_period]))[-1]
+    files = [each for each in files if '/test/' not in each]
+    assert 10 < len(set(files)) <= 20
+    assert sum(one != other for one, other in pairwise(files)) <= 40

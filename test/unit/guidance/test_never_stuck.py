@@ -12,8 +12,7 @@ from seeing import Drive
 from tight_places import CELL, TightRun, map_of, task
 
 from cmpsp_ros.guidance import FallbackLevel, Goal, GuidanceLaw, Observation
-from cmpsp_ros.guidance.mission.progress_watch import ProgressWatch, Remedy
-from cmpsp_ros.guidance.mission.unreachable import why_unreachable
+from cmpsp_ros.guidance.mission.progress_watch import ProgressWatch, Remedy, why_unreachable
 from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.robots import DifferentialDrive
 from cmpsp_ros.sensing import SightSettings

@@ -26,7 +26,7 @@ from numba.core.dispatcher import Dispatcher
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.prediction.estimator import Observation
 from cmpsp_ros.guidance.warmup import prepare
-from cmpsp_ros.mpsp.qp import back_ends
+from cmpsp_ros.mpsp.qp.active_set.records import Space
 from cmpsp_ros.mpsp.qp.riccati import Outcome
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters import load_parameter_file
@@ -96,7 +96,7 @@ def general(radius):
 
 own = [general(radius) for radius in (1.0, 2.0)]
 asked = []
-back_ends.solve_program = lambda *_: asked.append(1) or Outcome.ITERATION_LIMIT
+Space.solve = lambda *_: asked.append(1) or Outcome.ITERATION_LIMIT
 for radius, (levels, speeds) in zip((1.0, 2.0), own, strict=True):
     found = general(radius)
     assert found[0] == levels, (found, levels)

@@ -76,18 +76,13 @@ def test_in_a_sweep_what_is_between_two_beams_is_seen_as_far_as_the_shorter():
     assert known(local, [(1.15, 0.05)]) == [UNKNOWN]
 
 
-def test_what_a_later_beam_passes_through_is_gone():
+@pytest.mark.parametrize('is_sweep', [True, False])
+def test_what_a_later_beam_passes_through_is_gone_and_a_cloud_shows_nothing_to_be(is_sweep):
     local = grid()
     local.see(beams([(1.05, 0.02)]))
-    local.see(beams([(1.85, 0.02)], stamp=1))
-    assert known(local, [(1.05, 0.05), (1.85, 0.05)], 1) == [FREE, OCCUPIED]
-
-
-def test_a_cloud_shows_nothing_to_be_gone():
-    local = grid()
-    local.see(beams([(1.05, 0.02)]))
-    local.see(beams([(1.85, 0.02)], stamp=1, is_sweep=False))
-    assert known(local, [(1.05, 0.05), (1.85, 0.05)], 1) == [OCCUPIED] * 2
+    local.see(beams([(1.85, 0.02)], stamp=1, is_sweep=is_sweep))
+    first = FREE if is_sweep else OCCUPIED
+    assert known(local, [(1.05, 0.05), (1.85, 0.05)], 1) == [first, OCCUPIED]
 
 
 def test_beams_that_graze_a_wall_do_not_open_it():

@@ -131,11 +131,10 @@ def swept(robot, space, pose, controls, moving):
     found, count = np.zeros(1, SWEEP), 2 + len(space.radii) + len(moving)
     scratch = np.empty((2, count))
     legs = np.ascontiguousarray(moving.legs(DURATIONS))
-    things = space.road, space.fields, space.corners, space.first, space.radii
     plan = np.vstack([controls, controls[-1:]])
     sweep_plan(
         found, scratch, pose, plan, DURATIONS, robot.kinematics, len(DURATIONS), True,
-        *things, legs, math.nan, space.discs,
+        space.data, legs, math.nan,
     )  # fmt: skip
     return scratch[0].copy(), PlanSweep(*found[0].item())
 

@@ -64,7 +64,7 @@ def clear_of(shape, distance=0.0):
 @given(shape=shapes, point=points)
 def test_distance_and_gradient(shape, point):
     space = clear_of(shape)
-    found, x, y = away_from(space.fields, space.corners, space.first, 0, 0, *point)
+    found, x, y = away_from(space.data.shapes, 0, 0, *point)
     wanted = signed(shape, np.array([point]))[0]
     assert found == pytest.approx(wanted, abs=1e-12)
     assert math.hypot(x, y) == pytest.approx(1.0)
@@ -81,9 +81,9 @@ def test_distance_and_gradient(shape, point):
 
 def test_gradient_where_there_is_none_leads_out():
     wall = clear_of(Capsule('wall', (0.0, 0.0), (2.0, 0.0), 0.1))
-    assert away_from(wall.fields, wall.corners, wall.first, 0, 0, 1.0, 0.0) == (0.0, 0.0, -1.0)
+    assert away_from(wall.data.shapes, 0, 0, 1.0, 0.0) == (0.0, 0.0, -1.0)
     point = clear_of(Capsule('point', (1.0, 1.0), (1.0, 1.0), 0.1))
-    assert away_from(point.fields, point.corners, point.first, 0, 0, 1.0, 1.0) == (0.0, 1.0, 0.0)
+    assert away_from(point.data.shapes, 0, 0, 1.0, 1.0) == (0.0, 1.0, 0.0)
 
 
 drives = {

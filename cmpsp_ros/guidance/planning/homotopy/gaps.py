@@ -17,22 +17,13 @@ from cmpsp_ros.world.grids import DistanceField, field_functions
 from cmpsp_ros.world.obstacles import outline_of
 from cmpsp_ros.world.roads import RoadSpace, road_functions
 
-Gap = tuple[float, float]
-"""Lateral positions of both ends [m]."""
-
-HomotopyClass = tuple[int, ...]
-"""Side on which each obstacle is passed: 1 to its left, -1 to its right, 0 if it is not passed."""
-
-_ROUNDING: Final = 100.0
-"""Gaps are rounded inwards to this, so that a road of one width has the same everywhere [1/m]."""
-_BESIDE: Final = 1.0
-"""Free width beside all obstacles on open floor [m]."""
-_ASIDE: Final = 2.0
-"""Width searched beside the line and its ends, in the cells of a grid [m]."""
-_TOO_FAR: Final = 0.9
-"""Largest lateral position towards the centre of a bend, as a fraction of its radius."""
-_BEAM: Final = 32
-"""Trails followed at a time while searching: all of five obstacles in a row."""
+Gap = tuple[float, float]  # lateral positions of both ends [m]
+HomotopyClass = tuple[int, ...]  # side of each obstacle: 1 left of it, -1 right, 0 not passed
+_ROUNDING: Final = 100.0  # gaps are rounded inwards to this: a road of one width has one [1/m]
+_BESIDE: Final = 1.0  # free width beside all obstacles on open floor [m]
+_ASIDE: Final = 2.0  # width searched beside the line and its ends, in the cells of a grid [m]
+_TOO_FAR: Final = 0.9  # largest lateral position towards the centre of a bend, in its radius
+_BEAM: Final = 32  # trails followed at a time while searching: all of five obstacles in a row
 
 
 class Trail(NamedTuple):
@@ -55,9 +46,7 @@ class Stretch(NamedTuple):
 def between_samples(space: FreeSpace, straddled: float) -> FreeSpace:
     """Free space of the path between the samples of a plan: one for all stages, their median.
 
-    Args:
-        space: Free space of the samples.
-        straddled: Distance from the nearest sample at which a path may pass an obstacle [m].
+    `straddled` is the distance from the nearest sample at which a path may pass an obstacle [m].
     """
     radii = space.radii if space.radii.ndim == 1 else np.median(space.radii, axis=0)
     # Samples keep farther away than the path between them comes.
@@ -216,10 +205,7 @@ def stretches_of(
 ) -> list[Stretch]:
     """Stretches of stations; the first and the last have the gap alone that a plan is in.
 
-    Args:
-        frame: Road coordinates.
-        gaps: Gaps of each station.
-        at: Stations of the obstacles' centres.
+    `gaps` are those of each station, `at` the stations of the obstacles' centres.
     """
     places: dict[int, list[int]] = {}
     for index, each in enumerate(at):
@@ -236,10 +222,7 @@ def stretches_of(
 
 
 def search(frame: RoadFrame, stretches: Sequence[Stretch], lateral: Sequence[float]) -> list[Trail]:
-    """The cheapest trail of each homotopy class, by a beam search from beginning to end.
-
-    The lateral positions are those of the obstacles' centres [m].
-    """
+    """The cheapest trail of each homotopy class, by a beam search; `lateral` of obstacles [m]."""
     nothing = (0,) * len(lateral)
     trails = [Trail(nothing, (gap,), frame.ends[0], 0.0) for gap in stretches[0].gaps]
     for stretch in stretches[1:]:

@@ -1,8 +1,7 @@
 """Homotopy classes of paths past the obstacles, and an initial trajectory for each.
 
-The side on which an obstacle is passed is a discrete choice that no iteration revisits: a plan that
-leads to the middle of an obstacle stays there, where both sides pull alike. So a search over the
-gaps at stations along the road finds the choices, and each becomes an initial trajectory.
+The side on which an obstacle is passed is a discrete choice that no iteration revisits. A search
+over the gaps at stations along the road finds the choices, and each becomes an initial trajectory.
 """
 
 from __future__ import annotations
@@ -53,12 +52,9 @@ MAX_CLASSES: Final = 8
 _CLEARANCE: Final = 0.08
 _CLEARANCE_FRACTION: Final = 0.25
 """Distance kept from the bounds of a gap [m], and its limit as a fraction of the gap's width."""
-_TOO_LONG: Final = 100.0
-"""Cost of a path that is too long for the time left, for every metre too much [m^2]."""
-_ROUGHLY: Final = 1.1
-"""Bound on the length of a path on a grid, relative to the shortest path."""
-_NAMED: Final = 6
-"""Number of sides in a message, the last of which may stand for the rest."""
+_TOO_LONG: Final = 100.0  # cost of each metre that is too long for the time left [m^2]
+_ROUGHLY: Final = 1.1  # bound on the length of a path on a grid, relative to the shortest path
+_NAMED: Final = 6  # number of sides in a message, the last of which may stand for the rest
 _CELL: Final = 0.1
 _MAX_CELLS: Final = 160
 _AROUND: Final = 1.0
@@ -67,24 +63,16 @@ _SMOOTHINGS: Final = 6
 
 
 class GuidePath(NamedTuple):
-    """A path past the obstacles ahead, one for a homotopy class.
+    """A path past the obstacles ahead, one for a homotopy class."""
 
-    Attributes:
-        homotopy_class: Side on which it passes each obstacle.
-        guess: Controls that follow it, shape ``(N + 1, r)``.
-        frame: Its road coordinates.
-        profile: Lateral positions at their stations, shape ``(K,)`` [m].
-        cost: Squared distance to the centre line along it, and a penalty on the length by which it
-            is too long even as the shortest path [m^3].
-        backward: Length of its beginning to drive backward [m]; None if it leads ahead.
-    """
-
-    homotopy_class: HomotopyClass
-    guess: Array
-    frame: RoadFrame
-    profile: Array
+    homotopy_class: HomotopyClass  # side on which it passes each obstacle
+    guess: Array  # controls that follow it, shape ``(N + 1, r)``
+    frame: RoadFrame  # its road coordinates
+    profile: Array  # lateral positions at their stations, shape ``(K,)`` [m]
+    # squared distance to the centre line along it, and a penalty on the length by which it is too
+    # long even as the shortest path [m^3]
     cost: float
-    backward: float | None = None
+    backward: float | None = None  # length at its beginning to drive backward [m]; None for none
 
 
 def guide_paths(
@@ -98,8 +86,8 @@ def guide_paths(
 ) -> list[GuidePath]:
     """The most promising paths to the goal, one for a homotopy class, best first.
 
-    None where everything is closed, or nothing is left to drive. The space is that of the samples;
-    at most `limit` paths are returned, and none of the classes that are not wanted.
+    None where everything is closed, or nothing is left to drive; at most `limit`, and none of the
+    classes `without`. The space is that of the samples.
     """
     frame = road_frame(settings, start, target)
     if frame.length < 2.0 * SPACING:
@@ -195,8 +183,7 @@ def _backward(settings: LawSettings, start: PlanStart, points: Array) -> float |
 def searched_line(space: FreeSpace, start: Array, goal: Array) -> Array:
     """Evenly spaced points ``(K, 2)`` of the shortest clear line on a grid [m]; (0, 2) for none.
 
-    A robot in a dead end has to turn back first, and one whose goal is in a dead end to go beyond
-    it, where no path leads ahead station by station.
+    It leads out of dead ends and into them, where no path leads ahead station by station.
     """
     low, high = _searched_area(space, start, goal)
     cell = max(_CELL, float((high - low).max()) / _MAX_CELLS)
@@ -242,10 +229,7 @@ def _searched_area(space: FreeSpace, start: Array, goal: Array) -> tuple[Array, 
 def turning_first(
     settings: LawSettings, path: GuidePath, start: PlanStart, durations: Array
 ) -> Array:
-    """A guess ``(N + 1, 2)`` [rad/s] that turns on the spot first, and then follows a path.
-
-    `GuidePath.guess` turns while it drives, and needs space for that.
-    """
+    """A guess ``(N + 1, 2)`` [rad/s] that turns on the spot first, and then follows a path."""
     robot, frame, pose = start.robot, path.frame, start.pose
     if settings.max_wheel_change < math.inf or path.backward:
         return path.guess
@@ -283,12 +267,9 @@ def _costs(frame: RoadFrame, profiles: Array, reach: float) -> list[float]:
 
 
 def class_of(frame: RoadFrame, centers: tuple[Array, Array], poses: Array) -> HomotopyClass:
-    """Homotopy class of a path: the side of each obstacle that it passes on its way to the goal.
+    """Homotopy class of the path along poses ``(N + 1, 3)`` [m, m, rad].
 
-    Args:
-        frame: Road coordinates from the beginning of the path to the goal.
-        centers: Centres of the obstacles, by `RoadFrame.coordinates`.
-        poses: Poses along the path, shape ``(N + 1, 3)`` [m, m, rad].
+    The frame leads from its beginning to the goal; `centers` are `RoadFrame.coordinates`.
     """
     if not len(centers[0]):
         return ()

@@ -1,9 +1,8 @@
 """Road coordinates from a pose to a goal, and paths in them as lateral positions at stations.
 
 Between two circles, among discs, they are polar and exact: a station is the angle from the pose
-[rad], a lateral position the distance from the centre [m]. Elsewhere they follow a line, which on
-open floor is straight: a station is the arc length [m], a lateral position the distance to the left
-of the line [m].
+[rad], a lateral position the distance from the centre [m]. Elsewhere they follow a line, straight
+on open floor: a station is the arc length, a lateral position the distance to its left [m].
 """
 
 from __future__ import annotations
@@ -20,52 +19,32 @@ from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.mpsp.jit import allocation_free
 from cmpsp_ros.world.roads import Annulus, arc_length_to, lookahead_points
 
-SPACING: Final = 0.2
-"""Least distance of stations [m]."""
+SPACING: Final = 0.2  # least distance of stations [m]
 _MAX_STATIONS: Final = 400
-_LEAST_STRETCH: Final = 0.05
-"""Least distance of stations on the inner side of a bend, relative to that on the line."""
+_LEAST_STRETCH: Final = 0.05  # least distance of stations inside a bend, relative to the line
 _PASSES: Final = 3
-_RETURN: Final = 1.5
-"""Length over which a path that was pushed aside returns to the centre line [m]."""
+_RETURN: Final = 1.5  # length over which a path that was pushed aside returns [m]
 _SWEEPS: Final = 40
 _RELAXATION: Final = 1.6
 
 
 class RoadFrame(NamedTuple):
-    """Stations along the path from a pose to a goal.
+    """Stations along the path from a pose to a goal."""
 
-    Attributes:
-        stations: Evenly spaced from 0, shape ``(K,)`` [rad or m].
-        step: Distance of two stations [rad or m].
-        length: Length of the path [m].
-        middle: Lateral position of the centre line [m].
-        ends: Lateral positions of the pose and of the goal [m].
-        left: 1 if lateral positions grow to the left, -1 if to the right.
-        polar: Whether they are polar coordinates.
-        x: Centre of polar coordinates [m].
-        y: Centre of polar coordinates [m].
-        begin: Bearing of the pose from there [rad].
-        side: 1 anticlockwise, -1 clockwise.
-        points: Points of the line at the stations, shape ``(K, 2)`` [m]; none in polar coordinates.
-        directions: Unit vectors along it there, shape ``(K, 2)``.
-        curvature: Curvature of the line, positive to the left, shape ``(K,)`` [1/m].
-    """
-
-    stations: Array
-    step: float
-    length: float
-    middle: float
-    ends: tuple[float, float]
-    left: float
-    polar: bool
-    x: float
-    y: float
-    begin: float
-    side: float
-    points: Array
-    directions: Array
-    curvature: Array
+    stations: Array  # evenly spaced from 0, shape ``(K,)`` [rad or m]
+    step: float  # distance of two stations [rad or m]
+    length: float  # of the path [m]
+    middle: float  # lateral position of the centre line [m]
+    ends: tuple[float, float]  # lateral positions of the pose and of the goal [m]
+    left: float  # 1 if lateral positions grow to the left, -1 if to the right
+    polar: bool  # whether they are polar coordinates
+    x: float  # centre of polar coordinates [m]
+    y: float  # centre of polar coordinates [m]
+    begin: float  # bearing of the pose from there [rad]
+    side: float  # 1 anticlockwise, -1 clockwise
+    points: Array  # points of the line at the stations ``(K, 2)`` [m]; none in polar coordinates
+    directions: Array  # unit vectors along it there, shape ``(K, 2)``
+    curvature: Array  # curvature of the line, positive to the left, shape ``(K,)`` [1/m]
 
     @property
     def spacing(self) -> float:
@@ -201,8 +180,8 @@ def wrapped(angle: float) -> float:
 def elastic_band(frame: RoadFrame, low: Array, high: Array, ends: tuple[float, float]) -> Array:
     """Elastic bands between bounds, attracted by the centre line, by projected over-relaxation.
 
-    Bounds and lateral positions have one row a path, shape ``(W, K)`` [m]; all paths have the same
-    ends [m].
+    Bounds and lateral positions have one row a path, shape ``(W, K)`` [m]; all have the same
+    `ends`.
     """
     profiles: Array = np.clip(np.full_like(low, frame.middle), low, high)
     profiles[:, 0], profiles[:, -1] = ends

@@ -8,15 +8,18 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
-from dataclasses import fields, replace
-from typing import Final, NamedTuple
+from contextlib import contextmanager
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from typing import Final
 
 import numpy as np
 
 from cmpsp_ros.arrays import Array
+from cmpsp_ros.mpsp.jit.compiled import entry_for
 from cmpsp_ros.mpsp.problem import Dimensions, Linearisation
 from cmpsp_ros.mpsp.qp.active_set.fixed_bounds import free_all
+from cmpsp_ros.mpsp.qp.active_set.solver import solve
 from cmpsp_ros.mpsp.qp.active_set.state import (
     ActiveSet,
     WarmStart,
@@ -25,7 +28,14 @@ from cmpsp_ros.mpsp.qp.active_set.state import (
 )
 from cmpsp_ros.mpsp.qp.riccati import kkt
 from cmpsp_ros.mpsp.qp.riccati.factorisation import factorise
-from cmpsp_ros.mpsp.qp.riccati.program import Program, Records, RowKind, empty_program, locate
+from cmpsp_ros.mpsp.qp.riccati.program import (
+    Outcome,
+    Program,
+    Records,
+    RowKind,
+    empty_program,
+    locate,
+)
 from cmpsp_ros.mpsp.qp.subproblem import Penalties, QPSolution, QPStatus, Row, Subproblem
 
 SIZES: Final = ((3, 2), (5, 2), (6, 3), (8, 4), (16, 8), (32, 16), (64, 32))
@@ -41,13 +51,36 @@ Hard ones take up to 40,000; where rows depend on each other rounding may lead r
 _FIELDS: Final = tuple(field.name for field in fields(Linearisation))
 
 
-class Space(NamedTuple):
+@dataclass(frozen=True)
+class Space:
     """Memory for one program: the user's sizes, records, active set and an empty warm start."""
 
     size: Dimensions
     program: Program
     active: ActiveSet
     warm: WarmStart
+
+    @cached_property
+    def derivatives(self) -> tuple[Array, ...]:
+        """Views as of `derivative_arrays`; making them takes longer than a copy."""
+        program = self.program
+        return derivative_arrays(program.stages, program.path, program.terminal, self.size)
+
+    def solve(self, warm: WarmStart) -> Outcome:
+        """Solve the program as `solver.solve` does."""
+        return Outcome(self._solve(self.program, self.active, warm))
+
+    def residual(self) -> float:
+        """Residual of the solution in the records, as `kkt.kkt_residual`."""
+        return self._residual(self.program)
+
+    @cached_property
+    def _solve(self) -> Callable[[Program, ActiveSet, WarmStart], int]:
+        return entry_for(solve, self.program, self.active, self.warm)
+
+    @cached_property
+    def _residual(self) -> Callable[[Program], float]:
+        return entry_for(kkt.kkt_residual, self.program)
 
 
 def compiled_size(n: int, r: int) -> tuple[int, int]:
@@ -86,20 +119,19 @@ def fill(into: Space, qp: Subproblem, penalties: Penalties | None = None) -> Non
     """Write a program of the memory's sizes into its records; all rows hard without penalties."""
     n, r = into.size.state, into.size.control
     program, stages, head = into.program, into.program.stages, into.program.head
+    put_derivatives(into.derivatives, qp.linearisation)
     head['horizon'] = into.size.horizon
     head['work'], head['is_factorised'], head['begun'] = 0, 0, 0
     head['trust_radius'] = np.inf
     head['trust_radius'][0, :n] = qp.trust_radius
     stages['lower'][:, :r], stages['upper'][:, :r] = qp.lower, qp.upper
-    put_derivatives(stages, program.path, program.terminal, qp.linearisation)
     program.terminal['penalty'] = np.inf if penalties is None else penalties.terminal
     program.path['penalty'] = np.inf if penalties is None else penalties.path
 
 
-def put_derivatives(stages: Records, path: Records, terminal: Records, lin: Linearisation) -> None:
-    """Write derivatives along a trajectory into records, which may be larger in any size."""
-    arrays = _derivatives(stages, path, terminal, lin.size)
-    for array, name in zip(arrays, _FIELDS, strict=True):
+def put_derivatives(into: tuple[Array, ...], lin: Linearisation) -> None:
+    """Write derivatives along a trajectory into arrays as of `derivative_arrays`."""
+    for array, name in zip(into, _FIELDS, strict=True):
         array[...] = getattr(lin, name)
 
 
@@ -107,7 +139,7 @@ def derivatives_in(
     stages: Records, path: Records, terminal: Records, size: Dimensions
 ) -> Linearisation:
     """The derivatives in records, in arrays of their own."""
-    return Linearisation(*(each.copy() for each in _derivatives(stages, path, terminal, size)))
+    return Linearisation(*(each.copy() for each in derivative_arrays(stages, path, terminal, size)))
 
 
 def subproblem_in(of: Space) -> Subproblem:
@@ -130,11 +162,11 @@ def program_in(of: Space) -> tuple[Subproblem, Penalties | None]:
     return subproblem, None if is_hard else weights
 
 
-def _derivatives(
+def derivative_arrays(
     stages: Records, path: Records, terminal: Records, size: Dimensions
 ) -> tuple[Array, ...]:
-    """The parts of records that hold a `Linearisation`, in the order of its fields."""
-    N, n, r = size.horizon, size.state, size.control
+    """Views of records, which may be larger in any size, as the fields of a `Linearisation`."""
+    N, n, r, l = size.horizon, size.state, size.control, size.path  # noqa: E741 (the paper's l)
     stages, path = stages[: N + 1], path[: N + 1]
     return (
         stages['A'][:N, :n, :n],
@@ -147,9 +179,9 @@ def _derivatives(
         terminal['value'],
         terminal['X'][:, :n],
         terminal['U'][:, :r],
-        path['value'],
-        path['X'][:, :, :n],
-        path['U'][:, :, :r],
+        path['value'][:, :l],
+        path['X'][:, :l, :n],
+        path['U'][:, :l, :r],
     )
 
 
@@ -195,20 +227,26 @@ def _row(of: Space, number: int) -> Row:
 
 
 def kkt_residual(
-    qp: Subproblem,
-    solution: QPSolution,
-    penalties: Penalties | None,
-    dX: Array | None = None,
-    room: Space | None = None,
+    qp: Subproblem, solution: QPSolution, penalties: Penalties | None, dX: Array | None = None
 ) -> float:
-    """Largest violation of the optimality conditions, as `kkt.kkt_residual`; of any solution.
-
-    Where there is `room`, the program and its solution are left in it.
-    """
-    with borrowed_space(qp.size) if room is None else nullcontext(room) as mine:
+    """Largest violation of the optimality conditions, as `kkt.kkt_residual`; of any solution."""
+    with borrowed_space(qp.size) as mine:
         fill(mine, qp, penalties)
         put_solution(mine, solution, qp.propagate(solution.dU) if dX is None else dX)
-        return float(kkt.kkt_residual(mine.program))
+        return mine.residual()
+
+
+def residual_without_step(
+    into: Space, qp: Subproblem, terminal: Array, path: Array, bounds: Array
+) -> float:
+    """`kkt_residual` at ``dU = 0`` with these multipliers; the program is left in the records."""
+    fill(into, qp)
+    stages = into.program.stages
+    stages['dU'], stages['dX'], stages['trust'] = 0.0, 0.0, 0.0
+    stages['bounds'][:, : into.size.control] = bounds
+    into.program.terminal['multiplier'] = terminal
+    into.program.path['multiplier'] = path
+    return into.residual()
 
 
 def is_positive_definite(qp: Subproblem, shift: float = 0.0, sign: float = 1.0) -> bool:
@@ -220,11 +258,12 @@ def is_positive_definite(qp: Subproblem, shift: float = 0.0, sign: float = 1.0) 
 @contextmanager
 def definite_from(qp: Subproblem, sign: float) -> Iterator[Callable[[float], bool]]:
     """`is_positive_definite` of one program, as a function of the shift."""
-    lin, r = qp.linearisation, qp.size.control
-    blocks = {name: sign * getattr(lin, name) for name in ('L_XX', 'L_UX', 'L_UU')}
     with borrowed_space(qp.size) as mine:
-        fill(mine, replace(qp, linearisation=replace(lin, **blocks)))
-        diagonal = np.einsum('kaa->ka', mine.program.stages['L_UU'])[:, :r]
+        fill(mine, qp)
+        if sign != 1.0:
+            for block in mine.derivatives[4:7]:
+                np.multiply(block, sign, out=block)
+        diagonal = np.einsum('kaa->ka', mine.derivatives[6])
         unshifted = diagonal.copy()
         free_all(mine.program)
 

@@ -81,7 +81,8 @@ def condense(
     blocks = sensitivities(lin.A, lin.B)
 
     H = np.empty((q, q))
-    _hessian(H, blocks, lin.A, lin.B, lin.L_XX, lin.L_UX, lin.L_UU, np.empty((2, n, r)))
+    XX, UX, UU = (np.ascontiguousarray(each) for each in (lin.L_XX, lin.L_UX, lin.L_UU))
+    _hessian(H, blocks, lin.A, lin.B, XX, UX, UU, np.empty((2, n, r)))
 
     S_N = np.empty((len(lin.output_error), q))
     last = np.full(len(S_N), steps)

@@ -31,10 +31,7 @@ except ImportError:
 
 
 class CourseInput(Listener):
-    """Receives a part of the course.
-
-    It `waits` for the first one; `refusal` is why the last one was refused, empty if it was not.
-    """
+    """Receives a part of the course; it `waits` for the first, and has the last `refusal`."""
 
     def __init__(self, node: LifecycleNode, transforms: TransformInput) -> None:
         super().__init__(node)
@@ -85,10 +82,7 @@ class RoadInput(CourseInput):
 
 
 class MapInput(CourseInput):
-    """Receives `map.topic`, if given.
-
-    A map that is refused stops the robot: the one before is out of date.
-    """
+    """Receives `map.topic`, if given; a map that is refused stops the robot."""
 
     def __init__(self, node: LifecycleNode, values: Values, transforms: TransformInput) -> None:
         super().__init__(node, transforms)

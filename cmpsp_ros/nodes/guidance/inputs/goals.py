@@ -50,9 +50,9 @@ class _Running(NamedTuple):
 class GoalInput(Listener):
     """Gives received goals to the law; `cancelled` is a reason to stand until the next one.
 
-    Of the goals of both actions one is driven to at a time, and the newest counts. One is rejected
-    where none is accepted; one that is accepted and cannot be driven to is aborted, with the
-    reason.
+    Of the goals of both actions the newest is driven to. One is rejected where none is
+    accepted; one that cannot be driven to is aborted, with the reason. With `waits` the robot
+    stands until the first goal of a run.
     """
 
     def __init__(
@@ -65,10 +65,6 @@ class GoalInput(Listener):
         *,
         waits: bool,
     ) -> None:
-        """Open topic and actions; with `waits` the robot stands until the first goal of a run.
-
-        `is_active` is True while the robot is guided; the path of an action may change `road`.
-        """
         super().__init__(node)
         self._law, self._transforms, self._road = law, transforms, road
         self._is_active, self._at_first = is_active, _NONE_YET if waits else ''
@@ -170,7 +166,6 @@ class GoalInput(Listener):
     async def _execute(
         self, name: str, kind: Any, drive: Callable[[Any], Goal], handle: ServerGoalHandle
     ) -> Any:
-        """Drive to a goal; its result."""
         try:
             goal = drive(handle.request)
         except GoalError as error:
@@ -219,8 +214,7 @@ def _duration(seconds: float) -> Duration:
 def path_feedback(pose: PoseStamped, distance: float, speed: float) -> Any:
     """Feedback of FollowPath: distance [m] to the goal along the path, and speed [m/s].
 
-    From Lyrical on they are fields of a message `nav2_msgs/TrackingFeedback`, beside the pose. Its
-    tracking errors stay 0: the path is a road here, on which the robot may drive anywhere.
+    From Lyrical on they are fields of a message `nav2_msgs/TrackingFeedback`, beside the pose.
     """
     feedback = FollowPath.Feedback()
     values = getattr(feedback, 'tracking_feedback', feedback)

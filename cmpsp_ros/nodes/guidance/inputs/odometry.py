@@ -13,8 +13,7 @@ from cmpsp_ros.guidance.messages import OdometryError, OdometryReading
 from cmpsp_ros.nodes.common.topic import Listener, publisher_names, waiting
 from cmpsp_ros.nodes.common.topics import GUIDANCE_ODOM
 
-_HEADER = 4
-"""Bytes of the encapsulation header; alignment counts from its end."""
+_HEADER = 4  # bytes of the encapsulation header; alignment counts from its end
 _LITTLE_ENDIAN, _BIG_ENDIAN = (
     (struct.Struct(f'{order}iI'), struct.Struct(f'{order}I'), struct.Struct(f'{order}7d'))
     for order in '<>'
@@ -22,15 +21,14 @@ _LITTLE_ENDIAN, _BIG_ENDIAN = (
 """A stamp, the length of a string, a pose."""
 
 _UNREADABLE = 'Odometry cannot be read: found {} bytes that are no nav_msgs/Odometry in CDR.'
-_PATIENCE = 1.0
-"""Time for which ROS time may stand still without a warning [s]."""
+_PATIENCE = 1.0  # time for which ROS time may stand still without a warning [s]
 
 
 def read_odometry(data: bytes) -> OdometryReading:
     """Read a serialised `nav_msgs/Odometry` without covariance and twist, or raise OdometryError.
 
-    rclpy makes a Python object of each part of a message, which takes as long as deciding on it.
-    The bytes are CDR (OMG DDS-RTPS 2.5, section 10, with the alignment of XCDR version 1).
+    rclpy takes as long for it as deciding does. The bytes are CDR (OMG DDS-RTPS 2.5, section
+    10, with the alignment of XCDR version 1).
     """
     try:
         stamp, length, numbers = _LITTLE_ENDIAN if data[1] & 1 else _BIG_ENDIAN
@@ -58,8 +56,8 @@ class OdometryInput(Listener):
     ) -> tuple[OdometryReading, bytes]:
         """Odometry of a message, or of the newest waiting one if it is outdated, with its bytes.
 
-        It is outdated where a decision `is_due` and it is older than a `period` [s] at a time `now`
-        [ns]. Raises OdometryError if it cannot be read.
+        It is outdated where a decision `is_due` and it is older than a `period` [s]. Raises
+        OdometryError.
         """
         reading = read_odometry(data)
         if (now - reading.stamp) / NANOSECONDS <= period or not is_due(reading.stamp):
@@ -102,10 +100,7 @@ class OdometryWatchdog:
         return age is not None and age > timeout
 
     def goes_on(self, timeout: float, now: int) -> bool:
-        """True if the limit was already exceeded at the previous check, at another time.
-
-        A clock that jumps wakes the watch before the odometry that comes with it.
-        """
+        """True if the limit was exceeded at the previous check, too: a clock may jump."""
         if not self.is_longer_than(timeout, now):
             self._noticed_at = None
         elif self._noticed_at is None:
@@ -116,10 +111,7 @@ class OdometryWatchdog:
 
 
 class ClockWatch:
-    """Detects ROS time that stands still: a paused simulation, or a dead `/clock`.
-
-    It commands nothing: while time stands still, so does everything that depends on it.
-    """
+    """Detects ROS time that stands still: a paused simulation, or a dead `/clock`."""
 
     def __init__(self) -> None:
         self._now: int | None = None

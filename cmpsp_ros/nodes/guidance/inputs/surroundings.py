@@ -50,9 +50,7 @@ from cmpsp_ros.sensing import (
 from cmpsp_ros.world.grids import Cell
 
 _THROTTLE = 2.0
-_FIRST = 2
-"""Number of the first tracker; the tracks of own sensors have 1."""
-
+_FIRST = 2  # number of the first tracker; the tracks of own sensors have 1
 _MESSAGES = {'scan': LaserScan, 'cloud': PointCloud2}
 
 # Values of a nav_msgs/OccupancyGrid by `Cell`.
@@ -148,16 +146,13 @@ class SensorInput(SurroundingsInput):
 class TrackInput(SurroundingsInput):
     """Receives tracks of all sources, fuses them, and publishes those that a decision uses.
 
-    Tracks that `moving_obstacles` brings are in the bag already.
-
-    Attributes:
-        settings: All settings of the guidance law, as they are now.
+    Tracks that `moving_obstacles` brings are in the bag already. Raises ParameterError for
+    types whose package is not installed.
     """
 
     def __init__(
         self, node: LifecycleNode, settings: GuidanceSettings, transforms: TransformInput
     ) -> None:
-        """Open the topics; raises ParameterError for types whose package is not installed."""
         super().__init__(node)
         self.settings, self._transforms = settings, transforms
         known, own = settings.moving_obstacles, node.get_namespace()

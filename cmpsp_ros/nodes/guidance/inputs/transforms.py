@@ -11,26 +11,14 @@ import numpy as np
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry, Path
 from rclpy.lifecycle import LifecycleNode
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.guidance import NANOSECONDS, Goal, GoalError, GuidanceSettings
-from cmpsp_ros.guidance.messages import (
-    OdometryError,
-    OdometryReading,
-    Track,
-    TrackError,
-    TransformError,
-    Transforms,
-    compose,
-    goal_of,
-    tracks_of,
-)
+from cmpsp_ros.guidance import NANOSECONDS, Goal, GoalError, GuidanceSettings, messages
 from cmpsp_ros.nodes.common.messages import cloud_of, road_in, set_pose
-from cmpsp_ros.nodes.common.topic import Listener
+from cmpsp_ros.nodes.common.topic import Listener, Topic
 from cmpsp_ros.nodes.common.topics import OWN_GOAL_POSE, OWN_MOVING, OWN_ODOM
 from cmpsp_ros.parameters import ParameterError, Problem
 from cmpsp_ros.sensing import stamp_of
@@ -42,58 +30,47 @@ except ImportError:  # tf2 is not among the wheels
 
 _DEPTH = 500
 
-_MOTION = 100_000_000
-"""Time over which a frame's motion is measured [ns]."""
+_MOTION = 100_000_000  # time over which a frame's motion is measured [ns]
 
 
 class TransformInput(Listener):
     """Receives transforms, which are read only on request.
 
     Messages transformed to the frame of the course are published there, so that a bag holds the
-    inputs of decisions and needs no transforms.
-
-    Attributes:
-        settings: All settings of the guidance law, as they are now.
+    inputs of decisions and needs no transforms. Without a robot's frame its centre is that of
+    odometry.
     """
 
     def __init__(self, node: LifecycleNode, robot_frame: str, settings: GuidanceSettings) -> None:
-        """Open the topics; without a robot's frame its centre is that of odometry."""
         super().__init__(node)
         self.settings, self._robot_frame = settings, robot_frame
-        self._transforms = Transforms()
+        self._transforms = messages.Transforms()
         self._unread: deque[bytes] = deque(maxlen=_DEPTH)
         self._odometry = self._publish_on(OWN_ODOM)
         self._goals = self._publish_on(OWN_GOAL_POSE)
         self._moving = self._publish_on(OWN_MOVING)
-        topics = (
-            ('/tf', DurabilityPolicy.VOLATILE, self._keep),
-            ('/tf_static', DurabilityPolicy.TRANSIENT_LOCAL, self._hear_static),
-        )
-        for topic, durability, hear in topics if TFMessage is not None else ():
-            qos = QoSProfile(depth=_DEPTH, durability=durability)
-            listen = node.create_subscription(TFMessage, topic, hear, qos, raw=True)
-            self._subscriptions.append(listen)
+        topics = ('/tf', False, self._keep), ('/tf_static', True, self._hear_static)
+        for name, latched, hear in topics if TFMessage is not None else ():
+            topic = Topic('guidance', 'in', name, TFMessage, '', depth=_DEPTH, latched=latched)
+            self._subscriptions.append(topic.listen_on(node, hear, raw=True))
 
     def robot_frame(self, child_frame: str) -> str:
         """Frame of the robot's centre, where odometry is of a child frame."""
         return self._robot_frame or child_frame
 
-    def pose_of(self, reading: OdometryReading, data: bytes) -> tuple[Array, bool]:
-        """Pose of the robot's centre by odometry, and True if it took a transform.
-
-        Raises OdometryError if it cannot be used, or there is no transform.
-        """
+    def pose_of(self, reading: messages.OdometryReading, data: bytes) -> tuple[Array, bool]:
+        """Pose of the robot's centre by odometry, and True if transformed; raises OdometryError."""
         stamp, frame, child = reading[:3]
         center = self.robot_frame(child)
         if frame == self.settings.frame_id and center == child:
             return reading.pose_in(frame), False
-        there = self._in_frame('Odometry is', frame, stamp, OdometryError)
+        there = self._in_frame('Odometry is', frame, stamp, messages.OdometryError)
         try:
             upon = self._look_up(child, center, stamp)
-        except TransformError as error:
+        except messages.TransformError as error:
             why = f'Odometry is of {child!r}, wanted {center!r} (robot_frame): {error}.'
-            raise OdometryError(why) from error
-        pose = compose(compose(there, reading.pose_in(frame)), upon)
+            raise messages.OdometryError(why) from error
+        pose = messages.compose(messages.compose(there, reading.pose_in(frame)), upon)
         if self._odometry.get_subscription_count():
             self._publish_odometry(data, center, pose, upon)
         return pose, True
@@ -102,36 +79,40 @@ class TransformInput(Listener):
         """Stamp [ns] and goal of a message, in the frame of the course, published; GoalError."""
         wanted, frame = self.settings.frame_id, message.header.frame_id
         if frame != wanted:
-            stamp, goal = goal_of(message, frame)
+            stamp, goal = messages.goal_of(message, frame)
             there = self._in_frame('The goal is', frame, stamp, GoalError)
             message = PoseStamped(header=Header(stamp=message.header.stamp, frame_id=wanted))
-            set_pose(message.pose, compose(there, np.array([*goal.position, goal.heading or 0.0])))
+            set_pose(
+                message.pose,
+                messages.compose(there, np.array([*goal.position, goal.heading or 0.0])),
+            )
             if goal.heading is None:
                 message.pose.orientation.z = message.pose.orientation.w = 0.0
-        received = goal_of(message, wanted)
+        received = messages.goal_of(message, wanted)
         self._goals.publish(message)
         return received
 
-    def tracks_of(self, message: PointCloud2) -> list[Track]:
+    def tracks_of(self, message: PointCloud2) -> list[messages.Track]:
         """Moving obstacles in a message; velocities are over ground, along its axes; TrackError."""
         wanted, frame = self.settings.frame_id, message.header.frame_id
-        tracks, stamp = tracks_of(message, frame), stamp_of(message)
+        tracks, stamp = messages.tracks_of(message, frame), stamp_of(message)
         if frame == wanted:
             return tracks
-        there = self._in_frame('Obstacles are', frame, stamp, TrackError)
-        tracks = [_moved(each, there) for each in tracks]
-        self._moving.publish(cloud_of(tracks, stamp, wanted))
-        return tracks
+        there = self._in_frame('Obstacles are', frame, stamp, messages.TrackError)
+        moved = []
+        for each in tracks:
+            x, y, _ = messages.compose(there, np.array([each.x, each.y, 0.0])).tolist()
+            vx, vy = _turned(each.vx, each.vy, float(there[2]))
+            moved.append(replace(each, x=x, y=y, vx=vx, vy=vy))
+        self._moving.publish(cloud_of(moved, stamp, wanted))
+        return moved
 
     def frame_at(self, frame: str, stamp: int, *, with_motion: bool) -> tuple[Array, Array]:
-        """Pose ``(3,)`` and velocity ``(3,)`` of a tracker's frame in that of the course.
-
-        Without its motion the velocity is 0. Raises `TrackError` if there is no transform.
-        """
-        there = self._in_frame('Objects are', frame, stamp, TrackError)
+        """Pose and velocity ``(3,)`` of a tracker's frame in that of the course; TrackError."""
+        there = self._in_frame('Objects are', frame, stamp, messages.TrackError)
         if not with_motion:
             return there, np.zeros(3)
-        change = there - self._in_frame('Objects are', frame, stamp - _MOTION, TrackError)
+        change = there - self._in_frame('Objects are', frame, stamp - _MOTION, messages.TrackError)
         change[2] = math.remainder(change[2], math.tau)
         return there, change / (_MOTION / NANOSECONDS)
 
@@ -143,12 +124,12 @@ class TransformInput(Listener):
             return changes
         try:
             there = self.frame_pose(frame)
-        except TransformError as error:
+        except messages.TransformError as error:
             problem = Problem('road', f'frame {frame!r}', f'{wanted!r} (frame_id): {error}')
             raise ParameterError(problem) from error
         numbers = changes['road.points']
         points = zip(numbers[::2], numbers[1::2], strict=True)
-        moved = [compose(there, np.array([*each, 0.0]))[:2].tolist() for each in points]
+        moved = [messages.compose(there, np.array([*each, 0.0]))[:2].tolist() for each in points]
         return {**changes, 'road.points': [number for each in moved for number in each]}
 
     def frame_pose(self, frame: str) -> Array:
@@ -156,7 +137,6 @@ class TransformInput(Listener):
         return self._look_up(self.settings.frame_id, frame, 0)
 
     def _publish_odometry(self, data: bytes, center: str, pose: Array, upon: Array) -> None:
-        """Publish odometry of the robot's centre, with covariances as they are."""
         message = deserialize_message(data, Odometry)
         message.header.frame_id, message.child_frame_id = self.settings.frame_id, center
         set_pose(message.pose.pose, pose)
@@ -171,7 +151,7 @@ class TransformInput(Listener):
         wanted = self.settings.frame_id
         try:
             return self._look_up(wanted, frame, stamp)
-        except TransformError as why:
+        except messages.TransformError as why:
             raise error(f'{what} in frame {frame!r}, wanted {wanted!r} (frame_id): {why}.') from why
 
     def _look_up(self, target: str, source: str, stamp: int) -> Array:
@@ -179,7 +159,7 @@ class TransformInput(Listener):
         if target == source:
             return np.zeros(3)
         if TFMessage is None:
-            raise TransformError('tf2_msgs, for a transform, is not installed')
+            raise messages.TransformError('tf2_msgs, for a transform, is not installed')
         self.drain()
         while self._unread:
             self._transforms.add(deserialize_message(self._unread.popleft(), TFMessage))
@@ -196,9 +176,3 @@ class TransformInput(Listener):
 def _turned(x: float, y: float, angle: float) -> tuple[float, float]:
     cosine, sine = math.cos(angle), math.sin(angle)
     return cosine * x - sine * y, sine * x + cosine * y
-
-
-def _moved(track: Track, there: Array) -> Track:
-    x, y, _ = compose(there, np.array([track.x, track.y, 0.0])).tolist()
-    vx, vy = _turned(track.vx, track.vy, float(there[2]))
-    return replace(track, x=x, y=y, vx=vx, vy=vy)

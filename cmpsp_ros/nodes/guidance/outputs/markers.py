@@ -34,16 +34,11 @@ _PASSED = ColorRGBA(r=0.1, g=0.6, b=0.25, a=0.25)
 _ARROW = 0.5
 _WHITE = ColorRGBA(r=1.0, g=1.0, b=1.0, a=1.0)
 
-PLENTY: Final = 0.3
-"""Clearance beyond `safety.margin` from which on nothing is near [m]."""
-
-_LIFETIME: Final = 5.0
-"""Control periods for which markers stay when no more come."""
-
+PLENTY: Final = 0.3  # clearance beyond `safety.margin` from which on nothing is near [m]
+_LIFETIME: Final = 5.0  # control periods for which markers stay when no more come
 _WIDTH: Final = 0.06
 _RING: Final = 0.02
-_AHEAD: Final = 1.0
-"""Time ahead for which positions of moving obstacles are shown [s]."""
+_AHEAD: Final = 1.0  # time ahead for which positions of moving obstacles are shown [s]
 
 
 class _Markers:
@@ -65,10 +60,9 @@ class _Markers:
 def marker_array(
     settings: LawSettings, world: World, stamp: Time, ahead: Goal | None = None
 ) -> MarkerArray:
-    """Markers of everything static, replacing all earlier ones.
+    """Markers of everything static, replacing all earlier ones; goals before `ahead` are paler.
 
     Obstacles have a ring around them at the distance that the robot's centre keeps at samples.
-    Goals before the one that is driven to, `ahead`, are paler, and their headings are not shown.
     """
     made = _Markers(settings.frame_id, stamp)
     made.add('', Marker(action=Marker.DELETEALL))
@@ -136,18 +130,14 @@ def _point(place: Sequence[float], z: float = 0.0) -> Point:
 
 
 class PlanMarkers:
-    """Markers of the latest decision.
+    """Markers of the latest decision: the plan in the colour of its level, and what moves.
 
-    The plan is a band in the colour of its fallback level, and in it a line in the colours of the
-    clearance: `NEAR` with only `safety.margin` left, `FAR` with `PLENTY` beyond it. A robot with
-    corners has its outline drawn at the start. A withdrawn plan is removed; the reason stays at the
-    robot's last position. A moving obstacle has an arrow to its position a second later; the rings
-    around it and the arrow's tip are the distance kept by the centre of the robot or its discs. One
-    whose place or velocity is in doubt has pale discs there: as large as it may be at two sigma.
+    A line in the plan has the colours of its clearance: `NEAR` with only `safety.margin` left,
+    `FAR` with `PLENTY` beyond it. Arrows lead to positions a second later; rings are the
+    distances kept, pale discs the doubt at two sigma.
     """
 
     def __init__(self, settings: GuidanceSettings) -> None:
-        """Begin without a plan, on the course of the settings."""
         self._frame_id, self._place = settings.frame_id, list[float]()
         self._lifetime = _LIFETIME * settings.control_period
         self.take(settings, settings.world)

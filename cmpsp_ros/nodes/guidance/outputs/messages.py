@@ -73,7 +73,6 @@ class DecisionMessage:
     """Everything about a decision but its plan; numbers read back exactly."""
 
     def __init__(self, name: str, hardware_id: str, frame_id: str) -> None:
-        """Make the message, with the name of its status, and the frame of odometry."""
         self._message = DiagnosticStatus(name=name, hardware_id=hardware_id)
         self._array = DiagnosticArray(status=[self._message])
         self._array.header.frame_id = frame_id

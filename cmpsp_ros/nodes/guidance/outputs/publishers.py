@@ -17,26 +17,15 @@ from cmpsp_ros.nodes.common.health import hardware_id
 from cmpsp_ros.nodes.common.messages import BASE, set_stamp
 from cmpsp_ros.nodes.common.topic import Topic
 from cmpsp_ros.nodes.common.topics import GUIDANCE_ODOM
+from cmpsp_ros.nodes.guidance.outputs import messages
 from cmpsp_ros.nodes.guidance.outputs.markers import PlanMarkers, marker_array
-from cmpsp_ros.nodes.guidance.outputs.messages import (
-    DecisionMessage,
-    PathMessage,
-    frame_bytes,
-    polygon_message,
-    stamped_bytes,
-    twist_bytes,
-)
 from cmpsp_ros.parameters import Values
 
 
 class GuidanceOutputs:
-    """Publishers of one configured guidance node, and the `listeners` that a run waits for.
-
-    The command leaves before anything else is made or sent.
-    """
+    """Publishers of one configured guidance node, and the `listeners` that a run waits for."""
 
     def __init__(self, node: LifecycleNode, values: Values, settings: GuidanceSettings) -> None:
-        """Create all publishers; the command's is silent unless the node is active."""
         self._node = node
 
         # Where time stands still until it is answered nothing grows stale, and all is recorded.
@@ -55,12 +44,12 @@ class GuidanceOutputs:
         self.listeners = Listeners(
             node, self._command, (self._wheels, self._decisions), values['recorder_timeout']
         )
-        self._robot_frame = BASE, frame_bytes(BASE)
+        self._robot_frame = BASE, messages.frame_bytes(BASE)
         self._footprint, self._frame_id = settings.footprint, settings.frame_id
         name = f'{node.get_fully_qualified_name()}: decision'
         self._wheel_message = JointState(name=values['robot.joint_names'])
-        self._decision_message = DecisionMessage(name, hardware_id(node), self._frame_id)
-        self._path_message = PathMessage(self._frame_id)
+        self._decision_message = messages.DecisionMessage(name, hardware_id(node), self._frame_id)
+        self._path_message = messages.PathMessage(self._frame_id)
         self._plan_message = PlanMarkers(settings)
 
     @property
@@ -80,20 +69,17 @@ class GuidanceOutputs:
     def command(self, decision: Decision) -> None:
         """Send the command of a decision, stamped as the odometry that it answers."""
         if self._topic is topics.STAMPED_COMMAND:
-            self._command.publish(stamped_bytes(decision, self._robot_frame[1]))
+            self._command.publish(messages.stamped_bytes(decision, self._robot_frame[1]))
         else:
-            self._command.publish(twist_bytes(decision))
+            self._command.publish(messages.twist_bytes(decision))
 
     def name_robot(self, frame: str) -> None:
         """Name the robot's frame, of commands that are stamped; `base_link` where unknown."""
         if frame != self._robot_frame[0]:
-            self._robot_frame = frame, frame_bytes(frame or BASE)
+            self._robot_frame = frame, messages.frame_bytes(frame or BASE)
 
     def report(self, decision: Decision, pose: Sequence[float]) -> None:
-        """Send a decision; path and markers only if somebody listens.
-
-        The pose of the robot (x, y, heading) [m, m, rad] is empty where it is unknown.
-        """
+        """Send a decision, at a pose ``(3,)`` or none; path and markers only to listeners."""
         self._wheel_message.velocity = decision.wheel_speeds.tolist()
         set_stamp(self._wheel_message.header, decision.stamp)
         self._wheels.publish(self._wheel_message)
@@ -107,13 +93,10 @@ class GuidanceOutputs:
             self._plan_markers.publish(self._plan_message.fill(decision))
         if self._footprint.corners and len(pose) and self._corners.get_subscription_count():
             corners = self._footprint.at(np.array(pose))
-            self._corners.publish(polygon_message(corners, self._frame_id, decision.stamp))
+            self._corners.publish(messages.polygon_message(corners, self._frame_id, decision.stamp))
 
     def show(self, settings: LawSettings, world: World, ahead: Goal | None) -> None:
-        """Send road, obstacles and goals, paler before the goal ahead.
-
-        They are latched: late subscribers receive them, too.
-        """
+        """Send road, obstacles and goals, latched; goals before the one ahead are paler."""
         now = self._node.get_clock().now().to_msg()
         self._markers.publish(marker_array(settings, world, now, ahead))
         self._plan_message.take(settings, world)
@@ -128,22 +111,21 @@ class GuidanceOutputs:
             self._node.destroy_publisher(publisher)
 
 
+# Names of nodes that record: ours, and that of `ros2 bag`.
 RECORDERS = frozenset({'recorder', 'rosbag2_recorder'})
-"""Names of nodes that record: ours, and that of `ros2 bag`."""
-
+# Names of nodes that hear commands and obey none; those of the command line begin with `_`.
 ONLOOKERS = RECORDERS | {'viewer', 'foxglove_bridge'}
-"""Names of nodes that hear commands and obey none; those of the command line begin with `_`."""
-
 _UNKNOWN = '_NODE_NAME_UNKNOWN_'
+# Time in which a recorder that is known here finds the publishers of odometry, too [s].
 _SETTLING_TIME = 0.5
-"""Time in which a recorder that is known here finds the publishers of odometry, too [s]."""
 
 
 class Listeners:
-    """Subscribers that a run waits for: the robot, and a recorder if requested.
+    """Subscribers that a run waits for: the robot, and a recorder for some time [s], 0 for none.
 
-    A robot that listens for another type of command, or has not found this node yet, would stand
-    while the time of its task runs; a recorder that comes late has a bag that cannot be replayed.
+    A robot that listens for another type of command, or has not found this node yet, would
+    stand while the time of its task runs; a recorder that comes late has a bag that cannot be
+    replayed.
     """
 
     def __init__(
@@ -153,10 +135,6 @@ class Listeners:
         reports: tuple[Publisher, ...],
         recorder_timeout: float,
     ) -> None:
-        """Wait for the robot, and for a recorder that hears commands and reports.
-
-        The time to wait for a recorder is in seconds; 0 for none.
-        """
         self._node, self._command, self._reports = node, command, reports
         self._recorder_timeout = recorder_timeout
         self.begin()
@@ -178,10 +156,13 @@ class Listeners:
         return [f'Nobody listens to {self._command.topic_name}.']
 
     def _robot(self) -> str:
-        topic, kind = self._command.topic_name, _name_of(self._command.msg_type)
+        topic, message = self._command.topic_name, self._command.msg_type
+        kind = f'{message.__module__.partition(".")[0]}/msg/{message.__name__}'
         found = self._node.get_subscriptions_info_by_topic(topic)
         alike = [each for each in found if each.topic_type == kind]
-        onlookers = sum(_only_looks_on(each.node_name) for each in alike)
+        names = [each.node_name for each in alike]
+        hidden = [each for each in names if each.startswith('_') and each != _UNKNOWN]
+        onlookers = sum(each in ONLOOKERS for each in names) + len(hidden)
         if len(alike) > onlookers and self._command.get_subscription_count() > onlookers:
             return ''
         others = [
@@ -220,11 +201,3 @@ class Listeners:
             return False
         self._recorded_since = self._recorded_since or now
         return now - self._recorded_since > _SETTLING_TIME
-
-
-def _only_looks_on(name: str) -> bool:
-    return name in ONLOOKERS or (name.startswith('_') and name != _UNKNOWN)
-
-
-def _name_of(kind: type) -> str:
-    return f'{kind.__module__.partition(".")[0]}/msg/{kind.__name__}'

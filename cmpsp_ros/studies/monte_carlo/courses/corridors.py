@@ -11,14 +11,18 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance import GuidanceSettings
-from cmpsp_ros.studies.monte_carlo.courses.ring_courses import GAP, Point, Scenario
+from cmpsp_ros.studies.monte_carlo.courses.ring_courses import (
+    GAP,
+    Point,
+    Random,
+    Scenario,
+    by_number,
+)
 from cmpsp_ros.studies.monte_carlo.courses.rooms import THIN, box, moved, pocket, shapes
 from cmpsp_ros.studies.monte_carlo.guesses import grid_path
 from cmpsp_ros.world import FreeSpace
 from cmpsp_ros.world.obstacles import Shape
 from cmpsp_ros.world.roads import Corridor, OpenFloor, Road, lookahead_point
-
-_Random = np.random.Generator
 
 _POINTS: Final = 5
 _SPACING: Final = 2.5
@@ -48,15 +52,9 @@ class _Course(NamedTuple):
     length: float
 
 
-def corridor_scenario(
-    settings: GuidanceSettings, seed: int, number: int, most_obstacles: int
-) -> Scenario:
-    """A bent corridor of unequal widths, and on it walls, crates and blocked sides.
-
-    Each leaves `GAP` beside the robot on one side at least. Arguments as of `scenario`.
-    """
-    random = np.random.default_rng(np.random.SeedSequence([seed, number]))
-    plant_seed = int(random.integers(2**31))
+@by_number
+def corridor_scenario(settings: GuidanceSettings, random: Random, most_obstacles: int) -> Scenario:
+    """A bent corridor of unequal widths with walls and crates, each with a `GAP` beside it."""
     road = _corridor(random)
     needed, length = GAP + 2.0 * settings.robot_radius, road.length
     (x, y, heading), _ = _place(road, 0.5)
@@ -69,18 +67,12 @@ def corridor_scenario(
         obstacles.append(_across(random, road, at, needed, f'o{index + 1}'))
     pose = (x, y, heading + random.uniform(-_HEADINGS, _HEADINGS))
     course = _Course(road, pose, (goal[0], goal[1]), obstacles, length)
-    return _scenario(settings, number, random, plant_seed, course)
+    return _scenario(settings, random, course)
 
 
-def floor_scenario(
-    settings: GuidanceSettings, seed: int, number: int, most_obstacles: int
-) -> Scenario:
-    """Open floor with walls, crates, posts and groups of them, and dead ends.
-
-    Arguments as of `scenario`.
-    """
-    random = np.random.default_rng(np.random.SeedSequence([seed, number]))
-    plant_seed = int(random.integers(2**31))
+@by_number
+def floor_scenario(settings: GuidanceSettings, random: Random, most_obstacles: int) -> Scenario:
+    """Open floor with walls, crates, posts and groups of them, and dead ends."""
     distance, course = random.uniform(6.0, 9.0), random.uniform(-math.pi, math.pi)
     goal = (distance * math.cos(course), distance * math.sin(course))
     pose = (0.0, 0.0, course + random.uniform(-_HEADINGS, _HEADINGS))
@@ -101,7 +93,7 @@ def floor_scenario(
         obstacles = [*pocket(back, heading, float(wide), float(deep), 'end'), *obstacles]
         distance += 2.0 * float(deep) + _DETOUR
     whole = _Course(OpenFloor(), pose, goal, obstacles, distance + _DETOUR)
-    made = _scenario(settings, number, random, plant_seed, whole)
+    made = _scenario(settings, random, whole)
     # Several together may leave no way, for a robot that keeps a little beside its margin.
     while not len(_way_through(settings, made)):
         made = replace(made, obstacles=made.obstacles[:-1])
@@ -113,16 +105,14 @@ def _way_through(settings: GuidanceSettings, drawn: Scenario) -> Array:
     return grid_path(given, np.array(drawn.pose), GAP / 2.0 - settings.safety.margin)
 
 
-def _scenario(
-    settings: GuidanceSettings, number: int, random: _Random, plant_seed: int, course: _Course
-) -> Scenario:
+def _scenario(settings: GuidanceSettings, random: Random, course: _Course) -> Scenario:
     pace, period = random.uniform(*_PACE) * settings.robot.max_speed, settings.control_period
     time = round(math.ceil(course.length / pace / period) * period, 6)
     changes = {'road': course.road, 'goal': course.goal, 'final_time': time}
-    return Scenario(number, course.pose, tuple(course.obstacles), plant_seed, changes)
+    return Scenario(course.pose, tuple(course.obstacles), changes)
 
 
-def _corridor(random: _Random) -> Corridor:
+def _corridor(random: Random) -> Corridor:
     course, points = random.uniform(-math.pi, math.pi), [(0.0, 0.0)]
     for _ in range(_POINTS - 1):
         points.append(moved(points[-1], course, _SPACING, 0.0))
@@ -141,7 +131,7 @@ def _place(road: Corridor, at: float) -> tuple[tuple[float, float, float], tuple
     return (x, y, heading), (float(clearance[0]), float(clearance[1]))
 
 
-def _across(random: _Random, road: Corridor, at: float, gap: float, name: str) -> Shape:
+def _across(random: Random, road: Corridor, at: float, gap: float, name: str) -> Shape:
     """Something on the road that leaves a gap to its left or to its right, or both."""
     (x, y, heading), (left, right) = _place(road, at)
     tilted = heading + random.uniform(-0.3, 0.3)

@@ -11,30 +11,23 @@ import numpy as np
 
 from cmpsp_ros.guidance import GuidanceSettings
 from cmpsp_ros.simulator import PeopleSettings, Walker
-from cmpsp_ros.studies.monte_carlo.courses.ring_courses import Point, Scenario
+from cmpsp_ros.studies.monte_carlo.courses.ring_courses import Point, Random, Scenario
 from cmpsp_ros.studies.monte_carlo.courses.rooms import outer_walls, room_scenario
 from cmpsp_ros.world import FreeSpace
 from cmpsp_ros.world.obstacles import Capsule, Shape
 from cmpsp_ros.world.roads import OpenFloor
 
-_Random = np.random.Generator
-
 _THIN: Final = 0.05
 _SPEEDS, _HALL_SPEEDS = (0.3, 1.6), (0.3, 1.2)
 _RADIUS: Final = 0.25
-_FROM_START: Final = 2.0
-"""Least distance of people from the robot's start [m]."""
-
+_FROM_START: Final = 2.0  # least distance of people from the robot's start [m]
 _FROM_WALL, _BESIDE = 0.1, 0.7
 _ATTEMPTS: Final = 200
 
 
 @dataclass(frozen=True)
 class _Place:
-    """Walls and furniture, start and goal of the robot [m], and those who walk along drawn paths.
-
-    `most` is the maximum number of further ones who walk anywhere.
-    """
+    """Walls, start and goal [m], and walkers on drawn paths; `most` further ones walk anywhere."""
 
     obstacles: tuple[Shape, ...]
     start: Point
@@ -44,7 +37,7 @@ class _Place:
 
 
 def crowd_scenario(settings: GuidanceSettings, seed: int, number: int, scene: str) -> Scenario:
-    """A scene of that name with people, half of whom look at nobody; arguments as of `scenario`."""
+    """A scene of that name with people, half of whom look at nobody, by seed and number."""
     random = np.random.default_rng(np.random.SeedSequence([seed, number]))
     plant_seed = int(random.integers(2**31))
     place = SCENES[scene](random, settings, seed, number)
@@ -54,12 +47,11 @@ def crowd_scenario(settings: GuidanceSettings, seed: int, number: int, scene: st
     time = math.ceil(math.dist(place.start, place.goal) / settings.pace) + 2.0
     changes = {'goal': place.goal, 'final_time': float(time)}
     pose = (*place.start, float(heading))
-    return Scenario(number, pose, place.obstacles, plant_seed, changes, people)
+    return Scenario(pose, place.obstacles, changes, people, number, plant_seed)
 
 
-def _hall(random: _Random, settings: GuidanceSettings, seed: int, number: int) -> _Place:
+def _hall(random: Random, *_run: object) -> _Place:
     """12 m by 6 m, with four people who walk straight on and look at nobody."""
-    del settings, seed, number
     start, goal = ((x, float(random.uniform(1.0, 5.0))) for x in (0.8, 11.2))
     walkers = list[Walker]()
     while len(walkers) < 4:
@@ -71,16 +63,14 @@ def _hall(random: _Random, settings: GuidanceSettings, seed: int, number: int) -
     return _Place(tuple(outer_walls(12.0, 6.0)), start, goal, tuple(walkers))
 
 
-def _room(random: _Random, settings: GuidanceSettings, seed: int, number: int) -> _Place:
+def _room(_random: Random, settings: GuidanceSettings, seed: int, number: int) -> _Place:
     """A furnished room of the study `sight`, with up to twelve people."""
-    del random
-    made = room_scenario(settings, seed, number, 0)
+    made = room_scenario(settings, seed, number)
     return _Place(made.obstacles, made.pose[:2], made.changes['goal'], most=12)
 
 
-def _corridor(random: _Random, settings: GuidanceSettings, seed: int, number: int) -> _Place:
+def _corridor(random: Random, settings: GuidanceSettings, *_run: int) -> _Place:
     """A corridor with people along it, in both directions."""
-    del seed, number
     length, width = 14.0, float(random.uniform(2.0, 3.5) + 2.0 * settings.robot_radius)
     start, goal = ((x, _within(random, width, 0.8)) for x in (0.8, length - 0.8))
     walkers = []
@@ -96,9 +86,8 @@ def _corridor(random: _Random, settings: GuidanceSettings, seed: int, number: in
     return _Place(tuple(outer_walls(length, width)), start, goal, tuple(walkers))
 
 
-def _crossing(random: _Random, settings: GuidanceSettings, seed: int, number: int) -> _Place:
+def _crossing(random: Random, settings: GuidanceSettings, *_run: int) -> _Place:
     """Two corridors that cross: people come out of the other one."""
-    del seed, number
     size = 12.0
     wide, other = (float(random.uniform(1.8, 3.0)) + 2.0 * settings.robot_radius for _ in range(2))
     low, high = (size - wide) / 2.0, (size + wide) / 2.0
@@ -129,9 +118,8 @@ def _crossing(random: _Random, settings: GuidanceSettings, seed: int, number: in
     return _Place(walls, start, goal, tuple(walkers))
 
 
-def _door(random: _Random, settings: GuidanceSettings, seed: int, number: int) -> _Place:
+def _door(random: Random, settings: GuidanceSettings, *_run: int) -> _Place:
     """Two rooms with a door between them, and people who go through it in both directions."""
-    del seed, number
     length, width = 12.0, 6.0
     door = float(random.uniform(1.0, 1.8) + 2.0 * settings.robot_radius)
     middle = float(random.uniform(0.3, 0.7)) * width
@@ -155,7 +143,7 @@ def _door(random: _Random, settings: GuidanceSettings, seed: int, number: int) -
     return _Place(tuple(walls), start, goal, tuple(walkers))
 
 
-SCENES: Final[dict[str, Callable[[_Random, GuidanceSettings, int, int], _Place]]] = {
+SCENES: Final[dict[str, Callable[..., _Place]]] = {
     'hall': _hall,
     'room': _room,
     'corridor': _corridor,
@@ -165,7 +153,7 @@ SCENES: Final[dict[str, Callable[[_Random, GuidanceSettings, int, int], _Place]]
 """Scenes by name, in the order in which runs take them."""
 
 
-def _strollers(random: _Random, place: _Place) -> list[Walker]:
+def _strollers(random: Random, place: _Place) -> list[Walker]:
     """People who walk anywhere in a place, clear of walls and of the robot's start."""
     if not place.most:
         return []
@@ -192,7 +180,7 @@ def _straight(name: str, position: Point, heading: float, speed: float) -> Walke
     return Walker(name, position, heading=heading, speed=speed, radius=_RADIUS, gives_way=False)
 
 
-def _wanderer(random: _Random, name: str, points: Sequence[Point], count: int = 1) -> Walker:
+def _wanderer(random: Random, name: str, points: Sequence[Point], count: int = 1) -> Walker:
     """Somebody on the way from the first point to the next, there and back."""
     flat = tuple(coordinate for point in points[1:] for coordinate in point)
     return Walker(
@@ -201,5 +189,5 @@ def _wanderer(random: _Random, name: str, points: Sequence[Point], count: int = 
     )  # fmt: skip
 
 
-def _within(random: _Random, width: float, away: float) -> float:
+def _within(random: Random, width: float, away: float) -> float:
     return float(random.uniform(away, width - away))

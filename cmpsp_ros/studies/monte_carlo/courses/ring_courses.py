@@ -6,8 +6,9 @@ Lengths are those of a ring 2 m wide; on a wider one they grow with it.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import wraps
 from typing import Any, Final
 
 import numpy as np
@@ -18,63 +19,56 @@ from cmpsp_ros.simulator import PeopleSettings
 from cmpsp_ros.world.obstacles import Obstacle, Shape
 from cmpsp_ros.world.roads import Annulus
 
-WIDTH: Final = 2.0
-"""Width of the ring of case 3 [m]."""
+WIDTH: Final = 2.0  # width of the ring of case 3 [m]
 
+# Least distance of the start from road edges, and of start and goal from obstacles [m].
 FROM_EDGE: Final = 0.05
-"""Least distance of the start from road edges, and of start and goal from obstacles [m]."""
-
-GAP: Final = 0.4
-"""Width that obstacles leave free all along the road [m]."""
-
-RADII: Final = (0.1, 0.8)
-"""Least and greatest radius of an obstacle [m]."""
-
-_BEYOND: Final = 0.5
-"""Angle by which obstacles may lie behind the start and past the goal [rad]."""
-
+GAP: Final = 0.4  # width that obstacles leave free all along the road [m]
+RADII: Final = (0.1, 0.8)  # least and greatest radius of an obstacle [m]
+_BEYOND: Final = 0.5  # angle by which obstacles may lie behind the start and past the goal [rad]
 _ATTEMPTS: Final = 1000
 
+# Those of case 3.
 _PAPER_OBSTACLES: Final = (Obstacle('a', (8.0, -6.0), 0.7), Obstacle('b', (10.0, -2.0), 0.5))
-"""Those of case 3."""
-
-_STARTS: Final = -9.6, -9.1
-"""Ordinates around the paper's -9.25 [m]."""
-
-_ASKEW: Final = 0.3
-"""Largest heading at the start; the paper's is 0 [rad]."""
-
+_STARTS: Final = -9.6, -9.1  # ordinates around the paper's -9.25 [m]
+_ASKEW: Final = 0.3  # largest heading at the start; the paper's is 0 [rad]
 Point = tuple[float, float]
+Random = np.random.Generator
 
 
 @dataclass(frozen=True)
 class Scenario:
-    """The random part of a run: initial pose [m, m, rad], obstacles and people, if any.
+    """The random part of a run: initial pose [m, m, rad], obstacles and people, if any."""
 
-    The seed is that of the plant; `changes` are settings of the law that differ from the study's.
-    """
-
-    number: int
     pose: tuple[float, float, float]
     obstacles: tuple[Shape, ...]
-    seed: int
+    # Settings of the law that differ from the study's.
     changes: Mapping[str, Any] = field(default_factory=dict)
     people: PeopleSettings | None = None
+    number: int = 0
+    seed: int = 0  # of the plant
 
 
+def by_number(draw: Callable[..., Scenario]) -> Callable[..., Scenario]:
+    """Scenario by settings, seed and number of a run, and further arguments, drawn at random."""
+
+    @wraps(draw)
+    def drawn(settings: GuidanceSettings, seed: int, number: int, *further: Any) -> Scenario:
+        random = np.random.default_rng(np.random.SeedSequence([seed, number]))
+        plant_seed = int(random.integers(2**31))
+        return replace(draw(settings, random, *further), number=number, seed=plant_seed)
+
+    return drawn
+
+
+@by_number
 def scenario(
     settings: GuidanceSettings,
-    seed: int,
-    number: int,
+    random: Random,
     most_obstacles: int,
     bearings: tuple[float, float] = (0.0, math.tau),
 ) -> Scenario:
-    """The scenario of a run of the study with a seed; obstacles of the settings are ignored.
-
-    The start is within a range of bearings on the ring [rad].
-    """
-    random = np.random.default_rng(np.random.SeedSequence([seed, number]))
-    plant_seed = int(random.integers(2**31))
+    """A scenario with random obstacles, and a start within a range of bearings [rad]."""
     road, goal = settings.world.annulus, settings.goal
     scale = (road.outer_radius - road.inner_radius) / WIDTH
     away = settings.robot_radius + scale * FROM_EDGE
@@ -96,25 +90,20 @@ def scenario(
         width = scale * GAP + 2.0 * settings.robot_radius
         if clear and is_open(road, [*obstacles, drawn], width):
             obstacles.append(drawn)
-    return Scenario(number, (*start, heading), tuple(obstacles), plant_seed)
+    return Scenario((*start, heading), tuple(obstacles))
 
 
-def paper_scenario(
-    settings: GuidanceSettings, seed: int, number: int, most_obstacles: int
-) -> Scenario:
+@by_number
+def paper_scenario(_settings: GuidanceSettings, random: Random, most_obstacles: int) -> Scenario:
     """The course of case 3, from starts near the paper's."""
-    del settings
-    random = np.random.default_rng(np.random.SeedSequence([seed, number]))
-    plant_seed = int(random.integers(2**31))
     pose = 0.0, float(random.uniform(*_STARTS)), float(random.uniform(-_ASKEW, _ASKEW))
-    return Scenario(number, pose, _PAPER_OBSTACLES[:most_obstacles], plant_seed)
+    return Scenario(pose, _PAPER_OBSTACLES[:most_obstacles])
 
 
 def is_open(road: Annulus, obstacles: Sequence[Obstacle], width: float) -> bool:
     """True if a disc of this width [m] can drive the whole road.
 
-    It cannot if and only if a chain of obstacles with too narrow gaps leads from one edge to the
-    other: the set that separates the two sides of a plane strip is connected.
+    It cannot if and only if a chain of obstacles with too narrow gaps joins both edges.
     """
     away = {each: math.dist(each.center, road.center) for each in obstacles}
     if road.outer_radius - road.inner_radius < width:
@@ -125,19 +114,17 @@ def is_open(road: Annulus, obstacles: Sequence[Obstacle], width: float) -> bool:
         link = waiting.pop()
         if road.outer_radius - away[link] - link.radius < width:
             return False
-        near = [each for each in others if _gap(link, each) < width]
+        near = [
+            each
+            for each in others
+            if math.dist(link.center, each.center) - link.radius - each.radius < width
+        ]
         waiting += near
         others = [each for each in others if each not in near]
     return True
 
 
-def _gap(one: Obstacle, other: Obstacle) -> float:
-    return math.dist(one.center, other.center) - one.radius - other.radius
-
-
-def _point(
-    random: np.random.Generator, road: Annulus, bearings: tuple[float, float], away: float
-) -> Point:
+def _point(random: Random, road: Annulus, bearings: tuple[float, float], away: float) -> Point:
     """A point of the road so far from its edges, every square metre as likely as another."""
     bearing = random.uniform(*bearings)
     inner, outer = road.inner_radius + away, road.outer_radius - away
@@ -146,26 +133,17 @@ def _point(
     return x + distance * math.cos(bearing), y + distance * math.sin(bearing)
 
 
+# Top speed, wheel speed and weight of the road's centre in case 3 [m/s, rad/s, -].
 _TOP_SPEED, _WHEEL_SPEED, _ROAD_CENTER = 1.785, 51.0, 15.0
-"""Top speed, wheel speed and weight of the road's centre in case 3 [m/s, rad/s, -]."""
-
 _THOROUGH: Final = {'solver.iterations_per_step': 4, 'solver.work_share': 0.3}
 
-_RADII_WIDE: Final = 4.0
-"""Width of the ring in radii of the robot, at least."""
-
-_AHEAD: Final = 2.0
-"""Angle of the ring from start to goal, at most [rad]."""
-
-_PACE: Final = (0.5, 0.75)
-"""Fraction of the top speed that the shortest way takes."""
+_RADII_WIDE: Final = 4.0  # width of the ring in radii of the robot, at least
+_AHEAD: Final = 2.0  # angle of the ring from start to goal, at most [rad]
+_PACE: Final = (0.5, 0.75)  # fraction of the top speed that the shortest way takes
 
 
 def in_proportion(robot: Robot, given: Mapping[str, Any], radius: float) -> dict[str, Any]:
-    """Changes of the parameters of case 3 that make it a course for a robot of a radius [m].
-
-    The weight of the centre line keeps its proportion to that of changes of the controls.
-    """
+    """Changes that make case 3 a course for a robot of a radius [m]; weights in proportion."""
     scale = max(robot.max_speed / _TOP_SPEED, _RADII_WIDE * radius / WIDTH)
     unit = float(np.abs(robot.controls(np.array([robot.max_speed, 0.0]))).max()) / _WHEEL_SPEED
     return {

@@ -12,17 +12,16 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.arrays import BoolArray
 from cmpsp_ros.guidance import GuidanceSettings
-from cmpsp_ros.studies.monte_carlo.courses.ring_courses import Point, Scenario
+from cmpsp_ros.studies.monte_carlo.courses.ring_courses import Point, Random, Scenario, by_number
 from cmpsp_ros.studies.monte_carlo.guesses import grid_path
 from cmpsp_ros.world import FreeSpace
 from cmpsp_ros.world.obstacles import Capsule, Obstacle, Shape, convex
 from cmpsp_ros.world.roads import OpenFloor
 
-THIN: Final = 0.05
-"""Half the thickness of a wall [m]."""
+THIN: Final = 0.05  # half the thickness of a wall [m]
 
 
-def shapes(random: np.random.Generator, center: Point, course: float, name: str) -> list[Shape]:
+def shapes(random: Random, center: Point, course: float, name: str) -> list[Shape]:
     """A post, a wall, a crate, or three walls around a pocket that opens towards the start."""
     kind, heading = int(random.integers(4)), random.uniform(-math.pi, math.pi)
     if kind == 0:
@@ -64,39 +63,27 @@ def moved(point: Point, heading: float, along: float, left: float) -> Point:
     return point[0] + along * cosine - left * sine, point[1] + along * sine + left * cosine
 
 
-_Random = np.random.Generator
-
 _LENGTHS: Final = (8.0, 13.0)
 _WIDTHS: Final = (5.0, 9.0)
 _FROM_WALL: Final = 0.8
 _DOORS: Final = (0.9, 1.6)
 _MOST_WALLS: Final = 3
 _MOST_SHAPES: Final = 7
-_POCKETS: Final = 0.4
-"""Fraction of the rooms with a pocket before the goal."""
-
-_CLEAR: Final = 0.25
-"""Clearance of start and goal, beyond the robot's radius [m]."""
-
-SPARE: Final = 0.08
-"""Beside the margin, of the way to the goal [m]."""
+_POCKETS: Final = 0.4  # fraction of the rooms with a pocket before the goal
+_CLEAR: Final = 0.25  # clearance of start and goal, beyond the robot's radius [m]
+SPARE: Final = 0.08  # beside the margin, of the way to the goal [m]
 
 
-def room_scenario(
-    settings: GuidanceSettings, seed: int, number: int, _most_obstacles: int
-) -> Scenario:
-    """A room with a way from start to goal; arguments as of `scenario`."""
-    random = np.random.default_rng(np.random.SeedSequence([seed, number]))
-    plant_seed, found = int(random.integers(2**31)), None
+@by_number
+def room_scenario(settings: GuidanceSettings, random: Random, _most: int = 0) -> Scenario:
+    """A room with a way from start to goal."""
+    found = None
     while found is None:
-        found = _room(settings, random, number, plant_seed)
+        found = _room(settings, random)
     return found
 
 
-def _room(
-    settings: GuidanceSettings, random: _Random, number: int, plant_seed: int
-) -> Scenario | None:
-    """A room, or none where no way leads to the goal."""
+def _room(settings: GuidanceSettings, random: Random) -> Scenario | None:
     length, width = random.uniform(*_LENGTHS), random.uniform(*_WIDTHS)
     (start_y, goal_y) = random.uniform(_FROM_WALL, width - _FROM_WALL, 2).tolist()
     pose = (_FROM_WALL, start_y, random.uniform(-math.pi, math.pi))
@@ -117,9 +104,7 @@ def _room(
     if not len(grid_path(given, np.array(pose), SPARE)):
         return None
     time = math.ceil(math.dist(pose[:2], goal) / settings.pace) + 2.0
-    return Scenario(
-        number, pose, tuple(obstacles), plant_seed, {'goal': goal, 'final_time': float(time)}
-    )
+    return Scenario(pose, tuple(obstacles), {'goal': goal, 'final_time': float(time)})
 
 
 def outer_walls(length: float, width: float) -> list[Shape]:
@@ -129,7 +114,7 @@ def outer_walls(length: float, width: float) -> list[Shape]:
     return [Capsule(f'w{k}', *each, THIN) for k, each in enumerate(ends)]
 
 
-def _inner_walls(random: _Random, length: float, width: float) -> Iterator[Shape]:
+def _inner_walls(random: Random, length: float, width: float) -> Iterator[Shape]:
     """Walls across the room, each with a door, or a corner that blocks the view."""
     count = int(random.integers(1, _MOST_WALLS + 1))
     for index in range(count):
@@ -149,30 +134,28 @@ def _inner_walls(random: _Random, length: float, width: float) -> Iterator[Shape
 
 Cells = BoolArray
 
-SIZE: Final = 30
-"""Cells along either side of the field."""
-
+SIZE: Final = 30  # cells along either side of the field
 CELL: Final = 0.15
 RADIUS: Final = 0.075
 GOAL: Final = (10.0, SIZE * CELL / 2.0)
 _BEGIN: Final = 2.75
 _BEYOND: Final = 1.0
 
+# Fraction of the cells that are filled at first, from one run to the next.
 _FILLED: Final = (0.15, 0.2, 0.25, 0.3)
-"""Fraction of the cells that are filled at first, from one run to the next."""
-
 _GENERATIONS: Final = 5
 _CROWDED, _LONELY = 4, 2
 _KERNEL: Final = 5
 _ATTEMPTS: Final = 50
 
 
-def field_scenario(
-    settings: GuidanceSettings, seed: int, number: int, _most_obstacles: int
-) -> Scenario:
-    """A field between two walls, with start and goal beside it; arguments as of `scenario`."""
-    random = np.random.default_rng(np.random.SeedSequence([seed, number]))
-    plant_seed, filled = int(random.integers(2**31)), _FILLED[number % len(_FILLED)]
+def field_scenario(settings: GuidanceSettings, seed: int, number: int, _most: int) -> Scenario:
+    """A field between two walls, with start and goal beside it."""
+    return _field_scenario(settings, seed, number, _FILLED[number % len(_FILLED)])
+
+
+@by_number
+def _field_scenario(settings: GuidanceSettings, random: Random, filled: float) -> Scenario:
     cells = _field(random, filled)
     attempts = 1
     while not is_open(cells):
@@ -188,7 +171,7 @@ def field_scenario(
     pose = (0.0, GOAL[1], 0.0)
     time = math.ceil(GOAL[0] / settings.pace) + 2.0
     changes = {'goal': GOAL, 'final_time': float(time)}
-    return Scenario(number, pose, (*walls, *cylinders), plant_seed, changes)
+    return Scenario(pose, (*walls, *cylinders), changes)
 
 
 def is_open(cells: Cells) -> bool:
@@ -201,7 +184,7 @@ def is_open(cells: Cells) -> bool:
     return bool(shared - {0})
 
 
-def _field(random: np.random.Generator, filled: float) -> Cells:
+def _field(random: Random, filled: float) -> Cells:
     cells = random.random((SIZE, SIZE)) < filled
     cells[[0, -1]] = True
     for _ in range(_GENERATIONS):
@@ -218,24 +201,16 @@ def _neighbours(cells: Cells) -> NDArray[Any]:
     return np.asarray(windows.sum(axis=(2, 3)) - cells)
 
 
-_SPARE: Final = 0.02
-"""Beside the margin, of the way to the goal [m]."""
-_WIDEST: Final = 2.0
-"""Widest corridor, by the narrowest one that leaves a way."""
-_CELLS: Final = ((3, 6), (2, 5))
-"""Least and greatest number of cells along either side."""
-_REMOVED: Final = 0.1
-"""Fraction of the walls that are missing: there are several ways."""
-
+_SPARE: Final = 0.02  # beside the margin, of the way to the goal [m]
+_WIDEST: Final = 2.0  # widest corridor, by the narrowest one that leaves a way
+_CELLS: Final = ((3, 6), (2, 5))  # least and greatest number of cells along either side
+_REMOVED: Final = 0.1  # fraction of the walls that are missing: there are several ways
 _Cell = tuple[int, int]
 
 
-def maze_scenario(
-    settings: GuidanceSettings, seed: int, number: int, _most_obstacles: int
-) -> Scenario:
-    """A maze with a way from one corner to the opposite one; arguments as of `scenario`."""
-    random = np.random.default_rng(np.random.SeedSequence([seed, number]))
-    plant_seed = int(random.integers(2**31))
+@by_number
+def maze_scenario(settings: GuidanceSettings, random: Random, _most: int) -> Scenario:
+    """A maze with a way from one corner to the opposite one."""
     narrowest = 2.0 * (settings.robot_radius + settings.safety.margin + _SPARE)
     while True:
         pitch = narrowest * random.uniform(1.0, _WIDEST) + 2.0 * THIN
@@ -250,10 +225,10 @@ def maze_scenario(
             break
     length = float(np.hypot(*np.diff(way[:, :2], axis=0).T).sum())
     time = float(math.ceil(length / settings.pace) + 2.0)
-    return Scenario(number, pose, tuple(walls), plant_seed, {'goal': goal, 'final_time': time})
+    return Scenario(pose, tuple(walls), {'goal': goal, 'final_time': time})
 
 
-def _maze_walls(random: np.random.Generator, size: _Cell, pitch: float) -> Iterator[Shape]:
+def _maze_walls(random: Random, size: _Cell, pitch: float) -> Iterator[Shape]:
     """Walls between cells that a random tree over all cells does not join."""
     joined, seen, trail = set[tuple[_Cell, _Cell]](), {(0, 0)}, [(0, 0)]
     while trail:

@@ -10,9 +10,20 @@ from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
-from bag_messages import GRID, ODOMETRY, SECOND, TWIST, grid, make, odometry, raw, time, twist
+from bag_messages import (
+    GRID,
+    ODOMETRY,
+    SECOND,
+    TWIST,
+    grid,
+    make,
+    odometry,
+    raw,
+    time,
+    twist,
+    write_bag,
+)
 
-from cmpsp_ros.bags import BagWriter
 from cmpsp_ros.bags.decision_record import DECISION, decision_message
 from cmpsp_ros.guidance import GuidanceLaw, Observation
 from cmpsp_ros.parameters import (
@@ -46,8 +57,8 @@ REST = 0.6
 
 
 class Message(NamedTuple):
-    received: int
     topic: str
+    received: int
     data: bytes
 
 
@@ -113,15 +124,10 @@ class Course:
         return replace(self, messages=tuple(kept))
 
     def write(self, path):
-        with BagWriter(path) as bag:
-            for topic in dict.fromkeys(each.topic for each in self.messages):
-                bag.topic(topic, TOPICS[topic])
-            for each in self.messages:
-                bag.write(each.topic, each.received, each.data)
-            bag.set_parameters('/guidance', self.guidance)
-            if self.sim is not None:
-                bag.set_parameters('/sim', self.sim)
-        return path
+        given = {'/guidance': self.guidance} | ({} if self.sim is None else {'/sim': self.sim})
+        there = {each.topic for each in self.messages}
+        kinds = {topic: kind for topic, kind in TOPICS.items() if topic in there}
+        return write_bag(path, self.messages, given, kinds)
 
 
 @dataclass
@@ -130,7 +136,7 @@ class _Recorder:
 
     def write(self, topic, stamp, offset_ms, message):
         data = message if isinstance(message, bytes) else raw(message)
-        self.messages.append(Message(START + stamp + round(offset_ms * 1e6), topic, data))
+        self.messages.append(Message(topic, START + stamp + round(offset_ms * 1e6), data))
 
 
 def drive(given, *, sees=True, **lied):

@@ -8,14 +8,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from bag_messages import (
-    CLOUD,
-    EVENT,
-    GRID,
-    ODOMETRY,
     PATH,
     SECOND,
     STAMPED,
-    TWIST,
     all_parameters,
     cloud,
     grid,
@@ -23,11 +18,10 @@ from bag_messages import (
     make,
     odometry,
     parameter_event,
-    raw,
     twist,
+    write_bag,
 )
 
-from cmpsp_ros.bags import BagWriter
 from cmpsp_ros.bags.audit import CheckOutcome
 from cmpsp_ros.bags.decision_record import DECISION, decision_message, path_message
 from cmpsp_ros.guidance import GuidanceLaw, Observation
@@ -110,62 +104,41 @@ class Drive:
         return drive
 
     def write(self, path):
-        prefix = self.namespace
-        with BagWriter(path) as bag:
-            odom, cmd_vel = f'{prefix}/{self.odom}', f'{prefix}/{self.cmd_vel}'
-            bag.topic(odom, ODOMETRY)
-            bag.topic(cmd_vel, STAMPED if self.stamped else TWIST)
-            for each in self.odometry:
-                bag.write(odom, each.received, self._odometry(each))
-            if self.truth:
-                bag.topic(f'{prefix}/sim/truth', ODOMETRY)
-            for each in self.truth:
-                bag.write(f'{prefix}/sim/truth', each.received, self._odometry(each))
-            for each in self.commands:
-                bag.write(cmd_vel, each.received, command(each, stamped=self.stamped))
-            if self.decisions:
-                self._write_decisions(bag, f'{prefix}/guidance')
-            if self.obstacles:
-                bag.topic(f'{prefix}/moving_obstacles', CLOUD)
-            for stamp, rows in self.obstacles:
-                bag.write(f'{prefix}/moving_obstacles', stamp, raw(cloud(stamp, rows)))
-            if self.people:
-                bag.topic(f'{prefix}/sim/people', CLOUD)
-            for stamp, rows in self.people:
-                bag.write(f'{prefix}/sim/people', stamp, raw(cloud(stamp, rows)))
-            if self.sightings:
-                bag.topic(f'{prefix}/guidance/sighting', GRID)
-            for stamp, cells, *origin in self.sightings:
-                bag.write(f'{prefix}/guidance/sighting', stamp, raw(grid(stamp, cells, *origin)))
-            if self.changes:
-                bag.topic('/parameter_events', EVENT)
-            for stamp, key, value in self.changes:
-                change = parameter_event(f'{prefix}/guidance', {key: value}, stamp)
-                bag.write('/parameter_events', stamp, raw(change))
-            if self.restarts:
-                bag.topic(f'{prefix}/guidance/parameters', EVENT)
-                for since, values in [(START, self.parameters), *self.restarts]:
-                    told = all_parameters(f'{prefix}/guidance', values, since)
-                    bag.write(f'{prefix}/guidance/parameters', since, raw(told))
-            elif self.parameters:
-                bag.set_parameters(f'{prefix}/guidance', self.parameters)
-            if self.sim:
-                bag.set_parameters(f'{prefix}/sim', self.sim)
-        return path
+        node, sim = f'{self.namespace}/guidance', {f'{self.namespace}/sim': self.sim}
+        given = {node: self.parameters} if self.parameters and not self.restarts else {}
+        kinds = {f'{node}/decision': DECISION, f'{node}/predicted_path': PATH}
+        kinds = kinds if self.decisions else {}
+        return write_bag(path, self._records(node), given | (sim if self.sim else {}), kinds)
 
-    def _odometry(self, each):
-        # What odometry says about its speed is not to be trusted.
-        return raw(odometry(each.stamp, each.pose, (99.0, -99.0), self.frame_id, each.spread))
-
-    def _write_decisions(self, bag, node):
-        bag.topic(f'{node}/decision', DECISION)
-        bag.topic(f'{node}/predicted_path', PATH)
+    def _records(self, node):
+        """Records, topic by topic."""
+        prefix, changes = self.namespace, '/parameter_events'
+        for topic, samples in ((self.odom, self.odometry), ('sim/truth', self.truth)):
+            for each in samples:
+                # What odometry says about its speed is not to be trusted.
+                motion, spread = (99.0, -99.0), each.spread
+                said = odometry(each.stamp, each.pose, motion, self.frame_id, spread)
+                yield f'{prefix}/{topic}', each.received, said
+        for each in self.commands:
+            said = twist(*each.twist)
+            if self.stamped:
+                said = make(STAMPED, header(each.stamp, 'base_link'), said)
+            yield f'{prefix}/{self.cmd_vel}', each.received, said
         for each in self.decisions:
             received = each.stamp + LATENCY
-            bag.write(f'{node}/decision', received, decision_message(each, node))
+            yield f'{node}/decision', received, decision_message(each, node)
             if each.plan is not None:
-                raw = path_message(each.plan, 'odom', each.stamp)
-                bag.write(f'{node}/predicted_path', received, raw)
+                planned = path_message(each.plan, 'odom', each.stamp)
+                yield f'{node}/predicted_path', received, planned
+        for topic, clouds in (('moving_obstacles', self.obstacles), ('sim/people', self.people)):
+            for stamp, rows in clouds:
+                yield f'{prefix}/{topic}', stamp, cloud(stamp, rows)
+        for stamp, cells, *origin in self.sightings:
+            yield f'{node}/sighting', stamp, grid(stamp, cells, *origin)
+        for stamp, key, value in self.changes:
+            yield changes, stamp, parameter_event(node, {key: value}, stamp)
+        for since, values in [(START, self.parameters), *self.restarts] if self.restarts else ():
+            yield f'{node}/parameters', since, all_parameters(node, values, since)
 
 
 def drive_case(preset='case3', rest=0.4, **changes):
@@ -196,11 +169,6 @@ def drive_case(preset='case3', rest=0.4, **changes):
         pose = settings.robot.roll_out(pose, held[None], np.array([ODOM_PERIOD / SECOND]))[-1]
         stamp += ODOM_PERIOD
     return drive
-
-
-def command(each, *, stamped):
-    message = twist(*each.twist)
-    return raw(make(STAMPED, header(each.stamp, 'base_link'), message) if stamped else message)
 
 
 def failed(findings):

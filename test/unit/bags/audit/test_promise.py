@@ -8,7 +8,7 @@ from drives import SECOND, START, drive_settings
 
 from cmpsp_ros.bags.audit import CheckOutcome
 from cmpsp_ros.guidance.messages import Track
-from cmpsp_ros.sensing.grid_messages import REMEMBERED
+from cmpsp_ros.sensing import REMEMBERED
 
 PASSED, FAILED, SKIPPED, NOT_JUDGED = CheckOutcome
 

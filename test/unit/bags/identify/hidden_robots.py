@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
-from bag_messages import ODOMETRY, SECOND, STAMPED, TWIST, header, make, odometry, raw, twist
+from bag_messages import SECOND, STAMPED, header, make, odometry, twist, write_bag
 
-from cmpsp_ros.bags import BagWriter
 from cmpsp_ros.bags.identify import excitation
 from cmpsp_ros.robots import DifferentialDrive
 from cmpsp_ros.simulator import OdometryErrors, Physics, Plant, PlantSettings, TwistError
@@ -80,7 +79,7 @@ def commands_of(hidden: Hidden) -> list[tuple[int, float, float]]:
     return [(int(at), *each) for at, each in zip(stamps, twists[phases].tolist(), strict=True)]
 
 
-def write_bag(path, hidden: Hidden, commands=None, names=('/odom', '/cmd_vel'), **options):
+def record(path, hidden: Hidden, commands=None, names=('/odom', '/cmd_vel'), **options):
     """Drive, and write what a recorder on the computer would have received.
 
     Args:
@@ -96,17 +95,11 @@ def write_bag(path, hidden: Hidden, commands=None, names=('/odom', '/cmd_vel'), 
         spaces = {'/r1': hidden, **others}
         robots = {(f'{space}/odom', f'{space}/cmd_vel'): each for space, each in spaces.items()}
     written = []
-    with BagWriter(path) as bag:
-        for (odom, cmd_vel), each in robots.items():
-            bag.topic(odom, ODOMETRY)
-            if cmd_vel:
-                bag.topic(cmd_vel, STAMPED if each.stamped else TWIST)
-            driven = _driven(each, commands_of(each) if commands is None else commands, **options)
-            named = ((stamp, (odom, cmd_vel)[kind], message) for stamp, kind, message in driven)
-            written += [each for each in named if each[1]]
-        for stamp, name, message in sorted(written, key=lambda each: each[0]):
-            bag.write(name, stamp, message)
-    return path
+    for topics, each in robots.items():
+        driven = _driven(each, commands_of(each) if commands is None else commands, **options)
+        named = ((topics[kind], stamp, message) for stamp, kind, message in driven)
+        written += [each for each in named if each[0]]
+    return write_bag(path, sorted(written, key=lambda each: each[1]))
 
 
 def _driven(hidden: Hidden, commands, jump=None, *, moving=False, answering=False):
@@ -159,14 +152,14 @@ def _driven(hidden: Hidden, commands, jump=None, *, moving=False, answering=Fals
             if hidden.stamped:
                 message = make(STAMPED, header(said if answering else received), message)
             if received not in hidden_commands:
-                yield received, 1, raw(message)
+                yield received, 1, message
         plant.advance(stamp)
         pose = plant.measure()
         if jump is not None and stamp > half:
             pose[:2] += jump
         came = stamp + round((hidden.age + hidden.jitter * random.random()) * SECOND)
         said = stamp + ahead
-        yield came, 0, raw(odometry(said, pose, plant.twist))
+        yield came, 0, odometry(said, pose, plant.twist)
 
 
 def truth_of(hidden: Hidden) -> dict[str, tuple[float, float]]:
@@ -219,6 +212,3 @@ def _settled(hidden: Hidden, axis: int, part: float) -> tuple[float, float]:
         travelled.append(moved[2] if axis else moved[0])
     speed = travelled[1] - travelled[0]
     return 3.0 - travelled[0] / speed, speed / twist[axis]
-
-
-__all__ = ['Hidden', 'commands_of', 'drawn', 'replace', 'truth_of', 'write_bag']

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from bag_messages import SECOND
-from hidden_robots import START, Hidden, commands_of, drawn, truth_of, write_bag
+from hidden_robots import START, Hidden, commands_of, drawn, record, truth_of
 
 from cmpsp_ros.bags import BagError
 from cmpsp_ros.bags.identify import Sources, identify, write_parameters
@@ -35,7 +35,7 @@ def check(found, hidden):
 @pytest.mark.parametrize('seed', [1, 4])
 def test_parameters_of_hidden_robots_are_in_their_intervals(tmp_path, seed):
     hidden = drawn(seed)
-    assert check(identify([write_bag(tmp_path / 'bag', hidden)]), hidden) == []
+    assert check(identify([record(tmp_path / 'bag', hidden)]), hidden) == []
 
 
 @pytest.mark.timeout(600)
@@ -43,14 +43,14 @@ def test_of_50_hidden_robots_95_percent_of_each_parameter_are_in_their_intervals
     missed = Counter()
     for seed in range(100, 150):
         hidden = drawn(seed)
-        found = identify([write_bag(tmp_path / f'{seed}', hidden)])
+        found = identify([record(tmp_path / f'{seed}', hidden)])
         missed.update(each.partition(':')[0] for each in check(found, hidden))
     assert max(missed.values(), default=0) <= 2, missed
 
 
 def test_limits_that_were_reached_are_found_and_others_are_said_not_to_be(tmp_path):
     straight = [(at, speed, 0.0) for at, speed, _ in commands_of(Hidden())]
-    found = identify([write_bag(tmp_path / 'bag', Hidden(max_speed=0.2), straight)]).estimates
+    found = identify([record(tmp_path / 'bag', Hidden(max_speed=0.2), straight)]).estimates
     speed = found['linear_speed'].interval
     assert speed.low < 0.2 < speed.high < 0.21
     assert found['linear_acceleration'].interval is None
@@ -61,7 +61,7 @@ def test_limits_that_were_reached_are_found_and_others_are_said_not_to_be(tmp_pa
 
 def test_clocks_that_differ_shift_delay_and_age_but_not_the_parameter(tmp_path):
     hidden = Hidden(clock=0.25)
-    found = identify([write_bag(tmp_path / 'bag', hidden)]).estimates
+    found = identify([record(tmp_path / 'bag', hidden)]).estimates
     assert found['age'].interval.high < 0.0
     assert 'clock of the robot is ahead by 2' in found['age'].remark
     assert found['delay'].interval.low < 0.35 < found['delay'].interval.high
@@ -71,7 +71,7 @@ def test_clocks_that_differ_shift_delay_and_age_but_not_the_parameter(tmp_path):
 def test_a_robot_that_stops_by_itself_between_commands_is_told_from_a_slow_one(tmp_path):
     commands = [each for each in commands_of(Hidden()) if (each[0] - START) // SECOND % 3 != 1]
     hidden = Hidden()
-    found = identify([write_bag(tmp_path / 'bag', hidden, commands)])
+    found = identify([record(tmp_path / 'bag', hidden, commands)])
     assert found.estimates['timeout'].interval.value == 0.5
     assert check(found, hidden) == []
 
@@ -87,13 +87,13 @@ LATER = [each for each in COMMANDS if each[0] > START + 2 * SECOND]
     ids=['odometry jumps', 'a command is NaN', 'it begins on the move'],
 )
 def test_what_does_not_disturb_the_estimates(tmp_path, commands, options):
-    bag = write_bag(tmp_path / 'bag', Hidden(), commands, **options)
+    bag = record(tmp_path / 'bag', Hidden(), commands, **options)
     assert check(identify([bag]), Hidden()) == []
 
 
 def test_several_bags_of_one_robot_are_one_identification(tmp_path):
     hidden = Hidden(noise=(0.004, 0.004))
-    bags = [write_bag(tmp_path / f'{seed}', replace(hidden, seed=seed)) for seed in (1, 2)]
+    bags = [record(tmp_path / f'{seed}', replace(hidden, seed=seed)) for seed in (1, 2)]
     one, both = identify(bags[:1]), identify(bags)
     assert len(both.drives) == 2
     widths = [each.estimates['together'].interval for each in (one, both)]
@@ -114,7 +114,7 @@ def test_decisions_say_what_a_command_answers(tmp_path):
 def test_stamps_of_commands_say_what_they_answer(tmp_path):
     # Each command is 50 ms later than the odometry that it has the stamp of.
     hidden = Hidden(rate=20.0, stamped=True, clock=-0.05)
-    found = identify([write_bag(tmp_path / 'bag', hidden, answering=True)]).estimates
+    found = identify([record(tmp_path / 'bag', hidden, answering=True)]).estimates
     assert found['command_delay'].interval.value == pytest.approx(0.25, abs=0.005)
     assert 'control step' not in found['command_delay'].remark
 
@@ -124,7 +124,7 @@ def constant(speed, turn):
 
 
 def test_without_excitation_nothing_is_said_of_the_response(tmp_path):
-    still = identify([write_bag(tmp_path / 'still', Hidden(), constant(0.0, 0.0))]).estimates
+    still = identify([record(tmp_path / 'still', Hidden(), constant(0.0, 0.0))]).estimates
     for key in RESPONSE:
         assert still[key].interval is None
         assert 'not identifiable: ' in still[key].remark
@@ -133,20 +133,20 @@ def test_without_excitation_nothing_is_said_of_the_response(tmp_path):
 
 
 def test_a_steady_drive_says_the_scale_alone(tmp_path):
-    bag = write_bag(tmp_path / 'bag', Hidden(scales=(0.9, 1.0)), constant(0.2, 0.0), moving=True)
+    bag = record(tmp_path / 'bag', Hidden(scales=(0.9, 1.0)), constant(0.2, 0.0), moving=True)
     found = identify([bag]).estimates
     assert found['delay'].remark == 'not identifiable: the commands never changed'
 
 
 def test_a_robot_that_stands_still_is_not_identified(tmp_path):
-    bag = write_bag(tmp_path / 'bag', Hidden(scales=(0.0, 0.0)))
+    bag = record(tmp_path / 'bag', Hidden(scales=(0.0, 0.0)))
     found = identify([bag]).estimates
     assert 'the robot did not follow the commands' in found['lag'].remark
 
 
 def test_the_parameter_file_is_a_robot_for_the_demo(tmp_path):
     hidden = Hidden(scales=(0.9, 1.1), stamped=True, max_speed=0.2)
-    found = identify([write_bag(tmp_path / 'bag', hidden)], robot='turtlebot4')
+    found = identify([record(tmp_path / 'bag', hidden)], robot='turtlebot4')
     path = tmp_path / 'robot.yaml'
     write_parameters(path, found)
     given = load_robot(str(path))
@@ -164,7 +164,7 @@ def test_the_parameter_file_is_a_robot_for_the_demo(tmp_path):
 
 
 def test_what_is_unknown_is_a_comment_in_the_file(tmp_path):
-    found = identify([write_bag(tmp_path / 'bag', Hidden(), constant(0.0, 0.0))])
+    found = identify([record(tmp_path / 'bag', Hidden(), constant(0.0, 0.0))])
     write_parameters(tmp_path / 'robot.yaml', found)
     assert load_robot(str(tmp_path / 'robot.yaml')) == {
         'initial_guess.type': 'road',
@@ -197,7 +197,7 @@ SHORT = [(START, 0.1, 0.0)]
     ],
 )
 def test_a_bag_that_cannot_be_used_is_refused(tmp_path, names, commands, sources, message):
-    bag = write_bag(tmp_path / 'bag', Hidden(), commands, names)
+    bag = record(tmp_path / 'bag', Hidden(), commands, names)
     if message:
         with pytest.raises(BagError, match=message):
             identify([bag], sources)
@@ -207,7 +207,7 @@ def test_a_bag_that_cannot_be_used_is_refused(tmp_path, names, commands, sources
 
 def test_several_robots_need_a_choice(tmp_path):
     robots = {f'/r{k}': Hidden(delay=0.1 * k) for k in (1, 2)}
-    bag = write_bag(tmp_path / 'bag', robots['/r1'], others={'/r2': robots['/r2']})
+    bag = record(tmp_path / 'bag', robots['/r1'], others={'/r2': robots['/r2']})
     with pytest.raises(BagError, match=r'found /r1/odom, /r2/odom, wanted those of one robot'):
         identify([bag])
     for space, hidden in robots.items():

@@ -8,7 +8,6 @@ from bag_messages import (
     EVENT,
     ODOMETRY,
     PATH,
-    POSE,
     SECOND,
     TWIST,
     all_parameters,
@@ -16,6 +15,7 @@ from bag_messages import (
     parameter_event,
     pose_stamped,
     raw,
+    write_bag,
 )
 
 from cmpsp_ros.bags import Bag, BagWriter
@@ -44,36 +44,31 @@ class Drive:
         self.prefix, self.now, self.pose = prefix, begin, np.array(START)
         self.values = TABLE.resolve({**load_parameter_file(preset), **parameters})
         self.settings = guidance_settings(self.values)
-        self.law, self.held, self.decisions = (
-            GuidanceLaw(self.settings, self.settings.world),
-            np.zeros(2),
-            [],
-        )
+        self.law = GuidanceLaw(self.settings, self.settings.world)
+        self.held, self.decisions = np.zeros(2), []
         # By how much odometry is behind the recorder's clock.
-        self.behind, self.are_told = 0, False
+        self.behind, self.folder, self.records = 0, folder, []
         self.activate()
-        self.bag = BagWriter(folder)
-        for name, kind in (
-            ('/parameter_events', EVENT),
-            (f'{prefix}/odom', ODOMETRY),
-            (f'{prefix}/cmd_vel', TWIST),
-            (f'{prefix}/guidance/decision', DECISION),
-            (f'{prefix}/guidance/predicted_path', PATH),
-        ):
-            self.bag.topic(name, kind)
-        self.bag.topic(f'{prefix}/guidance/parameters', EVENT)
         self.publish_parameters()
 
     def __enter__(self):
         return self
 
     def __exit__(self, *_):
-        self.bag.close()
+        kinds = {'odom': ODOMETRY, 'cmd_vel': TWIST, 'guidance/decision': DECISION}
+        kinds = {f'{self.prefix}/{topic}': kind for topic, kind in kinds.items()}
+        kinds |= {'/parameter_events': EVENT, f'{self.prefix}/guidance/predicted_path': PATH}
+        write_bag(self.folder, self.records, kinds=kinds)
+
+    def record(self, topic, late, message):
+        """Record a message of one of the robot's topics, so long after now [ns]."""
+        self.records.append((f'{self.prefix}/{topic}', self.now + late, message))
 
     def publish_parameters(self):
-        keys, node = TABLE.keys(self.values), f'{self.prefix}/guidance'
+        keys = TABLE.keys(self.values)
         told = {key: self.values[key] for key, row in keys if 'guidance' in row.nodes}
-        self.bag.write(f'{node}/parameters', self.now, raw(all_parameters(node, told)))
+        said = all_parameters(f'{self.prefix}/guidance', told)
+        self.record('guidance/parameters', 0, said)
 
     def activate(self):
         self.law.reset()
@@ -81,19 +76,17 @@ class Drive:
 
     def publish(self, decision, late=2_000_000):
         """Messages that a node publishes on a decision, a little after its odometry."""
-        when = self.now + late
         self.decisions.append(decision)
         if not decision.late:
             self.held = decision.wheel_speeds
-            self.bag.write(f'{self.prefix}/cmd_vel', when, command_message(decision))
-        said = decision_message(decision, 'decision')
-        self.bag.write(f'{self.prefix}/guidance/decision', when + 1000, said)
+            self.record('cmd_vel', late, command_message(decision))
+        self.record('guidance/decision', late + 1000, decision_message(decision, 'decision'))
         if decision.plan is not None:
             path = path_message(decision.plan, self.settings.frame_id, decision.stamp)
-            self.bag.write(f'{self.prefix}/guidance/predicted_path', when + 2000, path)
+            self.record('guidance/predicted_path', late + 2000, path)
 
     def say(self, message):
-        self.bag.write(f'{self.prefix}/odom', self.now + 1000, raw(message))
+        self.record('odom', 1000, message)
 
     def go(self, seconds, *, heard=True):
         """Drive, odometry being heard or neither heard nor recorded."""
@@ -168,11 +161,7 @@ class Drive:
     def tell(self, x, y, heading, *, frame_id='odom', stamp=0, heard=True):
         """Publish a goal, which the node hears and heeds, or was not active to."""
         message = pose_stamped(stamp, (x, y, heading), frame_id)
-        topic = f'{self.prefix}/goal_pose'
-        if not self.are_told:
-            self.bag.topic(topic, POSE)
-        self.are_told = True
-        self.bag.write(topic, self.now + 500, raw(message))
+        self.record('goal_pose', 500, message)
         if heard:
             with suppress(GoalError):
                 self.law.set_goal(*goal_of(message, self.settings.frame_id))
@@ -183,7 +172,7 @@ class Drive:
         self.values = TABLE.reconfigure(self.values, said)
         self.settings = guidance_settings(self.values)
         event = parameter_event(f'{self.prefix}/guidance', said)
-        self.bag.write('/parameter_events', self.now, raw(event))
+        self.records.append(('/parameter_events', self.now, event))
         self.law.reconfigure(self.settings, self.settings.world)
 
 

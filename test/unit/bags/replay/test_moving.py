@@ -1,15 +1,16 @@
-"""Runs among obstacles that move, and beside another robot: replayed bit for bit, and audited."""
+"""Moving obstacles and goals under way: replayed at the same control step, and audited."""
 
+import math
 import struct
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from bag_messages import CLOUD, ODOMETRY, PATH, SECOND, cloud, odometry, path, raw
+from bag_messages import SECOND, cloud, odometry, path
 from recorded_drives import TICK, Drive, altered, dropping, editing, moving
 
 from cmpsp_ros.bags import Bag, BagError, Names
-from cmpsp_ros.bags.audit import Sources, audit
+from cmpsp_ros.bags.audit import CheckOutcome, Sources, audit
 from cmpsp_ros.bags.replay.replay import replay
 from cmpsp_ros.guidance import Observation
 from cmpsp_ros.guidance.messages import PeerTrajectory, Track, Tracks
@@ -22,13 +23,12 @@ AHEAD = 3 * SECOND
 class Encounter(Drive):
     """A drive towards something that moves, which is published at 10 Hz, a little late."""
 
-    check, prefix, topic, kind = 'moving', '', '/moving_obstacles', CLOUD
+    check, prefix, topic = 'moving', '', '/moving_obstacles'
     name, published = 'moving obstacle 5', r'on obstacle 5 as it was seen at .* wanted that in /mov'
 
     def __init__(self, folder, mover=ONCOMING, **parameters):
         super().__init__(folder, prefix=self.prefix, preset='moving', **parameters)
         self.known, self.mover, self.count, self.begun = Tracks(), mover, 0, self.now
-        self.bag.topic(self.topic, self.kind)
 
     def place(self, stamp):
         x, y, vx, vy = self.mover
@@ -45,8 +45,8 @@ class Encounter(Drive):
         if self.count % 5 == 0:
             # Of three messages in a row one is in another frame, and one was never heard.
             seen, message = self.seen(stamp)
-            self.bag.write(self.topic, self.now + 500, raw(message('map')))
-            self.bag.write(self.topic, self.now + 600, raw(message('odom')))
+            for late, frame_id in ((500, 'map'), (600, 'odom')):
+                self.records.append((self.topic, self.now + late, message(frame_id)))
             if self.count % 15:
                 self.known.add([seen])
         self.count += 1
@@ -59,13 +59,12 @@ class Encounter(Drive):
 class Beside(Encounter):
     """The same of /r1 towards /r2, which publishes its plan."""
 
-    check, prefix, topic, kind = 'others', '/r1', '/r2/guidance/predicted_path', PATH
+    check, prefix, topic = 'others', '/r1', '/r2/guidance/predicted_path'
     name, published = 'robot /r2', 'on the plan that /r2 made at .* wanted that in /r2/guid'
 
     def __init__(self, folder):
         others = {'others.namespaces': ['/r1', '/r2'], 'others.radius': RADIUS}
         super().__init__(folder, **others)
-        self.bag.topic(OTHERS_ODOM, ODOMETRY)
 
     def seen(self, stamp):
         stamps = (stamp, stamp + AHEAD)
@@ -73,8 +72,8 @@ class Beside(Encounter):
         return plan, lambda frame_id: path(stamp, plan.places, frame_id, stamps)
 
     def hear(self, stamp):
-        place = raw(odometry(stamp, (*self.place(stamp), -2.3)))
-        self.bag.write(OTHERS_ODOM, self.now + 300, place)
+        place = odometry(stamp, (*self.place(stamp), -2.3))
+        self.records.append((OTHERS_ODOM, self.now + 300, place))
         super().hear(stamp)
 
 
@@ -158,3 +157,59 @@ def test_where_the_other_drove_must_be_in_the_bag(tmp_path):
         assert there.topics[OTHERS_ODOM].count == 2 * SECOND // TICK
     lacking = altered(tmp_path / 'bag', tmp_path / 'lacking', dropping(OTHERS_ODOM))
     assert finding(lacking, Beside).outcome.name == 'NOT_JUDGED'
+
+
+NAMES = Names.under('')
+ALONG = {'x': 7.0, 'y': -7.0, 'heading': math.pi / 4.0}
+
+
+def goal_finding(path, check):
+    return next(each for each in audit(path) if each.check == check)
+
+
+@pytest.fixture
+def told(drive, bag):
+    """A drive with goals: before the start, refused ones, two that count, one of later, a reset."""
+    with drive() as run:
+        run.tell(**ALONG, heard=False)
+        run.go(1.0)
+        run.tell(0.0, 0.0, 0.0)
+        run.tell(**ALONG, frame_id='map')
+        run.tell(math.nan, 0.0, 0.0)
+        run.go(0.5)
+        run.tell(**ALONG)
+        run.go(1.1)
+        run.tell(9.5, -3.0, 1.2, stamp=run.now + 400_000_000)
+        run.go(12.0)
+        run.tell(**ALONG, heard=False)
+        run.activate()
+        run.pose = np.array([0.0, -9.25, 0.0])
+        run.go(1.0)
+        run.tell(**ALONG)
+        run.go(8.0)
+    return run.decisions
+
+
+def test_a_replay_is_told_the_same(told, bag):
+    assert [each.goals_received for each in told if each.goals_received] != []
+    assert {each.goal.name for each in told} == {'', 'goal_pose'}
+    assert any(each.finished and not each.missed for each in told)
+    outcome = replay(bag, NAMES)
+    assert str(outcome).startswith(f'identical: {len(told)} decisions')
+
+
+def test_a_goal_that_is_not_in_the_bag_is_missed(told, alter):
+    with pytest.raises(BagError, match='wanted all of them on goal_pose'):
+        replay(alter(dropping('/goal_pose', 5)), NAMES)
+
+
+def test_another_goal_makes_another_drive(told, alter):
+    moved = alter(editing('/goal_pose', moving('pose.position.x', 0.01), 4))
+    assert replay(moved, NAMES).differing > 0
+
+
+def test_goals_that_were_told_are_audited(told, bag):
+    found = goal_finding(bag, 'goal')
+    assert found.outcome is CheckOutcome.PASSED
+    assert found.worst < 1e-3
+    assert 'It is the worst of 2 goals.' in found.sentence

@@ -4,9 +4,8 @@ import math
 
 import numpy as np
 import pytest
-from bag_messages import CLOUD, GRID, ODOMETRY, SECOND, TWIST, cloud, grid, odometry, raw, twist
+from bag_messages import SECOND, cloud, grid, odometry, twist, write_bag
 
-from cmpsp_ros.bags import BagWriter
 from cmpsp_ros.bags.audit import Sources, read_record
 from cmpsp_ros.bags.report.charts import clearance, controls
 from cmpsp_ros.bags.report.page import summary
@@ -39,26 +38,22 @@ def seen(tmp_path):
 
     def made(name, given, motion=(0.5, 0.0), *, others=(), sim=None, cells=None, moving=()):
         given = TABLE.resolve(given)
-        with BagWriter(tmp_path / name) as bag:
-            starts = {'/r1': (given['initial_pose'], motion), **dict(others)}
-            for robot, (start, its) in starts.items():
-                bag.topic(f'{robot}/odom', ODOMETRY)
-                for stamp, pose in rows(start, its):
-                    bag.write(f'{robot}/odom', stamp, raw(odometry(stamp, pose, its)))
-            bag.topic('/r1/cmd_vel', TWIST)
-            for k in range(10):
-                bag.write('/r1/cmd_vel', round(0.2 * k * SECOND) + 1, raw(twist(*motion)))
-            if cells is not None:
-                bag.topic('/r1/guidance/sighting', GRID)
-                bag.write('/r1/guidance/sighting', SECOND, raw(grid(SECOND, cells, (1.0, 1.0))))
-            for topic, walks in dict(moving).items():
-                bag.topic(topic, CLOUD)
-                for stamp in range(0, SECOND + 1, SECOND // 5):
-                    bag.write(topic, stamp, raw(cloud(stamp, walks(stamp / SECOND))))
-            bag.set_parameters('/r1/guidance', given)
-            if sim is not None:
-                bag.set_parameters('/r1/sim', TABLE.resolve({**given, **sim}))
-        place = tmp_path / name
+        starts = {'/r1': (given['initial_pose'], motion), **dict(others)}
+        records = [
+            (f'{robot}/odom', stamp, odometry(stamp, pose, its))
+            for robot, (start, its) in starts.items()
+            for stamp, pose in rows(start, its)
+        ]
+        stamps = [round(0.2 * k * SECOND) for k in range(10)]
+        records += [('/r1/cmd_vel', stamp + 1, twist(*motion)) for stamp in stamps]
+        if cells is not None:
+            records += [('/r1/guidance/sighting', SECOND, grid(SECOND, cells, (1.0, 1.0)))]
+        for topic, walks in dict(moving).items():
+            records += [(topic, each, cloud(each, walks(each / SECOND))) for each in stamps[:6]]
+        parameters = {'/r1/guidance': given}
+        if sim is not None:
+            parameters['/r1/sim'] = TABLE.resolve({**given, **sim})
+        place = write_bag(tmp_path / name, records, parameters)
         return view(place, name, read_record(place, Sources(namespace='/r1')))
 
     return made

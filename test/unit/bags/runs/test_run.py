@@ -15,13 +15,13 @@ from bag_messages import (
     joints,
     odometry,
     path,
-    raw,
     status,
+    write_bag,
 )
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cmpsp_ros.bags import BagError, BagWriter
+from cmpsp_ros.bags import BagError
 from cmpsp_ros.bags.runs import DrivenPath, read_run, seen_at
 from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 from cmpsp_ros.robots.motion import arc_ends, arc_from, reach_of
@@ -53,12 +53,12 @@ def decision(stamp, **more):
 
 
 def write(folder, topics):
-    with BagWriter(folder) as bag:
-        for name, (kind, messages) in topics.items():
-            bag.topic(name, kind)
-            for received, message in enumerate(messages):
-                bag.write(name, received, raw(message))
-    return folder
+    records = [
+        (name, received, message)
+        for name, (_, messages) in topics.items()
+        for received, message in enumerate(messages)
+    ]
+    return write_bag(folder, records, kinds={name: kind for name, (kind, _) in topics.items()})
 
 
 def topics(prefix=''):

@@ -73,6 +73,16 @@ def test_a_gap_too_narrow_is_told_and_one_just_wide_enough_is_not(radius, margin
     assert warnings_of(wide, START) == []
 
 
+@pytest.mark.parametrize('away', [0.02, 0.045])
+def test_a_goal_nearer_to_an_obstacle_than_the_margin_is_told_unless_its_tolerance_helps(away):
+    given = settings(robot_radius=0.05, safety=Safety(margin=0.05), obstacles=(ROCK,))
+    beside = ROCK.radius + given.robot_radius + away
+    goal = (ROCK.center[0] + 0.8 * beside, ROCK.center[1] - 0.6 * beside)
+    said = warnings_of(replace(given, goal=goal), START)
+    expected = 'At the goal the robot is 0.020 m from obstacle rock, nearer than safety.margin'
+    assert [each.startswith(expected) for each in said] == [True] * (away < 0.04)
+
+
 def test_an_obstacle_that_fills_the_road_stops_even_a_point():
     (said,) = warnings_of(settings(obstacles=(replace(ROCK, radius=1.5),)), START)
     assert 'the wider gap beside it is 0.000 m, and this robot needs 0.000 m' in said

@@ -202,3 +202,10 @@ def test_an_unknown_word_is_refused():
     given = {**load_parameter_file('case3'), 'goal.when': 'asap'}
     with pytest.raises(ParameterError, match=r"goal\.when: found 'asap', wanted fixed or soonest"):
         TABLE.resolve(given)
+
+
+def test_between_shelves_the_earliest_plan_keeps_a_reserve():
+    # With none, nearly every step would need slack: the earliest plan is the last that exists.
+    drive = Drive('warehouse', {'goal.when': 'soonest'})
+    assert drive.levels == {FallbackLevel.NOMINAL}
+    assert drive.time < 47.0

@@ -4,12 +4,22 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scenarios import CASES, FIRST, PERIOD, ROAD, START, context_of, law_of, settings, start_of
+from general_iteration import improve as improve_generally
+from scenarios import CASES, FIRST, MS, PERIOD, ROAD, START, context_of, law_of, settings, start_of
 
-from cmpsp_ros.guidance import FallbackLevel, Observation, SolverSettings, Weights, remaining
+from cmpsp_ros.guidance import (
+    FallbackLevel,
+    Observation,
+    SolverSettings,
+    Weights,
+    remaining,
+    shift,
+    to_nanoseconds,
+)
 from cmpsp_ros.guidance.formulation import OcpFormulation
 from cmpsp_ros.guidance.planning import Planner, initial_guess
 from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
+from cmpsp_ros.parameters.files import preset_names
 from cmpsp_ros.world.obstacles import Obstacle
 
 HORIZON = remaining(0, PERIOD, 50 * PERIOD)
@@ -91,3 +101,73 @@ def test_a_first_plan_that_runs_out_of_work_is_a_stop_with_its_reason(candidates
         assert decision.reason.startswith('The work of this control step was used up')
         assert decision.plan is None
         assert not decision.twist.any()
+
+
+def assert_alike(compiled, general, spare_rows=0):
+    # Wheel speeds are about 50 rad/s.
+    np.testing.assert_allclose(compiled.plan.controls, general.plan.controls, rtol=0.0, atol=5e-8)
+    np.testing.assert_allclose(compiled.plan.poses, general.plan.poses, rtol=0.0, atol=1e-9)
+    for name in ('solved', 'elastic', 'slack_where', 'slack_terminal', 'iterations'):
+        assert getattr(compiled, name) == getattr(general, name), name
+    assert abs(compiled.active_rows - general.active_rows) <= spare_rows
+    assert compiled.slack == pytest.approx(general.slack, rel=1e-6, abs=1e-9)
+    assert compiled.reason == general.reason
+
+
+def side_by_side(given, start, steps=8, late=0, spare_rows=0):
+    """Drive by the compiled plans, and compare each of them with the other kind."""
+    compiled = Planner(OcpFormulation(given, given.world))
+    period, final = to_nanoseconds(given.control_period), to_nanoseconds(given.final_time)
+    pose, held = np.array(start, dtype=float), given.robot.at_rest
+    horizon, seen = remaining(0, period, final), []
+    guess = initial_guess(given, start_of(given, pose), given.target, horizon.durations)
+    for step in range(steps):
+        one = compiled.improve(context_of(given, pose, horizon, held), guess)
+        other = improve_generally(given, pose, held, guess, horizon)
+        assert_alike(one, other, spare_rows)
+        seen.append(other)
+        now = (step + 1) * period + late * (step % 3)
+        driven = np.array([(now - horizon.edges[0]) / 1e9])
+        pose = given.robot.roll_out(pose, one.plan.controls[:1], driven)[-1]
+        held, coming = one.plan.controls[0], remaining(now, period, final)
+        guess, horizon = shift(one.plan.controls, horizon, coming), coming
+    return seen
+
+
+@pytest.mark.parametrize('preset', preset_names())
+def test_presets(preset):
+    values = TABLE.resolve(load_parameter_file(preset))
+    # Of hundreds of rows, one with a multiplier of zero is active to rounding.
+    spare_rows = int(preset == 'parallel_parking')
+    given = guidance_settings(values)
+    seen = side_by_side(given, values['initial_pose'], spare_rows=spare_rows)
+    assert all(result.solved for result in seen)
+
+
+@pytest.mark.parametrize('case', CASES)
+@pytest.mark.parametrize('hessian', ['gauss_newton', 'projected'])
+def test_hessians_wheels_without_limit_and_late_odometry(case, hessian):
+    solver = SolverSettings(hessian=hessian, iterations_per_step=3)
+    side_by_side(replace(CASES[case], solver=solver), START, late=15 * MS)
+
+
+# One worker compiles the iteration for this class of data, for all tests that need it.
+@pytest.mark.xdist_group('control_rate')
+@pytest.mark.timeout(600)
+def test_a_price_on_changes_of_the_command():
+    given = replace(CASES['case 3'], weights=Weights(control_rate=1.0))
+    side_by_side(given, START, steps=5)
+
+
+def test_a_road_that_is_blocked():
+    wall = Obstacle('wall', (7.07, -7.07), 1.5)
+    solver = SolverSettings(iterations_per_step=6)
+    seen = side_by_side(settings((FIRST, wall), 51.0, ROAD, solver=solver), START, steps=3)
+    assert any(result.elastic for result in seen)
+
+
+@pytest.mark.parametrize('changes', [{'hessian': 'exact'}, {'qp': 'daqp'}], ids=str)
+def test_back_ends_by_name_and_the_exact_hessian(changes):
+    solver = SolverSettings(**changes)
+    seen = side_by_side(replace(CASES['case 3'], solver=solver), START, steps=4)
+    assert all(result.solved for result in seen)

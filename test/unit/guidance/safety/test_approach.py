@@ -10,7 +10,7 @@ from scenarios import FIRST, MS, PERIOD, ROAD, closed_loop, drive, settings, sta
 from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw, Horizon, Observation, Plan, Safety
 from cmpsp_ros.guidance.prediction.response import Response, Risk
 from cmpsp_ros.guidance.safety import Validator
-from cmpsp_ros.guidance.safety.approach import Approach
+from cmpsp_ros.guidance.safety.approach import Approach, Conditions
 from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file, plant_settings
 from cmpsp_ros.simulator import Plant
 from cmpsp_ros.studies.monte_carlo.driving import drive as drive_study
@@ -196,10 +196,10 @@ def test_what_lies_between_the_paths_of_less_lag_and_more():
     clear = [validator.is_clear_with(lag, start, plan, verdict.ramp, 0.0) for lag in lags]
     assert clear == [True, False, True]
     known = Risk(lags, 0.0, 'its wheels may lag.')
-    assert approach(given).calmed(plan, verdict, start, None, start, known) is None
+    assert approach(given).calmed(plan, verdict, Conditions(start, None, start, known)) is None
     away = replace(given, obstacles=(FIRST,))
     start = start._replace(world=away.world)
-    assert approach(away).calmed(plan, verdict, start, None, start, known)[0] is plan
+    assert approach(away).calmed(plan, verdict, Conditions(start, None, start, known))[0] is plan
 
 
 def test_a_plan_that_is_slowed_for_lag_says_so():

@@ -3,12 +3,18 @@
 import numpy as np
 import pytest
 
-from cmpsp_ros.guidance import GuidanceSettings, MovingObstacles, Observation
+from cmpsp_ros.guidance import GuidanceSettings, MovingObstacles, Observation, Safety
 from cmpsp_ros.guidance.messages import Track
-from cmpsp_ros.guidance.prediction.estimator import Estimator
+from cmpsp_ros.guidance.planning import PlanningContext
+from cmpsp_ros.guidance.planning.retreat import RetreatPlanner
+from cmpsp_ros.guidance.prediction.estimator import Estimator, PlanStart
 from cmpsp_ros.guidance.safety.reach_check import ReachCheck
+from cmpsp_ros.guidance.safety.unseen import is_clear_of_unseen, watches_unseen
+from cmpsp_ros.guidance.times import Horizon
 from cmpsp_ros.guidance.world import World
 from cmpsp_ros.robots import DifferentialDrive
+from cmpsp_ros.world.grids import Cell, OccupancyGrid
+from cmpsp_ros.world.obstacles import MovingDiscs
 from cmpsp_ros.world.roads import OpenFloor
 
 ROBOT = DifferentialDrive(wheel_radius=0.0357, half_track=0.1165, max_wheel_speed=8.5)
@@ -65,3 +71,65 @@ def test_who_is_out_of_sight_does_not_fill_the_room_of_plans(number, stddev, pla
     start = start_beside(number, (2.0, 0.0), (0.0, 0.5), stddev)
     assert start.moving.states[0, 4] == pytest.approx(0.25 + 2.0 * planned)
     assert start.reachable.states[0, 4] == pytest.approx(0.25 + 3.0 * stddev)
+
+
+def settings(sight='stationary'):
+    return GuidanceSettings(
+        robot=DifferentialDrive(wheel_radius=0.05, half_track=0.15, max_wheel_speed=20.0),
+        road=OpenFloor(),
+        goal=(3.0, 0.0),
+        final_time=10.0,
+        robot_radius=0.2,
+        safety=Safety(stop_within_sight=sight),
+    )
+
+
+def start(*, behind=Cell.REMEMBERED, among_people=True):
+    """A robot that looks ahead on free ground, and what it knows of the ground behind it."""
+    cells = np.zeros((80, 80), np.uint8)
+    cells[:, :37] = behind
+    world = World(OpenFloor()).seeing(OccupancyGrid((-4.0, -4.0, 0.0), 0.1, cells))
+    return PlanStart(np.zeros(3), settings().robot, world, among_people=among_people)
+
+
+@pytest.mark.parametrize(
+    ('speed', 'behind', 'clear'),
+    [
+        (0.5, Cell.REMEMBERED, True),
+        (-0.5, Cell.REMEMBERED, False),
+        (-0.05, Cell.REMEMBERED, True),
+        (-0.5, Cell.FREE, True),
+    ],
+)
+def test_it_backs_no_faster_than_it_creeps_where_it_does_not_look(speed, behind, clear):
+    given = settings()
+    controls = given.robot.controls(np.array([speed, 0.0]))[None]
+    held = np.array([given.control_period])
+    assert is_clear_of_unseen(given, start(behind=behind), controls, held) is clear
+
+
+@pytest.mark.parametrize(
+    ('sight', 'among_people', 'watches'),
+    [
+        ('off', True, False),
+        ('stationary', False, False),
+        ('stationary', True, True),
+        ('moving', False, True),
+    ],
+)
+def test_who_may_be_out_of_sight_matters_where_people_have_been_seen(sight, among_people, watches):
+    assert watches_unseen(settings(sight), start(among_people=among_people)) is watches
+
+
+@pytest.mark.parametrize(('behind', 'sense'), [(Cell.FREE, -1.0), (Cell.REMEMBERED, 1.0)])
+def test_it_turns_to_look_before_it_backs_off(behind, sense):
+    given, here = settings(), start(behind=behind)
+    comes = np.array([[4.5, 0.0, -0.8, 0.0, 2.5, 0.0, 0.0]])
+    threats = MovingDiscs(('trolley',), comes, np.array([0]))
+    horizon = Horizon.between([k * 200_000_000 for k in range(21)])
+    context = PlanningContext(given, here, given.target, horizon)
+    found = RetreatPlanner(given).find(context, threats, None)
+    assert found is not None
+    speeds = given.robot.twist(found[0].controls)[:, 0]
+    assert np.sign(speeds[speeds != 0.0][0]) == sense
+    assert found[0].poses[-1, 0] < -0.5

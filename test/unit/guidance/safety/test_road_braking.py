@@ -7,7 +7,7 @@ import pytest
 
 from cmpsp_ros.guidance.prediction import PlanStart
 from cmpsp_ros.guidance.safety import Validator
-from cmpsp_ros.guidance.safety.road_braking import braking_on_road
+from cmpsp_ros.guidance.safety.road_braking import brakings_on_road
 from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 from cmpsp_ros.parameters.files import load_robot
 from cmpsp_ros.world import FreeSpace
@@ -38,7 +38,7 @@ def test_it_stays_on_the_road_and_within_the_limits(settings, speed):
     command = np.array([speed, 0.05])
     start = PlanStart(pose, settings.robot, settings.world, previous_control=command)
     limits = PERIOD, settings.max_wheel_change
-    ramp = braking_on_road(start, command, PERIOD, *limits)
+    ramp = next(brakings_on_road(start, command, PERIOD, *limits))
     commands = np.vstack([command, ramp])
     assert commands[-1, 0] == 0.0
     changes = np.abs(np.diff(commands, axis=0))

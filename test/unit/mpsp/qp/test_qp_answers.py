@@ -14,13 +14,13 @@ from cmpsp_ros.mpsp.qp import (
     QPStatus,
     Subproblem,
     available,
-    back_ends,
     kkt_residual,
     no_warm_start,
     solve_from,
     solve_qp,
 )
 from cmpsp_ros.mpsp.qp import back_ends as room
+from cmpsp_ros.mpsp.qp.active_set.records import Space
 from cmpsp_ros.mpsp.qp.active_set.state import CAPACITY
 from cmpsp_ros.mpsp.qp.dense import clarabel_backend
 from cmpsp_ros.mpsp.qp.riccati import Outcome
@@ -151,7 +151,7 @@ def asked(monkeypatch):
 @pytest.fixture
 def stopped(monkeypatch):
     """An active-set method that gives up."""
-    monkeypatch.setattr(back_ends, 'solve_program', lambda *_: Outcome.ITERATION_LIMIT)
+    monkeypatch.setattr(Space, 'solve', lambda *_: Outcome.ITERATION_LIMIT)
 
 
 def crowded(N):

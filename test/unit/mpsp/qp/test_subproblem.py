@@ -9,9 +9,9 @@ from reference_merit import Merit
 
 from cmpsp_ros.mpsp import Linearisation, Options
 from cmpsp_ros.mpsp.qp import Penalties, QPSolution, QPStatus, Subproblem, kkt_residual
+from cmpsp_ros.mpsp.qp.active_set.records import residual_without_step, space
 from cmpsp_ros.mpsp.qp.curvature import convexify
 from cmpsp_ros.mpsp.qp.dense.closed_form import has_closed_form
-from cmpsp_ros.mpsp.results import residual_at
 from cmpsp_ros.mpsp.sqp import CMPSP
 
 SHAPES = [(1, 3, 2, 2, 2), (5, 3, 2, 2, 2), (9, 1, 1, 0, 0), (7, 4, 3, 1, 1)]
@@ -101,7 +101,8 @@ def test_a_horizon_whose_condensed_matrices_no_machine_holds(lost):
         solution = replace(QPSolution.unsolved(each.size, QPStatus.SOLVED), dU=dU)
         penalties = Penalties(np.full(2, 1e3), np.full((20_001, 2), 1e3))
         assert kkt_residual(each, solution, penalties) > 1e-5
-        assert 0.0 < residual_at(start, each) < np.inf
+        residual = residual_without_step(space(each.size), each, *start.multipliers)
+        assert 0.0 < residual < np.inf
         merit = Merit(penalties.terminal, penalties.path).above_multipliers(solution)
         assert np.isfinite(merit.predicted_decrease(each, dU))
         assert 'condensed' not in vars(each)

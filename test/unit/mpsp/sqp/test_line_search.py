@@ -7,7 +7,7 @@ import pytest
 from problems import VanDerPol
 
 from cmpsp_ros.mpsp.qp import Subproblem
-from cmpsp_ros.mpsp.qp.active_set.records import compiled_size, put_derivatives
+from cmpsp_ros.mpsp.qp.active_set.records import compiled_size, derivative_arrays, put_derivatives
 from cmpsp_ros.mpsp.sqp.line_search import (
     begin_search,
     go_on,
@@ -45,7 +45,7 @@ class Search:
         free = np.full(self.start.shape, 50.0)
         self.subproblem = Subproblem(linearisation, -free, free, np.full(size.state, np.inf))
         p = self.ws.program
-        put_derivatives(p.stages, p.path, p.terminal, linearisation)
+        put_derivatives(derivative_arrays(p.stages, p.path, p.terminal, size), linearisation)
         self.ws.lower[:, : size.control] = self.problem.control_lower
         self.ws.upper[:, : size.control] = self.problem.control_upper
         self.before = self._put(self.ws.now, self.start)

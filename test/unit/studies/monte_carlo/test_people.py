@@ -105,22 +105,33 @@ def test_a_robot_at_rest_is_not_the_one_that_drives():
     assert met.reason == ''
 
 
-@pytest.mark.parametrize(('speed', 'is_active'), [(-0.5, False), (0.04, False), (0.5, True)])
-def test_a_robot_that_was_run_into_may_leave_and_not_drive_on(speed, is_active):
-    """Somebody walks at the standing robot from ahead, and stops there; after 1.5 s it drives."""
+def walked(walker, patience, moves, near=None):
+    """A run past one person by `moves(seconds)`: heading, way and speed; they heed it if near."""
     task = Study('people', scene='hall', robot='own').run(0)
-    walker = Walker('a', (1.5, 0.0), heading=math.pi, speed=1.0, gives_way=False)
-    scenario = replace(task.scenario, people=PeopleSettings((walker,), 50.0), obstacles=())
+    scenario = replace(task.scenario, people=PeopleSettings((walker,), patience), obstacles=())
     driven = DrivenRun(replace(task, scenario=scenario))
     driven.walking = driven.task.people()
     driven.walking.begin(0)
-    for number in range(120):
-        stamp, since = number * 20_000_000, max(number * 0.02 - 1.5, 0.0)
-        pose = np.array([speed * since, 0.0, 0.0])
-        twist = np.array([speed if since > 0.0 else 0.0, 0.0])
-        driven.motions.append(Motion(stamp, pose, np.zeros(2), twist))
-        driven.walking.advance(stamp, pose[None, :2], task.settings.robot_radius)
+    for number in range(200):
+        stamp, (heading, way, speed) = number * 20_000_000, moves(number * 0.02)
+        pose = np.array([way, 0.0, heading])
+        driven.motions.append(Motion(stamp, pose, np.zeros(2), np.array([speed, 0.0])))
+        place = pose[None, :2] if near else np.array([[100.0, 100.0]])
+        driven.walking.advance(stamp, place, task.settings.robot_radius)
         driven.people.append((stamp, driven.walking.at(stamp)))
+    return driven
+
+
+@pytest.mark.parametrize(('speed', 'is_active'), [(-0.5, False), (0.04, False), (0.5, True)])
+def test_a_robot_that_was_run_into_may_leave_and_not_drive_on(speed, is_active):
+    """Somebody walks at the standing robot from ahead, and stops there; after 1.5 s it drives."""
+    walker = Walker('a', (1.5, 0.0), heading=math.pi, speed=1.0, gives_way=False)
+
+    def moves(seconds):
+        since = max(seconds - 1.5, 0.0)
+        return 0.0, speed * since, speed if since > 0.0 else 0.0
+
+    driven = walked(walker, 50.0, moves, near=True)
     (met,) = contacts(driven, ['a'])
     assert met.is_active == is_active
 
@@ -148,18 +159,8 @@ def test_the_assumption_that_did_not_hold_is_named(walker, speed, walls, reason)
 @pytest.mark.parametrize(('distance', 'reason'), [(2.0, OUTSIDE), (3.5, ALL_HELD)])
 def test_whoever_comes_into_view_is_seen_when_the_tracker_has_confirmed_them(distance, reason):
     """Somebody walks at the back of a robot, which turns and sees them from 1 s on."""
-    task = Study('people', scene='hall', robot='own').run(0)
     walker = Walker('a', (-distance, 0.0), speed=1.0, gives_way=False)
-    scenario = replace(task.scenario, people=PeopleSettings((walker,), 1.0), obstacles=())
-    driven = DrivenRun(replace(task, scenario=scenario))
-    driven.walking = driven.task.people()
-    driven.walking.begin(0)
-    for number in range(200):
-        stamp = number * 20_000_000
-        pose = np.array([0.0, 0.0, math.pi if number > 50 else 0.0])
-        driven.motions.append(Motion(stamp, pose, np.zeros(2), np.array([0.2, 0.0])))
-        driven.walking.advance(stamp, np.array([[100.0, 100.0]]), 0.1)
-        driven.people.append((stamp, driven.walking.at(stamp)))
+    driven = walked(walker, 1.0, lambda seconds: (math.pi if seconds > 1.0 else 0.0, 0.0, 0.2))
     (met,) = contacts(driven, ['a'])
     assert met.is_active
     assert met.reason == reason

@@ -1,13 +1,16 @@
 """Random courses: what is promised of every one of them."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scanned_rooms import Faults, ScannedRoom
 
-from cmpsp_ros.studies.monte_carlo import Study, StudyError
+from cmpsp_ros.simulator import discs_of, edges_of
+from cmpsp_ros.studies.monte_carlo import Study, StudyError, judging
 from cmpsp_ros.studies.monte_carlo.courses.ring_courses import (
     FROM_EDGE,
     GAP,
@@ -15,6 +18,11 @@ from cmpsp_ros.studies.monte_carlo.courses.ring_courses import (
     is_open,
     scenario,
 )
+from cmpsp_ros.studies.monte_carlo.courses.rooms import SPARE, field_scenario, room_scenario
+from cmpsp_ros.studies.monte_carlo.driving import drive, outcome
+from cmpsp_ros.studies.monte_carlo.guesses import grid_path
+from cmpsp_ros.studies.monte_carlo.outcome import RunVerdict
+from cmpsp_ros.world import FreeSpace
 from cmpsp_ros.world.obstacles import Obstacle
 from cmpsp_ros.world.roads import Annulus
 
@@ -118,3 +126,123 @@ def test_the_shortest_way_is_straight_or_around_the_inner_edge():
 def test_a_robot_too_wide_for_the_road_is_refused():
     with pytest.raises(StudyError, match='road: found 2 m of width'):
         Study('nominal', assignments=('robot.radius=0.9',)).values()
+
+
+KINDS = ('corridors', 'floor')
+
+
+@pytest.mark.parametrize('kind', KINDS)
+def test_courses_begin_and_end_clear_and_are_open(kind):
+    for number in range(12):
+        task = Study(kind).run(number)
+        given, pose = task.settings, np.array(task.scenario.pose)
+        space = FreeSpace.of(given.road, given.obstacles, given.robot_radius)
+        assert space.at(np.array([pose, [*given.goal, math.nan]])).min() > given.safety.margin
+        assert len(grid_path(given, pose, 0.05)) > 2
+        assert len(given.obstacles) >= 1
+        assert given.road.shortest_length(pose[:2], given.goal) < judging.farthest(task)
+
+
+@pytest.mark.parametrize('kind', [*KINDS, 'nominal', 'sight', 'clutter'])
+def test_a_course_depends_on_seed_and_number_alone(kind):
+    backward = [Study(kind, 3).run(number) for number in reversed(range(3))]
+    assert backward[::-1] == [Study(kind, 3).run(number) for number in range(3)]
+    assert Study(kind, 4).run(0) != Study(kind, 3).run(0)
+
+
+def arrived(study, numbers):
+    """Those that arrived, and those that did not though the judge finds a way; none touches."""
+    found, trapped = [], []
+    for number in numbers:
+        task = study.run(number)
+        made = outcome(drive(task))
+        assert made.clearance > 0.0, number
+        assert not made.exception, number
+        if made.verdict(study.tolerance) == RunVerdict.ARRIVED:
+            found.append(number)
+        elif judging.judge_failure(task)['answer'] == judging.FEASIBLE:
+            trapped.append(number)
+    return found, trapped
+
+
+@pytest.mark.parametrize('kind', KINDS)
+def test_robots_get_through(kind):
+    assert arrived(Study(kind), range(8)) == (list(range(8)), [])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('kind', KINDS)
+@pytest.mark.parametrize('most', [4, 6])
+def test_robots_get_through_all_of_forty_courses(kind, most):
+    found, trapped = arrived(Study(kind, most, most_obstacles=most), range(40))
+    assert trapped == []
+    assert len(found) >= 39
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('kind', KINDS)
+def test_one_plan_is_trapped_where_several_are_not(kind):
+    study = Study(kind, assignments=('solver.candidates=1',))
+    stopped = [outcome(drive(study.run(number))).stop > 0 for number in range(40)]
+    assert sum(stopped) >= 3
+
+
+@pytest.mark.parametrize('kind', KINDS)
+def test_the_judge_finds_a_way_on_any_road(kind):
+    pytest.importorskip('casadi')
+    task = Study(kind).run(0)
+    found = judging.judge_failure(task)
+    assert found['answer'] == judging.FEASIBLE
+    assert found['clearance_m'] >= task.settings.safety.margin - 1e-6
+
+
+FAULTS = Faults(missed=0.3, odometry=(0.005, math.radians(0.5)))
+
+
+def to_and_fro(path, speed=1.0):
+    """Robot that drives a path, and looks to both sides."""
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
+
+    def place(time):
+        driven = speed * time % (2.0 * along[-1])
+        driven = min(driven, 2.0 * along[-1] - driven)
+        return np.array([np.interp(driven, along, each) for each in path.T])
+
+    def robot(time):
+        before, after = place(max(time - 0.6, 0.0)), place(time + 0.6)
+        heading = math.atan2(after[1] - before[1], after[0] - before[0])
+        return (*place(time).tolist(), heading + 0.3 * math.sin(1.5 * time))
+
+    return robot
+
+
+def tracks_in(study, draw, number, until):
+    settings, _ = Study(study).setup()
+    scenario = draw(settings, 7, number, 0)
+    given = replace(settings, obstacles=scenario.obstacles, goal=scenario.changes['goal'])
+    path = grid_path(given, np.array(scenario.pose), SPARE)[:, :2]
+    posts = [(x, y, radius) for x, y, *_, radius in discs_of(scenario.obstacles).tolist()]
+    edges = edges_of(scenario.obstacles)
+    room = ScannedRoom(edges, posts, robot=to_and_fro(path), faults=FAULTS, reach=8.0)
+    return {each.id for _, sighting in room.run(until) for each in sighting.tracks}
+
+
+@pytest.mark.parametrize(
+    ('study', 'draw'),
+    [('sight', room_scenario), ('clutter', field_scenario)],
+    ids=('rooms', 'fields'),
+)
+def test_a_room_in_which_all_stands_has_no_track(study, draw):
+    assert not tracks_in(study, draw, 0, 10.0)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(3600)
+def test_there_is_at_most_one_track_a_minute_in_a_hundred_rooms():
+    found = [
+        len(tracks_in(study, draw, number, 60.0))
+        for number in range(50)
+        for study, draw in (('sight', room_scenario), ('clutter', field_scenario))
+    ]
+    print(f'{sum(found)} tracks in {len(found)} minutes')
+    assert max(found) <= 1

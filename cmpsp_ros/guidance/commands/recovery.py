@@ -1,26 +1,35 @@
-"""Remedies for a robot that makes no progress, one after the other, until it stops for good."""
+"""Recovery of a robot that makes no progress: one remedy after the other, until it gives up."""
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable
 from typing import Final
 
+import numpy as np
+
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.guidance.commands.decision_builder import Step
 from cmpsp_ros.guidance.commands.making_way import Checks, Choice
 from cmpsp_ros.guidance.decision import Decision, FallbackLevel, Plan
-from cmpsp_ros.guidance.mission.back_out import back_out, edge_away, turn_round
-from cmpsp_ros.guidance.mission.progress_watch import Remedy
-from cmpsp_ros.guidance.mission.unreachable import SPACING, tightest, way_left, why_unreachable
+from cmpsp_ros.guidance.mission.progress_watch import (
+    SPACING,
+    Remedy,
+    tightest,
+    way_left,
+    why_unreachable,
+)
+from cmpsp_ros.guidance.mission.return_to_goal import turn_rate
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
-from cmpsp_ros.guidance.prediction.estimator import Observation, PlanStart
+from cmpsp_ros.guidance.planning.retreat import Pace, twist_towards
+from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.safety.validation import TOUCHING, Validation
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.state import LawState
 
-_BACK: Final = 1.0
-"""Length of the trail that it backs out along [m]."""
-_AHEAD: Final = 1.5
-"""Length of the way ahead on which the place that does not fit is looked for [m]."""
+_BACK: Final = 1.0  # length of the trail that it backs out along [m]
+_AHEAD: Final = 1.5  # length of the way on which the place that does not fit is looked for [m]
 _NO_MOVES: Final = (
     'The goal is unreachable: no moves to it were found among the obstacles. With a lower '
     'robot.max_wheel_speed or a shorter control_period they need less space.'
@@ -29,13 +38,17 @@ _BACKS_OUT: Final = 'The robot backs out along the path that it has driven.'
 _EDGES: Final = 'The robot edges away from what is near before it backs out.'
 _STANDS: Final = 'The robot stands: no short move leads away from what is near.'
 _TURNS: Final = 'The robot turns on the spot to look for another way.'
-_SAME: Final = 0.5
-"""Distance of places that count as one [m]."""
-_SOONER: Final = 3
-"""Part of the patience, as a divisor, after which the next remedy is tried."""
+_SAME: Final = 0.5  # distance of places that count as one [m]
+_SOONER: Final = 3  # part of the patience, as a divisor, after which the next remedy is tried
+_SPEED: Final = 0.3  # speed of a robot that backs out, at most [m/s], and half of its pace
+_PURSUED: Final = 0.12  # distance of the point of its trail that it drives to [m]
+_EDGE: Final = 0.1
+_RATES: Final = -0.5, -0.25, 0.0, 0.25, 0.5
+"""Speed [m/s] and turn rates [rad/s] of a robot that edges away from something."""
+_ALIGNED: Final = 0.6  # as of `Pace` [rad]
 
 
-class Escalation:
+class Recovery:
     """Chooses the next remedy where the watch has counted no progress for `goal.patience`."""
 
     def __init__(
@@ -45,26 +58,24 @@ class Escalation:
         self._settings, self._checks, self._drop_plan = settings, checks, drop_plan
         self._patience = math.ceil(settings.patience / settings.control_period)
 
-    def choose(
-        self, state: LawState, seen: Observation, context: PlanningContext, *, reached: bool
-    ) -> Choice | Decision | None:
+    def choose(self, step: Step, *, reached: bool) -> Choice | Decision | None:
         """Count a step, and take the next remedy if it is time; None to go on as planned.
 
-        Steps whose last plan reached the goal do not count, nor those before a closed road, nor
-        those of a computer that is often late, which slows it down. The first remedy takes the
-        whole patience, each later one a third of it. On a road that is followed none is the last:
-        after them the first is tried again.
+        Steps count unless the last plan reached the goal, the road is closed, or the computer is
+        late. The first remedy takes the whole patience, each later one a third of it. On a road
+        that is followed none is the last: after them the first is tried again.
         """
-        mission, start = state.mission, context.start
-        watch, follows = mission.watch, mission.goals.goal is None
+        state, start = step.state, step.context.start
+        mission, watch = state.mission, state.mission.watch
+        follows = mission.goals.goal is None
         if not self._patience or mission.closed_road.obstacles:
             return None
         if watch.begun_at is not None:
-            if (choice := self._move(state, seen, context)) is not None:
+            if (choice := self._move(step)) is not None:
                 return choice
         else:
             # A road that is followed has no end: every distance driven is progress.
-            left = -watch.driven if follows else way_left(self._settings, start, context.goal)
+            left = -watch.driven if follows else way_left(self._settings, start, step.context.goal)
             watch.count(start.pose, left, is_excused=reached or state.lateness.halvings > 0)
         allowed = -(-self._patience // (_SOONER if watch.remedy else 1))
         if reached or watch.steps < allowed:
@@ -72,21 +83,19 @@ class Escalation:
         watch.steps = 0
         while watch.remedy < (Remedy.TURN if follows else Remedy.GIVE_UP):
             watch.remedy = Remedy(watch.remedy + 1)
-            found = self._remedy(state, seen, context)
+            found = self._remedy(step)
             if not isinstance(found, str):
                 return found
             if found:
                 seconds = allowed * self._settings.control_period
                 why = f'There was no progress for {seconds:g} s: {found}'
-                stop = self._checks.decisions.stop
-                return stop(state, seen.stamp, seen.pose, why, moving=start.moving)
+                return self._checks.decisions.stand(step, why)
         watch.remedy = Remedy.NONE
         return None
 
-    def _remedy(
-        self, state: LawState, seen: Observation, context: PlanningContext
-    ) -> Choice | Decision | str:
+    def _remedy(self, step: Step) -> Choice | Decision | str:
         """Begin the remedy that is due: a plan, or a sentence; '' if it cannot be."""
+        state, context = step.state, step.context
         mission, watch = state.mission, state.mission.watch
         if watch.remedy is Remedy.OTHER_CLASS:
             self._drop_plan(state)
@@ -101,7 +110,7 @@ class Escalation:
         if watch.remedy is Remedy.TURN and not context.start.robot.turns_on_the_spot:
             return ''
         watch.begun_at = context.start.pose
-        return self._move(state, seen, context) or ''
+        return self._move(step) or ''
 
     def _block(self, state: LawState, context: PlanningContext) -> str:
         """Make the place ahead that does not fit expensive for the rest of the run."""
@@ -121,28 +130,26 @@ class Escalation:
         self._drop_plan(state)
         return f'another way than past {name} at ({place[0]:.2f}, {place[1]:.2f}) is searched.'
 
-    def _move(
-        self, state: LawState, seen: Observation, context: PlanningContext
-    ) -> Choice | Decision | None:
+    def _move(self, step: Step) -> Choice | Decision | None:
         """Go on backing out or turning; None where that is over, or has not been clear for long."""
-        watch, start, settings = state.mission.watch, context.start, self._settings
-        begun, task = watch.begun_at, (settings, start, context.horizon, context.delay)
+        state, context, start = step.state, step.context, step.context.start
+        watch, begun = state.mission.watch, state.mission.watch.begun_at
         assert begun is not None  # noqa: S101 (the caller has looked)
         if watch.remedy is Remedy.BACK_OUT:
             is_over = math.dist(start.pose[:2], begun[:2]) >= _BACK or len(watch.trail) < 2
-            plan, reason = back_out(*task, watch.way_back), _BACKS_OUT
+            plan, reason = back_out(context, watch.way_back), _BACKS_OUT
         else:
             is_over = abs(start.pose[2] - begun[2]) >= math.pi
-            plan, reason = turn_round(*task), _TURNS
+            plan, reason = turn_round(context), _TURNS
         watch.steps += 1
         if is_over or watch.steps > 2 * self._patience:
             self._end_move(state)
             return None
         verdict = self._check(plan, context)
         if not verdict.passed and watch.remedy is Remedy.BACK_OUT:
-            reason, (plan, verdict) = _EDGES, self._farthest(edge_away(*task), context)
+            reason, (plan, verdict) = _EDGES, self._farthest(edge_away(context), context)
         if not verdict.passed:
-            return self._stand_or_end(state, seen, context, verdict.reason)
+            return self._stand_or_end(step, verdict.reason)
         watch.refused = 0
         ahead = self._checks.approach.contact(plan, start, verdict.worst_margin)
         return Choice(FallbackLevel.ELASTIC, reason, plan, verdict, ahead, plan)
@@ -166,17 +173,14 @@ class Escalation:
             context.start, plan.controls, durations, context.pending
         )
 
-    def _stand_or_end(
-        self, state: LawState, seen: Observation, context: PlanningContext, reason: str
-    ) -> Decision | None:
+    def _stand_or_end(self, step: Step, reason: str) -> Decision | None:
         """Stand where no move is clear, for a while: noise may have led the robot nearer."""
-        watch = state.mission.watch
+        watch = step.state.mission.watch
         watch.refused += 1
         if watch.refused > self._patience // _SOONER:
-            self._end_move(state)
+            self._end_move(step.state)
             return None
-        stop = self._checks.decisions.stop
-        return stop(state, seen.stamp, seen.pose, reason, moving=context.start.moving)
+        return self._checks.decisions.stand(step, reason)
 
     def _end_move(self, state: LawState) -> None:
         watch = state.mission.watch
@@ -201,3 +205,50 @@ class Escalation:
             return
         goal, blocked = mission.goals.target.position, mission.searched.blocked
         mission.unreachable = why_unreachable(self._settings, start, goal, blocked, last)
+
+
+def back_out(context: PlanningContext, trail: Array) -> Plan:
+    """Plan back along a trail ``(K, 2)``, the nearest point first [m]."""
+    robot, durations, controls = context.start.robot, context.horizon.durations, _still(context)
+    settings, pose, reached = context.settings, context.start.pose, 0
+    pace = Pace(min(_SPEED, settings.pace / 2.0), turn_rate(settings), _ALIGNED)
+    for k, duration in enumerate(durations.tolist()):
+        while reached < len(trail) and math.dist(pose[:2], trail[reached]) < _PURSUED:
+            reached += 1
+        if reached == len(trail):
+            break
+        twist = twist_towards(settings.robot, pose, trail[reached], duration, pace)
+        controls[k] = robot.limited(robot.controls(twist))
+        pose = robot.roll_out(pose, controls[k : k + 1], durations[k : k + 1])[-1]
+    return _plan(context, controls)
+
+
+def turn_round(context: PlanningContext) -> Plan:
+    """Plan of a turn on the spot."""
+    robot, controls = context.start.robot, _still(context)
+    turning = robot.straight_or_turning(0.0, turn_rate(context.settings), 1.0)
+    controls[:-1] = robot.limited(turning)
+    return _plan(context, controls)
+
+
+def edge_away(context: PlanningContext) -> list[Plan]:
+    """Plans that move for one control step and stop; the first one stands still."""
+    robot, plans = context.start.robot, []
+    speeds = (-_EDGE, 0.0, _EDGE) if robot.turns_on_the_spot else (-_EDGE, _EDGE)
+    for speed, rate in [(0.0, 0.0), *itertools.product(speeds, _RATES)]:
+        twist = np.array([speed, 0.0, rate] if robot.drives_sideways else [speed, rate])
+        controls = _still(context)
+        controls[:1] = robot.limited(robot.controls(twist))
+        plans.append(_plan(context, controls))
+    return plans
+
+
+def _still(context: PlanningContext) -> Array:
+    return np.zeros((len(context.horizon.edges), context.start.robot.n_controls))
+
+
+def _plan(context: PlanningContext, controls: Array) -> Plan:
+    start, horizon = context.start, context.horizon
+    controls = start.followed(context.settings, controls, horizon.durations)
+    poses = start.robot.roll_out(start.pose, controls, horizon.durations)
+    return Plan(horizon, controls, poses, context.delay)

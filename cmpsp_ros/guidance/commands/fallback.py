@@ -1,7 +1,4 @@
-"""The last checked plan, where no new one may be followed; and control steps that take too long.
-
-Nothing here reads a clock: how long a step took comes from outside, and is recorded.
-"""
+"""The last checked plan, where no new one may be followed; and control steps that take too long."""
 
 from __future__ import annotations
 
@@ -12,10 +9,11 @@ import numpy as np
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.horizon import remaining, shift
+from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.safety.validation import Validation, Validator
 from cmpsp_ros.guidance.settings import LawSettings
-from cmpsp_ros.guidance.times import NANOSECONDS, Horizon, to_nanoseconds
+from cmpsp_ros.guidance.times import NANOSECONDS, to_nanoseconds
 
 _SPEEDS: Final = (1.0, 0.75, 0.5, 0.25, 0.125)
 _INSTANTS: Final = 5
@@ -25,36 +23,28 @@ class Fallback:
     """The last audited plan on a later horizon, and how long its last command may go on."""
 
     def __init__(self, settings: LawSettings, validator: Validator) -> None:
-        """Set up the checks of plans."""
         self._validator, self._settings = validator, settings
         self._period = to_nanoseconds(settings.control_period)
         self._margin_validator = Validator(settings, with_margin=True)
 
     def shifted(
-        self,
-        plan: Plan | None,
-        start: PlanStart,
-        horizon: Horizon,
-        delay: int,
-        pending: Validation | None,
+        self, plan: Plan | None, context: PlanningContext
     ) -> tuple[Plan, Validation] | None:
-        """The last plan, shifted by the time that has passed, if it is still clear.
-
-        `delay` [ns].
-        """
+        """The last plan, shifted by the time that has passed, if it is still clear."""
         if plan is None:
             return None
+        start, horizon = context.start, context.horizon
         if horizon.edges[-1] > plan.horizon.edges[-1] + self._period:
             # Put off: to go on beyond its end would lead past the goal.
             begin = int(horizon.edges[0])
             horizon = remaining(begin, self._period, int(plan.horizon.edges[-1]))
         controls = shift(plan.controls, plan.horizon, horizon)
         controls = start.followed(self._settings, controls, horizon.durations)
-        verdict = self._validator.check(start, controls, horizon.durations, pending)
+        verdict = self._validator.check(start, controls, horizon.durations, context.pending)
         if not verdict.passed:
             return None
         poses = start.robot.roll_out(start.pose, controls, horizon.durations)
-        return Plan(horizon, controls, poses, delay), verdict
+        return Plan(horizon, controls, poses, context.delay), verdict
 
     def may_outlast(self, start: PlanStart, controls: Array, nanoseconds: int) -> bool:
         """True if the first command may go on for so long [ns], with the margin that plans keep."""
@@ -70,12 +60,10 @@ def clear_fraction(
     next_step: float,
     latest: float,
 ) -> float:
-    """Largest tried fraction of a command that is clear whenever it comes into effect.
+    """Largest tried fraction of a command ``(r,)`` that is clear whenever it comes into effect.
 
-    The command before it goes on until then, and it goes on itself until the next one does. As the
-    same was asked of the command before, a stop is clear.
-
-    `previous` ``(r,)``, `control` ``(r,)``, `next_step` [s], `latest` [s].
+    The `previous` one ``(r,)`` goes on until then, for `latest` at most, and it goes on itself for
+    `next_step` [s]. As the same was asked of the command before, a stop is clear.
     """
     # One that takes longer than that is never sent.
     instants = np.linspace(0.0, min(latest, next_step), _INSTANTS)

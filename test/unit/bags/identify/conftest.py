@@ -1,6 +1,0 @@
-"""Hidden robots for all tests of the identification."""
-
-import sys
-from pathlib import Path
-
-sys.path.insert(0, str(Path(__file__).parent))

@@ -2,8 +2,7 @@
 
 import inspect
 
-from click.testing import Result
-from typer.testing import CliRunner
+from typer.testing import CliRunner, Result
 
 from cmpsp_ros.cli import app
 

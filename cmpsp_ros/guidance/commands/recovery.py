@@ -223,11 +223,11 @@ def back_out(context: PlanningContext, trail: Array) -> Plan:
     return _plan(context, controls)
 
 
-def turn_round(context: PlanningContext) -> Plan:
-    """Plan of a turn on the spot."""
+def turn_round(context: PlanningContext, angle: float = math.pi) -> Plan:
+    """Plan of a turn on the spot, to the side of an angle [rad]."""
     robot, controls = context.start.robot, _still(context)
-    turning = robot.straight_or_turning(0.0, turn_rate(context.settings), 1.0)
-    controls[:-1] = robot.limited(turning)
+    rate = math.copysign(turn_rate(context.settings), angle)
+    controls[:-1] = robot.limited(robot.straight_or_turning(0.0, rate, 1.0))
     return _plan(context, controls)
 
 

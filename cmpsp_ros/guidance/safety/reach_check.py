@@ -19,7 +19,7 @@ from cmpsp_ros.world.obstacles import ROUGHNESS, MovingDiscs
 
 _ROUNDING: Final = 1e-6
 
-_LOST: Final = 0.5  # three standard deviations of a position that is out of sight [m]
+LOST: Final = 0.5  # three standard deviations of a position that is out of sight [m]
 _APART: Final = 1.0  # distance from such an obstacle from which the robot drives away [m]
 
 CREEP: Final = 0.05
@@ -107,7 +107,7 @@ class ReachCheck:
             seen = start.touchable.grown(self._radius)
             stands = np.hypot(*seen.states[:, 2:4].T) <= CREEP
             begins, there = self._clearance(start, discs), self._clearance(start, seen)
-            is_lost = discs.states[:, 4] - seen.states[:, 4] > _LOST
+            is_lost = discs.states[:, 4] - seen.states[:, 4] > LOST
             toward = start.pose[:2] - seen.states[:, :2]
             is_lost &= (there > _APART) & ((toward * seen.states[:, 2:4]).sum(axis=1) <= 0.0)
             self._known = known = _Sets(

@@ -110,7 +110,7 @@ def _is_ours(folder: Path) -> bool:
 WAITING: Final = 'cmpsp_ros:wait'
 """Kind of numba's event while another process compiles a kernel that is needed."""
 
-_FORMAT: Final = 'parts, by reference, of any size'
+_FORMAT: Final = 'parts, by reference, of any size, optimised once'
 """Content of files (`parts`), and how functions are called (`by_reference`)."""
 _DAY: Final = 86_400.0
 _CHECKSUM: Final = 16
@@ -147,12 +147,16 @@ class KernelCache:
         return found
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Keep the machine code for a signature, if that can be done."""
+        """Keep the part for a signature, if that can be done and other modules may call it.
+
+        One that has no entry for Python is in the files of its callers.
+        """
         path = self._compiling.pop(sig, None)
         if path is None:
             return
+        is_inner = self._dispatcher.targetoptions.get('no_cpython_wrapper')
         try:
-            if (content := internals.dump(data)) is not None:
+            if not is_inner and (content := internals.dump(data)) is not None:
                 _save(path, content)
         except OSError:  # the disk is full, or the folder has gone
             pass

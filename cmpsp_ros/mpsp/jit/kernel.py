@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import gc
 import hashlib
-import operator
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from functools import partial
-from types import BuiltinFunctionType, CodeType
+from types import CodeType
 from typing import Any, Final
 
 from numba import types
 from numba.core import compiler, event
-from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.compiler_machinery import PassManager, _pass_registry, register_pass
 from numba.core.dispatcher import OmittedArg
@@ -38,7 +36,7 @@ from numba.core.untyped_passes import (
 )
 
 from cmpsp_ros.mpsp.jit.by_reference import ReferenceLower
-from cmpsp_ros.mpsp.jit.parts import Part, Sized, environments_in, for_sizes, relink
+from cmpsp_ros.mpsp.jit.parts import MachineCode, Part, Sized, environments_in, for_sizes, relink
 from cmpsp_ros.mpsp.jit.sizes import NotGeneralError, generalised, is_general
 
 _UNNEEDED = frozenset({
@@ -101,20 +99,13 @@ class _Compiler(compiler.CompilerBase):  # type: ignore[misc]  # numba has no ty
         return [passes]
 
 
-_OPERATORS: Final = frozenset(
-    getattr(operator, name)
-    for name in (
-        'add', 'iadd', 'sub', 'isub', 'mul', 'imul', 'truediv', 'floordiv', 'mod', 'neg', 'not_',
-        'lt', 'le', 'gt', 'ge', 'eq', 'ne', 'getitem',
-    )
-)  # fmt: skip
 _types_found: Final[dict[Any, Any]] = {}
 
 
 class _Outermost:
     """Changes to numba and Python while a function is translated, with all that it calls.
 
-    Objects stay, since numba makes many and to look through them takes a tenth. Types of arithmetic
+    Objects stay, since numba makes many and to look through them takes a tenth. Types of calls
     are found once: numba tries dozens of candidates at each ``+``.
     """
 
@@ -140,18 +131,13 @@ class _Outermost:
 
 
 def _function_type(context: Any, function: Any, kinds: tuple[Any, ...], named: Any) -> Any:
-    """Numba's `resolve_function_type`, remembered for operators on numbers and arrays."""
-    plain = types.Number, types.Boolean, types.Array, types.UniTuple
-    key = getattr(function, 'typing_key', function)
-    is_operator = isinstance(key, BuiltinFunctionType) and key in _OPERATORS
-    if named or not is_operator or not all(isinstance(each, plain) for each in kinds):
+    """Numba's `resolve_function_type`, remembered for all but kernels and constant indices."""
+    key = function, kinds
+    if named or isinstance(function, (str, types.Dispatcher)):
         return type(context).resolve_function_type(context, function, kinds, named)
-    if (key, kinds) not in _types_found:
-        found = type(context).resolve_function_type(context, function, kinds, named)
-        if found is None:
-            return None
-        _types_found[key, kinds] = found
-    return _types_found[key, kinds]
+    if _types_found.get(key) is None:
+        _types_found[key] = type(context).resolve_function_type(context, function, kinds, named)
+    return _types_found[key]
 
 
 class _Key:
@@ -245,7 +231,7 @@ class Kernel(CPUDispatcher):  # type: ignore[misc]  # numba has no types
     def _make(self, part: Any) -> Any:
         """Make machine code of a part and all that it calls, with an entry for Python."""
         name = part.fndesc.llvm_func_name
-        library = JITCodeLibrary(self.targetctx.codegen(), part.library.name)
+        library = MachineCode(self.targetctx.codegen(), part.library.name)
         library.enable_object_caching()
         module = part.library.linked([name])
         relink(module, 'internal', but=[name])
@@ -268,7 +254,7 @@ class Kernel(CPUDispatcher):  # type: ignore[misc]  # numba has no types
 
 def _loaded(part: Any) -> Any:
     """Machine code that is there, made ready to run."""
-    library = JITCodeLibrary(part.library.codegen, part.library.name)
+    library = MachineCode(part.library.codegen, part.library.name)
     library.enable_object_caching()
     library._set_compiled_object(part.library.machine_code)  # noqa: SLF001
     library._finalize_final_module()  # noqa: SLF001

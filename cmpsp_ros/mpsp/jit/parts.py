@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from copy import copy
-from typing import Any
+from typing import Any, Final
 
 from llvmlite import binding
 from numba.core import cgutils, typing
@@ -24,6 +24,24 @@ _ENVIRONMENT = '_ZN08NumbaEnv'
 _DYNAMIC = 'numba.dynamic.globals'
 _MANY = 'linkonce_odr'
 """Linkage of functions that are in several modules, and dropped where nothing calls them."""
+
+
+_LEVEL: Final = 3
+"""Level of optimisation."""
+_INLINED: Final = 100
+"""LLVM's cost up to which a function is put into its callers; 225, its default, compiles longer."""
+
+
+class MachineCode(JITCodeLibrary):  # type: ignore[misc]  # numba has no types
+    """Numba's library of a kernel with all that it calls, optimised as a whole, once."""
+
+    def _optimize_final_module(self) -> None:
+        # Numba does so twice, to take out counts of references in between.
+        options = binding.create_pipeline_tuning_options(_LEVEL)
+        options.loop_vectorization = options.loop_interleaving = True
+        options.slp_vectorization, options.inlining_threshold = False, _INLINED
+        builder = binding.create_pass_builder(self._codegen._tm, options)  # noqa: SLF001
+        builder.getModulePassManager().run(self._final_module, builder)
 
 
 class Part(JITCodeLibrary):  # type: ignore[misc]  # numba has no types

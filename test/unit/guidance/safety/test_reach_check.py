@@ -4,12 +4,16 @@ import numpy as np
 import pytest
 
 from cmpsp_ros.guidance import GuidanceSettings, MovingObstacles, Observation, Safety
+from cmpsp_ros.guidance.commands.looking import turn_to_look
+from cmpsp_ros.guidance.decision import Plan
+from cmpsp_ros.guidance.goals import Target
 from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.guidance.planning import PlanningContext
 from cmpsp_ros.guidance.planning.retreat import RetreatPlanner
 from cmpsp_ros.guidance.prediction.estimator import Estimator, PlanStart
 from cmpsp_ros.guidance.safety.reach_check import ReachCheck
 from cmpsp_ros.guidance.safety.unseen import is_clear_of_unseen, watches_unseen
+from cmpsp_ros.guidance.safety.validation import Validator
 from cmpsp_ros.guidance.times import Horizon
 from cmpsp_ros.guidance.world import World
 from cmpsp_ros.robots import DifferentialDrive
@@ -133,3 +137,43 @@ def test_it_turns_to_look_before_it_backs_off(behind, sense):
     speeds = given.robot.twist(found[0].controls)[:, 0]
     assert np.sign(speeds[speeds != 0.0][0]) == sense
     assert found[0].poses[-1, 0] < -0.5
+
+
+HORIZON = Horizon.between([k * 200_000_000 for k in range(21)])
+
+
+def look(person, doubt, speed, **there):
+    """Turn of a robot whose plan has been slowed to a speed, with a person as lost as that [m]."""
+    given = settings()
+    discs = [
+        MovingDiscs(('person 1',), np.array([[*person, 0.25 + more, 0.3, 1.0]]), np.array([-1]))
+        for more in (doubt, 0.0)
+    ]
+    here = start(**there)._replace(reachable=discs[0], touchable=discs[1])
+    context = PlanningContext(given, here, Target((3.0, 0.0)), HORIZON)
+    controls = np.tile(given.robot.controls(np.array([speed, 0.0])), (21, 1))
+    poses = given.robot.roll_out(here.pose, controls, HORIZON.durations)
+    return turn_to_look(Validator(given), context, Plan(HORIZON, controls, poses, 0))
+
+
+@pytest.mark.parametrize('side', [-1.0, 1.0])
+def test_it_turns_to_look_for_somebody_who_may_come_from_behind(side):
+    plan, verdict, remark = look((-1.5, 0.4 * side, 0.5, 0.0), 0.8, 0.04)
+    along, turn = settings().robot.twist(plan.controls[0])
+    assert (along, np.sign(turn)) == (pytest.approx(0.0), side)
+    assert (verdict.passed, remark) == (True, ' It turns to look for person 1.')
+
+
+@pytest.mark.parametrize(
+    ('person', 'doubt', 'speed', 'there'),
+    [
+        ((-1.5, 0.4, 0.5, 0.0), 0.3, 0.04, {}),
+        ((-1.5, 0.4, 0.5, 0.0), 0.8, 0.2, {}),
+        ((-1.5, 0.4, 0.5, 0.0), 0.8, 0.04, {'behind': Cell.FREE}),
+        ((1.5, 0.4, -0.5, 0.0), 0.8, 0.04, {}),
+        ((-3.9, 3.0, -0.5, 0.0), 0.8, 0.04, {}),
+    ],
+    ids=['seen lately', 'not slow', 'in view', 'hidden ahead', 'far away'],
+)
+def test_it_does_not_turn_for_anybody_else(person, doubt, speed, there):
+    assert look(person, doubt, speed, **there) is None

@@ -12,7 +12,7 @@ import numpy as np
 from cmpsp_ros.arrays import Array, BoolArray
 from cmpsp_ros.world.free_space import FreeSpace
 from cmpsp_ros.world.grids import grid_search
-from cmpsp_ros.world.grids.distance_field import node_points, nodes_near, signed_distances
+from cmpsp_ros.world.grids.distance_transform import node_points, nodes_near, signed_distances
 from cmpsp_ros.world.grids.field_functions import DistanceField
 from cmpsp_ros.world.grids.grid_obstacle import GridObstacle
 from cmpsp_ros.world.obstacles.shapes import Shape

@@ -92,7 +92,7 @@ class Supervisor:
             why = verdict.reason or 'No speed is clear of what its response may be.'
             reason = f'The robot stops. {why} {reason}'
             return self.decisions.stand(step, reason, selected.result)
-        if standby is None:
+        if standby is None and start.reachable.names:
             limited = turn_to_look(self._validator, context, limited[0]) or limited
         slower, verdict, remark = limited
         errors = selected.terminal_error, selected.heading_error

@@ -11,7 +11,7 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array, BoolArray, IntArray
 from cmpsp_ros.mpsp.jit import allocation_free
-from cmpsp_ros.world.grids.distance_field import AROUND, distance_field
+from cmpsp_ros.world.grids.distance_transform import AROUND, distance_field
 from cmpsp_ros.world.grids.field_functions import DistanceField
 from cmpsp_ros.world.grids.occupancy_grid import Cell, GridError, OccupancyGrid
 from cmpsp_ros.world.obstacles.shapes import Shape

@@ -95,7 +95,7 @@ def test_a_maze_is_entered_along_the_path_that_is_searched(number):
 
 
 @pytest.mark.parametrize('number', [0, 3, 5])
-def test_the_first_step_in_a_field_takes_no_more_work_than_an_ordinary_one(monkeypatch, number):
+def test_the_first_two_steps_in_a_field_take_no_more_work_than_ordinary_ones(monkeypatch, number):
     """A closed class took ten times the work of all others, and 16 final times were tried."""
     improve, works = Planner.improve, []
 
@@ -105,11 +105,11 @@ def test_the_first_step_in_a_field_takes_no_more_work_than_an_ordinary_one(monke
 
     monkeypatch.setattr(Planner, 'improve', noted)
     task = Study('clutter', seed=31, assignments=('goal.when=soonest',)).run(number)
-    driven = drive(replace(task, patience=task.settings.control_period / 2.0))
+    driven = drive(replace(task, patience=1.5 * task.settings.control_period))
 
-    assert driven.decisions[0].level == FallbackLevel.NOMINAL
-    assert 3 < len(works) <= 11
-    assert sum(works) < task.settings.solver.work_limit(task.settings.control_period)
+    assert driven.decisions[1].level == FallbackLevel.NOMINAL
+    assert 3 < len(works) <= 13
+    assert sum(works) < 2 * task.settings.solver.work_limit(task.settings.control_period)
 
 
 def test_the_shortest_path_is_drawn_taut_around_what_stands_there():

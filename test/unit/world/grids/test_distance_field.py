@@ -16,7 +16,7 @@ from cmpsp_ros.world.grids import (
     distance_field,
     field_functions,
 )
-from cmpsp_ros.world.grids.distance_field import signed_distances
+from cmpsp_ros.world.grids.distance_transform import signed_distances
 
 CELL = 0.05
 

@@ -12,8 +12,12 @@ from seeing import Drive
 from tight_places import CELL, TightRun, map_of, task
 
 from cmpsp_ros.guidance import FallbackLevel, Goal, GuidanceLaw, Observation
+from cmpsp_ros.guidance.commands.recovery import edge_away
 from cmpsp_ros.guidance.mission.progress_watch import ProgressWatch, Remedy, why_unreachable
+from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 from cmpsp_ros.guidance.prediction.estimator import PlanStart
+from cmpsp_ros.guidance.times import Horizon
+from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 from cmpsp_ros.robots import DifferentialDrive
 from cmpsp_ros.sensing import SightSettings
 from cmpsp_ros.world.obstacles import Capsule
@@ -272,3 +276,18 @@ def test_a_goal_shut_off_by_what_only_the_scanner_sees(goal, final_time, boxes, 
     assert 'The goal is unreachable: no plan gets past obstacle seen at' in last.reason
     assert last.stamp < 1e9 * longest
     assert run.clearance > 0.0
+
+
+@pytest.mark.parametrize('robot', ['case1', 'omni_aisle', 'parking'])
+def test_moves_away_from_what_is_near_are_slow_and_last_one_step(robot):
+    given = guidance_settings(TABLE.resolve(load_parameter_file(robot)))
+    period = round(given.control_period * 1e9)
+    horizon = Horizon.between([k * period for k in range(6)])
+    still, *moves = edge_away(PlanningContext.at_pose(given, given.world, np.zeros(3), horizon))
+
+    np.testing.assert_array_equal(still.poses[-1], still.poses[0])
+    assert len({tuple(each.poses[-1].round(6)) for each in moves}) > 3
+    for each in moves:
+        steps = np.hypot(*np.diff(each.poses[:, :2], axis=0).T) / given.control_period
+        assert steps.max() <= 0.1 + 1e-9
+        assert steps[-1] == 0.0

@@ -180,9 +180,8 @@ def test_a_field_with_a_dead_end_costs_no_more_than_twice_the_time():
 
 
 @pytest.mark.slow
-def test_a_robot_wedged_among_cylinders_edges_away_and_arrives():
+def test_a_robot_among_cylinders_that_leave_hardly_a_way_arrives():
     driven = drive(Study('clutter', seed=21, assignments=('goal.when=soonest',)).run(394))
 
-    assert any('edges away from what is near' in each.reason for each in driven.decisions)
     assert outcome(driven).miss < 0.1
     assert outcome(driven).obstacle_clearance > 0.02

@@ -47,7 +47,7 @@ DEMO_KERNELS := $(KERNELS)-$(subst /,_,$(PRESET))
 SOURCES := $(shell find cmpsp_ros -name '*.py')
 MADE_FOR := $(CURDIR) with ROS from $(ROS)
 # What kernels are compiled with; the other packages have no part in them.
-NUMERICAL := numpy|scipy|numba|llvmlite|pyyaml|clarabel|cffi|pycparser
+NUMERICAL := numpy|scipy|numba|llvmlite|pyyaml|clarabel|cffi|pycparser|pillow
 
 # An environment is bound to its place, to its ROS and to its Python (when one is asked for).
 ifneq ($(wildcard $(NUMERICS)),)

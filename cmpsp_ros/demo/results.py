@@ -39,7 +39,7 @@ _DRIVEN = 'black'
 def draw_trajectory(
     run: Run, settings: GuidanceSettings, path: Path, hidden: Sequence[Shape] = (), title: str = ''
 ) -> Figure:
-    """Draw the course, the driven path, plans at a few instants, and what moves where nearest."""
+    """Draw the course, the path, plans at a few instants, and moving obstacles where nearest."""
     first, last = window(run, settings)
     part = run.driven.between(first, last)
     driven = view.along(part.poses, part.twists[:-1], part.durations)

@@ -166,8 +166,8 @@ class GoalManager:
             return 0.0
         needed = to_nanoseconds(self._time_to(goal, start))
         # The earliest arrival that was found is not late where the wheels can keep it.
-        fastest = self._settings.pace / start.robot.max_speed if self._settings.is_soonest else 1.0
-        if self.final - begin >= _SCARCE * fastest * needed:
+        quicker = self._settings.pace / start.robot.max_speed if self._settings.is_soonest else 1.0
+        if self.final - begin >= _SCARCE * quicker * needed:
             return 0.0
         later = max(-(-(begin + needed) // period), begin // period + _FEWEST) * period
         by = max(0, later - self.final)

@@ -130,7 +130,7 @@ def _point(place: Sequence[float], z: float = 0.0) -> Point:
 
 
 class PlanMarkers:
-    """Markers of the latest decision: the plan in the colour of its level, and what moves.
+    """Markers of the latest decision: the plan in the colour of its level, and moving obstacles.
 
     A line in the plan has the colours of its clearance: `NEAR` with only `safety.margin` left,
     `FAR` with `PLENTY` beyond it. Arrows lead to positions a second later; rings are the

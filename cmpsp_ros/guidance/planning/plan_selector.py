@@ -260,16 +260,12 @@ class PlanSelector:
         improver, selection, reviews = self.improver, self._selection, self._reviews
         improver.begin_step(context)
         self._comparison = None
-        # The plan that is followed comes first; the others share the work that it leaves.
+        # The plan that is followed comes first; the others share the work that it leaves. In a step
+        # that begins without a plan that is at least half of the work.
         guess, first = self._guesses_of(context)
-        has_others = first is not None and len(first) > 1
-        warm = improver.improve(
-            selection.pool.followed,
-            guess,
-            context,
-            generosity=1 if has_others else _GENEROUS,
-            most_work=improver.work_left // 2 if has_others else None,
-        )
+        least = improver.work_left // 2 if first is not None and len(first) > 1 else 0
+        warm = improver.improve(selection.pool.followed, guess, context, generosity=_GENEROUS)
+        improver.work_left = max(improver.work_left, least)
         if selection.limit == 1:
             return selection.only(warm, context)
         if context.plan is not None:

@@ -156,7 +156,7 @@ def test_a_goal_inside_a_crate_that_is_seen(number):
     rng, _ = draw(number)
     half, x = rng.uniform(0.5, 0.9), rng.uniform(3.5, 5.5)
     crate = box(x - half, x + half, -half, half)
-    run = Drive(end=60.0, **sensed(number, seen([x, 0.0], 8.0, crate=crate)))
+    run = Drive(end=80.0, **sensed(number, seen([x, 0.0], 8.0, crate=crate)))
     is_given_up(run.decisions, run.poses, run.clearance)
 
 

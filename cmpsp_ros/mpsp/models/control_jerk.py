@@ -16,27 +16,18 @@ from cmpsp_ros.mpsp.sqp.driver import Functions
 
 
 class ControlJerkData(NamedTuple):
-    """Data of a compiled problem with a limit on ``U_k - 2 U_(k-1) + U_(k-2)``.
+    """Data of a compiled problem with a limit on ``U_k - 2 U_(k-1) + U_(k-2)``."""
 
-    Attributes:
-        inner: Data of the problem without it.
-        steps: ``N``.
-        before: The two controls held before the horizon begins, the earlier first, ``(2, r)``.
-        largest: Limit of each row of `rows` at the stages ``0 ... N - 1``.
-        rows: Limited linear functions of the control, shape ``(q, r)``.
-        last: The same at the stage ``N``, as if the robot were at rest there; infinite for none.
-        first: Index of the first of its ``2 q`` path constraints of a stage.
-        functions: `Functions.addresses` of the problem without it.
-    """
-
-    inner: object
-    steps: int
-    before: Array
+    inner: object  # data of the problem without it
+    steps: int  # ``N``
+    before: Array  # the two controls held before the horizon begins, the earlier first, ``(2, r)``
+    # Limit of each row of `rows` at the stages ``0 ... N - 1``.
     largest: float
-    rows: Array
+    rows: Array  # limited linear functions of the control, shape ``(q, r)``
+    # The same at the stage ``N``, as if the robot were at rest there; infinite for none.
     last: float
-    first: int
-    functions: Indices | None = None
+    first: int  # index of the first of its ``2 q`` path constraints of a stage
+    functions: Indices | None = None  # `Functions.addresses` of the problem without it
 
 
 @allocation_free
@@ -93,8 +84,7 @@ def _second_difference(data: Any, i: int, U: Array, X: Array, k: int) -> float:
     return found
 
 
+# A compiled problem with that limit, for `ControlJerkData`, as the inner one of `CONTROL_RATE`.
+#
+# The problem's own functions leave the path constraints of the limit alone.
 CONTROL_JERK: Final = Functions(_predict, _evaluate, _linearise)
-"""A compiled problem with that limit, for `ControlJerkData`, as the inner one of `CONTROL_RATE`.
-
-The problem's own functions leave the path constraints of the limit alone.
-"""

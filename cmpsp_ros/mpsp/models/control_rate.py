@@ -28,26 +28,17 @@ from cmpsp_ros.mpsp.sqp.driver import Functions
 
 
 class ControlRateData(NamedTuple):
-    """Data of a compiled problem with a cost and a limit on the change of the control.
+    """Data of a compiled problem with a cost and a limit on the change of the control."""
 
-    Attributes:
-        inner: Data of the problem without them.
-        steps: ``N``.
-        weight: ``w`` of the cost ``w/2 sum |U_k - U_(k-1)|^2``.
-        previous: Control held before the horizon begins, shape ``(r,)``.
-        max_change: Largest change of each row of `rows` at the stages ``0 ... N - 1``; infinite
-            where there is no such constraint. ``U_N`` moves nothing.
-        rows: Limited linear functions of the control, shape ``(q, r)``.
-        functions: `Functions.addresses` of the problem without them.
-    """
-
-    inner: object
-    steps: int
-    weight: float
-    previous: Array
+    inner: object  # data of the problem without them
+    steps: int  # ``N``
+    weight: float  # ``w`` of the cost ``w/2 sum |U_k - U_(k-1)|^2``
+    previous: Array  # control held before the horizon begins, shape ``(r,)``
+    # Largest change of each row of `rows` at the stages ``0 ... N - 1``; infinite where there is no
+    # such constraint. ``U_N`` moves nothing.
     max_change: float
-    rows: Array
-    functions: Indices | None = None
+    rows: Array  # limited linear functions of the control, shape ``(q, r)``
+    functions: Indices | None = None  # `Functions.addresses` of the problem without them
 
 
 def rate_rows(max_change: float, rows: Array) -> int:
@@ -75,11 +66,10 @@ def _linearise(
     _add_derivatives(data.weight, data.max_change, data.rows, data.steps, X, U, stages, path)
 
 
+# A compiled problem with cost and limit, for `ControlRateData`.
+#
+# The problem's own functions leave the last `rate_rows` path constraints of a stage alone.
 CONTROL_RATE: Final = Functions(_predict, _evaluate, _linearise)
-"""A compiled problem with cost and limit, for `ControlRateData`.
-
-The problem's own functions leave the last `rate_rows` path constraints of a stage alone.
-"""
 
 
 class ControlRateProblem(OptimalControlProblem):

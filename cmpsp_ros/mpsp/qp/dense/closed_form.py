@@ -15,8 +15,8 @@ from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.qp.active_set.records import kkt_residual
 from cmpsp_ros.mpsp.qp.subproblem import QPSolution, QPStatus, Subproblem
 
+# Least eigenvalue that counts as positive, relative to the largest entry of the diagonal.
 CURVATURE_MARGIN = 1e-10
-"""Least eigenvalue that counts as positive, relative to the largest entry of the diagonal."""
 
 _TOLERANCE = 1e-8
 

@@ -1,4 +1,4 @@
-"""What is driven and measured: presets, robots, plans, obstacles, sensors, people."""
+"""Measurements: presets, robots, plans, obstacles, sensors, people."""
 
 import re
 from itertools import islice

@@ -64,7 +64,7 @@ def build(tmp_path_factory):
 
 @pytest.fixture
 def install(build):
-    """What is installed of the package."""
+    """Folder into which the package is installed."""
     return build[0] / PACKAGE
 
 

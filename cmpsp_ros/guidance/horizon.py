@@ -1,7 +1,4 @@
-"""The horizon to the final time, and plans on a later horizon.
-
-The final time is fixed, and control instants are on a fixed grid before it.
-"""
+"""The horizon to a fixed final time, with control instants on a grid, and plans on a later one."""
 
 from __future__ import annotations
 
@@ -38,10 +35,7 @@ def shift(controls: Array, old: Horizon, new: Horizon) -> Array:
 
 
 def retimed(controls: Array, old: Horizon, new: Horizon, robot: Robot) -> Array:
-    """Controls ``(N + 1, r)`` of a plan driven faster or slower, to end when a horizon does.
-
-    Each is the mean over its step, so that the robot turns as far; the last row is kept.
-    """
+    """Controls ``(N + 1, r)`` of a plan driven faster or slower, to end with a horizon."""
     begin = int(new.edges[0])
     left = int(old.edges[-1]) - begin
     pace = left / int(new.edges[-1] - begin)

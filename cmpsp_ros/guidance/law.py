@@ -47,10 +47,7 @@ class GuidanceLaw:
     """
 
     def __init__(self, settings: LawSettings, world: World, timer: Callable[[], int] = int) -> None:
-        """Start at rest, waiting for the first odometry.
-
-        `timer` gives monotonic time [ns], for the computing times in decisions; it decides nothing.
-        """
+        """Start at rest; `timer` gives time [ns] for the computing times in decisions alone."""
         self._timer, self._settings = timer, settings
         self._state = LawState.begin(settings, world, run=0, revision=0)
         self._validator = Validator(settings)
@@ -290,10 +287,7 @@ class GuidanceLaw:
             mission.manoeuvres.advance()
 
     def set_goal(self, stamp: int, goal: Goal) -> None:
-        """Replace all goals, at the first control step not older than `stamp` [ns]; 0 for at once.
-
-        Raises GoalError if the goal is refused; nothing changes then.
-        """
+        """Replace all goals from a time stamp on [ns], 0 for at once; GoalError if refused."""
         state = self._state
         latest = None if state.clock.start is None else state.clock.start + state.clock.now
         state.mission.goals.receive(stamp, goal, state.world, self._validator, latest)

@@ -15,11 +15,7 @@ from cmpsp_ros.guidance.times import to_nanoseconds
 
 
 class PlanAhead:
-    """Goes on planning after the command of a control step, where a scanner leaves it less time.
-
-    Other plans are compared, and other final times tried, for the next step. If the final time may
-    move, the first plan is made then, too.
-    """
+    """Plans on after the command, where a scanner leaves a step less time, for the next step."""
 
     def __init__(self, settings: LawSettings, selector: PlanSelector) -> None:
         """Take what improves and compares plans."""

@@ -191,10 +191,7 @@ class LawState:
         self.revision += 1
 
     def interrupt(self, *, is_lost: bool) -> None:
-        """Decide at once on the next newer odometry.
-
-        Where the pose is unknown, no path is known to be clear: it brakes as hard as it can.
-        """
+        """Decide at once on the next newer odometry; without a pose it brakes as hard as it can."""
         self.estimator.lose_period()
         self.clock.interrupt()
         if is_lost:

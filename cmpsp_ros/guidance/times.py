@@ -1,7 +1,4 @@
-"""Times and horizons: integer nanoseconds since time 0, so that a run repeats exactly.
-
-Without compiled code, which a reader of messages and decisions need not load.
-"""
+"""Times and horizons: integer nanoseconds since time 0, so that a run repeats exactly."""
 
 from __future__ import annotations
 
@@ -15,8 +12,7 @@ from cmpsp_ros.arrays import Array, IntArray
 
 NANOSECONDS = 1_000_000_000
 
-NEVER: Final = 2**62
-"""A time that does not come [ns]."""
+NEVER: Final = 2**62  # a time that does not come [ns]
 
 
 def to_nanoseconds(seconds: float) -> int:
@@ -25,15 +21,10 @@ def to_nanoseconds(seconds: float) -> int:
 
 
 class Horizon(NamedTuple):
-    """Instants between which each control of a plan is held.
+    """Instants between which each control of a plan is held."""
 
-    Attributes:
-        edges: The present, the control instants to come and the end [ns], shape ``(N + 1,)``.
-        durations: Length of each step, shape ``(N,)`` [s].
-    """
-
-    edges: IntArray
-    durations: Array
+    edges: IntArray  # the present, the control instants to come and the end, ``(N + 1,)`` [ns]
+    durations: Array  # length of each step, shape ``(N,)`` [s]
 
     @classmethod
     def between(cls, instants: Sequence[int]) -> Horizon:

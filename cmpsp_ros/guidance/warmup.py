@@ -47,10 +47,7 @@ _A_DISC = MovingDiscs(('disc',), np.zeros((1, 7)), np.zeros(1, np.int64))
 
 
 def prepare(settings: GuidanceSettings) -> None:
-    """Decide in all the ways that the settings, or live changes of them, may ask for.
-
-    After it no control step waits for a compiler. ValueError for settings that do not work.
-    """
+    """Decide in all the ways that settings or live changes may ask for, so that all is compiled."""
     if settings.sight.sensors:
         _see_something(settings)
     settings = _made_short(settings)

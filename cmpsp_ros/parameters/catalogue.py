@@ -253,5 +253,4 @@ def _parameters() -> Iterator[Parameter]:
 # fmt: on
 
 
-TABLE: Final = ParameterTable(_parameters())
-"""The parameters of both nodes, in the order of the documentation."""
+TABLE: Final = ParameterTable(_parameters())  # of both nodes, in the order of the documentation

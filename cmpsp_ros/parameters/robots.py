@@ -120,10 +120,7 @@ MODELS: Final[dict[str, Callable[[Values], robots.Robot]]] = {
 
 
 def footprint_of(values: Values) -> tuple[robots.Footprint, float]:
-    """The footprint, and the radius of each disc that covers it [m].
-
-    Raises ParameterError unless it is a polygon around the robot's reference point.
-    """
+    """The footprint and the radius of its discs [m]; ParameterError for a polygon that is none."""
     text, excess = values[FOOTPRINT], values['robot.footprint_excess']
     return _covered(text, excess) if text else (robots.Footprint(), values['robot.radius'])
 

@@ -14,10 +14,7 @@ from cmpsp_ros.robots.robot import Robot
 
 
 class DerivedRobot(Robot):
-    """A model that is its motion and its steering, from which all else is derived.
-
-    Both are for a wheel radius of 1, and are given `constants` first.
-    """
+    """A model that is its motion and its steering, for a wheel radius of 1; all else is derived."""
 
     @staticmethod
     @abstractmethod

@@ -56,10 +56,7 @@ class Footprint:
 
     @cached_property
     def outline(self) -> tuple[Array, float]:
-        """Points all around the polygon, ``(P, 2)``, and half the way between two of them [m].
-
-        The outline is in the union of discs of that radius about them.
-        """
+        """Points around the polygon ``(P, 2)``, and the radius of discs that cover it [m]."""
         corners = np.array(self.corners)
         sides = np.roll(corners, -1, axis=0) - corners
         lengths = np.hypot(*sides.T)

@@ -173,11 +173,7 @@ class Omnidirectional(DerivedRobot):
 
     @cached_property
     def _reach(self) -> tuple[float, float, float]:
-        """Largest speed and turn rate, and arm of the limits, for rims with a speed of at most 1.
-
-        The twists are a polyhedron; a speed is largest in a corner, and so is its loss by a turn
-        rate.
-        """
+        """Largest speed, turn rate and arm of the limits for rims of speed 1: at corners."""
         rims, corners = np.array(self.rims), []
         signs = [np.array(each) for each in product((1.0, -1.0), repeat=3)]
         for three, each in product(combinations(rims, 3), signs):

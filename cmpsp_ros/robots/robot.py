@@ -20,11 +20,7 @@ _ROUNDING: Final = 1e-9  # part of a limit that rounding may add to it
 
 
 class Signal(NamedTuple):
-    """A wheel speed or another control over time, ``(N,)``, as pictures show it.
-
-    `axis` is the quantity with its unit, as in `wheel speed [rad/s]`; `limit` that of its
-    magnitude, infinite for none.
-    """
+    """A wheel speed or another control over time ``(N,)`` for pictures; `axis` has its unit."""
 
     name: str
     axis: str
@@ -67,30 +63,19 @@ class Robot(ABC):
     """A robot on wheels that drives an arc of a circle under a control that is held.
 
     Twists are ``(speed, turn rate)`` [m/s, rad/s]; of a robot whose reference point also moves
-    sideways ``(forward, to the left, turn rate)``.
-
-    Attributes:
-        n_controls: Number of controls, ``r``.
-        n_speeds: How many of them, the first, are 0 at rest; the others are angles.
-        drives_sideways: Whether it moves in every direction without turning first.
-        turns_on_the_spot: Whether it turns without moving.
-        wheel_radius: Of every wheel, the paper's ``r`` [m].
-        max_wheel_speed: Limit (94) of every wheel [rad/s]; infinite when there is none.
-        max_wheel_acceleration: Limit of every wheel [rad/s^2]; infinite when there is none.
-        max_wheel_jerk: Limit of its change with time [rad/s^3]; infinite for none.
-        max_lateral_acceleration: Limit of speed times turn rate [m/s^2]; infinite for none.
+    sideways ``(forward, to the left, turn rate)``. A limit may be infinite.
     """
 
-    n_controls: ClassVar[int] = 2
-    n_speeds: ClassVar[int] = 2
-    drives_sideways: ClassVar[bool] = False
+    n_controls: ClassVar[int] = 2  # number of controls, ``r``
+    n_speeds: ClassVar[int] = 2  # how many, the first, are 0 at rest; the others are angles
+    drives_sideways: ClassVar[bool] = False  # in every direction, without turning first
     turns_on_the_spot: ClassVar[bool] = True
 
-    wheel_radius: float = 0.035
-    max_wheel_speed: float = math.inf
-    max_wheel_acceleration: float = math.inf
-    max_wheel_jerk: float = math.inf
-    max_lateral_acceleration: float = math.inf
+    wheel_radius: float = 0.035  # of every wheel, the paper's ``r`` [m]
+    max_wheel_speed: float = math.inf  # limit (94) of every wheel [rad/s]
+    max_wheel_acceleration: float = math.inf  # limit of every wheel [rad/s^2]
+    max_wheel_jerk: float = math.inf  # limit of its change with time [rad/s^3]
+    max_lateral_acceleration: float = math.inf  # limit of speed times turn rate [m/s^2]
 
     @property
     @abstractmethod
@@ -246,10 +231,7 @@ class Robot(ABC):
         ]
 
     def with_slip(self, controls: Array, grip: Array) -> Array:
-        """Controls ``(..., r)`` that without slip move a robot as these do with slip.
-
-        `grip` is the fraction of its turning by which a wheel moves the robot, right and left.
-        """
+        """Controls that without slip move a robot as these do with such grip, right and left."""
         return self.slowed(controls, float(np.mean(grip)))
 
     def straight_or_turning(self, length: float, turn: float, time: float) -> Array:
@@ -311,10 +293,7 @@ class Robot(ABC):
         return np.asarray(controls * np.minimum(1.0, limit / np.maximum(fastest, limit))[:, None])
 
     def roll_out(self, pose: Array, controls: Array, durations: Array) -> Array:
-        """Poses ``(N + 1, 3)`` [m, m, rad] along the path driven, exactly; headings not wrapped.
-
-        Each of the controls ``(N, r)`` is held for its duration ``(N,)`` [s].
-        """
+        """Poses ``(N + 1, 3)`` under controls ``(N, r)``, exactly; headings not wrapped."""
         poses = np.empty((len(durations) + 1, 3))
         poses[0] = pose
         kinematics.roll_out(poses, controls, durations, self.kinematics)

@@ -22,8 +22,6 @@ from cmpsp_ros.world.obstacles.shapes import Shape
 from cmpsp_ros.world.roads import Annulus, Road, road_functions
 from cmpsp_ros.world.roads.road_functions import RoadSpace
 
-Indices = IntArray
-
 # Between two arcs [m]; beyond it the second has nothing to do with where on the road the first was.
 _JUMP = 0.1
 
@@ -52,25 +50,15 @@ class FreeSpace:
 
     A shape is all that is nearer than a radius to a point, a line or a polygon, given by its
     corners; see `cmpsp_ros.world.obstacles.shape_functions`.
-
-    Attributes:
-        of_road: The road.
-        road: Where on it the centre of a disc may be.
-        corners: Of all shapes, one after the other, shape ``(K, C, 2)`` [m]; ``K`` is 1 where they
-            stand still.
-        first: Where the corners of each shape begin, and where the last end, shape ``(M + 1,)``.
-        radii: Of the shapes, shape ``(M,)`` or ``(K, M)`` [m].
-        grids: The shapes that have no corners but a distance field, two at most.
-        discs: Centres of the robot's discs, in its frame, shape ``(D, 2)`` [m].
     """
 
     of_road: Road
-    road: RoadSpace
-    corners: Array
-    first: Indices
-    radii: Array
-    grids: tuple[GridObstacle, ...] = ()
-    discs: Array = field(default_factory=REFERENCE_POINT.copy)
+    road: RoadSpace  # where on it the centre of a disc may be
+    corners: Array  # of all shapes in a row, ``(K, C, 2)`` [m]; ``K`` is 1 where they stand still
+    first: IntArray  # where the corners of each shape begin, and the last end, ``(M + 1,)``
+    radii: Array  # of the shapes, ``(M,)`` or ``(K, M)`` [m]
+    grids: tuple[GridObstacle, ...] = ()  # shapes of a distance field, two at most
+    discs: Array = field(default_factory=REFERENCE_POINT.copy)  # as in `SpaceData`
 
     @classmethod
     def of(
@@ -172,10 +160,7 @@ class FreeSpace:
         )
 
     def with_points(self, centers: Array, radii: Array) -> FreeSpace:
-        """This space with discs taken out that are elsewhere at every sample.
-
-        Centres ``(K, D, 2)``, radii ``(K, D)`` [m], ``-inf`` for none.
-        """
+        """This space without discs ``(K, D, 2)`` of radii ``(K, D)`` [m], a row each sample."""
         samples, added = radii.shape
         corners = np.broadcast_to(self.corners, (samples, *self.corners.shape[1:]))
         standing = np.broadcast_to(self.radii, (samples, len(self.first) - 1))

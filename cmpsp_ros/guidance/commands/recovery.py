@@ -43,8 +43,7 @@ _SOONER: Final = 3  # part of the patience, as a divisor, after which the next r
 _SPEED: Final = 0.3  # speed of a robot that backs out, at most [m/s], and half of its pace
 _PURSUED: Final = 0.12  # distance of the point of its trail that it drives to [m]
 _EDGE: Final = 0.1
-_RATES: Final = -0.5, -0.25, 0.0, 0.25, 0.5
-"""Speed [m/s] and turn rates [rad/s] of a robot that edges away from something."""
+_RATES: Final = -0.5, -0.25, 0.0, 0.25, 0.5  # speed [m/s], turn rates [rad/s] to edge away with
 _ALIGNED: Final = 0.6  # as of `Pace` [rad]
 
 

@@ -205,10 +205,7 @@ class Supervisor:
         return self.decisions.follow(step, level, reason, plan, verdict, errors)
 
     def slowed(self, step: Step, decision: Decision, ramp_before: Array) -> Decision:
-        """A decision with a slower command, where a command that is late would not be clear.
-
-        Where no slower one is clear, with a ramp behind it, the robot stops by `ramp_before`.
-        """
+        """A decision, slower where its command, if late, would not be clear; else a stop."""
         settings, validator, state = self._settings, self._validator, step.state
         here, start, following = step.estimate.here, step.estimate.start, state.following
         plan = decision.plan
@@ -234,10 +231,8 @@ class Supervisor:
         return decision._replace(wheel_speeds=wheel_speeds, twist=twist, reason=reason)
 
     def go_on(self, step: Step) -> Decision:
-        """Let the last plan go on, past its end too, where a new command comes too late.
-
-        Too early a stop would cost the goal if the delay is shorter than declared, or a lag.
-        """
+        """Let the last plan go on, past its end too, where a new command comes too late."""
+        # Too early a stop would cost the goal if the delay is shorter than declared, or a lag.
         state, context, clock = step.state, step.context, step.state.clock
         shifted = self._fallback.shifted(state.following.plan, context)
         is_beyond = clock.now >= state.mission.goals.final - context.delay

@@ -94,10 +94,7 @@ class GuidanceData(NamedTuple):
 
 @allocation_free
 def predict(data: GuidanceData, U: Array, X: Array) -> None:
-    """Fill X ``(N + 1, n)`` by the dynamics (1): exact arcs under zero-order hold.
-
-    X, U ``(N + 1, r)``, and all arrays below, may be longer than the horizon.
-    """
+    """Fill X ``(N + 1, n)`` by (1): exact arcs under U ``(N + 1, r)``; arrays may be longer."""
     for i in range(3):
         X[0, i] = data.pose[i]
     roll_out(X, U, data.durations, data.robot)

@@ -116,10 +116,7 @@ class ObjectTracks:
 
 
 def pairs(distances: Array, gate: float) -> list[tuple[int, int]]:
-    """Rows and columns that belong together, the nearest first.
-
-    `distances` ``(R, C)`` are squared Mahalanobis distances, `gate` is the largest that counts.
-    """
+    """Rows and columns of squared distances ``(R, C)`` that belong together, the nearest first."""
     near = zip(*(each.tolist() for each in np.nonzero(distances <= gate)), strict=True)
     found: dict[int, int] = {}
     for row, column in sorted(near, key=lambda pair: (float(distances[pair]), pair)):
@@ -175,11 +172,7 @@ class TrackFusion:
         return kept
 
     def _distance(self, one: Track, other: Track, stamp: int) -> float:
-        """Squared Mahalanobis distance of place and velocity.
-
-        Infinite where neither has its centre in the other's disc: to take two for one is the worse
-        error.
-        """
+        """Squared Mahalanobis distance; infinite where neither centre is in the other's disc."""
         (place, stddev), (place_, stddev_) = _place(one, stamp), _place(other, stamp)
         apart = math.dist(place, place_)
         is_paired = frozenset({one.id, other.id}) in self._paired

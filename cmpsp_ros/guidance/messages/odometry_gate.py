@@ -97,10 +97,7 @@ class OdometryGate:
 
 
 def motion_limits(robot: Robot, duration: Any, max_jump: float) -> tuple[Any, Any]:
-    """Distance and turn that odometry may show within a duration [s], of any shape [m, rad].
-
-    `max_jump` is `safety.max_odom_jump` [m]; the robot must have a wheel-speed limit.
-    """
+    """Distance and turn that odometry may show within a duration [s], of any shape [m, rad]."""
     distance = _OVERSPEED * robot.max_speed * duration
     return distance + max_jump, distance / robot.half_track + _TURN_PER_METER * max_jump
 

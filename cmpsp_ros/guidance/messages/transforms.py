@@ -38,10 +38,7 @@ class Transforms:
         self._known: dict[str, _Known] = {}
 
     def add(self, message: Any, *, is_static: bool = False) -> None:
-        """Add a `tf2_msgs/TFMessage`, but for transforms that are not finite.
-
-        Later ones than those are forgotten: time has jumped back.
-        """
+        """Add a `tf2_msgs/TFMessage`, but for transforms not finite; later ones are forgotten."""
         for each in message.transforms:
             parent, child, stamp = each.header.frame_id, each.child_frame_id, stamp_of(each)
             moved, turned = each.transform.translation, each.transform.rotation

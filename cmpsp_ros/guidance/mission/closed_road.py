@@ -88,10 +88,7 @@ class ClosedRoad:
 def closures(
     road: Road, obstacles: Sequence[Shape], start: Point, goal: Point, wanted: float
 ) -> Iterator[tuple[list[str], float]]:
-    """Chains of obstacles between which no disc of diameter `wanted` [m] gets from start to goal.
-
-    With names, none of them in two chains, and widest gap of each [m].
-    """
+    """Chains of obstacles that no disc of diameter `wanted` passes: names, widest gap [m]."""
     if not road.has_center_line:
         return
     # A map has no corners, and is not one obstacle but many.
@@ -121,10 +118,7 @@ def closures(
 
 @lru_cache(maxsize=8)
 def _gaps(road: Road, shapes: tuple[Shape, ...]) -> Array:
-    """Widths of gaps: both edges first, then the shapes, ``(2 + M, 2 + M)`` [m].
-
-    Cached from run to run: on a map they take longer than a control step.
-    """
+    """Widths of gaps ``(2 + M, 2 + M)``, both edges first [m]; slow on a map, so cached."""
     space, count = FreeSpace.of(road, shapes, 0.0), _EDGES + len(shapes)
     gaps = np.full((count, count), math.inf)
     whole = 1.0 / road.clearance_scale

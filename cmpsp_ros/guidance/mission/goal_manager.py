@@ -72,10 +72,7 @@ class GoalManager:
     def receive(
         self, stamp: int, goal: Goal, world: World, validator: Validator, latest: int | None
     ) -> None:
-        """Take another goal instead of all others, from the first control step that is not older.
-
-        Times are in [ns]. Raises GoalError if it is refused, and nothing changes.
-        """
+        """Take another goal, from a time stamp on [ns]; GoalError if it is refused."""
         self.goals_received += 1
         _check_goal(self._settings, world, validator, goal)
         timeout = to_nanoseconds(self._settings.odom_timeout)

@@ -1,7 +1,4 @@
-"""The return to a goal from which the robot was moved: turn towards it, drive, turn to its heading.
-
-At rest, a linearisation says nothing of sideways motion.
-"""
+"""The return to a goal that the robot was moved from: turn to it, drive, turn to its heading."""
 
 from __future__ import annotations
 

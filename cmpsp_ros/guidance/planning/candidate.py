@@ -211,11 +211,7 @@ class Ranking:
 
 
 def reserve(plan: Plan, robot: Kinematics) -> float:
-    """Fraction of the time left that a plan could do without at full speed; 1 if unlimited.
-
-    With wheel speeds w: 1 - sum_k max_i |w_ki| dt_k / (w_max T). Nothing in the cost keeps any
-    time.
-    """
+    """Fraction of the time left over at full speed, 1 - sum_k max_i |w_ki| dt_k / (w_max T)."""
     edges = plan.horizon.edges
     needed = _turned(plan.controls, plan.horizon.durations, robot)
     left = (edges.item(-1) - edges.item(0)) / NANOSECONDS

@@ -68,10 +68,7 @@ def _by_sight(
 def _with_a_map(
     settings: LawSettings, world: World, seen: GridObstacle, place: Array, goal: Point
 ) -> Searched:
-    """Search the map alone, or with the obstacles that blocked its path.
-
-    The map alone counts again once all of them are seen to be free, not only forgotten.
-    """
+    """Search the map with the obstacles that blocked its path, until all are seen to be free."""
     before, line = world.searched, _line(settings, world, place, goal)
     # A line strays by half a cell at corners.
     body = settings.robot_radius - seen.grid.resolution / 2.0

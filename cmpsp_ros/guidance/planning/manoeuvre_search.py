@@ -1,7 +1,4 @@
-"""Moves to a goal with a heading for which there is no space to turn, and a guess that drives them.
-
-They are searched among the obstacles, a limited amount of work at a time, while the robot stands.
-"""
+"""Search, while the robot stands, for moves to a goal with a heading where it cannot turn."""
 
 from __future__ import annotations
 

@@ -24,30 +24,22 @@ from cmpsp_ros.guidance.solver_settings import SCREENING
 from cmpsp_ros.guidance.world import World
 
 _MILLISECONDS: Final = 1e-6
-_LONGEST_PAUSE: Final = 7
-"""Control steps between two reviews, at most, while an admissible plan keeps a flaw."""
-_GENEROUS: Final = 4
-"""Factor on the work of a step at rest without a plan, and on that for the plan followed."""
+_LONGEST_PAUSE: Final = 7  # control steps between two reviews while an admissible plan keeps a flaw
+_GENEROUS: Final = 4  # factor on the work of a first plan, and on that of the plan followed
 _TRANSIENT: Final = 4
 """Control steps for which an admissible plan may mend a flaw: each change of plans is a jerk, and a
 robot that is not quite as modelled puts a little of a flaw into every plan."""
 
 
 class Improver:
-    """Improves plans and checks them; all plans of a control step share its work.
-
-    Attributes:
-        work_limit: Work of a control step.
-        work_left: Work that is left in the present one.
-        phases: Computing times of the present control step by phase [ms].
-    """
+    """Improves plans and checks them; all plans of a control step share its work."""
 
     def __init__(
         self, settings: LawSettings, validator: Validator, timer: Callable[[], int]
     ) -> None:
         self._timer = timer
-        self.work_left = 1
-        self.phases: dict[str, float] = {}
+        self.work_left = 1  # in the present control step
+        self.phases: dict[str, float] = {}  # computing times of this step by phase [ms]
         self.take(settings, validator)
 
     def take(self, settings: LawSettings, validator: Validator) -> None:
@@ -124,10 +116,7 @@ class Improver:
 
 
 class ReviewSchedule:
-    """Decides when new plans are made, which is a review, and when the plan may be changed.
-
-    They are made ever less often where that has not helped for a while.
-    """
+    """Decides when new plans are made, less often after failures, and when one may be changed."""
 
     def __init__(self) -> None:
         self.is_asked, self._task_changed = True, False
@@ -179,10 +168,6 @@ class PlanSelector:
 
     Where a scanner leaves a step less time, others are compared with an admissible plan after the
     command; the better one is followed from the next step on.
-
-    Attributes:
-        improver: Improves all plans of a control step.
-        remark: Sentence on which of how many plans was selected last; empty if there was one.
     """
 
     def __init__(
@@ -201,10 +186,7 @@ class PlanSelector:
         self.forget()
 
     def reconfigure(self, settings: LawSettings, world: World, validator: Validator) -> None:
-        """Take other settings and another world, so that the next step need not.
-
-        The plan that is followed keeps its memory and its warm start where it can.
-        """
+        """Take other settings and another world; the warm start stays where it can."""
         if validator is not self._validator:
             self._settings, self._validator = settings, validator
             self.improver.take(settings, validator)

@@ -200,11 +200,7 @@ class Guesses:
         return guesses or [context.center_line_guess]
 
     def turning(self, context: PlanningContext) -> list[Array]:
-        """Guesses of the most promising homotopy classes that begin with a turn on the spot.
-
-        A searched path is among them. A robot that drives sideways needs none; a car has
-        manoeuvres.
-        """
+        """Guesses that begin with a turn on the spot, a searched path too; manoeuvres of a car."""
         settings, start, durations = context.settings, context.start, context.horizon.durations
         if start.robot.drives_sideways:
             return []

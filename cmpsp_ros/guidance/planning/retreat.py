@@ -91,10 +91,7 @@ class RetreatPlanner:
     def find(
         self, context: PlanningContext, threats: MovingDiscs, before: Point | None
     ) -> tuple[Plan, Point] | None:
-        """Plan to a refuge, and its position [m]; None if there is none.
-
-        `before` is the refuge of the step before [m].
-        """
+        """Plan to a refuge, near the one `before` if there is one, and its position [m]."""
         start, horizon = context.start, context.horizon
         layers = self._layers(start, threats)
         if not layers[-1].any():

@@ -59,10 +59,7 @@ class PendingCommands:
         return self.latest
 
     def until(self, stamp: int, delay: int) -> tuple[Array, Array]:
-        """Controls ``(K, r)`` from an instant until a command then takes effect, and durations.
-
-        Times in [ns], durations ``(K,)`` in [s]; nothing without a delay.
-        """
+        """Controls ``(K, r)`` until a command of now [ns] takes effect, and durations [s]."""
         ahead: list[tuple[int, Array]] = []
         self._in_force = self._before
         for at, control in reversed(self._given):
@@ -81,10 +78,7 @@ class PendingCommands:
         return controls[lasting], durations[lasting]
 
     def since(self, begin: int, end: int, delay: int) -> tuple[Array, Array]:
-        """Controls ``(K, r)`` in effect between two instants, the latest first, and durations.
-
-        Times in [ns], durations ``(K,)`` in [s].
-        """
+        """Controls ``(K, r)`` between two instants [ns], the latest first, and durations [s]."""
         controls, lengths = [], []
         for given, control in reversed(self._given):
             at = given + delay
@@ -128,10 +122,7 @@ class PendingCommands:
         return x, y, heading
 
     def before(self, stamp: int, earliest: int) -> tuple[Array, Array]:
-        """Commands given up to an instant: times relative to it ``(K,)`` [s], and controls.
-
-        Controls ``(K + 1, r)`` begin with the one before them; `stamp` and `earliest` in [ns].
-        """
+        """Times ``(K,)`` [s] of commands, and controls ``(K + 1, r)`` with the one before."""
         before = self._before
         times: list[float] = []
         controls: list[Array] = []

@@ -59,10 +59,7 @@ class SlipEstimate:
         self._began = (stamp, pose, controls, durations)
 
     def end(self, stamp: int, pose: Array, robot: Robot, max_estimate: float) -> bool:
-        """Update the estimate by how far the robot has come; True if `slip` is another one now.
-
-        `stamp` [ns], `pose` ``(3,)`` [m, m, rad].
-        """
+        """Update the estimate by the pose ``(3,)`` at `stamp` [ns]; True if it has changed."""
         if self._began is None:
             return False
         began, before, controls, durations = self._began

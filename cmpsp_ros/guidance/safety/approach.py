@@ -149,10 +149,7 @@ class Approach:
     def limited(
         self, plan: Plan, verdict: Validation, ahead: Contact | None, under: Conditions
     ) -> tuple[Plan, Validation, str] | None:
-        """Slow a plan to a safe speed before its contact, for every possible response of the robot.
-
-        Returns plan, verdict and a remark for the reason; None where no speed is safe.
-        """
+        """A plan slowed to a safe speed, with verdict and remark; None if none is safe."""
         remark, start = '', under.start
         slowed = None if ahead is None else self.slowed(plan, start, ahead.speed)
         if slowed is not None:
@@ -197,10 +194,7 @@ class Approach:
     def calmed(
         self, plan: Plan, verdict: Validation, under: Conditions
     ) -> tuple[Plan, Validation] | None:
-        """A plan so slow that its first command and a stop are clear however the robot responds.
-
-        With its verdict, at the largest speed tried that is clear; None where none is.
-        """
+        """A plan slow enough for every response, with its verdict; None if none is."""
         if self._calmed is not None and self._calmed[0] is plan and self._calmed[1] is verdict:
             return self._calmed[2]
         calm = self._calm(plan, verdict, under)

@@ -198,10 +198,7 @@ class Validator:
         return found.committed >= error
 
     def check_pending(self, start: PlanStart, controls: Array, durations: Array) -> Validation:
-        """Verdict on the path along which commands given before lead ``(K, r)``, ``(K,)`` [s].
-
-        All of it is swept like the first command of a plan; wheel speeds are not checked again.
-        """
+        """Verdict on the path along which commands given before lead ``(K, r)``, ``(K,)`` [s]."""
         poses = start.robot.roll_out(start.pose, controls, durations)
         begins = np.cumsum(durations) - durations
         arcs = []
@@ -309,10 +306,7 @@ def _refused(reason: str) -> Validation:
 
 
 def reason_not_to_change(settings: LawSettings, start: PlanStart, controls: Array) -> str:
-    """Reason not to send the first of some controls ``(K, r)``, in a sentence; '' for none.
-
-    All must keep the limit of acceleration, the first that of jerk.
-    """
+    """Reason not to send the first of controls ``(K, r)``, by acceleration or jerk; else ''."""
     commands, robot = np.vstack([start.previous_control, controls]), start.robot
     limit = settings.max_wheel_change
     change = float(np.abs(np.diff(commands, axis=0) @ robot.rate_limits.T).max())

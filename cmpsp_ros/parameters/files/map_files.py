@@ -29,10 +29,7 @@ _WHITE: Final = 255.0
 
 
 def with_map_file(values: Mapping[str, Any], folder: Path | None = None) -> dict[str, Any]:
-    """The values with the map of the file that they name, from the folder or working directory.
-
-    Raises ParameterError, with file and key, if it or its picture cannot be read, or is no map.
-    """
+    """The values with the map of the file that they name, from the folder, or ParameterError."""
     if KEY not in values:
         return dict(values)
     name = values[KEY]

@@ -81,10 +81,7 @@ def load_parameter_file(
 
 
 def load_robot(path_or_name: str) -> dict[str, Any]:
-    """The values of a robot's file, or of one of `robot_names`, before they are checked.
-
-    Raises ParameterError if there is none, or it has parameters of a course.
-    """
+    """The values of a robot's file; ParameterError if it has parameters of a course."""
     path = _file_of(path_or_name, 'robot', config_directory() / 'robots')
     given = load_parameter_file(path)
     strange = [

@@ -25,10 +25,7 @@ _GEOJSON: Final = 'one LineString of [x, y] in metres'
 
 
 def with_road_file(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Replace the name of a road file, if given, by its road; closed if it ends where it begins.
-
-    Raises ParameterError, which names the line, for a file that is none.
-    """
+    """Replace the name of a road file, if given, by its road, or ParameterError with the line."""
     if KEY not in values:
         return dict(values)
     name = values[KEY]

@@ -18,10 +18,7 @@ _STRAIGHT = 1e-10
 
 
 def arc_ends(poses: Array, twists: Array, durations: Array) -> Array:
-    """Poses ``(N, 3)`` at the ends of arcs that begin at poses ``(N, 3)``; headings not wrapped.
-
-    `twists` have the shape ``(N, 2)`` or ``(N, 3)``, see `Robot`, `durations` ``(N,)`` [s].
-    """
+    """Poses at the ends of arcs from poses ``(N, 3)`` under twists, of either form; not wrapped."""
     x, y, heading = poses.T
     turn = twists[:, -1] * durations
     middle = heading + turn / 2.0

@@ -100,10 +100,7 @@ def steer(
     curvature: float,
     robot: Kinematics,
 ) -> None:
-    """Fill control ``k`` with that of a twist [m/s, m/s, rad/s]; see `within_limits`.
-
-    The curvature of the path [1/m] is for robots that are steered and not turned.
-    """
+    """Fill control ``k`` with that of a twist and a curvature [m/s, m/s, rad/s, 1/m]."""
     given = robot.values, robot.scratch, forward, left, turn_rate, curvature
     call(robot.functions[_STEER], given)
     for a in range(controls.shape[1]):

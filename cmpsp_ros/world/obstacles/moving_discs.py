@@ -16,8 +16,6 @@ from cmpsp_ros.robots.motion import REFERENCE_POINT, Arc, arc_of_point, arc_part
 from cmpsp_ros.world.inter_sample_margin import at_ends, outside_moving, outside_moving_known
 from cmpsp_ros.world.obstacles.shape_functions import pieces_for
 
-Indices = IntArray
-
 # Columns of `MovingDiscs.states` and `MovingDiscs.legs`.
 _PLACE, _VELOCITY, _RADIUS, _GROWTH, _BEND = slice(0, 2), slice(2, 4), 4, 5, 6
 _COLUMNS = 7
@@ -35,7 +33,7 @@ class MovingDiscs:
     # centre, velocity and radius of each, growth of the radius and its acceleration, ``(M, 7)``
     # [m, m, m/s, m/s, m, m/s, m/s^2]: the radius is that of all places where the disc may be
     states: Array
-    slots: Indices  # index of each one's rows of a plan's constraints, -1 for none, shape ``(M,)``
+    slots: IntArray  # index of each one's rows of a plan's constraints, -1 for none, shape ``(M,)``
     # times from now on and places (t, x, y) by the index of a disc, ``(J, 3)`` [s, m, m] each;
     # the velocity in `states` does not count there
     ways: Mapping[int, Array] = field(default_factory=dict)
@@ -68,7 +66,7 @@ class MovingDiscs:
         states[:, _VELOCITY], states[:, _GROWTH:] = 0.0, 0.0
         return replace(self, states=states, ways={})
 
-    def within(self, point: Array, reach: float, seconds: float) -> Indices:
+    def within(self, point: Array, reach: float, seconds: float) -> IntArray:
         """Indices of those that may come as near to a point (x, y) as `reach` [m] in a time [s]."""
         states = self.states
         grown = states[:, _GROWTH] + 0.5 * seconds * states[:, _BEND]
@@ -77,7 +75,7 @@ class MovingDiscs:
         near[list(self.ways)] = True
         return np.flatnonzero(near)
 
-    def chosen(self, index: Indices) -> MovingDiscs:
+    def chosen(self, index: IntArray) -> MovingDiscs:
         """Some of them, in the order of their indices ``(K,)``."""
         each = index.tolist()
         ways = {new: self.ways[old] for new, old in enumerate(each) if old in self.ways}
@@ -278,10 +276,7 @@ def sweep_moving(
 def _least_on_approach(
     x: float, y: float, to_x: float, to_y: float, radius: float, to_radius: float
 ) -> float:
-    """Least distance from the origin on a straight way, less a radius that changes evenly.
-
-    Convex, and least where its slope vanishes.
-    """
+    """Least distance from the origin on a straight way, less an evenly changing radius: convex."""
     way_x, way_y, grown = to_x - x, to_y - y, to_radius - radius
     squared = way_x * way_x + way_y * way_y
     at_end = math.sqrt(to_x * to_x + to_y * to_y) - to_radius

@@ -23,11 +23,9 @@ Point = tuple[float, float]
 class Road(ABC):
     """A road: a frozen dataclass, equal by its values, and compiled functions of its `numbers`."""
 
-    edge_names: ClassVar[tuple[str, str]]
-    """Names of the first and the second edge in messages."""
+    edge_names: ClassVar[tuple[str, str]]  # names of the first and the second edge in messages
 
-    has_center_line: ClassVar[bool] = True
-    """True for a road with edges and a line between them."""
+    has_center_line: ClassVar[bool] = True  # true for a road with edges and a line between them
 
     has_progress: ClassVar[bool] = False
     """True where a point can be on it in two places, which the progress tells apart."""

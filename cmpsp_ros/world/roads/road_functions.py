@@ -25,10 +25,7 @@ _PROJECT, _LATERAL_ERROR, _GRADIENTS, _SWEEP, _ARC_LENGTH_TO, _POINT_AHEAD = ran
 
 
 class RoadSpace(NamedTuple):
-    """The part of a road where the robot's centre may be.
-
-    The first edge is the outer one of an annulus and the left one of a corridor.
-    """
+    """The part of a road where the robot's centre may be; the first edge is the outer or left."""
 
     functions: IntArray  # addresses of the road's functions, see `addresses`
     numbers: Array  # their data on the road, in their own order; shared, never written to
@@ -108,10 +105,7 @@ def sweep(road: RoadSpace, arc: Arc, progress: float, enough: float, enough_othe
 def arc_length_to(
     road: RoadSpace, x: float, y: float, progress: float, goal_x: float, goal_y: float, goal: float
 ) -> float:
-    """Length along the centre line from one place to another, negative against its direction [m].
-
-    Each place is a point and its progress. Where the road closes upon itself, the shorter way.
-    """
+    """Signed length of the centre line from place to place, the shorter way round [m]."""
     call(road.functions[_ARC_LENGTH_TO], (road, x, y, progress, goal_x, goal_y, goal))
     length: float = road.found[0]
     return length

@@ -140,10 +140,7 @@ def guide_paths(
 def searched_paths(
     settings: LawSettings, space: FreeSpace, start: PlanStart, target: Target, durations: Array
 ) -> list[GuidePath]:
-    """The path out of a dead end, or into one, if there is one short enough for the time.
-
-    In polar coordinates none is searched. Arguments as of `guide_paths`.
-    """
+    """The path out of a dead end, or into one, if it is short enough; none if polar."""
     frame = road_frame(settings, start, target)
     if frame.polar:
         return []
@@ -165,10 +162,7 @@ def searched_paths(
 
 
 def _backward(settings: LawSettings, start: PlanStart, points: Array) -> float | None:
-    """Length of a line ``(K, 2)`` behind the robot that is too narrow to turn round on [m].
-
-    None if it leads ahead, or the robot does not turn on the spot.
-    """
+    """Length of a line behind the robot too narrow to turn round on [m]; None if it is ahead."""
     robot, (x, y, heading), world = start.robot, start.pose.tolist(), start.world
     ahead = points[min(round(SHORTEST_LOOKAHEAD / SPACING), len(points) - 1)]
     angle = wrapped(math.atan2(ahead[1] - y, ahead[0] - x) - heading)
@@ -181,10 +175,7 @@ def _backward(settings: LawSettings, start: PlanStart, points: Array) -> float |
 
 
 def searched_line(space: FreeSpace, start: Array, goal: Array) -> Array:
-    """Evenly spaced points ``(K, 2)`` of the shortest clear line on a grid [m]; (0, 2) for none.
-
-    It leads out of dead ends and into them, where no path leads ahead station by station.
-    """
+    """Evenly spaced points ``(K, 2)`` of the shortest clear line on a grid [m]; (0, 2) for none."""
     low, high = _searched_area(space, start, goal)
     cell = max(_CELL, float((high - low).max()) / _MAX_CELLS)
     across, up = (np.arange(low[axis], high[axis], cell) for axis in range(2))
@@ -267,10 +258,7 @@ def _costs(frame: RoadFrame, profiles: Array, reach: float) -> list[float]:
 
 
 def class_of(frame: RoadFrame, centers: tuple[Array, Array], poses: Array) -> HomotopyClass:
-    """Homotopy class of the path along poses ``(N + 1, 3)`` [m, m, rad].
-
-    The frame leads from its beginning to the goal; `centers` are `RoadFrame.coordinates`.
-    """
+    """Homotopy class of a path ``(N + 1, 3)``; `centers` are `RoadFrame.coordinates`."""
     if not len(centers[0]):
         return ()
     sides, path = np.zeros(len(centers[0])), np.empty((len(poses), 2))

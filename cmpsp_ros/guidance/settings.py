@@ -104,6 +104,12 @@ class LawSettings(TaskSettings):
             _FRACTION_OF_TOP_SPEED * top if math.isfinite(top) else _WITHOUT_LIMIT
         )
 
+    def tolerates(self, error: float, heading_error: float | None, tolerances: float = 1.0) -> bool:
+        """True for errors [m, rad] at the goal within so many tolerances; None for no heading."""
+        turned = heading_error or 0.0
+        limits = tolerances * self.goal_tolerance, tolerances * self.heading_tolerance
+        return error <= limits[0] and turned <= limits[1]
+
     def has_numbers_of(self, other: LawSettings) -> bool:
         """True if all numbers are the same, in any world."""
         names = (each.name for each in fields(LawSettings))

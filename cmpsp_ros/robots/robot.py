@@ -298,13 +298,3 @@ class Robot(ABC):
         poses[0] = pose
         kinematics.roll_out(poses, controls, durations, self.kinematics)
         return poses
-
-    def jacobians(self, poses: Array, controls: Array, durations: Array) -> tuple[Array, Array]:
-        """Derivatives ``A (N, 3, 3)`` and ``B (N, 3, r)`` of all steps by their poses and controls.
-
-        They are the transposes of the paper's ``dF_k/dX_k`` and ``dF_k/dU_k``.
-        """
-        A = np.zeros((len(durations), 3, 3))
-        B = np.zeros((len(durations), 3, self.n_controls))
-        kinematics.put_jacobians(A, B, poses, controls, durations, self.kinematics)
-        return A, B

@@ -23,7 +23,7 @@ class Fallback:
     """The last audited plan on a later horizon, and how long its last command may go on."""
 
     def __init__(self, settings: LawSettings, validator: Validator) -> None:
-        self._validator, self._settings = validator, settings
+        self._validator = validator
         self._period = to_nanoseconds(settings.control_period)
         self._margin_validator = Validator(settings, with_margin=True)
 
@@ -33,18 +33,15 @@ class Fallback:
         """The last plan, shifted by the time that has passed, if it is still clear."""
         if plan is None:
             return None
-        start, horizon = context.start, context.horizon
+        horizon = context.horizon
         if horizon.edges[-1] > plan.horizon.edges[-1] + self._period:
             # Put off: to go on beyond its end would lead past the goal.
             begin = int(horizon.edges[0])
             horizon = remaining(begin, self._period, int(plan.horizon.edges[-1]))
-        controls = shift(plan.controls, plan.horizon, horizon)
-        controls = start.followed(self._settings, controls, horizon.durations)
-        verdict = self._validator.check(start, controls, horizon.durations, context.pending)
-        if not verdict.passed:
-            return None
-        poses = start.robot.roll_out(start.pose, controls, horizon.durations)
-        return Plan(horizon, controls, poses, context.delay), verdict
+        shifted = context.driven(shift(plan.controls, plan.horizon, horizon), horizon)
+        start, pending = context.start, context.pending
+        verdict = self._validator.check(start, shifted.controls, horizon.durations, pending)
+        return (shifted, verdict) if verdict.passed else None
 
     def may_outlast(self, start: PlanStart, controls: Array, nanoseconds: int) -> bool:
         """True if the first command may go on for so long [ns], with the margin that plans keep."""

@@ -22,7 +22,7 @@ from cmpsp_ros.guidance.mission.progress_watch import (
 )
 from cmpsp_ros.guidance.mission.return_to_goal import turn_rate
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
-from cmpsp_ros.guidance.planning.retreat import Pace, twist_towards
+from cmpsp_ros.guidance.planning.retreat import Pace, drive_along
 from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.safety.validation import TOUCHING, Validation
 from cmpsp_ros.guidance.settings import LawSettings
@@ -208,26 +208,18 @@ class Recovery:
 
 def back_out(context: PlanningContext, trail: Array) -> Plan:
     """Plan back along a trail ``(K, 2)``, the nearest point first [m]."""
-    robot, durations, controls = context.start.robot, context.horizon.durations, _still(context)
-    settings, pose, reached = context.settings, context.start.pose, 0
+    settings = context.settings
     pace = Pace(min(_SPEED, settings.pace / 2.0), turn_rate(settings), _ALIGNED)
-    for k, duration in enumerate(durations.tolist()):
-        while reached < len(trail) and math.dist(pose[:2], trail[reached]) < _PURSUED:
-            reached += 1
-        if reached == len(trail):
-            break
-        twist = twist_towards(settings.robot, pose, trail[reached], duration, pace)
-        controls[k] = robot.limited(robot.controls(twist))
-        pose = robot.roll_out(pose, controls[k : k + 1], durations[k : k + 1])[-1]
-    return _plan(context, controls)
+    trail = trail if len(trail) else context.start.pose[None, :2]
+    return drive_along(context, trail, pace, _PURSUED, _PURSUED)
 
 
 def turn_round(context: PlanningContext, angle: float = math.pi) -> Plan:
     """Plan of a turn on the spot, to the side of an angle [rad]."""
-    robot, controls = context.start.robot, _still(context)
+    robot, controls = context.start.robot, context.zero_controls
     rate = math.copysign(turn_rate(context.settings), angle)
     controls[:-1] = robot.limited(robot.straight_or_turning(0.0, rate, 1.0))
-    return _plan(context, controls)
+    return context.driven(controls)
 
 
 def edge_away(context: PlanningContext) -> list[Plan]:
@@ -236,18 +228,7 @@ def edge_away(context: PlanningContext) -> list[Plan]:
     speeds = (-_EDGE, 0.0, _EDGE) if robot.turns_on_the_spot else (-_EDGE, _EDGE)
     for speed, rate in [(0.0, 0.0), *itertools.product(speeds, _RATES)]:
         twist = np.array([speed, 0.0, rate] if robot.drives_sideways else [speed, rate])
-        controls = _still(context)
+        controls = context.zero_controls
         controls[:1] = robot.limited(robot.controls(twist))
-        plans.append(_plan(context, controls))
+        plans.append(context.driven(controls))
     return plans
-
-
-def _still(context: PlanningContext) -> Array:
-    return np.zeros((len(context.horizon.edges), context.start.robot.n_controls))
-
-
-def _plan(context: PlanningContext, controls: Array) -> Plan:
-    start, horizon = context.start, context.horizon
-    controls = start.followed(context.settings, controls, horizon.durations)
-    poses = start.robot.roll_out(start.pose, controls, horizon.durations)
-    return Plan(horizon, controls, poses, context.delay)

@@ -47,7 +47,7 @@ class GoalManager:
         self._settings = settings
         self.goals_received = 0
         self._waiting: tuple[int, Goal] | None = None
-        self._received: Goal | None = None
+        self.received: Goal | None = None  # the goal that was received and is driven to
         self._index = self._late = 0
         self._is_timed = not settings.is_soonest
         self._set_goal(world)
@@ -58,14 +58,9 @@ class GoalManager:
         self._set_goal(world)
 
     @property
-    def received(self) -> Goal | None:
-        """The goal that was received and is driven to, if there is one."""
-        return self._received
-
-    @property
     def next_positions(self) -> list[Point]:
         """Positions of the present goal and of possible next ones (x, y) [m]."""
-        goals = [] if self._received else self._settings.goals[self._index + 1 : self._index + 2]
+        goals = [] if self.received else self._settings.goals[self._index + 1 : self._index + 2]
         waiting = [] if self._waiting is None else [self._waiting[1]]
         return [self.target.position, *(each.position for each in (*goals, *waiting))]
 
@@ -152,7 +147,8 @@ class GoalManager:
         it, or the robot is within the tolerance of the goal. `begin` [ns].
         """
         goal, search, period = self.goal, start.world.map_search(self._settings), self.period
-        if goal is None or self.given_up or self._is_at_goal(start.pose):
+        is_there = self._settings.tolerates(*self.target.errors(start.pose))
+        if goal is None or self.given_up or is_there:
             return 0.0
         # Who closes the only path now may have gone before long.
         if (
@@ -171,15 +167,6 @@ class GoalManager:
         self._late += by
         self._set_goal(start.world)
         return by / NANOSECONDS
-
-    def _is_at_goal(self, pose: Array) -> bool:
-        """True within the tolerances of the goal."""
-        error, heading_error = self.target.errors(pose)
-        settings = self._settings
-        return (
-            error <= settings.goal_tolerance
-            and (heading_error or 0.0) <= settings.heading_tolerance
-        )
 
     def give_up(self, now: int) -> None:
         """End the run before the goal, at `now` [ns], until another goal is received."""
@@ -217,7 +204,7 @@ class GoalManager:
         period, self._late = self.period, 0
         end = -(-(begin + to_nanoseconds(seconds)) // period)
         end = max(end, begin // period + _FEWEST) * period
-        self._received = Goal(goal.position, end / NANOSECONDS, goal.heading, goal.name)
+        self.received = Goal(goal.position, end / NANOSECONDS, goal.heading, goal.name)
         self._set_goal(world)
 
     def _set_goal(self, world: World) -> None:
@@ -234,8 +221,8 @@ class GoalManager:
             self._looked_from = None
             return
         goals = settings.goals
-        if self._received is not None:
-            goals, self._index = (self._received,), 0
+        if self.received is not None:
+            goals, self._index = (self.received,), 0
         if self._late:
             late = self._late / NANOSECONDS
             goals = tuple(replace(each, time=each.time + late) for each in goals)

@@ -28,10 +28,7 @@ def turn_rate(settings: LawSettings) -> float:
 
 def is_away(settings: LawSettings, target: Target, pose: Array) -> bool:
     """True if a robot that holds its position at the goal has been moved away from it."""
-    error, heading_error = target.errors(pose)
-    return error > _AWAY * settings.goal_tolerance or (
-        heading_error is not None and heading_error > _AWAY * settings.heading_tolerance
-    )
+    return not settings.tolerates(*target.errors(pose), _AWAY)
 
 
 def return_time(settings: LawSettings, target: Target, pose: Array) -> float:

@@ -72,10 +72,7 @@ class Candidate(NamedTuple):
 
     def reaches_goal(self, settings: LawSettings, tolerances: float = 1.0) -> bool:
         """True if the plan ends within so many tolerances of the goal and its heading."""
-        return (
-            self.terminal_error <= tolerances * settings.goal_tolerance
-            and (self.heading_error or 0.0) <= tolerances * settings.heading_tolerance
-        )
+        return settings.tolerates(self.terminal_error, self.heading_error, tolerances)
 
     def describe(self, validator: Validator, settings: LawSettings, start: PlanStart) -> str:
         """Sentence on it for when it is followed."""

@@ -103,6 +103,18 @@ class PlanningContext:
         """True if no plan is followed."""
         return self.plan is None
 
+    @property
+    def zero_controls(self) -> Array:
+        """Controls of a robot at rest, shape ``(N + 1, r)``."""
+        return np.zeros((len(self.horizon.edges), self.start.robot.n_controls))
+
+    def driven(self, controls: Array, horizon: Horizon | None = None) -> Plan:
+        """Plan of controls ``(N + 1, r)``, as far as the wheels can follow them."""
+        start, horizon = self.start, horizon or self.horizon
+        controls = start.followed(self.settings, controls, horizon.durations)
+        poses = start.robot.roll_out(start.pose, controls, horizon.durations)
+        return Plan(horizon, controls, poses, self.delay)
+
     @cached_property
     def center_line_guess(self) -> Array:
         """Controls along the centre line, shape ``(N + 1, r)``."""

@@ -133,7 +133,7 @@ class Selection:
         best = self._better(warm, context.center_line_guess, context)
         if best.admissible or not context.at_rest:
             return best
-        return self._better(best, _zero_controls(context), context)
+        return self._better(best, context.zero_controls, context)
 
     def best(
         self,
@@ -203,7 +203,7 @@ class Selection:
         if any(each.candidate.admissible for each in every):
             return found
         # Or it may come too close at first: zero controls do not.
-        return [*found, self._improved(self.pool.take(), _zero_controls(context), context)]
+        return [*found, self._improved(self.pool.take(), context.zero_controls, context)]
 
     def _made_from(
         self, guesses: list[Array], context: PlanningContext, most_work: int | None = None
@@ -251,8 +251,3 @@ class Selection:
             for x, y in grid.islands.tolist()
         )
         return [*(each.name for each in self._world.shapes), *context.encounters.names, *islands]
-
-
-def _zero_controls(context: PlanningContext) -> Array:
-    """Controls of a robot at rest, shape ``(N + 1, r)``."""
-    return np.zeros((len(context.horizon.edges), context.start.robot.n_controls))

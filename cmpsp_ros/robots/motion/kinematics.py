@@ -173,15 +173,6 @@ def roll_out(poses: Array, controls: Array, durations: Array, robot: Kinematics)
 
 
 @allocation_free
-def put_jacobians(
-    A: Array, B: Array, poses: Array, controls: Array, durations: Array, robot: Kinematics
-) -> None:
-    """Fill the derivatives of every step of `roll_out`."""
-    for k in range(durations.shape[0]):
-        put_gradients(A[k], B[k], poses[k, 2], controls, k, durations[k], robot)
-
-
-@allocation_free
 def sinc_and_slope(a: float) -> Any:
     """``sin(a)/a`` and its derivative, by series where the quotient would lose digits."""
     if abs(a) < 1e-2:

@@ -295,8 +295,7 @@ class GuidanceLaw:
     def halt(self, stamp: int, reason: str, **flags: Any) -> Decision:
         """Stop at `stamp` [ns] for a reason not seen in odometry; decide on newer odometry at once.
 
-        With a flag of `Decision` (`finished`, which the next odometry is to judge, `cancelled`,
-        `braking`) it brakes along the checked path.
+        With a flag of `Decision` (`finished`, `cancelled`, `braking`) it brakes along a ramp.
         """
         state, nowhere = self._state, np.full(3, math.nan)
         self._supervisor.drop_plan(state)

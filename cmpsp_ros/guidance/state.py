@@ -139,11 +139,7 @@ class Following:
     waited: int = 0  # number of steps for which it has waited there
 
     def brake(self, stamp: int, period: int, robot: Robot) -> None:
-        """Give the next command of the ramp; one at rest or without a ramp stops at once.
-
-        A stop by the clock and the next odometry may be less than half a `period` apart [ns]: that
-        is one command.
-        """
+        """Give the next command of the ramp, or stop; at most once in half a `period` [ns]."""
         if not len(self.ramp):
             self.previous_control = robot.stopped(self.previous_control)
         elif stamp - self.commanded_at >= period // 2:

@@ -74,8 +74,7 @@ class Footprint:
     def twist_limits(self, robot: Robot) -> TwistLimits:
         """Twists of the centres of all discs: one beside the reference point is faster in turns.
 
-        The greatest speed is a convex function of the turn rate, below the straight line between
-        its ends. ValueError for a robot without a wheel-speed limit.
+        Their speed is convex in the turn rate; ValueError without a wheel-speed limit.
         """
         limits = robot.twist_limits()
         if self.reach == 0.0:

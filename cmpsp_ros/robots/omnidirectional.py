@@ -43,8 +43,7 @@ class Omnidirectional(DerivedRobot):
     def mecanum(cls, half_track: float, half_wheel_base: float, **of_wheels: float) -> Self:
         """A robot on four mecanum wheels, rollers at 45 degrees, as `mecanum_drive_controller`.
 
-        Its wheels are front left, front right, rear right, rear left: `half_track` [m] to the side
-        and `half_wheel_base` [m] ahead or behind. `of_wheels` are radius and limits of a `Robot`.
+        Wheels are front left, front right, rear right, rear left, with limits of a `Robot`.
         """
         arm = half_track + half_wheel_base
         rims = ((1.0, -1.0, -arm), (1.0, 1.0, arm), (1.0, -1.0, arm), (1.0, 1.0, -arm))
@@ -52,11 +51,7 @@ class Omnidirectional(DerivedRobot):
 
     @classmethod
     def on_omni_wheels(cls, distance: float, bearings: Iterable[float], **of_wheels: float) -> Self:
-        """A robot on three or more omni wheels, each of which rolls around the robot's centre.
-
-        They are at one distance [m] from it, at bearings from ahead to the left [rad]. `of_wheels`
-        are radius and limits, as of a `Robot`.
-        """
+        """A robot on omni wheels at a distance from its centre [m], at bearings ahead [rad]."""
         rims = tuple((-math.sin(each), math.cos(each), distance) for each in bearings)
         return cls(rims=rims, **of_wheels)
 

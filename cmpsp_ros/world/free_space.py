@@ -140,11 +140,7 @@ class FreeSpace:
         return replace(self, road=self.road._replace(kept=kept), radii=grown)
 
     def for_samples_of(self, twists: Array, period: float) -> FreeSpace:
-        """Space to keep to at the ``N + 1`` samples of one plan so that its arcs stay in this one.
-
-        Twists are the speed of the fastest disc and the turn rate of each arc, ``(N, 2)`` [m/s,
-        rad/s].
-        """
+        """Space for samples of one plan, with arcs of twists ``(N, 2)`` [m/s, rad/s]."""
         return replace(
             self,
             road=self.road._replace(kept=self.of_road.kept_for(self.road.kept, twists, period)),
@@ -173,10 +169,9 @@ class FreeSpace:
         )
 
     def at(self, poses: Array, near: float = math.nan) -> Array:
-        """Clearance of single poses ``(K, 3)``, the least of all discs, negative where violated.
+        """Least clearance ``(K, 2 + M)`` of poses ``(K, 3)`` from both edges and each shape [m].
 
-        It is that to both edges of the road and to each shape, ``(K, 2 + M)`` [m]; `near` is the
-        progress of a place near all poses, NaN if unknown [m].
+        `near` is the progress of a place near all poses, NaN if unknown [m].
         """
         found = np.empty((len(poses), 1 + len(self.first)))
         _fill_at(found, self.data, np.ascontiguousarray(poses), float(near))
@@ -184,10 +179,9 @@ class FreeSpace:
         return found
 
     def along(self, poses: Array, twists: Array, durations: Array, near: float = math.nan) -> Array:
-        """Least clearance of arcs, from end to end and of all discs, along a path; see `at`.
+        """Least clearance of arcs from poses ``(K, 3)`` under twists for durations [s]; see `at`.
 
-        Arcs begin at poses ``(K, 3)`` and are driven under twists, see `Robot`, for durations
-        ``(K,)`` [s]. Where the road crosses itself a path keeps to the branch that it is on.
+        Where the road crosses itself a path keeps to the branch that it is on.
         """
         found = np.empty((len(poses), 1 + len(self.first)))
         arcs = [np.ascontiguousarray(each) for each in (poses, twists, durations)]

@@ -59,8 +59,7 @@ def clear_fraction(
 ) -> float:
     """Largest tried fraction of a command ``(r,)`` that is clear whenever it comes into effect.
 
-    The `previous` one ``(r,)`` goes on until then, for `latest` at most, and it goes on itself for
-    `next_step` [s]. As the same was asked of the command before, a stop is clear.
+    The `previous` one ``(r,)`` goes on for `latest` at most, then it does for `next_step` [s].
     """
     # One that takes longer than that is never sent.
     instants = np.linspace(0.0, min(latest, next_step), _INSTANTS)

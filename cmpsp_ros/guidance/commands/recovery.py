@@ -60,9 +60,8 @@ class Recovery:
     def choose(self, step: Step, *, reached: bool) -> Choice | Decision | None:
         """Count a step, and take the next remedy if it is time; None to go on as planned.
 
-        Steps count unless the last plan reached the goal, the road is closed, or the computer is
-        late. The first remedy takes the whole patience, each later one a third of it. On a road
-        that is followed none is the last: after them the first is tried again.
+        The first remedy takes the whole patience, each later one a third of it. On a road that is
+        followed none is the last: after them the first is tried again.
         """
         state, start = step.state, step.context.start
         mission, watch = state.mission, state.mission.watch

@@ -36,8 +36,7 @@ ProblemData = GuidanceData | ControlRateData
 class GuidanceProblem(OptimalControlProblem):
     """Pass the goal at the end of the horizon, inside the road, clear of obstacles.
 
-    States are poses ``(x, y, heading)``, controls those of the robot; the last one ``U_N`` moves
-    nothing. `data` is the problem for compiled code.
+    States are poses ``(x, y, heading)``; the last control ``U_N`` moves nothing.
     """
 
     data: GuidanceData

@@ -1,8 +1,4 @@
-"""The optimal control problem as settings and world pose it: penalties and free space.
-
-Inside road and obstacles every point of the path keeps the robot's radius and the margin. Samples
-keep more, so that the path between them does.
-"""
+"""The optimal control problem as settings and world pose it: penalties and free space."""
 
 from __future__ import annotations
 
@@ -115,10 +111,9 @@ class OcpFormulation:
         pose: Array | None = None,
         moving: MovingDiscs = NOTHING_MOVES,
     ) -> FreeSpace:
-        """Free space of the samples of a plan from a guess ``(N + 1, r)``.
+        """Free space of the samples of a plan from a guess ``(N + 1, r)``, and from a pose.
 
-        Only the first and the last of the `durations` ``(N,)`` [s] may be longer than a control
-        period. The `pose` ``(3,)`` at which the plan begins is used for `moving` obstacles only.
+        Of the `durations` ``(N,)`` only the first and the last may exceed a control period [s].
         """
         if self._among is not None and world is self.world:
             (begin, known, goal, held), among = self._among
@@ -205,10 +200,9 @@ def path_space(settings: LawSettings, world: World) -> FreeSpace:
 
 
 def sample_space(settings: LawSettings, world: World, longest: float = 0.0) -> FreeSpace:
-    """Free space of the samples of a plan, such that the path between them is in `path_space`.
+    """Free space of samples such that the path between them is in `path_space`.
 
-    It is `path_space` without a wheel limit, or with `safety.between_samples` off. The longest time
-    between two samples is at least the control period [s].
+    The longest time between two samples is at least the control period [s].
     """
     period = max(settings.control_period, longest)
     space = path_space(settings, world)

@@ -30,11 +30,7 @@ _TINY: Final = 1e-9
 
 
 class ObjectTracks:
-    """Tracks of one source.
-
-    An object without a name is matched to the nearest one of the message before; one without a
-    velocity is filtered, at constant velocity from one message to the next.
-    """
+    """Tracks of one source: objects without a name are matched, those without velocity filtered."""
 
     def __init__(self, source: TrackSource, number: int) -> None:
         """Start with nothing seen; the number of the source is at least 1."""
@@ -43,12 +39,10 @@ class ObjectTracks:
         self._motions: dict[int, MotionFilter] = {}
 
     def tracks_of(self, message: Any, there: Array, motion: Array, timeout: float) -> list[Track]:
-        """Tracks in a message, in the frame of the course.
+        """Tracks in a message, in the frame of the course, or TrackError and no track.
 
         `there` ``(3,)`` is the pose of the message's frame in that of the course [m, m, rad],
-        `motion` ``(3,)`` its velocity, for velocities relative to it; an object not seen for
-        `timeout` [s] is forgotten. TrackError, and no track, for an object that is not finite, no
-        place on Earth, or of a negative radius or standard deviation.
+        `motion` ``(3,)`` its velocity; an object not seen for `timeout` [s] is forgotten.
         """
         objects, stamp = objects_of(message, self._source.type), stamp_of(message)
         if len(objects) > MAX_TRACKS:
@@ -146,11 +140,7 @@ def _with_state(track: Track, estimate: MotionFilter) -> Track:
 
 
 class TrackFusion:
-    """Association of tracks that are of the same object.
-
-    The surest track of an object is kept until another is clearly surer, so that its number stays.
-    The order of messages makes no difference.
-    """
+    """Association of tracks of one object, of which the surest is kept until another is surer."""
 
     def __init__(self) -> None:
         self._paired: set[frozenset[int]] = set()

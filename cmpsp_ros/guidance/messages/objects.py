@@ -1,7 +1,6 @@
-"""Objects in the messages of other packages' trackers and detectors.
+"""Objects in the messages of other packages' trackers and detectors, with the z axis up.
 
-Frames have their z axis up. Covariances become the standard deviation of their worst axis, shapes
-the disc about the object's place that covers them.
+Covariances become the standard deviation of their worst axis, shapes a disc that covers them.
 """
 
 from __future__ import annotations
@@ -31,10 +30,9 @@ class TrackedObject(NamedTuple):
 
 
 def objects_of(message: Any, kind: str) -> list[TrackedObject]:
-    """Objects in a message of a type, such as `radar_msgs/msg/RadarTracks`.
+    """Objects in a message of a type such as `radar_msgs/msg/RadarTracks`, or TrackError.
 
-    A name that occurs twice names nobody, as the id 0 of a costmap_converter that does not track.
-    TrackError for an object in another frame than the message, or an inconsistent message.
+    A name that occurs twice names nobody, as the id 0 of a costmap_converter without tracking.
     """
     found = list(_CONVERTERS[kind](message))
     names = [each.name for each in found]

@@ -36,11 +36,7 @@ class OdometryReading(NamedTuple):
         return cls(stamp_of(message), *frames, (position.x, position.y), (q.x, q.y, q.z, q.w))
 
     def pose_in(self, frame_id: str) -> Array:
-        """Planar pose ``(x, y, heading)`` [m, m, rad] in the frame that it must be in.
-
-        OdometryError if it is in another frame, not finite, without orientation, or no place on
-        Earth.
-        """
+        """Planar pose ``(x, y, heading)`` [m, m, rad] in a frame, or OdometryError."""
         check_frame('Odometry is', self.frame_id, frame_id, OdometryError)
         (x, y), length = self.position, math.sqrt(sum(each * each for each in self.orientation))
         if abs(length - 1.0) > 0.01:

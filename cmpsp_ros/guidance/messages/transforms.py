@@ -55,10 +55,9 @@ class Transforms:
                 known.poses.append(pose)
 
     def look_up(self, target: str, source: str, stamp: int, timeout: float) -> Array:
-        """Pose of the source frame in the target frame at `stamp` [ns], 0 for the latest, ``(3,)``.
+        """Pose ``(3,)`` of the source frame in the target frame at `stamp` [ns], 0 for the latest.
 
-        Between two instants it is interpolated; before the first and after the last that one holds.
-        TransformError if the nearest is farther away than `timeout` [s].
+        Interpolated; TransformError if the nearest is farther away than `timeout` [s].
         """
         chains = [self._ancestors(each) for each in (target, source)]
         common = next((each for each in chains[1] if each in chains[0]), None)

@@ -1,7 +1,6 @@
 """Infeasible tasks, found before a run: a goal too far, a closed road, too high a speed.
 
-All checks are conservative, a warning is never wrong: the shortest path is one without obstacles,
-and of a gap only its width counts. On open floor gaps are not checked, nor beside moving obstacles.
+All checks are conservative, a warning is never wrong; moving obstacles are not looked at.
 """
 
 from __future__ import annotations

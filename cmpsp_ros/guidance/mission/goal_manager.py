@@ -143,8 +143,7 @@ class GoalManager:
     def postpone(self, begin: int, start: PlanStart) -> float:
         """Pass the present goal later, and all after it, where the path to it takes too long.
 
-        Returns by how much [s]; 0 where the time is enough, or no path is known and nobody closes
-        it, or the robot is within the tolerance of the goal. `begin` [ns].
+        Returns by how much [s]; 0 where the time is enough or no path is known. `begin` [ns].
         """
         goal, search, period = self.goal, start.world.map_search(self._settings), self.period
         is_there = self._settings.tolerates(*self.target.errors(start.pose))

@@ -1,10 +1,8 @@
 """The final time of goals that are to be passed as early as possible: a search, step by step.
 
-Within a plan the final time is fixed. At each control step, with a scanner after its command, a
-plan that ends a stride earlier is tried, made from the present one driven faster: if it meets every
-constraint it is followed, and the next stride is longer; otherwise the next one is shorter. A plan
-that has a flaw is tried with more time. So the plan that is followed ends at the earliest time
-found, and a trial changes no command.
+Within a plan the final time is fixed. At each control step a plan that ends a stride earlier is
+tried, made from the present one driven faster: if it meets every constraint it is followed, and
+the next stride is longer, else shorter. A plan with a flaw is tried with more time.
 """
 
 from __future__ import annotations
@@ -161,11 +159,7 @@ class ArrivalTime:
         return replace(context, horizon=remaining(begin, period, end))
 
     def _is_good(self, candidate: Candidate, tolerances: float = 1.0) -> bool:
-        """True if a plan meets its constraints and ends within so many tolerances of the goal.
-
-        In corridors that leave hardly more than the margin all plans use some of it, and in
-        narrower gaps as much as they need.
-        """
+        """True if a plan has no flaw but slack that all need, and ends at the goal."""
         margin = _OF_MARGIN * self.settings.safety.margin
         is_tight = candidate.result.slack <= self.slack + margin
         return (

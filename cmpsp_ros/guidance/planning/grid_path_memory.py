@@ -38,8 +38,7 @@ def search_ahead(
 def searched_with(settings: LawSettings, world: World, place: Array, goal: Point) -> Searched:
     """Inputs of the path search of the next control step; takes as long as one grid search.
 
-    Another path is taken if the present one is blocked, or longer by more than the hysteresis. That
-    doubles each time: noise that opens and closes a gap would make the robot drive to and fro.
+    The hysteresis of a path doubles with each change: noise would make a robot drive to and fro.
     """
     if world.seen is None:
         return world.searched

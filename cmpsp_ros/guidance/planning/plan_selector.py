@@ -1,8 +1,7 @@
 """Improvement of plans within the work of a control step, and the plan to follow.
 
-A warm start can be a trap, such as a plan that ends before an obstacle because it once led to its
-middle, or one on the side where no time is left. So where plans can differ in more than detail,
-one for each of the most promising homotopy classes is kept and improved beside the one followed.
+A warm start can be a trap, such as a plan on the side where no time is left. So one for each of
+the most promising homotopy classes is kept and improved beside the one followed.
 """
 
 from __future__ import annotations
@@ -166,8 +165,7 @@ class _Comparison(NamedTuple):
 class PlanSelector:
     """Improves the plan that is followed, and others where that may help, and selects one.
 
-    Where a scanner leaves a step less time, others are compared with an admissible plan after the
-    command; the better one is followed from the next step on.
+    Where a scanner leaves less time, they are compared after the command, for the next step.
     """
 
     def __init__(

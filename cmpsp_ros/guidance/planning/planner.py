@@ -48,11 +48,7 @@ _WORK_USED_UP: Final = 'The work of this control step was used up, or rounding w
 
 
 class Planner:
-    """Improves control histories, one planner for each that is improved side by side with others.
-
-    It keeps memory for the longest horizon, and the active constraints of its last plan: a warm
-    start changes the path to the solution of a subproblem, not the solution.
-    """
+    """Improves control histories, and keeps memory and active constraints: a warm start."""
 
     def __init__(
         self, formulation: OcpFormulation, compiled: CompiledProblem | None = None

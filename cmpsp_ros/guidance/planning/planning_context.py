@@ -197,8 +197,7 @@ class Guesses:
     ) -> list[Array]:
         """Guesses of the most promising other homotopy classes; else along the centre line.
 
-        The path searched on a grid comes first where it leads back through what is seen, or where
-        it is clear on a map and that of the first class leads through a wall, as in mazes.
+        A path searched on a grid is first where it leads back, or alone is clear, as in mazes.
         """
         guesses = [each.guess for each in self._paths(context, guide_paths, limit, without)]
         world = context.start.world

@@ -1,8 +1,7 @@
 """Retreat from what comes at the robot and closes its way: to where it is not touched.
 
-On a grid around the robot, the cells where it can be at a time, untouched, are those beside the
-ones of the time before that are clear by then. Of those left in the end, it goes to a near one
-where it can stay for long.
+On a grid around it, it can be at a time in clear cells beside those of the time before; of those
+left in the end, it goes to a near one where it can stay for long.
 """
 
 from __future__ import annotations

@@ -127,10 +127,9 @@ class Estimator:
         return self.commands.latest
 
     def update(self, seen: Observation, world: World, previous_control: Array) -> Estimate:
-        """Take in an observation at the beginning of a control step; `previous_control` ``(r,)``.
+        """Take in an observation, and predict where a command given now takes effect.
 
-        A plan begins where the robot will be when a command given now takes effect. Wheels that lag
-        by ``T`` move as ones that obey at once, so much later, and keep their speeds until then.
+        Wheels that lag by ``T`` move as ones that obey at once, so much later.
         """
         stamp, pose, road = seen.stamp, seen.pose, world.road
         moving = reachable = touchable = NOTHING_MOVES

@@ -38,11 +38,7 @@ class PendingCommands:
         return self._given[-1][1] if self._given else self._before
 
     def add(self, stamp: int, control: Array, twist: Array | None = None) -> None:
-        """Remember a command ``(r,)`` and its twist, for `pose_after`.
-
-        `stamp` is the time that it answers [ns], at least the last one's: no command overtakes
-        another.
-        """
+        """Remember a command ``(r,)`` for a stamp [ns], not before the last one, and its twist."""
         if self._given:
             stamp = max(stamp, self._given[-1][0])
             while self._given and self._given[0][0] < stamp - _REMEMBERED:
@@ -91,11 +87,7 @@ class PendingCommands:
     def pose_after(
         self, pose: Array, begin: int, end: int, delay: int, grip: float
     ) -> tuple[float, float, float]:
-        """Pose to which the commands lead a robot that obeys each at once, after the delay.
-
-        Plain Python, at every control step: microseconds. `pose` ``(3,)`` [m, m, rad]; times in
-        [ns].
-        """
+        """Pose to which commands lead a robot that obeys after a delay [ns]: in microseconds."""
         held: list[tuple[list[float], float]] = []
         until = end
         for given, twist in reversed(self._twists):

@@ -1,7 +1,6 @@
 """Speed limit before obstacles that a plan leads into: the robot stops before them.
 
-Where no plan passes an obstacle the best one leads through it, and only its first arc is checked:
-the robot may be beyond that arc before it stands.
+Where no plan passes one the best leads through it, and only its first arc is checked.
 """
 
 from __future__ import annotations

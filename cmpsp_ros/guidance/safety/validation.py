@@ -70,8 +70,7 @@ class Validation(NamedTuple):
 class Validator:
     """Checks plans: finite, within the wheel limits, clear for the first control period.
 
-    With a limit of acceleration it must be clear from there until at rest, too, along the plan, its
-    curvature or the road: the next control step can always stop.
+    With a limit of acceleration it is also clear to rest along plan, curvature or road.
     """
 
     def __init__(self, settings: LawSettings, *, with_margin: bool = False) -> None:
@@ -98,11 +97,10 @@ class Validator:
     def check(
         self, start: PlanStart, controls: Array, durations: Array, pending: Validation | None = None
     ) -> Validation:
-        """Roll out a plan and check whether its first command may be sent.
+        """Roll out a plan ``(N + 1, r)`` and check whether its first command may be sent.
 
-        A robot already outside the road, or inside an obstacle, may not get deeper. No moving
-        obstacle may be able to reach it before it is at rest. `controls` ``(N + 1, r)``,
-        `durations` ``(N,)`` [s].
+        A robot outside the road or inside an obstacle may not get deeper; no moving obstacle may
+        reach it before it is at rest.
         """
         verdict = self._check(start, controls, durations)
         return verdict if pending is None else pending.followed_by(verdict)

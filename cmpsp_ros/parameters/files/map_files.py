@@ -1,8 +1,7 @@
 """Map files of map_server and slam_toolbox: YAML with PGM or PNG.
 
-``map.file`` is not a parameter of the table: it is replaced by the parameters of the map in the
-file before anything is declared or recorded. So a bag contains the map itself, and reading a bag
-never opens another file.
+``map.file`` is replaced by the parameters of the map in it before anything is declared or
+recorded: a bag has the map itself.
 """
 
 from __future__ import annotations

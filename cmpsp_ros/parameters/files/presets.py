@@ -58,13 +58,11 @@ def load_parameter_file(
     *,
     namespace: str | None = None,
 ) -> dict[str, Any]:
-    """The values of a parameter file, flat, before keys and values are checked.
+    """The values of a parameter file, or of a preset by its name, flat and not checked.
 
-    `path_or_preset_name` is a file or, as text without folder and suffix, a preset. Values are
-    those that ROS passes to a `node` such as ``/r1/guidance``, or those of guidance and simulator
-    in a `namespace` such as ``/r1``, else in any; the later section counts. ParameterError if there
-    is no such file, it has no ROS parameters, or different values for several nodes and none is
-    selected.
+    They are those of a `node` such as ``/r1/guidance``, or of guidance and simulator in a
+    `namespace`, else in any; the later section counts. ParameterError if there is no such file, no
+    ROS parameters in it, or different values for several nodes and none is selected.
     """
     path = _path(path_or_preset_name)
     sections = _sections(path)

@@ -1,8 +1,7 @@
 """Road files: CSV, or GeoJSON in metres.
 
-``road.file`` is not a parameter of the table: it is replaced by the parameters of the corridor in
-the file before anything is declared or recorded. So a bag contains the road itself, and reading a
-bag never opens another file.
+``road.file`` is replaced by the parameters of the road in it before anything is declared or
+recorded: a bag has the road itself.
 """
 
 from __future__ import annotations

@@ -50,11 +50,7 @@ def speeds_and_turns(twists: Array) -> Array:
 
 
 class Arc(NamedTuple):
-    """One arc for compiled code: its ends [m] with cosine and sine of the course there.
-
-    The length along it [m] is negative when driven backward; `turn` is the change of the course
-    [rad].
-    """
+    """One arc: its ends [m] with the course there; backward its length is negative [m, rad]."""
 
     x: float
     y: float

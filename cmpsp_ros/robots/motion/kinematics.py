@@ -207,8 +207,7 @@ _kept: Final[list[Any]] = []  # functions whose machine code is called by its ad
 def displacement(motion: Callable[..., Any], count: int) -> tuple[Any, Any]:
     """Displacement and its derivatives, compiled from the motion of a model with so many controls.
 
-    ``motion(constants, *controls)`` is the twist forward, to the left and turning, for a wheel
-    radius of 1, by functions that take complex numbers.
+    ``motion(constants, *controls)`` is the twist for a wheel radius of 1, also of complex numbers.
     """
     twist_of: Any = inner(motion)
 

@@ -39,8 +39,7 @@ class GridError(ValueError):
 class OccupancyGrid:
     """Cells in rows along x, one row after the other along y, as in nav_msgs/OccupancyGrid.
 
-    GridError if there are no cells or too many, a value is none, or origin or resolution are not
-    finite, or the resolution is not positive.
+    GridError for no cells or too many, values that are none, or numbers that are not finite.
     """
 
     origin: tuple[float, float, float]  # pose of the outer corner of cell (0, 0) [m, m, rad]

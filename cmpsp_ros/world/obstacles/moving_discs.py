@@ -23,10 +23,9 @@ _COLUMNS = 7
 
 @dataclass(frozen=True)
 class MovingDiscs:
-    """Discs at an instant, with their predicted motion.
+    """Discs at an instant that go on at constant velocity, or by known ways.
 
-    They go on at constant velocity, but for those whose ways are known: they go straight from one
-    place to the next, and stand before the first and after the last.
+    A way goes straight from place to place; they stand before the first and after the last.
     """
 
     names: tuple[str, ...]  # names in messages
@@ -103,10 +102,9 @@ class MovingDiscs:
         return centers, states[:, _RADIUS] + growth * times[:, None]
 
     def legs(self, durations: Array) -> Array:
-        """States ``(K, M, 7)`` at the beginnings of steps, in which velocity and growth are kept.
+        """States ``(K, M, 7)`` at the beginnings of steps, with constant velocity and growth.
 
-        The chord of a radius that grows ever faster is above it. Where a way bends within a step
-        its disc goes straight all the same, and is greater by as much as the way strays from that.
+        A disc is greater by as much as its way strays from a straight line within a step.
         """
         if not len(self):
             return _NO_LEGS
@@ -131,11 +129,10 @@ class MovingDiscs:
         start: Array,
         reach: float = 0.0,
     ) -> tuple[Array, Array]:
-        """Centres at the samples of a plan and distances to keep from them there, see `at_times`.
+        """Centres at samples and distances to keep there, so that the path between them is clear.
 
-        With those any path between two samples, at most a period apart, is clear; without limits of
-        twists only the samples are. Where the robot, its discs within reach [m] of the start,
-        cannot be by then, a disc asks for nothing: its radius there is ``-inf``.
+        Without limits of twists only samples are. Where the robot cannot be by then, its discs
+        within reach [m] of the start, a radius is ``-inf``.
         """
         centers, radii = self.at_times(times)
         if limits is None:
@@ -164,8 +161,7 @@ class MovingDiscs:
     ) -> Array:
         """Least clearance ``(K, M)`` [m], or less, of arcs that are driven while they move.
 
-        Arcs are those of `FreeSpace.along`, each of which begins at a time from now on [s]. Of the
-        points of the robot ``(D, 2)`` the nearest counts.
+        They are those of `FreeSpace.along`, at times from now on [s]; of points the nearest counts.
         """
         clearance = np.empty((len(poses), len(self)))
         arrays = (np.ascontiguousarray(each) for each in (poses, twists, durations, times))
@@ -245,9 +241,8 @@ def sweep_moving(
 ) -> float:
     """Least distance, in time, of an arc from a point that moves, less a radius that grows from 0.
 
-    Seen from the point the robot does not drive an arc. It strays from a chord of that path as far
-    as the arc does from its own, timed alike, since the point's speed is constant. The place of
-    the point is that at the beginning; a distance above `enough` need not be known more exactly.
+    Seen from the point, the path strays from a chord as far as the arc does from its own: the
+    point's speed is constant. A distance above `enough` need not be known more exactly.
     """
     astray = abs(arc.length * arc.turn) / 8.0
     away_x, away_y = arc.x - x, arc.y - y

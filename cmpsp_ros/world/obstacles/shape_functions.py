@@ -87,8 +87,7 @@ def away_from(shapes: ShapeData, k: int, j: int, x: float, y: float) -> Any:
 def sweep(arc: Arc, shapes: ShapeData, j: int, enough: float) -> float:
     """Least distance of an arc, from end to end, from a shape that stands still.
 
-    Exact for a point. Else a lower bound from chords of the arc, low by `ROUGHNESS` at most,
-    unless it is more than ``enough``.
+    Exact for a point; else low by `ROUGHNESS` at most, unless it is more than ``enough``.
     """
     least: float
     corners, begin, end = shapes.corners, shapes.first[j], shapes.first[j + 1]

@@ -24,8 +24,7 @@ def arc_length_to(
 ) -> float:
     """Arc length of the centre line from a pose to a goal, negative against its direction [m].
 
-    Where the road crosses itself, the heading at the goal [rad] and the progress [m] near the pose
-    select the branch; None or NaN if unknown.
+    The heading at the goal [rad] and the progress near the pose select the branch, if known.
     """
     return float(remaining_arc_length(road, pose[None], goal, heading, progress)[0])
 
@@ -50,8 +49,7 @@ def lookahead_points(
 def project_on_path(road: Road, pose: Array, before: float) -> float:
     """Arc length of a pose, on the branch of the road along which the robot has come.
 
-    `before` is its last known value, NaN at first. A pose far beside the road there is projected
-    afresh. NaN for roads that cannot cross themselves.
+    `before` is its last value, NaN at first; NaN for roads that cannot cross themselves.
     """
     if not road.has_progress:
         return math.nan

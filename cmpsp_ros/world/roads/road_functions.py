@@ -57,10 +57,9 @@ def addresses(*functions: Any) -> IntArray:
 
 @allocation_free
 def project(road: RoadSpace, x: float, y: float, heading: float, near: float) -> float:
-    """Progress of a pose [m].
+    """Progress of a pose [m]; where the road crosses itself, of a branch.
 
-    Where the road crosses itself, progress `near` a recent place selects the branch, else the
-    heading; NaN for unknown.
+    The progress `near` a recent place selects it, else the heading; NaN for unknown.
     """
     call(road.functions[_PROJECT], (road, x, y, heading, near))
     progress: float = road.found[0]

@@ -1,7 +1,6 @@
 """Homotopy classes of paths past the obstacles, and an initial trajectory for each.
 
-The side on which an obstacle is passed is a discrete choice that no iteration revisits. A search
-over the gaps at stations along the road finds the choices, and each becomes an initial trajectory.
+No iteration revisits the side of an obstacle: a search over gaps along the road finds the choices.
 """
 
 from __future__ import annotations
@@ -84,11 +83,7 @@ def guide_paths(
     limit: int = MAX_CLASSES,
     without: Collection[HomotopyClass] = (),
 ) -> list[GuidePath]:
-    """The most promising paths to the goal, one for a homotopy class, best first.
-
-    None where everything is closed, or nothing is left to drive; at most `limit`, and none of the
-    classes `without`. The space is that of the samples.
-    """
+    """At most `limit` paths to the goal, one a class that is not in `without`, best first."""
     frame = road_frame(settings, start, target)
     if frame.length < 2.0 * SPACING:
         return []
@@ -199,8 +194,7 @@ def searched_line(space: FreeSpace, start: Array, goal: Array) -> Array:
 def _searched_area(space: FreeSpace, start: Array, goal: Array) -> tuple[Array, Array]:
     """Lower and upper corner of the area that the shortest line is in, shape ``(2,)`` each [m].
 
-    Where the cells of all shapes would be coarse, shapes do not count that are clear of the
-    rectangle around start, goal and the shapes that count: no shortest line goes around them.
+    If it were coarse, shapes clear of the rectangle around all others do not count.
     """
     reached = np.repeat(space.reaches + space.radii, 2).reshape(-1, 2)
     begins, ends = space.centers - reached - _AROUND, space.centers + reached + _AROUND

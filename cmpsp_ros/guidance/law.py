@@ -14,7 +14,7 @@ from cmpsp_ros.guidance.commands.supervisor import Supervisor
 from cmpsp_ros.guidance.decision import Decision
 from cmpsp_ros.guidance.goals import Goal
 from cmpsp_ros.guidance.horizon import remaining
-from cmpsp_ros.guidance.mission.feasibility_precheck import infeasibility_warnings
+from cmpsp_ros.guidance.mission.feasibility import infeasibility_warnings
 from cmpsp_ros.guidance.mission.return_to_goal import return_to_goal
 from cmpsp_ros.guidance.plan_ahead import PlanAhead
 from cmpsp_ros.guidance.planning.grid_path_memory import search_ahead

@@ -9,7 +9,7 @@ from typing import Final
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.decision import Decision, FallbackLevel, Plan
 from cmpsp_ros.guidance.messages.tracks import MovingObject
-from cmpsp_ros.guidance.mission.closed_road import ClosedRoad
+from cmpsp_ros.guidance.mission.feasibility import ClosedRoad
 from cmpsp_ros.guidance.mission.goal_manager import GoalManager
 from cmpsp_ros.guidance.mission.progress_watch import ProgressWatch
 from cmpsp_ros.guidance.planning.arrival_time import ArrivalTime

@@ -12,9 +12,8 @@ from typing import Any, ClassVar, Final, Self
 import numpy as np
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.robots.derived_robot import DerivedRobot
 from cmpsp_ros.robots.motion.arcs import with_side
-from cmpsp_ros.robots.robot import TwistLimits
+from cmpsp_ros.robots.robot import DerivedRobot, TwistLimits
 
 Rim = tuple[float, float, float]
 

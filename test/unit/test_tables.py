@@ -49,7 +49,7 @@ SOURCES = [
     ROOT / 'cmpsp_ros/robots/robot.py',
 ]
 # Of the checks before a run one is an answer: that the robot is too far away.
-PRECHECK = ROOT / 'cmpsp_ros/guidance/mission/feasibility_precheck.py'
+PRECHECK = ROOT / 'cmpsp_ros/guidance/mission/feasibility.py'
 
 
 @pytest.fixture(scope='module')

@@ -5,8 +5,12 @@ from __future__ import annotations
 import math
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.guidance.commands.decision_builder import DecisionBuilder, Step
-from cmpsp_ros.guidance.commands.fallback import Fallback, clear_fraction
+from cmpsp_ros.guidance.commands.decision_builder import (
+    DecisionBuilder,
+    Fallback,
+    Step,
+    clear_fraction,
+)
 from cmpsp_ros.guidance.commands.looking import turn_to_look
 from cmpsp_ros.guidance.commands.making_way import (
     PATIENCE,

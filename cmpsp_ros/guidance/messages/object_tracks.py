@@ -12,8 +12,8 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.messages.objects import TrackedObject, objects_of
+from cmpsp_ros.guidance.messages.poses import compose
 from cmpsp_ros.guidance.messages.tracks import MAX_TRACKS, PeerTrajectory, TrackError, problem_of
-from cmpsp_ros.guidance.messages.transforms import compose
 from cmpsp_ros.guidance.times import NANOSECONDS
 from cmpsp_ros.sensing import MotionFilter, Track, TrackSource, stamp_of
 

@@ -11,8 +11,7 @@ from typing import Any, Final
 
 from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
 from cmpsp_ros.parameters.files import ros_yaml
-from cmpsp_ros.parameters.files.map_files import with_map_file
-from cmpsp_ros.parameters.files.road_files import with_road_file
+from cmpsp_ros.parameters.files.course_files import with_map_file, with_road_file
 
 _PACKAGE: Final = 'cmpsp_ros'
 _OURS: Final = ('guidance', 'sim')

@@ -26,7 +26,6 @@ from cmpsp_ros.guidance.messages.tracks import MovingObject
 from cmpsp_ros.guidance.times import Horizon
 
 if TYPE_CHECKING:
-    from cmpsp_ros.guidance.horizon import Horizon
     from cmpsp_ros.robots import Robot
 
 UNTIMED: Final[Mapping[str, float]] = MappingProxyType({})

@@ -10,14 +10,13 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.decision import UNTIMED, Decision, FallbackLevel, Plan
-from cmpsp_ros.guidance.horizon import remaining, shift
 from cmpsp_ros.guidance.planning.candidate import SolveResult
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 from cmpsp_ros.guidance.prediction.estimator import Estimate, Observation, PlanStart
 from cmpsp_ros.guidance.safety.validation import Validation, Validator
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.state import LawState
-from cmpsp_ros.guidance.times import NANOSECONDS, NEVER, to_nanoseconds
+from cmpsp_ros.guidance.times import NANOSECONDS, NEVER, remaining, shift, to_nanoseconds
 from cmpsp_ros.robots.motion import speeds_and_turns
 from cmpsp_ros.world.obstacles import NOTHING_MOVES, MovingDiscs
 
@@ -38,7 +37,6 @@ class DecisionBuilder:
     """Gives the command of a plan or of a stop, and says so."""
 
     def __init__(self, settings: LawSettings, validator: Validator) -> None:
-        """Take the robot from the settings; the check knows the clearance where it stops."""
         self._robot, self._period = settings.robot, to_nanoseconds(settings.control_period)
         self._validator = validator
 

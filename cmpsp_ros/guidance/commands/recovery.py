@@ -53,7 +53,6 @@ class Recovery:
     def __init__(
         self, settings: LawSettings, checks: Checks, drop_plan: Callable[[LawState], None]
     ) -> None:
-        """Take what checks plans, and how to search all classes afresh."""
         self._settings, self._checks, self._drop_plan = settings, checks, drop_plan
         self._patience = math.ceil(settings.patience / settings.control_period)
 
@@ -198,7 +197,8 @@ class Recovery:
         """Remember why the goal is unreachable; the last step says it where the width is enough."""
         mission, last = state.mission, '' if state.last is None else state.last[1].reason
         moves = mission.manoeuvres
-        if moves is not None and moves.has_failed and moves.target == mission.goals.target:
+        has_failed = moves is not None and moves.is_over and not moves.path
+        if moves is not None and has_failed and moves.target == mission.goals.target:
             mission.unreachable = _NO_MOVES
             return
         goal, blocked = mission.goals.target.position, mission.searched.blocked

@@ -216,7 +216,7 @@ class Supervisor:
         latest = max(state.lateness.expected, settings.max_command_delay)
         if plan is None or latest <= settings.command_delay:
             return decision
-        previous = state.estimator.latest_command
+        previous = state.estimator.commands.latest
         next_step = (state.clock.due - state.clock.now) / NANOSECONDS
         commanded = following.previous_control
         fraction = clear_fraction(validator, here, previous, commanded, next_step, latest)

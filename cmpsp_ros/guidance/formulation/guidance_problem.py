@@ -53,7 +53,6 @@ class GuidanceProblem(OptimalControlProblem):
         outputs: int = TerminalConstraint.POINT,
         progress: float = math.nan,  # as in `GuidanceData` [m]
     ) -> None:
-        """Set the problem up from a pose."""
         steps, things = len(durations), N_EDGE_CONSTRAINTS + len(space.first) - 1
         self.size = Dimensions(
             horizon=steps,

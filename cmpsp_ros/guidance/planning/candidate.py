@@ -158,7 +158,6 @@ class Ranking:
     """Scores plans for one set of settings; by slack alone where only one plan is kept."""
 
     def __init__(self, settings: LawSettings, *, compares: bool) -> None:
-        """Take limits and weights from the settings; it may compare several plans or none."""
         self._settings, self._compares = settings, compares
         self._goal_tolerance = settings.goal_tolerance
 

@@ -110,11 +110,6 @@ class ManoeuvreSearch:
         self._around = _around(self._settings, self._start, *things)
         self._tree = Tree.at(self._goal)
 
-    @property
-    def has_failed(self) -> bool:
-        """True once it is known that no moves are found."""
-        return self.is_over and not self.path
-
     def is_for(self, start: PlanStart, target: Target) -> bool:
         """True for the same goal, from about the same place."""
         away = math.dist(start.pose[:2], self._start.pose[:2])

@@ -12,7 +12,6 @@ from typing import Any, Final, NamedTuple
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.formulation.ocp_formulation import OcpFormulation
-from cmpsp_ros.guidance.horizon import retimed, shift
 from cmpsp_ros.guidance.planning.candidate import Candidate
 from cmpsp_ros.guidance.planning.planner import Planner
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
@@ -20,6 +19,7 @@ from cmpsp_ros.guidance.planning.selection import Selection
 from cmpsp_ros.guidance.safety.validation import Validator
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.solver_settings import SCREENING
+from cmpsp_ros.guidance.times import retimed, shift
 from cmpsp_ros.guidance.world import World
 
 _MILLISECONDS: Final = 1e-6
@@ -171,7 +171,6 @@ class PlanSelector:
     def __init__(
         self, settings: LawSettings, world: World, validator: Validator, timer: Callable[[], int]
     ) -> None:
-        """Start without a plan; the timer gives monotonic time [ns]."""
         self._settings, self._validator = settings, validator
         self.improver = Improver(settings, validator, timer)
         self._formulation = OcpFormulation(settings, world)

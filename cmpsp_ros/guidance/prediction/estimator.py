@@ -121,11 +121,6 @@ class Estimator:
         self._use(settings)
         self.response.reconfigure(settings)
 
-    @property
-    def latest_command(self) -> Array:
-        """The last command, shape ``(r,)``."""
-        return self.commands.latest
-
     def update(self, seen: Observation, world: World, previous_control: Array) -> Estimate:
         """Take in an observation, and predict where a command given now takes effect.
 

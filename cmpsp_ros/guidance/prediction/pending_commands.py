@@ -23,14 +23,10 @@ class PendingCommands:
     """The commands of one run, as far as they still matter."""
 
     def __init__(self, n_controls: int = 2) -> None:
-        self._before = self._in_force = np.zeros(n_controls)
+        self._before = np.zeros(n_controls)
+        self.in_force = self._before  # control in effect at the instant last asked for, ``(r,)``
         self._given: deque[tuple[int, Array]] = deque()
         self._twists: deque[tuple[int, list[float]]] = deque(maxlen=_TWISTS)
-
-    @property
-    def in_force(self) -> Array:
-        """The control in effect at the instant last asked for, shape ``(r,)``."""
-        return self._in_force
 
     @property
     def latest(self) -> Array:
@@ -57,17 +53,17 @@ class PendingCommands:
     def until(self, stamp: int, delay: int) -> tuple[Array, Array]:
         """Controls ``(K, r)`` until a command of now [ns] takes effect, and durations [s]."""
         ahead: list[tuple[int, Array]] = []
-        self._in_force = self._before
+        self.in_force = self._before
         for at, control in reversed(self._given):
             if at + delay <= stamp:
-                self._in_force = control
+                self.in_force = control
                 break
             if at < stamp:
                 ahead.append((at + delay, control))
         if not delay:
-            return np.empty((0, len(self._in_force))), np.empty(0)
+            return np.empty((0, len(self.in_force))), np.empty(0)
         ahead.reverse()
-        controls = np.array([self._in_force, *(each for _, each in ahead)])
+        controls = np.array([self.in_force, *(each for _, each in ahead)])
         edges = np.array([stamp, *(at for at, _ in ahead), stamp + delay], dtype=np.int64)
         durations = np.diff(edges) / NANOSECONDS
         lasting = durations > 0.0

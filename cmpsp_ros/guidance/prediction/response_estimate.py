@@ -48,7 +48,6 @@ class ResponseEstimate:
     """The response of one run, seen at its control steps; `delay` [ns] and `lag` [s] are in use."""
 
     def __init__(self, settings: LawSettings) -> None:
-        """Trust the settings until odometry contradicts them."""
         self.error = 0.0  # bound of the prediction error that the response in use leaves [m]
         self.reconfigure(settings)
 

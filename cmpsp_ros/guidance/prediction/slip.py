@@ -42,17 +42,12 @@ class SlipEstimate:
     def __init__(self, max_estimate: float) -> None:
         self._prior, self._weight = max_estimate / 2.0, _PRIOR_LENGTH**2
         self._information = self._missed = 0.0
-        self._in_use = _in_steps(max_estimate / 2.0)
+        self.slip = _in_steps(max_estimate / 2.0)  # the estimate in use, a fraction
         self.lose()
 
     def lose(self) -> None:
         """Leave out the present control period: its wheel motion is unknown."""
         self._began: tuple[int, Array, Array, Array] | None = None
-
-    @property
-    def slip(self) -> float:
-        """The estimate in use: a fraction, a multiple of half a per cent."""
-        return self._in_use
 
     def begin(self, stamp: int, pose: Array, controls: Array, durations: Array) -> None:
         """Begin a control period at `stamp` [ns]: controls ``(K + 2, r)``, durations [s]."""
@@ -80,9 +75,9 @@ class SlipEstimate:
         found = self._missed + self._weight * self._prior
         slip = min(max(found / (self._information + self._weight), 0.0), max_estimate)
         self._weight *= _FADING
-        if abs(slip - self._in_use) < _CHANGE:
+        if abs(slip - self.slip) < _CHANGE:
             return False
-        self._in_use = _in_steps(slip)
+        self.slip = _in_steps(slip)
         return True
 
 

@@ -30,7 +30,6 @@ class GridError(ValueError):
     """A grid, or a file of one, that cannot be used: where (attribute or key), found and wanted."""
 
     def __init__(self, where: str, found: str, wanted: str) -> None:
-        """Build the message from place, value found and value wanted."""
         super().__init__(f'{where}: found {found}, wanted {wanted}')
         self.where, self.found, self.wanted = where, found, wanted
 

@@ -248,14 +248,9 @@ class GuidanceLaw:
         return self._state.last[1]
 
     def after_step(self, late: float = 0.0) -> Decision:
-        """Run the slow tasks of a step, once the command is out: searches, warnings, further plans.
+        """Run the slow tasks of a step, once the command is out; the decision to record.
 
-        Args:
-            late: Duration of the step if its command came too late to be sent [s]: it is withdrawn,
-                and the previous plan continues; 0 if it was sent.
-
-        Returns:
-            The decision of the last `step`, as it is to be recorded.
+        If the step took so long that its command was not sent, it took `late` [s]: it is withdrawn.
         """
         assert self._state.last is not None  # noqa: S101 (there was a step)
         observation, decision = self._state.last

@@ -115,10 +115,8 @@ def placed(points: Array, pose: Array) -> Array:
 def covered(corners: Sequence[Point], excess: float = 0.0) -> tuple[Footprint, float]:
     """A polygon covered by as few equal discs in a row as are little wider than it; their radius.
 
-    It is cut into slices of equal length, and each disc contains the corners of its slice. The row
-    lies along the robot: a gap is driven through in that direction. With an `excess` by which discs
-    may reach beyond the polygon [m], rows side by side cover the outline; ValueError if they are
-    too many. The polygon does not cross itself, and has either sense of rotation [m].
+    The row lies along the robot: a gap is driven through in that direction. With an `excess` by
+    which discs may reach beyond [m], rows side by side cover the outline; ValueError if too many.
     """
     points = np.array(corners, dtype=float)
     after = np.roll(points, -1, axis=0)

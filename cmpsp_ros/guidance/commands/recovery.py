@@ -59,8 +59,7 @@ class Recovery:
     def choose(self, step: Step, *, reached: bool) -> Choice | Decision | None:
         """Count a step, and take the next remedy if it is time; None to go on as planned.
 
-        The first remedy takes the whole patience, each later one a third of it. On a road that is
-        followed none is the last: after them the first is tried again.
+        The first takes the whole patience, each later one a third; on a road they begin again.
         """
         state, start = step.state, step.context.start
         mission, watch = state.mission, state.mission.watch

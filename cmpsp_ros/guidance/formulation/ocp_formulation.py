@@ -216,9 +216,7 @@ def goal_space(
 ) -> FreeSpace | None:
     """Free space of the last sample of a plan, for a goal nearer to something than samples may be.
 
-    After the last goal the robot is at rest, so that no inter-sample margin is needed: the last
-    sample keeps the distance of `path_space`. None for a goal as far from everything as samples
-    must be, nearer than the path may be, or not the last.
+    The robot is at rest there, so that the distance of `path_space` will do. None for another goal.
     """
     if target.drives_on or target.is_line:
         return None

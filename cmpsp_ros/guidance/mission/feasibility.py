@@ -1,9 +1,8 @@
 """Feasibility of tasks: warnings before a run, and roads that obstacles close, where a robot waits.
 
-Each gap is a line from a corner of one obstacle to the next, or to the edge beside it; the true gap
-is no wider. No robot crosses a chain of obstacles and gaps from edge to edge where every gap is too
-narrow; and it must, where all of the chain lies between start and goal. All checks are
-conservative, a warning is never wrong; moving obstacles are not looked at.
+All checks are conservative, a warning is never wrong; moving obstacles are not looked at. The true
+gap between obstacles is no wider than a line between corners: no robot crosses a chain of them from
+edge to edge where each is too narrow, and it must, where the chain is between start and goal.
 """
 
 from __future__ import annotations

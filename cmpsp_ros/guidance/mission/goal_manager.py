@@ -245,8 +245,7 @@ class GoalManager:
     def _look_ahead(self, now: int, world: World, pose: Array, progress: float) -> None:
         """Aim at the line across the road that is to be reached at the end of the horizon.
 
-        It moves at most at the speed asked for. At a constant distance from the robot, plans that
-        drive fast at first and slowly in the end would be as good as steady ones, for ever.
+        It moves at most at the speed asked for: else plans that are fast at first would be as good.
         """
         follow = self._settings.follow
         assert follow is not None  # noqa: S101 (the caller has looked)

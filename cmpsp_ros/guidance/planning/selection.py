@@ -144,10 +144,9 @@ class Selection:
         review: bool,
         may_change: bool,
     ) -> tuple[Candidate, bool]:
-        """Improve alternatives, make new ones in a review, and select the best plan.
+        """Improve alternatives, make new ones in a review; the best, and true if it is another.
 
-        `warm` is the plan followed until now, `first` are guesses of a step that begins without
-        one. Returns the best plan, and true if it is another one.
+        `warm` is the plan followed until now, `first` are guesses of a step that begins without.
         """
         centers = [self._space.centers, context.encounters.centers, self._space.islands]
         self._places = context.road_frame.coordinates(np.concatenate(centers))

@@ -1,7 +1,6 @@
 """Commands given so far: those in effect, and those pending, which do not drive the robot yet.
 
-A command takes effect `command_delay` after the stamp of the odometry that it answers, and holds
-until the next one takes effect. So a plan can begin only where the commands before leave the robot.
+A command takes effect `command_delay` after its odometry, and holds until the next one does.
 """
 
 from __future__ import annotations

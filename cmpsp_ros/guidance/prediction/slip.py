@@ -1,16 +1,10 @@
 """Wheel slip, estimated from the distance driven under the commands given.
 
 A slipping wheel moves the robot by a fraction ``1 - s`` of its turning. The estimate is the
-least-squares solution of
-
-    d_i = (1 - s) l_i
-
-over the control periods so far, with ``l_i`` the distance without slip and ``d_i`` the distance
-driven, along the same chord. A period counts only if the wheels kept their speed: after a change of
-speed a lagging wheel looks like a slipping one.
-
-The prior is half of the largest slip: a second that was lost to unexpected slip cannot be won back,
-while a prior that is too high leaves time to spare.
+least-squares solution of ``d_i = (1 - s) l_i`` over the control periods so far, with distances
+``l_i`` without slip and ``d_i`` driven along the same chord. A period counts only if the wheels
+kept their speed: else a lagging wheel looks like a slipping one. The prior is half of the largest
+slip: a second lost to unexpected slip cannot be won back, too high a prior leaves time to spare.
 """
 
 from __future__ import annotations

@@ -34,8 +34,7 @@ def lengths_to(costs: Array, goal: IntArray) -> Array:
     """Path lengths from all cells to one, weighted by cost, infinite where there is none [cells].
 
     Dijkstra's algorithm with buckets (Dial, Comm. ACM 12, 1969): no step costs less than the width
-    of a bucket, 1, so that the order in a bucket does not matter. Costs ``(rows, columns)`` are at
-    least 1.
+    of one, 1, so that the order in a bucket does not matter. Costs are at least 1.
     """
     lengths = np.full((costs.shape[0] + 2, costs.shape[1] + 2), math.inf)
     walled = np.pad(costs, 1, constant_values=math.inf)

@@ -164,10 +164,9 @@ def _gradients(road: RoadSpace, x: float, y: float, progress: float) -> Any:
 def _sweep(road: RoadSpace, arc: Arc, progress: float, enough: float, enough_other: float) -> Any:
     """Least clearance to a hundredth of it, or a micrometre.
 
-    The arc is halved until no part can hide a smaller clearance than was found at the ends of all
-    parts: along it the second derivative of a clearance is bounded, which bounds the clearance from
-    below between two ends where value and slope are known. It is bounded near the road only, which
-    a part does not leave if it is short, or if clearances at its ends are as long as it is.
+    The arc is halved until no part can hide a smaller clearance than at the ends of all parts: value
+    and slope there and a bounded second derivative bound it. That is bounded near the road, which a
+    short part does not leave, nor one with as much clearance at its ends.
     """
     length, turn = abs(arc.length), abs(arc.turn)
     bound = road.numbers[BEND] * length * length + turn * length

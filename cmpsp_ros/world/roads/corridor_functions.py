@@ -164,9 +164,9 @@ def _gradients(road: RoadSpace, x: float, y: float, progress: float) -> Any:
 def _sweep(road: RoadSpace, arc: Arc, progress: float, enough: float, enough_other: float) -> Any:
     """Least clearance to a hundredth of it, or a micrometre.
 
-    The arc is halved until no part can hide a smaller clearance than at the ends of all parts: value
-    and slope there and a bounded second derivative bound it. That is bounded near the road, which a
-    short part does not leave, nor one with as much clearance at its ends.
+    The arc is halved until no part can hide a smaller clearance than at the ends of all parts:
+    value and slope there and a bounded second derivative bound it. That is bounded near the road,
+    which a short part does not leave, nor one with as much clearance at its ends.
     """
     length, turn = abs(arc.length), abs(arc.turn)
     bound = road.numbers[BEND] * length * length + turn * length

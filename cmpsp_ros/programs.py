@@ -12,6 +12,7 @@ from importlib import import_module
 from typing import Final, NoReturn
 
 _ROS: Final = ('rclpy', 'rmw_', 'rcl_interfaces', 'std_', 'geometry_msgs', 'nav_msgs')
+# Package by the module that is imported.
 _PIP: Final = {
     'PIL': 'pillow',
     'backports': 'backports.zstd',
@@ -25,7 +26,6 @@ _PIP: Final = {
     'typer': 'typer',
     'yaml': 'pyyaml',
 }
-"""Package by the module that is imported."""
 
 
 def _run(module: str) -> None:

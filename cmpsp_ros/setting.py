@@ -46,21 +46,13 @@ NOT_NEGATIVE: Final = Range(low=0.0)
 
 
 class Setting(NamedTuple):
-    """Declaration of a setting beside its name, type and default.
+    """Declaration of a setting beside its name, type and default."""
 
-    Attributes:
-        unit: SI unit, empty for none.
-        description: One or more sentences for the user.
-        range: Range of its numbers.
-        live: True if it may be changed while a node runs.
-        key: Name of its parameter; empty for the name of the field.
-    """
-
-    unit: str
-    description: str
-    range: Range
-    live: bool
-    key: str
+    unit: str  # SI unit, empty for none
+    description: str  # one or more sentences for the user
+    range: Range  # range of its numbers
+    live: bool  # true if it may be changed while a node runs
+    key: str  # name of its parameter; empty for the name of the field
 
 
 def setting(

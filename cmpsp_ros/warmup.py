@@ -63,41 +63,27 @@ def _end_with(sentinel: int) -> None:
 
 
 _GIGABYTE: Final = 1 << 30
-_NEEDED: Final = 2
-"""Memory that a process takes while it compiles [GB]."""
-_POLL: Final = 0.2
-"""Period of the reports of progress [s]."""
+_NEEDED: Final = 2  # memory that a process takes while it compiles [GB]
+_POLL: Final = 0.2  # period of the reports of progress [s]
 _reports: Final = ExitStack()
 
 
 @dataclass(frozen=True)
 class Part:
-    """One part of the work.
+    """One part of the work."""
 
-    Attributes:
-        name: Name of the part.
-        kernels: Number of kernels compiled for it.
-        seconds: Time it took [s].
-    """
-
-    name: str
-    kernels: int
-    seconds: float
+    name: str  # name of the part
+    kernels: int  # number of kernels compiled for it
+    seconds: float  # time it took [s]
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """Result of a warm-up.
+    """Result of a warm-up."""
 
-    Attributes:
-        folder: Folder of the machine code; None if there is none.
-        parts: Parts in the order run.
-        removed: Stale files removed.
-    """
-
-    folder: Path | None
-    parts: tuple[Part, ...]
-    removed: tuple[Path, ...]
+    folder: Path | None  # folder of the machine code; None if there is none
+    parts: tuple[Part, ...]  # parts in the order run
+    removed: tuple[Path, ...]  # stale files removed
 
     @property
     def hindrance(self) -> str:

@@ -21,6 +21,7 @@ SOFTWARE_KEY = 'cmpsp_ros.software'  # key in the bag's custom data: JSON text `
 _PACKAGES = ('numpy', 'scipy', 'numba', 'llvmlite', 'clarabel', 'rosbags', 'rclpy')
 
 
+# Fields of `rcl_interfaces/msg/ParameterValue` by its type, from 1.
 _VALUE_FIELDS = (
     'bool_value',
     'integer_value',
@@ -32,7 +33,6 @@ _VALUE_FIELDS = (
     'double_array_value',
     'string_array_value',
 )
-"""Fields of `rcl_interfaces/msg/ParameterValue` by its type, from 1."""
 
 
 def plain_values(parameters: Iterable[Any]) -> dict[str, Any]:

@@ -245,6 +245,7 @@ _Makes = Callable[[Bag, list[str]], Layout]
 # Decisions as they are published, and as they were before.
 _DECISIONS = 'diagnostic_msgs/msg/DiagnosticArray diagnostic_msgs/msg/DiagnosticStatus'
 _TWISTS = 'geometry_msgs/msg/Twist geometry_msgs/msg/TwistStamped'
+# Name of each table, types of its topics, how their names end, and its layout.
 _TABLES: tuple[tuple[str, str, str, Layout | _Makes], ...] = (
     ('odometry', 'nav_msgs/msg/Odometry', '', ((*_WHERE, _FRAME, *_POSE, *_TWIST), _odometry)),
     ('commands', _TWISTS, '', ((*_WHERE, *_TWIST), _commands)),
@@ -255,4 +256,3 @@ _TABLES: tuple[tuple[str, str, str, Layout | _Makes], ...] = (
     ('moving', 'sensor_msgs/msg/PointCloud2', '/moving_obstacles', (_MOVING, _moving)),
     ('road', 'nav_msgs/msg/Path', '/road', ((*_WHERE, _FRAME, _POINT, *_POSE[:2]), _road)),
 )
-"""Name of each table, types of its topics, how their names end, and its layout."""

@@ -37,12 +37,12 @@ _DARK: Final = '0.35 0.1 0.28 1'
 _BROWN: Final = '0.55 0.34 0.2 1'
 _GREEN: Final = '0.05 0.5 0.25 1'
 _LINE, _SHORTEST = 0.012, 1e-6
+# Colour, and radius of lines [m], by kind of part.
 _PARTS: Final = {
     'edge': ('0.25 0.25 0.25 1', 2.0 * _LINE),
     'obstacle': ('0.8 0.25 0.18 1', _LINE),
     'hidden': ('0.92 0.62 0.58 1', _LINE),
 }
-"""Colour, and radius of lines [m], by kind of part."""
 
 _LOOK = """
   <visual>

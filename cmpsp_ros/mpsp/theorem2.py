@@ -13,8 +13,7 @@ from cmpsp_ros.mpsp.problem import Hessian, OptimalControlProblem
 from cmpsp_ros.mpsp.qp.dense.condensing import CondensedQP, condense, gradient
 from cmpsp_ros.mpsp.results import Solution, Status
 
-ACTIVE_TOLERANCE = 1e-6
-"""A constraint this near to its limit, in its own units, counts as active."""
+ACTIVE_TOLERANCE = 1e-6  # a constraint this near to its limit, in its own units, counts as active
 
 # Figures are relative; between the two of a pair rounding and the error of the solution decide.
 _RANK = (1e-12, 1e-8)
@@ -44,21 +43,13 @@ class Condition(NamedTuple):
 
 
 class Theorem2(NamedTuple):
-    """The five conditions; `str` gives them as a table.
+    """The five conditions; `str` gives them as a table."""
 
-    Attributes:
-        smooth: (i), Lipschitz continuous second derivatives of ``J``, ``Y_N`` and ``g``.
-        convex_cost: (ii), ``grad^2 J`` positive definite for all ``U``.
-        strict_complementarity: (iii)(a), positive multipliers of the active constraints.
-        regular: (iii)(b), full column rank of ``G(U*)``.
-        second_order: (iii)(c), Lagrangian curved upward along the null space of ``G(U*)'``.
-    """
-
-    smooth: Condition
-    convex_cost: Condition
-    strict_complementarity: Condition
-    regular: Condition
-    second_order: Condition
+    smooth: Condition  # (i), Lipschitz continuous second derivatives of ``J``, ``Y_N`` and ``g``
+    convex_cost: Condition  # (ii), ``grad^2 J`` positive definite for all ``U``
+    strict_complementarity: Condition  # (iii)(a), positive multipliers of the active constraints
+    regular: Condition  # (iii)(b), full column rank of ``G(U*)``
+    second_order: Condition  # (iii)(c), Lagrangian curved upward along the null space of ``G(U*)'``
 
     @property
     def conditions(self) -> tuple[Condition, ...]:

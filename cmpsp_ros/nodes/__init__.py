@@ -19,10 +19,10 @@ os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 # them again and again.
 gc.set_threshold(max(gc.get_threshold()[0], 100_000))
 
+# Modules of the programs, by the names that `ros2 run` has for them.
 MODULES = {
     'guidance_node': 'cmpsp_ros.nodes.guidance.node',
     'sim_node': 'cmpsp_ros.nodes.sim.node',
     'recorder': 'cmpsp_ros.nodes.recording.recorder',
     'viewer': 'cmpsp_ros.nodes.viewer',
 }
-"""Modules of the programs, by the names that `ros2 run` has for them."""

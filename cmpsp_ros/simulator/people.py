@@ -23,17 +23,17 @@ Point = tuple[float, float]
 _NS: Final = 1_000_000_000
 _REMEMBERED: Final = 100  # steps that are kept: a scan finds people where they were
 
+# Distance from a waypoint [m], and time [s] below a speed [m/s], after which the next is due.
 _ARRIVED, _STUCK, _SLOW = 0.2, 1.0, 0.05
-"""Distance from a waypoint [m], and time [s] below a speed [m/s], after which the next is due."""
 
 _SPACING: Final = 0.7  # distance between the members of a group [m]
 
 _FROM_WALL, _SHORTEST, _ATTEMPTS = 0.1, 0.5, 16
+# Radius of a leg, half the distance of both, length of two steps, amplitude of a foot [m].
 _LEG, _HALF_STANCE, _STRIDE, _SWING = 0.06, 0.1, 1.3, 0.16
-"""Radius of a leg, half the distance of both, length of two steps, amplitude of a foot [m]."""
 _BRAKING: Final = 0.8  # fraction of the acceleration limit planned before walls and waypoints
+# Social force: relaxation [s], size [m/s^2], decay with the gap [m], foresight [s], turn [rad].
 _RELAXATION, _PUSH, _RANGE, _FORESIGHT, _ASIDE = 0.5, 4.0, 0.35, 3.0, 0.7
-"""Social force: relaxation [s], size [m/s^2], decay with the gap [m], foresight [s], turn [rad]."""
 
 
 class People:

@@ -19,6 +19,7 @@ from cmpsp_ros.world.roads import Road
 # Okabe and Ito: Color Universal Design (2008), in an order that also differs in lightness.
 BAGS: Final = ('#0072b2', '#d55e00', '#009e73', '#cc79a7', '#56b4e9', '#000000')
 
+# By fallback level; a stop after the final time is none that should worry anybody.
 LEVEL_COLORS: Final = {
     'nominal': '#009e73',
     'elastic': '#f0e442',
@@ -26,7 +27,6 @@ LEVEL_COLORS: Final = {
     'stop': '#4d4d4d',
     'arrived': '#c4c9d1',
 }
-"""By fallback level; a stop after the final time is none that should worry anybody."""
 
 ROAD: Final = '#e9ebef'
 EDGE: Final = '#7b8494'
@@ -72,6 +72,7 @@ class Look:
         return ('#ffffff', self.color) if self.fill == self.color else (self.color, '#ffffff')
 
 
+# By kind, from the lowest to the uppermost.
 LOOKS: Final = {
     'road': Look('road', ROAD, ROAD),
     'edge': Look('', EDGE, width=1.0),
@@ -87,7 +88,6 @@ LOOKS: Final = {
     'trail': Look('', '', width=0.6),
     'body': Look('outline of the robot', '', width=1.4),
 }
-"""By kind, from the lowest to the uppermost."""
 
 
 @dataclass(frozen=True)

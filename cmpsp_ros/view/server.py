@@ -24,11 +24,10 @@ from importlib.resources import files
 from typing import Any, ClassVar, Final
 from urllib.parse import parse_qs, urlsplit
 
+# Environment variable with the token; without it each server makes one of its own.
+#
+# Neither an argument nor a parameter, which all can read who see the processes or the graph.
 VARIABLE: Final = 'CMPSP_VIEW_TOKEN'
-"""Environment variable with the token; without it each server makes one of its own.
-
-Neither an argument nor a parameter, which all can read who see the processes or the graph.
-"""
 
 _BYTES: Final = 16
 _TOKEN: Final = re.compile(r'[A-Za-z0-9_-]{8,}')

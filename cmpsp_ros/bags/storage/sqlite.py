@@ -148,8 +148,7 @@ class SqliteStorage(Sqlite3Writer):
         self.channel_stats: dict[int, int] = {}
         self.message_start_time = common.NO_MESSAGE_YET
         self.message_end_time = 0
-        self.size = 0
-        """Approximate size of the file so far [bytes]."""
+        self.size = 0  # approximate size of the file so far [bytes]
         self._refused = False
         self.conn = sqlite3.connect(path)
         self.conn.execute('PRAGMA journal_mode=WAL')

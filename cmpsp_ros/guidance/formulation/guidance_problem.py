@@ -21,7 +21,7 @@ from cmpsp_ros.guidance.formulation.ocp_functions import (
 from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.solver_settings import Weights
 from cmpsp_ros.mpsp import Dimensions, Evaluation, Hessian, Linearisation, OptimalControlProblem
-from cmpsp_ros.mpsp.models import CONTROL_JERK, CONTROL_RATE, ControlJerkData, ControlRateData
+from cmpsp_ros.mpsp.models import CONTROL_RATE, ControlRateData, Rates
 from cmpsp_ros.mpsp.qp.active_set import derivatives_in
 from cmpsp_ros.mpsp.qp.riccati import row_type, stage_type
 from cmpsp_ros.mpsp.sqp import Driver, Entries, Functions
@@ -145,7 +145,6 @@ class CompiledProblem(NamedTuple):
     kind: tuple[object, ...]
     entries: Entries  # of the problem and the iteration
     inner: IntArray | None = None  # addresses of functions that `CONTROL_RATE` calls, if it does
-    innermost: IntArray | None = None  # addresses of those that `CONTROL_JERK` calls
 
 
 def problem_data(
@@ -161,26 +160,21 @@ def problem_data(
     """
     if not formulation.remembers_control:
         return data
-    settings, steps = formulation.settings, len(data.durations)
-    previous = np.ascontiguousarray(start.previous_control, dtype=np.float64)
-    inner: GuidanceData | ControlJerkData = data
+    settings, robot = formulation.settings, start.robot
+    held = np.array(start.previous_control, dtype=np.float64)[None]
     if formulation.jerk_rows:
-        before, wheels = np.stack([previous - start.previous_change, previous]), start.robot.wheels
-        functions = None if compiled is None else compiled.innermost
-        inner = ControlJerkData(
-            data,
-            steps,
-            before,
-            settings.max_second_difference,
-            wheels,
-            end_jerk,
-            formulation.first_jerk_row,
-            functions,
-        )
-    functions = None if compiled is None else compiled.inner
-    limits = settings.max_wheel_change, start.robot.rate_limits
-    rate = settings.weights.control_rate
-    return ControlRateData(inner, steps, rate, previous, *limits, functions)
+        held = np.vstack([held - start.previous_change, held])
+    rates = Rates(
+        len(data.durations),
+        settings.weights.control_rate,
+        held,
+        settings.max_wheel_change,
+        robot.rate_limits,
+        settings.max_second_difference,
+        end_jerk,
+        robot.wheels,
+    )
+    return ControlRateData(data, rates, None if compiled is None else compiled.inner)
 
 
 def compile_problem(
@@ -191,10 +185,5 @@ def compile_problem(
     whole = problem_data(formulation, data, start)
     if not isinstance(whole, ControlRateData):
         return CompiledProblem(kind, FUNCTIONS.entries(whole, ws))
-    inner, innermost = FUNCTIONS.addresses(data, ws), None
-    if isinstance(whole.inner, ControlJerkData):
-        innermost = inner
-        jerk = whole.inner._replace(functions=innermost)
-        whole, inner = whole._replace(inner=jerk), CONTROL_JERK.addresses(jerk, ws)
-    entries = CONTROL_RATE.entries(whole._replace(functions=inner), ws)
-    return CompiledProblem(kind, entries, inner, innermost)
+    inner = FUNCTIONS.addresses(data, ws)
+    return CompiledProblem(kind, CONTROL_RATE.entries(whole._replace(functions=inner), ws), inner)

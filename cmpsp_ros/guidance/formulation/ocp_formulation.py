@@ -66,7 +66,6 @@ class OcpFormulation:
             + [_LATERAL_PENALTY] * settings.robot.lateral_rows
             + [math.inf] * (self.jerk_rows + changes)
         )
-        self.first_jerk_row = len(self.penalty_path) - changes - self.jerk_rows
         self.heading_trust_region = settings.solver.heading_trust_region or math.inf
         has_rates = settings.weights.control_rate > 0.0 or changes > 0
         # The previous control is part of the state then; with three controls always, for which code

@@ -21,8 +21,7 @@ from numba.extending import unbox
 
 from cmpsp_ros.mpsp.jit.record_arrays import RecordLower
 
-_FEW: Final = 2
-"""Arrays, and tuples, that are passed by their words."""
+_FEW: Final = 2  # arrays, and tuples, that are passed by their words
 
 
 class Reference(types.Type):  # type: ignore[misc]  # numba has no types

@@ -26,10 +26,8 @@ from cmpsp_ros.mpsp.jit import internals
 from cmpsp_ros.mpsp.jit.fingerprint import VERSIONS, describe_type, fingerprint
 
 _NAME: Final = __name__.partition('.')[0]
-MAX_AGE: Final = 30 * 86_400.0
-"""Time that a file may go unused before it can be removed [s]."""
-MAX_SIZE: Final = 500_000_000
-"""Size up to which nothing is removed [bytes]."""
+MAX_AGE: Final = 30 * 86_400.0  # time that a file may go unused before it can be removed [s]
+MAX_SIZE: Final = 500_000_000  # size up to which nothing is removed [bytes]
 
 
 @cache
@@ -107,11 +105,11 @@ def _is_ours(folder: Path) -> bool:
     return True
 
 
+# Kind of numba's event while another process compiles a kernel that is needed.
 WAITING: Final = 'cmpsp_ros:wait'
-"""Kind of numba's event while another process compiles a kernel that is needed."""
 
+# Content of files (`parts`), and how functions are called (`by_reference`).
 _FORMAT: Final = 'parts, by reference, of any size, optimised once'
-"""Content of files (`parts`), and how functions are called (`by_reference`)."""
 _DAY: Final = 86_400.0
 _CHECKSUM: Final = 16
 

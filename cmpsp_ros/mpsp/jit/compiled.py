@@ -122,14 +122,11 @@ def _calls(returned: Any) -> Any:
     return call
 
 
+# ``call(address, arguments)`` calls a function that returns nothing.
+#
+# The arguments must have the very same types as those of `address_of`.
 call: Final = _calls(types.none)
-"""``call(address, arguments)`` calls a function that returns nothing.
 
-The arguments must have the very same types as those of `address_of`.
-"""
+call_for_int: Final = _calls(types.int64)  # the same of one that returns an integer
 
-call_for_int: Final = _calls(types.int64)
-"""The same of one that returns an integer."""
-
-call_for_float: Final = _calls(types.float64)
-"""The same of one that returns a number."""
+call_for_float: Final = _calls(types.float64)  # the same of one that returns a number

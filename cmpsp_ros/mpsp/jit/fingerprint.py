@@ -23,11 +23,11 @@ import llvmlite
 import numba
 import numpy as np
 
+# Versions that machine code depends on, besides the processor.
 VERSIONS: Final = (
     f'numba {numba.__version__}, llvmlite {llvmlite.__version__}, numpy {np.__version__},'
     f' {platform.python_implementation()} {platform.python_version()}'
 )
-"""Versions that machine code depends on, besides the processor."""
 
 _KNOWN: Final = frozenset(sys.stdlib_module_names) | {'numba', 'llvmlite', 'numpy'}
 _USES_CONSTANT: Final = frozenset(dis.hasconst)

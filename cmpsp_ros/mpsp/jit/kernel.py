@@ -39,12 +39,12 @@ from cmpsp_ros.mpsp.jit.by_reference import ReferenceLower
 from cmpsp_ros.mpsp.jit.parts import MachineCode, Part, Sized, environments_in, for_sizes, relink
 from cmpsp_ros.mpsp.jit.sizes import NotGeneralError, generalised, is_general
 
+# Passes for what a function without arrays and functions of its own cannot contain or need.
 _UNNEEDED = frozenset({
     WithLifting, InlineClosureLikes, MakeFunctionToJitFunction, InlineInlinables,
     FindLiterallyCalls, LiteralUnroll, InlineOverloads, NopythonRewrites, IRLegalization,
     AnnotateTypes,
 })  # fmt: skip
-"""Passes for what a function without arrays and functions of its own cannot contain or need."""
 
 
 @register_pass(mutates_CFG=True, analysis_only=False)

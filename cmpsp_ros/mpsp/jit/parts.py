@@ -22,14 +22,13 @@ from cmpsp_ros.mpsp.jit.sizes import with_sizes, with_symbols
 
 _ENVIRONMENT = '_ZN08NumbaEnv'
 _DYNAMIC = 'numba.dynamic.globals'
+# Linkage of functions that are in several modules, and dropped where nothing calls them.
 _MANY = 'linkonce_odr'
-"""Linkage of functions that are in several modules, and dropped where nothing calls them."""
 
 
-_LEVEL: Final = 3
-"""Level of optimisation."""
+_LEVEL: Final = 3  # level of optimisation
+# LLVM's cost up to which a function is put into its callers; 225, its default, compiles longer.
 _INLINED: Final = 100
-"""LLVM's cost up to which a function is put into its callers; 225, its default, compiles longer."""
 
 
 class MachineCode(JITCodeLibrary):  # type: ignore[misc]  # numba has no types
@@ -54,12 +53,11 @@ class Part(JITCodeLibrary):  # type: ignore[misc]  # numba has no types
         is_general: Its code is for records of all sizes.
     """
 
-    bitcode: bytes | None = None
-    """Content of a file that has not been parsed."""
+    bitcode: bytes | None = None  # content of a file that has not been parsed
+    # Machine code of the function and all that it calls, until it is loaded.
     machine_code: bytes | None = None
-    """Machine code of the function and all that it calls, until it is loaded."""
+    # Numba's `Environment` of it and of all that it calls, where they come from a file.
     environments: tuple[Any, ...] = ()
-    """Numba's `Environment` of it and of all that it calls, where they come from a file."""
 
     def __init__(
         self, codegen: Any, name: str, bitcode: bytes | None = None, *, is_general: bool = False

@@ -17,10 +17,10 @@ import numpy as np
 from llvmlite import binding
 from numba import from_dtype, types
 
+# Sizes ``n`` and ``r`` in the translation: prime, so that no two products of them are equal.
 _STAND_INS: Final = 2003, 1009
-"""Sizes ``n`` and ``r`` in the translation: prime, so that no two products of them are equal."""
+# Whole numbers in the text of a module; others are parts of names, or lengths in types.
 _NUMBER: Final = re.compile(r'(?<![\w.%@"$!#\[-])(i32 )?(\d{4,})(?![\w."])')
-"""Whole numbers in the text of a module; others are parts of names, or lengths in types."""
 _SYMBOL: Final = re.compile(r'ptrtoint \(ptr @size\.(\d+) to i64\)')
 _LENGTH: Final = re.compile(r'\[(\d{4,}) x')
 _BY_TYPE: Final = re.compile(r'getelementptr (?:inbounds )?\[\d{4,} x [^,]+,[^,]+, i\d\d (?!0\b).*')

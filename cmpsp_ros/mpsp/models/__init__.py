@@ -5,11 +5,11 @@ from typing import TYPE_CHECKING
 from cmpsp_ros.front_door import lazy_exports
 
 if TYPE_CHECKING:
-    from cmpsp_ros.mpsp.models.control_jerk import CONTROL_JERK, ControlJerkData
     from cmpsp_ros.mpsp.models.control_rate import (
         CONTROL_RATE,
         ControlRateData,
         ControlRateProblem,
+        Rates,
         rate_rows,
     )
     from cmpsp_ros.mpsp.models.free_time import FREE_TIME, FreeTimeData

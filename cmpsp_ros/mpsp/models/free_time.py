@@ -16,23 +16,15 @@ from cmpsp_ros.mpsp.sqp.driver import Functions
 
 
 class FreeTimeData(NamedTuple):
-    """Data of a compiled problem whose final time is free.
+    """Data of a compiled problem whose final time is free."""
 
-    Attributes:
-        inner: Data of the problem with this time among its states.
-        steps: ``N``.
-        guess: Final time of the guess; bounds on the control are the least and largest less this.
-        state: Index of the time among the states, which only this wrapper fills.
-        control: Index of its change among the controls, likewise.
-        functions: `Functions.addresses` of the problem.
-    """
-
-    inner: object
-    steps: int
+    inner: object  # data of the problem with this time among its states
+    steps: int  # ``N``
+    # Final time of the guess; bounds on the control are the least and largest less this.
     guess: float
-    state: int
-    control: int
-    functions: Indices | None = None
+    state: int  # index of the time among the states, which only this wrapper fills
+    control: int  # index of its change among the controls, likewise
+    functions: Indices | None = None  # `Functions.addresses` of the problem
 
 
 @allocation_free
@@ -72,5 +64,5 @@ def _linearise(
         path[0, j].U[r] = path[0, j].X[n]
 
 
+# A compiled problem with a free final time, for `FreeTimeData`.
 FREE_TIME: Final = Functions(_predict, _evaluate, _linearise)
-"""A compiled problem with a free final time, for `FreeTimeData`."""

@@ -127,15 +127,10 @@ class _Stage:
 
 
 class TracedFunction:
-    """A function of one stage at all of its stages.
+    """A function of one stage at all of its stages."""
 
-    Attributes:
-        applies: Components that are not ``-inf``, shape ``(stages, length)``.
-        data: Constants that vary with the stage, and then choices, shape ``(stages, any)``.
-    """
-
-    applies: BoolArray
-    data: Array
+    applies: BoolArray  # components that are not ``-inf``, shape ``(stages, length)``
+    data: Array  # constants that vary with the stage, and then choices, shape ``(stages, any)``
 
     def __init__(self, function: StageFunction, stages: list[int], sizes: tuple[int, int]) -> None:
         """Trace a function of ``n`` states and ``r`` controls.

@@ -35,11 +35,10 @@ from cmpsp_ros.mpsp.qp.subproblem import (
     Subproblem,
 )
 
-RICCATI_ACTIVE_SET: Final = 'riccati_active_set'
-"""The default back end."""
+RICCATI_ACTIVE_SET: Final = 'riccati_active_set'  # the default back end
 
+# The back end that the default one falls back on, where it is installed.
 CLARABEL: Final = 'clarabel'
-"""The back end that the default one falls back on, where it is installed."""
 
 
 def solve(subproblem: Subproblem, penalties: Penalties | None) -> QPSolution:

@@ -16,13 +16,12 @@ from cmpsp_ros.mpsp.qp.dense.closed_form import (
 )
 from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 
+# Least eigenvalue of a shifted Hessian, relative to the largest in magnitude before.
+#
+# Any positive number would make the program solvable. But a step is as long as the gradient over
+# the curvature: this keeps it within a thousand times the natural length, which bounds, trust
+# region and line search can deal with.
 CURVATURE_LEFT = 1e-3
-"""Least eigenvalue of a shifted Hessian, relative to the largest in magnitude before.
-
-Any positive number would make the program solvable. But a step is as long as the gradient over
-the curvature: this keeps it within a thousand times the natural length, which bounds, trust
-region and line search can deal with.
-"""
 
 _RESOLUTION = 1e-15
 # Both ends nearer to 0 than this are 0 themselves.

@@ -106,8 +106,8 @@ class Subproblem:
         return np.where(lin.g == -np.inf, -np.inf, lin.g + change)
 
 
+# Relative violation of the optimality conditions up to which an answer is a solution.
 TOLERANCE = 1e-5
-"""Relative violation of the optimality conditions up to which an answer is a solution."""
 
 
 class QPStatus(Enum):

@@ -159,19 +159,17 @@ class Functions(NamedTuple):
     """A problem as functions of its data, which may be anything.
 
     Arrays may be longer than the horizon, whose end ``N`` the data know.
-
-    Attributes:
-        predict: ``predict(data, U, X)`` rolls the dynamics (1) out from the initial state (6):
-            fills `X`, shape ``(N + 1, n)``, for controls `U`, shape ``(N + 1, r)``.
-        evaluate: ``evaluate(data, X, U, output_error, g)`` returns the cost (3), and fills the
-            terminal error (5), shape ``(m,)``, and the path constraints (4), shape
-            ``(N + 1, l)``, ``-inf`` where one does not apply.
-        linearise: ``linearise(data, X, U, stages, path, terminal)`` fills the derivatives of
-            `cmpsp_ros.mpsp.qp.riccati.program`. Entries that are always 0 need not be written.
     """
 
+    # ``predict(data, U, X)`` rolls the dynamics (1) out from the initial state (6): fills `X`,
+    # shape ``(N + 1, n)``, for controls `U`, shape ``(N + 1, r)``.
     predict: Callable[[Any, Array, Array], None]
+    # ``evaluate(data, X, U, output_error, g)`` returns the cost (3), and fills the terminal error
+    # (5), shape ``(m,)``, and the path constraints (4), shape ``(N + 1, l)``, ``-inf`` where one
+    # does not apply.
     evaluate: Callable[[Any, Array, Array, Array, Array], float]
+    # ``linearise(data, X, U, stages, path, terminal)`` fills the derivatives of
+    # `cmpsp_ros.mpsp.qp.riccati.program`. Entries that are always 0 need not be written.
     linearise: Callable[..., None]
 
     def machine_code(self, data: Any, ws: Workspace) -> Functions:

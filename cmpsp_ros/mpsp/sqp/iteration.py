@@ -31,8 +31,8 @@ from cmpsp_ros.mpsp.sqp.line_search import (
 )
 from cmpsp_ros.mpsp.sqp.workspace import Phase, Request, Workspace
 
+# Relaxation levels: slack in the lightest rows, in the next lightest as well, and in all.
 LEVELS: Final = 3
-"""Relaxation levels: slack in the lightest rows, in the next lightest as well, and in all."""
 
 
 @allocation_free

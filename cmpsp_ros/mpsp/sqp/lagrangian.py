@@ -23,17 +23,11 @@ _HELD = 1e4
 
 
 class Curvature(NamedTuple):
-    """Derivatives at an iterate, and the Hessian of its Lagrangian.
+    """Derivatives at an iterate, and the Hessian of its Lagrangian."""
 
-    Attributes:
-        linearisation: Derivatives, with the exact Hessian of the cost.
-        costates: Multipliers of the dynamics, as `costates`.
-        H: Blocks by ``(X_k, U_k)``, shape ``(N + 1, n + r, n + r)``.
-    """
-
-    linearisation: Linearisation
-    costates: Array
-    H: Array
+    linearisation: Linearisation  # derivatives, with the exact Hessian of the cost
+    costates: Array  # multipliers of the dynamics, as `costates`
+    H: Array  # blocks by ``(X_k, U_k)``, shape ``(N + 1, n + r, n + r)``
 
 
 def costates(lin: Linearisation, terminal: Array, path: Array) -> Array:

@@ -25,37 +25,21 @@ _HELD = 1e-8
 
 
 class Memory(NamedTuple):
-    """Arrays beside a program, in the sizes of the problem.
+    """Arrays beside a program, in the sizes of the problem."""
 
-    Attributes:
-        H: Hessian of the Lagrangian by ``(X_k, U_k)``, shape ``(N + 1, n + r, n + r)``.
-        gradient: Of the cost, shape ``(N + 1, n + r)``.
-        gaps: ``F_k(X_k, U_k) - X_(k+1)``, shape ``(N, n)``.
-        output_error: Shape ``(m,)``.
-        g: Path constraints, shape ``(N + 1, l)``.
-        path: Multipliers of the path constraints at the iterate, shape ``(N + 1, l)``.
-        bounds: Of the bounds, shape ``(N + 1, r)``.
-        response: ``e``, shape ``(N + 1, n)``.
-        dX: Direction, shape ``(N + 1, n)``.
-        dU: Direction, shape ``(N + 1, r)``.
-        slack_terminal: Violation of (54) that the direction leaves, shape ``(m,)``.
-        slack_path: Of (57), shape ``(N + 1, l)``.
-        sums: Results of the functions here, shape ``(4,)``.
-    """
-
-    H: Array
-    gradient: Array
-    gaps: Array
-    output_error: Array
-    g: Array
-    path: Array
-    bounds: Array
-    response: Array
-    dX: Array
-    dU: Array
-    slack_terminal: Array
-    slack_path: Array
-    sums: Array
+    H: Array  # Hessian of the Lagrangian by ``(X_k, U_k)``, shape ``(N + 1, n + r, n + r)``
+    gradient: Array  # of the cost, shape ``(N + 1, n + r)``
+    gaps: Array  # ``F_k(X_k, U_k) - X_(k+1)``, shape ``(N, n)``
+    output_error: Array  # shape ``(m,)``
+    g: Array  # path constraints, shape ``(N + 1, l)``
+    path: Array  # multipliers of the path constraints at the iterate, shape ``(N + 1, l)``
+    bounds: Array  # of the bounds, shape ``(N + 1, r)``
+    response: Array  # ``e``, shape ``(N + 1, n)``
+    dX: Array  # direction, shape ``(N + 1, n)``
+    dU: Array  # direction, shape ``(N + 1, r)``
+    slack_terminal: Array  # violation of (54) that the direction leaves, shape ``(m,)``
+    slack_path: Array  # of (57), shape ``(N + 1, l)``
+    sums: Array  # results of the functions here, shape ``(4,)``
 
 
 def memory(size: Dimensions) -> Memory:
@@ -89,29 +73,17 @@ class Point(NamedTuple):
 
 
 class Direction(NamedTuple):
-    """Solution of a subproblem; the direction itself is in the memory.
+    """Solution of a subproblem; the direction itself is in the memory."""
 
-    Attributes:
-        status: How it ended.
-        multipliers: Of outputs, path constraints and bounds.
-        shift: Term on the diagonal of the Hessian.
-        held: Weight of the rows that are held.
-        level: Relaxation level.
-        falls: Decrease of the cost to first order.
-        above: Weight of gaps and hard rows in the merit.
-        left: Violation that the linearised constraints keep.
-        weighted: The same with its weights.
-    """
-
-    status: QPStatus
-    multipliers: tuple[Array, Array, Array]
-    shift: float
-    held: float
-    level: int
-    falls: float
-    above: float
-    left: float
-    weighted: float
+    status: QPStatus  # how it ended
+    multipliers: tuple[Array, Array, Array]  # of outputs, path constraints and bounds
+    shift: float  # term on the diagonal of the Hessian
+    held: float  # weight of the rows that are held
+    level: int  # relaxation level
+    falls: float  # decrease of the cost to first order
+    above: float  # weight of gaps and hard rows in the merit
+    left: float  # violation that the linearised constraints keep
+    weighted: float  # the same with its weights
 
 
 @allocation_free

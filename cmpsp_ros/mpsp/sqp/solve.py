@@ -24,8 +24,8 @@ from cmpsp_ros.mpsp.sqp.cmpsp import CMPSP
 from cmpsp_ros.mpsp.sqp.lagrangian import descent_curvature
 from cmpsp_ros.mpsp.sqp.multiple_shooting import MultipleShooting
 
+# Iterations of the paper's kind, after which ``auto`` goes on by multiple shooting.
 _PAPERS: Final = 15
-"""Iterations of the paper's kind, after which ``auto`` goes on by multiple shooting."""
 
 # It goes on so before where a step is shortened although the constraints are met this well: what is
 # missing is their curvature. And after so many steps running that are no longer than that.

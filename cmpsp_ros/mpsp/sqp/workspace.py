@@ -65,10 +65,10 @@ _NUMBERS = (
     'cost', 'trial_cost', 'length', 'full_change',
 )  # fmt: skip
 
+# Options, state and results of an iteration, one record.
 RUN: Final = np.dtype(
     [(name, np.int64) for name in _INTEGERS] + [(name, np.float64) for name in _NUMBERS]
 )
-"""Options, state and results of an iteration, one record."""
 
 
 class Trajectory(NamedTuple):

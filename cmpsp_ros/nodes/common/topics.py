@@ -22,11 +22,10 @@ from cmpsp_ros.guidance.messages import PeerTrajectory
 from cmpsp_ros.nodes.common.topic import Topic
 from cmpsp_ros.parameters.files import with_section
 
+# Depth for topics that are recorded.
+#
+# In lockstep a run takes a second or two, and a recorder on a busy machine lags far behind.
 OF_A_RUN = 1000
-"""Depth for topics that are recorded.
-
-In lockstep a run takes a second or two, and a recorder on a busy machine lags far behind.
-"""
 
 # fmt: off
 GUIDANCE_ODOM = Topic('guidance', 'in', 'odom', Odometry,
@@ -143,12 +142,12 @@ RECORDER_FLUSH = Topic('recorder', 'srv', '~/flush', Trigger,
     'writes all received messages, and reports them on `/diagnostics`', depth=0)
 # fmt: on
 
+# Topics that there are where tf2_msgs is installed: no package index has it.
 _TRANSFORMS = (
     ('guidance', 'in', '`/tf`, `/tf_static`', 'the transforms between the frames of messages'),
     ('sim', 'out', '`/tf`', '`base_link` in the frame `frame_id`, with every odometry'),
     ('sim', 'out', '`/tf_static`', 'with `sim.scan.rate`: the scanner in `base_link`; latched'),
 )
-"""Topics that there are where tf2_msgs is installed: no package index has it."""
 
 TOPICS = tuple(value for value in list(globals().values()) if isinstance(value, Topic))
 

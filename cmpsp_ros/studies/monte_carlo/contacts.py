@@ -18,8 +18,7 @@ from cmpsp_ros.world.obstacles import MovingDiscs
 if TYPE_CHECKING:
     from cmpsp_ros.studies.monte_carlo.driving import DrivenRun
 
-ACTIVE: Final = 0.05
-"""Speed of the robot above which a contact is its own doing [m/s]."""
+ACTIVE: Final = 0.05  # speed of the robot above which a contact is its own doing [m/s]
 
 ALL_HELD: Final = 'all assumptions held'
 TOO_FAST: Final = 'faster than max_obstacle_speed'
@@ -28,39 +27,29 @@ OUTSIDE: Final = 'outside the field of view'
 TOO_LATE: Final = 'out of sight until nearer than anybody could stop'
 
 _ROUNDING: Final = 1e-6
-_TOUCHING: Final = 0.02
-"""Clearance below which a person may have been stopped by the robot [m]."""
+_TOUCHING: Final = 0.02  # clearance below which a person may have been stopped by the robot [m]
+_APART: Final = 1.0  # time without touching after which another contact begins [s]
 
-_APART: Final = 1.0
-"""Time without touching after which another contact begins [s]."""
-
+# Time before a contact in which the assumptions of the promise must hold [s].
 _LOOKING_BACK: Final = 3.0
-"""Time before a contact in which the assumptions of the promise must hold [s]."""
 
+# Time in sight after which the tracker has confirmed a person who walks, at the latest [s].
 _CONFIRMED: Final = 0.6
-"""Time in sight after which the tracker has confirmed a person who walks, at the latest [s]."""
 
 _RAYS: Final = 9
 
 
 @dataclass(frozen=True)
 class Contact:
-    """A contact with one person.
+    """A contact with one person."""
 
-    Attributes:
-        time: Time of the first touch, of an active contact while the robot moves [s].
-        person: Name of the person.
-        speed: Speed of the robot then [m/s].
-        is_active: True if it is the robot's own doing: the robot moved when it began, or moved
-            nearer to the person afterwards. A robot that stood when it was run into may leave.
-        reason: The assumption that did not hold, or that all did; empty if it is not active.
-    """
-
-    time: float
-    person: str
-    speed: float
+    time: float  # time of the first touch, of an active contact while the robot moves [s]
+    person: str  # name of the person
+    speed: float  # speed of the robot then [m/s]
+    # True if it is the robot's own doing: the robot moved when it began, or moved nearer to the
+    # person afterwards. A robot that stood when it was run into may leave.
     is_active: bool
-    reason: str
+    reason: str  # the assumption that did not hold, or that all did; empty if it is not active
 
     @property
     def sentence(self) -> str:
@@ -72,28 +61,18 @@ class Contact:
 
 @dataclass(frozen=True)
 class CrowdOutcome:
-    """Figures of a run among people.
+    """Figures of a run among people."""
 
-    Attributes:
-        scene: Name of its scene.
-        robot: Name of its robot.
-        is_noisy: True with missed returns and noise of odometry.
-        told: True if people were known exactly instead of seen.
-        people: Number of people.
-        contacts: All contacts, by time.
-        told_time: Arrival of the same run with people known exactly [s]; None if it does not
-            arrive without active contact, or was not made.
-        empty_time: The same without people.
-    """
-
-    scene: str
-    robot: str
-    is_noisy: bool
-    told: bool
-    people: int
-    contacts: tuple[Contact, ...]
+    scene: str  # name of its scene
+    robot: str  # name of its robot
+    is_noisy: bool  # true with missed returns and noise of odometry
+    told: bool  # true if people were known exactly instead of seen
+    people: int  # number of people
+    contacts: tuple[Contact, ...]  # all contacts, by time
+    # Arrival of the same run with people known exactly [s]; None if it does not arrive without
+    # active contact, or was not made.
     told_time: float | None = None
-    empty_time: float | None = None
+    empty_time: float | None = None  # the same without people
 
     @property
     def active(self) -> list[Contact]:

@@ -37,11 +37,11 @@ OUT_OF_REACH: Final = 'impossible: too far'
 JUDGED: Final = 'judged.json'
 COSTS: Final = 'costs.json'
 
+# Offsets of guesses from the road's centre, by its half width [1].
 _OFFSETS: Final = (0.0, 0.5, -0.5, 0.8, -0.8)
-"""Offsets of guesses from the road's centre, by its half width [1]."""
 
+# Clearance of guesses on other roads, beside the margin [m].
 _SPARE: Final = (0.15, 0.3, 0.08, 0.02)
-"""Clearance of guesses on other roads, beside the margin [m]."""
 
 _MISS, _ROUNDING, _UNGUARDED_MARGIN = 1e-4, 1e-6, 0.02
 

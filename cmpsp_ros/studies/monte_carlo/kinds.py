@@ -60,15 +60,16 @@ _CROWDED: Final = {
     'sight.memory': 10.0,
 }
 
+# Faults of sensors and odometry in a share of the runs among people.
 NOISY: Final = {
     'sim.scan.missed_return': 0.3,
     'noise.position_stddev': 0.005,
     'noise.heading_stddev': math.radians(0.3),
 }
-"""Faults of sensors and odometry in a share of the runs among people."""
 
 OWN: Final = 'own'  # robot that is no other but the study's own, at 1 m/s
 
+# Robots that drive among people, and what else they need.
 ROBOTS: Final[Mapping[str, Mapping[str, Any]]] = MappingProxyType(
     {
         # Create 3 accelerates so much (create3_sim).
@@ -77,7 +78,6 @@ ROBOTS: Final[Mapping[str, Mapping[str, Any]]] = MappingProxyType(
         'jackal': {'robot.max_wheel_acceleration': 25.0, 'control_period': 0.1},
     }
 )
-"""Robots that drive among people, and what else they need."""
 
 _WITH_A_BODY: Final = {'robot.radius': 0.1, 'safety.margin': 0.02}
 

@@ -146,11 +146,11 @@ class StudyOutcome:
 
 NAME: Final = 'runs.jsonl'
 
+# Packages that affect the outcome of a run.
 HASHED_PACKAGES: Final = (
     *('mpsp', 'robots', 'world', 'sensing', 'guidance', 'simulator', 'parameters'),
     'studies/monte_carlo',
 )
-"""Packages that affect the outcome of a run."""
 
 _READ_WRITE: Final = 0o644
 

@@ -9,6 +9,7 @@ from typing import Final
 from cmpsp_ros.guidance import GuidanceSettings, InitialGuess
 from cmpsp_ros.parameters import TABLE, config_directory, guidance_settings, load_parameter_file
 
+# Right and left wheel [rad/s], colour: Sec. 5, "Algorithm Convergence"; the colours are ours.
 FIG5_GUESSES: Final = (
     ((30.0, 29.5), 'red'),
     ((35.0, 34.5), 'green'),
@@ -16,15 +17,14 @@ FIG5_GUESSES: Final = (
     ((43.0, 42.5), 'blue'),
     ((45.0, 44.5), 'black'),
 )
-"""Right and left wheel [rad/s], colour: Sec. 5, "Algorithm Convergence"; the colours are ours."""
 
+# Right and left wheel [rad/s], colour.
 TABLE1_GUESSES: Final = (
     ((45.0, 44.5), 'black'),
     ((45.0, 45.0), 'blue'),
     ((18.0, 15.0), 'magenta'),
     ((44.5, 44.5), 'green'),
 )
-"""Right and left wheel [rad/s], colour."""
 
 # Initial heading [deg], colour; from (0, -9.25) m, with `TABLE2_GUESS`.
 TABLE2_HEADINGS: Final = ((60.0, 'black'), (0.0, 'blue'), (-60.0, 'green'))

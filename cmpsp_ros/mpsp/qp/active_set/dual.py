@@ -50,16 +50,11 @@ from cmpsp_ros.mpsp.qp.riccati.sweeps import recover_step, row_norm
 class StepOutcome(IntEnum):
     """End of an active-set step, or of many of them."""
 
-    DONE = 0
-    """The row is met."""
-    CONTRADICTION = 1
-    """It contradicts the others."""
-    FULL = 2
-    """There is no room or work left."""
-    RELEASED = 3
-    """Bounds that are held stood in its way and are held no longer."""
-    CROWDED = 4
-    """So many bounds have become active that they are better held."""
+    DONE = 0  # the row is met
+    CONTRADICTION = 1  # it contradicts the others
+    FULL = 2  # there is no room or work left
+    RELEASED = 3  # bounds that are held stood in its way and are held no longer
+    CROWDED = 4  # so many bounds have become active that they are better held
 
 
 # Coefficients of a dependence below this, relative to the largest, are rounding.

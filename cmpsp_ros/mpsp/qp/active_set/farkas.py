@@ -27,8 +27,8 @@ from cmpsp_ros.mpsp.qp.riccati.program import (
     set_multiplier,
 )
 
+# A proof covers all controls within their bounds, and within this where they have none.
 FARTHEST: Final = 1e6
-"""A proof covers all controls within their bounds, and within this where they have none."""
 
 # A contradiction up to this, relative to the size of the terms, may be rounding.
 _ROUNDING = 1e-8

@@ -30,8 +30,8 @@ from cmpsp_ros.mpsp.qp.riccati.program import (
     set_multiplier,
 )
 
+# Active bounds from which on holding them is cheaper than to have them in the basis.
 MANY: Final = 12
-"""Active bounds from which on holding them is cheaper than to have them in the basis."""
 
 # A multiplier of the wrong sign by less than this, relative to 1 plus the largest gradient, is 0.
 _ROUNDING = 1e-11

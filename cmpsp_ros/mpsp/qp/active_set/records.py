@@ -38,15 +38,14 @@ from cmpsp_ros.mpsp.qp.riccati.program import (
 )
 from cmpsp_ros.mpsp.qp.subproblem import Penalties, QPSolution, QPStatus, Row, Subproblem
 
+# States and controls that code is compiled for; those of the guidance law first.
 SIZES: Final = ((3, 2), (5, 2), (6, 3), (8, 4), (16, 8), (32, 16), (64, 32))
-"""States and controls that code is compiled for; those of the guidance law first."""
 
 
+# Sweeps over the stages after which a program is left to Clarabel.
+#
+# Hard ones take up to 40,000; where rows depend on each other rounding may lead round in circles.
 MOST_SWEEPS: Final = 100_000
-"""Sweeps over the stages after which a program is left to Clarabel.
-
-Hard ones take up to 40,000; where rows depend on each other rounding may lead round in circles.
-"""
 
 _FIELDS: Final = tuple(field.name for field in fields(Linearisation))
 

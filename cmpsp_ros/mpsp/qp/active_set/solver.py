@@ -32,8 +32,7 @@ from cmpsp_ros.mpsp.qp.riccati.program import (
 )
 from cmpsp_ros.mpsp.qp.riccati.sweeps import keep_origin, recover_step
 
-TOLERANCE: Final = 1e-8
-"""Largest residual (see `kkt_residual`) of a solution."""
+TOLERANCE: Final = 1e-8  # largest residual (see `kkt_residual`) of a solution
 
 # Sweeps that improve the guess of which bounds to hold, before rows are added one by one: at most
 # so many, and so many that change no fewer bounds than the best before. More would go in circles.

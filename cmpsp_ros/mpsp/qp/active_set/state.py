@@ -22,17 +22,15 @@ from cmpsp_ros.mpsp.qp.riccati.sweeps import recover_step, transform_row
 
 Indices = IntArray
 
-CAPACITY = 400
-"""Largest number of rows in the basis; bounds that are held need none."""
+CAPACITY = 400  # largest number of rows in the basis; bounds that are held need none
 
+# Violation up to which a row counts as met, relative to 1 plus its right-hand side.
 TOLERANCE = 1e-11
-"""Violation up to which a row counts as met, relative to 1 plus its right-hand side."""
 
 # Rows off by more than this, relative to 1 plus their right-hand side, are refined.
 _OFF = 1e-12
 
-_PROOF = 16
-"""Room for the rows of a proof in a warm start; longer ones are not kept."""
+_PROOF = 16  # room for the rows of a proof in a warm start; longer ones are not kept
 
 
 class RowState(IntEnum):
@@ -46,18 +44,13 @@ class RowState(IntEnum):
 
 
 class WarmStart(NamedTuple):
-    """Rows that a solution leaves for the next program like it.
+    """Rows that a solution leaves for the next program like it."""
 
-    Attributes:
-        head: One record: numbers of `rows` and of rows in the `proof`, and the `begun` of their
-            program's head.
-        rows: `row` and `state` of each, active ones in the order in which they became so.
-        proof: `row` and `multiplier` of rows that contradict each other (see `farkas`).
-    """
-
+    # One record: numbers of `rows` and of rows in the `proof`, and the `begun` of their program's
+    # head.
     head: Records
-    rows: Records
-    proof: Records
+    rows: Records  # `row` and `state` of each, active ones in the order in which they became so
+    proof: Records  # `row` and `multiplier` of rows that contradict each other (see `farkas`)
 
     @property
     def size(self) -> int:

@@ -40,8 +40,7 @@ from cmpsp_ros.mpsp.qp.riccati.sweeps import recover_step
 # Fraction of its length, squared, that a row must have outside the span of those before it. Closer
 # ones are left to the method, which adds each along its own multiplier.
 _APART: Final = 1e-8
-_PASSES: Final = 3
-"""Number of passes over rows that were met already."""
+_PASSES: Final = 3  # number of passes over rows that were met already
 
 
 @allocation_free

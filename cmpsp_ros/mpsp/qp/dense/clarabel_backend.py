@@ -28,8 +28,7 @@ from cmpsp_ros.mpsp.qp.active_set.records import (
 from cmpsp_ros.mpsp.qp.dense.rows import SparseQP, sparse_qp
 from cmpsp_ros.mpsp.qp.subproblem import Penalties, QPSolution, QPStatus, Row, Subproblem
 
-TOLERANCE = 1e-8
-"""Largest residual (see `kkt_residual`) of a solution, as in the active-set method."""
+TOLERANCE = 1e-8  # largest residual (see `kkt_residual`) of a solution, as in the active-set method
 
 _CLARABEL_TOLERANCE = 1e-12
 _MAX_ITERATIONS = 200

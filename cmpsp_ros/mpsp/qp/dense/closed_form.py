@@ -1,6 +1,6 @@
 """The closed form (35) of a program without inequalities: one symmetric linear system.
 
-At ``N = 50``, ``n = 3``, ``r = 2`` it takes 0.2 to 0.3 ms, and condensing as much again at most.
+At ``N = 50``, ``n = 3``, ``r = 2`` it takes 0.2 to 0.3 ms, and condensing twice as long.
 A BLAS that starts threads may stall for far longer on a busy machine: where time is short, limit it
 to one, as with ``OPENBLAS_NUM_THREADS=1``.
 """
@@ -15,8 +15,8 @@ from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.qp.active_set.records import kkt_residual
 from cmpsp_ros.mpsp.qp.subproblem import QPSolution, QPStatus, Subproblem
 
+# Least eigenvalue that counts as positive, relative to the largest entry of the diagonal.
 CURVATURE_MARGIN = 1e-10
-"""Least eigenvalue that counts as positive, relative to the largest entry of the diagonal."""
 
 _TOLERANCE = 1e-8
 

@@ -23,17 +23,14 @@ from cmpsp_ros.mpsp.jit.compiled import allocation_free
 from cmpsp_ros.mpsp.qp.dense.rows import Rows
 from cmpsp_ros.mpsp.qp.subproblem import Penalties, QPSolution, QPStatus, Subproblem
 
-SWEEP_LIMIT = 20_000
-"""Sweeps through all rows, at most."""
+SWEEP_LIMIT = 20_000  # sweeps through all rows, at most
+TOLERANCE = 1e-10  # a sweep none of whose moves is longer has converged; relative to ``1 + |z|``
 
-TOLERANCE = 1e-10
-"""A sweep none of whose moves is longer has converged; relative to ``1 + |z|``."""
-
+# Sweeps between two looks for a proof that the rows contradict each other.
 SWEEPS_BETWEEN_CHECKS = 50
-"""Sweeps between two looks for a proof that the rows contradict each other."""
 
+# Multipliers that prove no point within so many times ``1 + |z|`` feasible prove infeasibility.
 FARTHEST = 1e6
-"""Multipliers that prove no point within so many times ``1 + |z|`` feasible prove infeasibility."""
 
 _CONVERGED, _LIMIT, _INFEASIBLE = 0, 1, 2
 

@@ -14,25 +14,15 @@ Indices = NDArray[np.intp]
 
 
 class Rows(NamedTuple):
-    """Rows ``lower <= G z <= upper``: terminal, path where it applies, trust where finite, bounds.
+    """Rows ``lower <= G z <= upper``: terminal, path if it applies, trust if finite, bounds."""
 
-    Attributes:
-        lower: Shape ``(R,)``, ``-inf`` where there is none.
-        upper: Shape ``(R,)``, ``inf`` where there is none.
-        weight: Penalty of each row, ``inf`` where hard, shape ``(R,)``.
-        path: Stage and constraint of each path row, two of shape ``(p,)``.
-        trust: Stage and component of each trust row, two of shape ``(t,)``.
-        outputs: ``m``.
-        shape: Of the controls, ``(N + 1, r)``.
-    """
-
-    lower: Array
-    upper: Array
-    weight: Array
-    path: tuple[Indices, ...]
-    trust: tuple[Indices, ...]
-    outputs: int
-    shape: tuple[int, ...]
+    lower: Array  # shape ``(R,)``, ``-inf`` where there is none
+    upper: Array  # shape ``(R,)``, ``inf`` where there is none
+    weight: Array  # penalty of each row, ``inf`` where hard, shape ``(R,)``
+    path: tuple[Indices, ...]  # stage and constraint of each path row, two of shape ``(p,)``
+    trust: tuple[Indices, ...]  # stage and component of each trust row, two of shape ``(t,)``
+    outputs: int  # ``m``
+    shape: tuple[int, ...]  # of the controls, ``(N + 1, r)``
 
     @classmethod
     def of(cls, subproblem: Subproblem, penalties: Penalties | None) -> Rows:
@@ -91,20 +81,13 @@ class SparseQP(NamedTuple):
     """Minimise ``1/2 z' P z + q' z`` subject to ``D z = 0`` and the rows on ``G z``.
 
     ``z = (dU_0 ... dU_N, dX_1 ... dX_N)``.
-
-    Attributes:
-        P: Upper triangle of the Hessian.
-        q: Gradient at 0.
-        D: The ``N n`` rows of the dynamics, ``dX_(k+1) - A dX_k - B dU_k``.
-        G: All other rows, shape ``(R, z)``.
-        rows: Their limits and penalties.
     """
 
-    P: Any
-    q: Array
-    D: Any
-    G: Any
-    rows: Rows
+    P: Any  # upper triangle of the Hessian
+    q: Array  # gradient at 0
+    D: Any  # the ``N n`` rows of the dynamics, ``dX_(k+1) - A dX_k - B dU_k``
+    G: Any  # all other rows, shape ``(R, z)``
+    rows: Rows  # their limits and penalties
 
 
 def sparse_qp(subproblem: Subproblem, penalties: Penalties | None) -> SparseQP:

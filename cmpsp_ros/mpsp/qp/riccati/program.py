@@ -26,14 +26,10 @@ from cmpsp_ros.mpsp.jit.sizes import sized
 class Outcome(IntEnum):
     """End of a compiled solver."""
 
-    SOLVED = 0
-    """The point meets the optimality conditions."""
-    INFEASIBLE = 1
-    """No point meets all rows that are hard."""
-    ITERATION_LIMIT = 2
-    """Work, room or numerical accuracy ran out before the conditions were met."""
-    NO_CURVATURE = 3
-    """The Hessian in the controls is not positive definite."""
+    SOLVED = 0  # the point meets the optimality conditions
+    INFEASIBLE = 1  # no point meets all rows that are hard
+    ITERATION_LIMIT = 2  # work, room or numerical accuracy ran out before the conditions were met
+    NO_CURVATURE = 3  # the Hessian in the controls is not positive definite
 
 
 class RowKind(IntEnum):

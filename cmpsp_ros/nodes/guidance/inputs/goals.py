@@ -32,9 +32,9 @@ NAVIGATE, FOLLOW = 'navigate_to_pose', 'follow_path'
 
 _CANCELLED, _NONE_YET = 'The goal was cancelled.', 'No goal has come yet (goal.wait).'
 
+# Error codes of FollowPath in Jazzy: NONE, UNKNOWN, TF_ERROR, INVALID_PATH and
+# FAILED_TO_MAKE_PROGRESS. NavigateToPose has none of its own there: Nav2 hands on those of a path.
 _CODES = {'': 0, 'unknown': 100, 'transform': 102, 'refused': 103, 'missed': 105}
-"""Error codes of FollowPath in Jazzy: NONE, UNKNOWN, TF_ERROR, INVALID_PATH and
-FAILED_TO_MAKE_PROGRESS. NavigateToPose has none of its own there: Nav2 hands on those of a path."""
 
 
 class _Running(NamedTuple):

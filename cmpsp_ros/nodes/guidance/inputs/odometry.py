@@ -14,11 +14,11 @@ from cmpsp_ros.nodes.common.topic import Listener, publisher_names, waiting
 from cmpsp_ros.nodes.common.topics import GUIDANCE_ODOM
 
 _HEADER = 4  # bytes of the encapsulation header; alignment counts from its end
+# A stamp, the length of a string, a pose.
 _LITTLE_ENDIAN, _BIG_ENDIAN = (
     (struct.Struct(f'{order}iI'), struct.Struct(f'{order}I'), struct.Struct(f'{order}7d'))
     for order in '<>'
 )
-"""A stamp, the length of a string, a pose."""
 
 _UNREADABLE = 'Odometry cannot be read: found {} bytes that are no nav_msgs/Odometry in CDR.'
 _PATIENCE = 1.0  # time for which ROS time may stand still without a warning [s]

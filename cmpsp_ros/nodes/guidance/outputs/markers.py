@@ -21,13 +21,13 @@ from cmpsp_ros.world.obstacles import outline_of
 
 _HEIGHT = 0.2
 
+# Namespace and width of lines [m] by kind of part.
 _PARTS: Final = {
     'edge': ('road', 0.05),
     'center line': ('centre_line', 0.02),
     'obstacle': ('obstacles', 0.05),
     'kept clear': ('margins', 0.02),
 }
-"""Namespace and width of lines [m] by kind of part."""
 
 _GOAL = ColorRGBA(r=0.1, g=0.6, b=0.25, a=0.9)
 _PASSED = ColorRGBA(r=0.1, g=0.6, b=0.25, a=0.25)
@@ -215,8 +215,8 @@ def _color(text: str) -> ColorRGBA:
     return ColorRGBA(r=red, g=green, b=blue, a=1.0)
 
 
+# Red, yellow and green that stay apart for colour-blind readers (Okabe and Ito).
 NEAR, HALFWAY, FAR = _color('#d55e00'), _color('#f0e442'), _color('#009e73')
-"""Red, yellow and green that stay apart for colour-blind readers (Okabe and Ito)."""
 
 _MOVING: Final = _color(MOVING)
 _PALE: Final = ColorRGBA(r=_MOVING.r, g=_MOVING.g, b=_MOVING.b, a=0.2)

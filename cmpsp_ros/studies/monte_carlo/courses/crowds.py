@@ -143,6 +143,7 @@ def _door(random: Random, settings: GuidanceSettings, *_run: int) -> _Place:
     return _Place(tuple(walls), start, goal, tuple(walkers))
 
 
+# Scenes by name, in the order in which runs take them.
 SCENES: Final[dict[str, Callable[..., _Place]]] = {
     'hall': _hall,
     'room': _room,
@@ -150,7 +151,6 @@ SCENES: Final[dict[str, Callable[..., _Place]]] = {
     'crossing': _crossing,
     'door': _door,
 }
-"""Scenes by name, in the order in which runs take them."""
 
 
 def _strollers(random: Random, place: _Place) -> list[Walker]:

@@ -11,7 +11,7 @@ from cmpsp_ros.guidance.formulation import FUNCTIONS
 from cmpsp_ros.guidance.formulation.guidance_problem import with_parameters
 from cmpsp_ros.guidance.formulation.ocp_functions import CostHessian
 from cmpsp_ros.mpsp import SLACK_TOLERANCE
-from cmpsp_ros.mpsp.models import CONTROL_RATE, ControlRateData, ControlRateProblem
+from cmpsp_ros.mpsp.models import CONTROL_RATE, ControlRateData, ControlRateProblem, Rates
 from cmpsp_ros.mpsp.qp import QPStatus
 from cmpsp_ros.mpsp.qp.riccati import Outcome
 from cmpsp_ros.robots.motion import within_ramp
@@ -224,7 +224,7 @@ def test_a_cost_and_a_limit_on_changes_of_control(limit):
     """Five states, and functions that wrap the compiled ones."""
     previous, inner = np.array([45.0, 44.0]), robot_problem(20)
     problem = ControlRateProblem(inner, 0.7, previous, limit)
-    data = ControlRateData(inner.data, 20, 0.7, previous, limit, np.eye(2))
+    data = ControlRateData(inner.data, Rates.of(20, 0.7, previous, limit, np.eye(2)))
     options, guess = robot_options(problem), guesses(20, 3.0)
     if limit < np.inf:
         hard = np.append(options.penalty_path[:-4], np.full(4, np.inf))

@@ -125,9 +125,12 @@ class Supervisor:
         level = FallbackLevel.ELASTIC if selected.is_relaxed else FallbackLevel.NOMINAL
         reason = selected.describe(self._validator, self._settings, start) + self._selector.remark
         ahead = self._approach.contact(plan, start, verdict.worst_margin)
+        # On a road that is followed, plans have no end.
+        ends_there = state.mission.goals.goal is not None
+        ends_there &= selected.terminal_error <= self._settings.goal_tolerance
         if selected.is_relaxed:
             following.end_speed = math.inf
-        elif ahead is not None and self._ends_there(state, selected):
+        elif ahead is not None and ends_there:
             end_speed = self._approach.end_speed(plan, ahead)
             following.end_speed = min(following.end_speed, end_speed)
         if why := self._stop_reason(step, selected, ahead, closed):
@@ -137,11 +140,6 @@ class Supervisor:
                 why += ' Another path is searched from here.'
             return self.decisions.stand(step, f'{why} {reason}', selected.result)
         return Choice(level, reason, plan, verdict, ahead)
-
-    def _ends_there(self, state: LawState, selected: Candidate) -> bool:
-        """True if a plan leads to the goal: on a road that is followed, plans have no end."""
-        has_goal = state.mission.goals.goal is not None
-        return has_goal and selected.terminal_error <= self._settings.goal_tolerance
 
     def _fall_back(
         self, step: Step, selected: Candidate, closed: Contact | None

@@ -159,7 +159,8 @@ class OcpFormulation:
                 self._ends.clear()
             self._ends[key] = goal_space(self.settings, world, target, self._samples(key[1]))
         end = self._ends[key]
-        return space if end is None else space.with_some(_is_last(durations), end)
+        is_last = np.arange(len(durations) + 1) == len(durations)
+        return space if end is None else space.with_some(is_last, end)
 
     def _samples(self, longest: float) -> FreeSpace:
         if longest not in self._spaces:
@@ -243,11 +244,6 @@ def terminal_constraint(target: Target) -> TerminalConstraint:
 def terminal_penalty(outputs: int) -> Array:
     """Weight of each terminal constraint, shape ``(outputs,)`` [1/m]."""
     return np.full(outputs, PENALTIES['terminal_error'])
-
-
-def _is_last(durations: Array) -> Any:
-    """Mask of the last of the samples of steps, shape ``(N + 1,)``."""
-    return np.arange(len(durations) + 1) == len(durations)
 
 
 def _rounded_up(duration: float) -> float:

@@ -164,7 +164,9 @@ class Transforms:
             )
             for chain in chains
         )
-        return compose(_inverse(to_target), to_source)
+        x, y, heading = -to_target
+        back = compose(np.array([0.0, 0.0, heading]), np.array([x, y, 0.0]))
+        return compose(back, to_source)
 
     def _ancestors(self, frame: str) -> list[str]:
         """Frames from this one up to the root of its tree."""
@@ -202,8 +204,3 @@ def compose(first: Array, second: Array) -> Array:
     x, y = cosine * second[0] - sine * second[1], sine * second[0] + cosine * second[1]
     heading = math.remainder(first[2] + second[2], math.tau)
     return np.array([first[0] + x, first[1] + y, heading])
-
-
-def _inverse(pose: Array) -> Array:
-    turned_back = compose(np.array([0.0, 0.0, -pose[2]]), np.array([-pose[0], -pose[1], 0.0]))
-    return np.asarray(turned_back)

@@ -138,7 +138,8 @@ class ReviewSchedule:
 
     def is_due(self, followed: Candidate) -> tuple[bool, bool]:
         """True if new plans are to be made, and if another one may be followed."""
-        is_urgent, is_lasting = self._is_urgent(followed), self._flawed_steps > _TRANSIENT
+        is_urgent = self.is_asked or not followed.admissible
+        is_lasting = self._flawed_steps > _TRANSIENT
         return is_urgent or (is_lasting and self._waited > self._pause), is_urgent or is_lasting
 
     def note_selected(self, *, changed: bool, reviewed: bool) -> None:
@@ -148,9 +149,6 @@ class ReviewSchedule:
         if reviewed:
             self.is_asked, self._waited = False, 0
             self._pause = 0 if changed else min(2 * self._pause + 1, _LONGEST_PAUSE)
-
-    def _is_urgent(self, followed: Candidate) -> bool:
-        return self.is_asked or not followed.admissible
 
 
 class _Comparison(NamedTuple):

@@ -161,14 +161,11 @@ class Approach:
         if calm is None:
             return None
         if calm[0] is not plan:
-            why = verdict.reason or self._why_slow(plan, verdict, start) or under.risk.remark
+            why = verdict.reason or under.risk.remark
+            if not verdict.reason and not self._sees_enough(plan, verdict.ramp, start):
+                why = 'something could come from where no sensor looks.'
             remark += f' Slowed to {self._speed_of(calm[0]):.3g} m/s: {why}'
         return (*calm, remark)
-
-    def _why_slow(self, plan: Plan, verdict: Validation, start: PlanStart) -> str:
-        if self._sees_enough(plan, verdict.ramp, start):
-            return ''
-        return 'something could come from where no sensor looks.'
 
     def _speed_of(self, plan: Plan) -> float:
         return _speed(self._settings.robot.twist(plan.controls[0]))

@@ -22,7 +22,6 @@ from cmpsp_ros.sensing import SightSettings
 GOAL: Final = 'goal'  # name of the last of several goals
 
 _SEEN_AT_A_TIME: Final = 8  # moving obstacles in plans if only sensors or trackers tell
-
 _FRACTION_OF_TOP_SPEED, _WITHOUT_LIMIT = 0.8, 1.0
 
 

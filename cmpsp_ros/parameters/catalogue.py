@@ -16,7 +16,6 @@ from cmpsp_ros.setting import NOT_NEGATIVE, POSITIVE, Range, settings_of
 _BOOL, _INTEGER, _DOUBLE = ParameterType.BOOL, ParameterType.INTEGER, ParameterType.DOUBLE
 _STRING, _DOUBLES = ParameterType.STRING, ParameterType.DOUBLE_ARRAY
 _STRINGS = ParameterType.STRING_ARRAY
-
 _FIXED: Final = {'reconfigurable': False}
 _POINT: Final = {'length': 2}
 

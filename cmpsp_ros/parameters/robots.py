@@ -21,7 +21,6 @@ FOOTPRINT: Final = 'robot.footprint'
 _LATERAL: Final = 'robot.max_lateral_acceleration'
 _ACCELERATION: Final = 'robot.max_wheel_acceleration'
 _JERK: Final = 'robot.max_wheel_jerk'
-
 _CORNERS: Final = 'corners around the robot, [[x1, y1], [x2, y2], [x3, y3], ...]'
 _UNREADABLE: Final = (SyntaxError, ValueError, MemoryError, RecursionError)
 _ROUNDING: Final = 1e-9

@@ -33,7 +33,6 @@ from cmpsp_ros.sensing import Sensor, SightSettings, TrackSource
 from cmpsp_ros.world.obstacles import Shape
 
 _MOST_STEPS: Final = 10_000  # control steps whose matrices would not fill the memory
-
 _LARGEST: Final = 1e9
 _SMALLEST: Final = 1e-6
 _DIVISORS: Final = ('robot.wheel_radius', 'robot.half_track', 'weights.control_change')

@@ -22,9 +22,7 @@ from cmpsp_ros.robots.robot import DerivedRobot, Signal, TwistLimits
 
 _SAMPLES: Final = 21
 _ALL: Final = 1.01  # by which bounds of all twists are larger than those of the samples
-
 _STOPPED: Final = 1e-9
-
 _NUMBERS: Final = 2, 3
 _PARTS: Final = (0.5, 0.3, -0.2), (0.9, -0.6, 0.4), (0.2, 0.1, 0.7)
 """Parts of their limits at which controls are tried."""

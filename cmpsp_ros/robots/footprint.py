@@ -22,9 +22,7 @@ Bodies = Sequence[tuple[Array, float]]
 _MOST: Final = 5
 _TOLERANCE: Final = 0.125  # part of half the width by which discs may reach beyond the side
 _WIDE: Final = 2.0  # width, in lengths, from which the discs stand side by side
-
 _ROUNDING: Final = 1e-9
-
 _POINTS: Final = 400  # number of points of an outline, about
 _FINEST: Final = 10  # most slices of the longer side, where discs may not reach far beyond
 

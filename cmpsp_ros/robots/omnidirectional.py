@@ -18,9 +18,7 @@ from cmpsp_ros.robots.robot import DerivedRobot, TwistLimits
 Rim = tuple[float, float, float]
 
 _SINGULAR: Final = 1e-9  # below it three wheels leave a direction free, and a robot goes straight
-
 _MECANUM: Final = 'front left', 'front right', 'rear right', 'rear left'
-
 _ALL: Final = 1.0 + 1e-9  # by which a bound is larger than rounding can make what it bounds
 
 

@@ -38,7 +38,6 @@ BY_PRIORITY: Final = tuple(sorted(PENALTIES, key=lambda each: -PENALTIES[each]))
 # Without a wheel limit the arcs between samples are the plan's own, with this reserve for a result
 # of the iterations that is faster or turns faster.
 _RESERVE: Final = 1.1
-
 _FEW_CONTROLS: Final = 2  # with so many, a program without previous controls has code of its own
 _MAX_ENDS: Final = 64  # goals whose spaces are remembered
 

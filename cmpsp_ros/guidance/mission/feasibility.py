@@ -28,7 +28,6 @@ from cmpsp_ros.world.obstacles import Shape
 from cmpsp_ros.world.roads import OpenFloor, Point, Road, arc_length_to
 
 _EDGES: Final = 2
-
 _LONGEST: Final = 4.0
 """Widths of the road along which a chain may lie: where a road crosses itself, a longer one may lie
 beside two parts of it."""

@@ -21,9 +21,7 @@ if TYPE_CHECKING:
     from cmpsp_ros.guidance.planning.plan_selector import Improver
 
 _GRIDS: Final = {SEEN: 'what is seen', MAP: 'the map'}  # names in messages
-
 _PATIENCE: Final = 5  # control steps for which an alternative may be worse than the plan followed
-
 _MUCH: Final = 16  # multiple of the work of a plan without a flaw that another may take from rest
 
 

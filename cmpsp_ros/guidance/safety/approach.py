@@ -29,7 +29,6 @@ from cmpsp_ros.world.roads import OpenFloor
 
 _SPEEDS: Final = (1.0, 0.75, 0.5, 0.25, 0.0)
 _NEARLY: Final = 0.98  # part of a limit of speed that rounding leaves below it
-
 _OF_MARGIN: Final = 0.2
 """Part of `safety.margin` that wheels which lag must keep: lags between those tried may lead a
 little nearer to something."""

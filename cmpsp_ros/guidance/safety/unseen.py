@@ -22,7 +22,6 @@ from cmpsp_ros.world.grids import Cell
 
 PEEP: Final = 0.1  # speed at which the robot looks behind corners, however near they are [m/s]
 _BESIDE: Final = 0.25  # distance beyond the robot, where cells are free, at which it looks [m]
-
 _ROUNDING: Final = 1e-9
 
 

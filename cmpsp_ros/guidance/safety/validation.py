@@ -32,9 +32,7 @@ _NO_LEGS: Final = NOTHING_MOVES.legs(np.empty(0))
 
 # A command that was good when it was given is checked again from odometry that has been rounded.
 _ROUNDING = 1e-6
-
 _SEEN: Final = f'obstacle {SEEN}'
-
 _TO_REST: Final = 4.0  # time constants for which a lagging wheel is watched after the last command
 CHANGE_ROUNDING: Final = 1e-6  # excess over a limit that a solver may leave [rad/s]
 

@@ -36,10 +36,8 @@ class ParameterType(Enum):
     @property
     def item(self) -> ParameterType:
         """Type of an item of an array; any other type itself."""
-        return {
-            ParameterType.DOUBLE_ARRAY: ParameterType.DOUBLE,
-            ParameterType.STRING_ARRAY: ParameterType.STRING,
-        }.get(self, self)
+        singles = {self.DOUBLE_ARRAY: self.DOUBLE, self.STRING_ARRAY: self.STRING}
+        return singles.get(self, self)
 
 
 class Required(Enum):

@@ -17,8 +17,7 @@ from cmpsp_ros.world import roads
 if TYPE_CHECKING:
     from cmpsp_ros.world.roads import Annulus, Corridor, Road
 
-_BOOL, _DOUBLE = ParameterType.BOOL, ParameterType.DOUBLE
-_STRING, _DOUBLES = ParameterType.STRING, ParameterType.DOUBLE_ARRAY
+_BOOL, _INTEGER, _DOUBLE, _STRING, _DOUBLES, _STRINGS = ParameterType
 _FIXED: Final = {'reconfigurable': False}
 
 

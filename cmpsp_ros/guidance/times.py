@@ -55,8 +55,10 @@ def shift(controls: Array, old: Horizon, new: Horizon) -> Array:
     Beyond the old horizon its last step is continued; the last row, which moves nothing, is kept.
     """
     middles = (new.edges[:-1] + new.edges[1:]) // 2
-    held = old.edges[1:-1].searchsorted(middles, side='right')
-    return np.concatenate([controls[held], controls[-1:]])
+    shifted = np.empty((len(new.edges), controls.shape[1]))
+    shifted[:-1] = controls[old.edges[1:-1].searchsorted(middles, side='right')]
+    shifted[-1] = controls[-1]
+    return shifted
 
 
 def retimed(controls: Array, old: Horizon, new: Horizon, robot: Robot) -> Array:

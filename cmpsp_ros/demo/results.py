@@ -172,7 +172,8 @@ def draw_fleet(fleet: Sequence[Scenario], runs: Sequence[Run], path: Path) -> Fi
         start = view.ends(driven.poses[:1], color) | {'name': 'start'}
         view.draw(axes, [*view.traces([stood], color), start], above=6.0)
         # Hollow: one robot's goal is another one's start.
-        axes.plot(*each.settings.goal, '*', mec=color, mfc='none', ms=16, zorder=5)
+        star = {'mec': color, 'mfc': 'none', 'ms': 16, 'zorder': 5}
+        axes.plot(*each.settings.goal, '*', **star, label='goal' if driven is paths[0] else None)
         if nearest is not None:
             outline = (view.body(each.settings) or view.disc(_SMALLEST))[:1]
             (there,) = view.bodies(outline, [driven.at(nearest)]).lines

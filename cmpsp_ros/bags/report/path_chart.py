@@ -117,7 +117,7 @@ def path(views: Sequence[View]) -> Figure:
         low = 1.0 - (number + 1 - _GAP * (number < count - 1)) / count
         own = {'showgrid': False, 'zeroline': False}
         figure['layout'][f'xaxis{on}'] = axis(
-            {'title': {'text': 'x [m]'}, 'range': x, 'anchor': f'y{on}', **own}
+            {'title': {'text': 'x [m]', 'standoff': 6}, 'range': x, 'anchor': f'y{on}', **own}
         )
         figure['layout'][f'yaxis{on}'] = axis(
             {

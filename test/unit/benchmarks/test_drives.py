@@ -1,5 +1,6 @@
-"""Whole runs of the guidance law: presets, robots on long horizons."""
+"""Measurements: presets, robots, plans, obstacles, sensors, people."""
 
+import re
 from itertools import islice
 
 import numpy as np
@@ -9,24 +10,12 @@ from typer.testing import CliRunner
 from benchmarks import crowds
 from benchmarks.common import BenchError, Spread, resident
 from benchmarks.crowds import measure_plans
-from benchmarks.drives import Preset, chosen, of_models, of_robots, time_presets, time_robots
+from benchmarks.drives import chosen
 from benchmarks.general import SIZES, program
 from benchmarks.people_tracks import COLUMNS, crowd, judged, row, static_room
 from cmpsp_ros.cli import app
-from cmpsp_ros.guidance.planning import Planner
 from cmpsp_ros.mpsp.qp import solve_qp
 from cmpsp_ros.parameters.files import preset_names
-
-
-def test_every_step_of_every_run_is_timed():
-    told = []
-    presets = [Preset.load('case1'), Preset.load('case3')]
-    timings = time_presets(presets, 2, lambda: told.append(1))
-    assert [each.name for each in timings] == ['case1', 'case3']
-    assert len(told) == 4
-    for each in timings:
-        assert (each.first.count, each.every.count) == (2, 100)
-        assert 0.0 < each.every.median <= each.every.p99 <= each.every.largest
 
 
 def test_without_names_it_is_all_presets_and_the_runs_of_the_tables():
@@ -38,58 +27,19 @@ def test_without_names_it_is_all_presets_and_the_runs_of_the_tables():
     assert [each.name for each in chosen(['case2'])] == ['case2']
 
 
-def test_a_robot_drives_to_the_goal():
-    told, improve = [], Planner.improve
-    (found,) = time_robots(of_robots(['jackal']), 2, lambda: told.append(1))
-    assert found.name == 'jackal'
-    assert found.times.shape == (2, 50)
-    assert found.times.min() > 0.0
-    assert found.work.shape == (50,)
-    assert found.work.min() > 0
-    assert sum(found.levels.values()) == 50
-    assert found.terminal_error < 0.01
-    assert len(told) == 2
-    assert Planner.improve is improve
-
-
-def test_a_car_beside_a_differential_drive():
-    for found in time_robots(of_models(), 1):
-        assert found.times.shape == (1, 50)
-        assert found.levels == {'nominal': 50}
-        assert found.terminal_error < 1e-3
-
-
-def test_as_many_plans_as_asked_in_both_steps():
-    told = []
-    found = measure_plans(2, (1, 4, 8), lambda: told.append(1))
-    assert [each.count for each in found] == [1, 4, 8]
-    assert len(told) == 9
-    for each in found:
-        assert each.first.shape == each.second.shape == (2,)
-        assert (each.first > 0.0).all()
-        assert (each.second > 0.0).all()
-
-
 def test_more_plans_than_there_are_ways_is_an_error():
     # Past four obstacles there are sixteen.
     with pytest.raises(BenchError, match='wanted the best of 17 plans'):
         measure_plans(0, (17,))
 
 
-RUNS = 1
-
-
-@pytest.fixture(scope='module')
-def found():
-    return crowds.measure_obstacles(RUNS, counts=(0, 2, 64))
-
-
-def test_the_command_for_obstacles(monkeypatch):
-    monkeypatch.setattr(crowds.measure_obstacles, '__defaults__', ((0, 1), lambda: None))
+@pytest.mark.slow
+def test_the_command_for_obstacles():
     done = CliRunner().invoke(app, ['bench', '--obstacles', '--runs', '1'], env={'COLUMNS': '120'})
     assert done.exit_code == 0, done.output
     assert 'standing [us]' in done.stdout
-    assert 'ratio' in done.stdout
+    counts = re.findall(r'^\W*(\d+)\W+\d', done.stdout, re.MULTILINE)
+    assert list(map(int, counts)) == list(crowds.OBSTACLE_COUNTS)
 
 
 @pytest.fixture(scope='module')

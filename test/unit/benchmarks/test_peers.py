@@ -95,20 +95,6 @@ def test_the_exponent_is_fitted_to_all_horizons():
     assert LongHorizons(of_times({50: 1.0}), {}).exponent() is None
 
 
-def test_half_of_the_bounds_are_active_on_every_horizon():
-    told = []
-    found = time_long_horizons((50, 100), 1, beside=False, progress=lambda: told.append(1))
-    assert [each.steps for each in found.found] == [50, 100]
-    for each in found.found:
-        assert 0.4 < each.active < 0.6
-        assert each.times.keys() == {'warm', 'cold'}
-        assert min(each.times.values()) > 0.0
-        assert each.work > 0
-        assert each.ratios == {}
-    assert found.missing == {}
-    assert len(told) == 2
-
-
 def test_a_peer_that_fails_says_why(monkeypatch):
     class Failing:
         name, largest = 'sqpmethod + piqp', 400

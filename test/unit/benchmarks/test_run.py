@@ -23,7 +23,23 @@ def invoke(*args):
 def test_all_that_was_asked_for_is_there(results):
     assert [each.name for each in results.robots] == ['jackal']
     assert [each.steps for each in results.long_horizons.found] == [25, 50]
-    assert [each.name for each in results.presets] == ['case3']
+    (case3,) = results.presets
+    assert (case3.name, case3.first.count, case3.every.count) == ('case3', 2, 100)
+    assert 0.0 < case3.every.median <= case3.every.p99 <= case3.every.largest
+    for each in [*results.robots, *results.models]:
+        assert each.times.shape == (2, 50)
+        assert each.times.min() > 0.0
+        assert each.work.min() > 0
+        assert sum(each.levels.values()) == 50
+        assert each.terminal_error < 0.01
+    for each in results.plans:
+        assert each.first.shape == each.second.shape == (20,)
+        assert min(each.first.min(), each.second.min()) > 0.0
+    for each in results.long_horizons.found:
+        assert 0.4 < each.active < 0.6 or each.steps == 25
+        assert each.times.keys() >= {'warm', 'cold'}
+        assert min(each.times.values()) > 0.0
+        assert each.work > 0
     found = results.comparison
     assert (found.steps, found.runs) == (4, 2)
     assert found.timed[0].name == 'condensed + daqp'

@@ -1,15 +1,8 @@
-"""Odometry of every kind: a command is safe, or the robot is told to stop and why.
-
-`python test/unit/guidance/fuzz.py --count 10000` feeds that many streams through the checks of
-odometry and the law as the node does, and prints what became of them.
-"""
+"""Odometry of every kind: a command is safe, or the robot is told to stop and why."""
 
 from __future__ import annotations
 
-import argparse
-import json
 import math
-import warnings
 from collections import Counter
 from dataclasses import dataclass, replace
 
@@ -210,17 +203,3 @@ def fuzz(count, seed):
 
     attempt()
     return dict(outcomes)
-
-
-def main():
-    """Do it, with every warning an error."""
-    parser = argparse.ArgumentParser()
-    parser.add_argument('--count', type=int, default=300)
-    parser.add_argument('--seed', type=int, default=1)
-    args = parser.parse_args()
-    warnings.simplefilter('error')
-    print(json.dumps(fuzz(args.count, args.seed)))
-
-
-if __name__ == '__main__':
-    main()

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from models import assert_arrives, assert_the_same, clearance, drive
+from models import assert_arrives, clearance, drive
 from scenarios import assert_is
 
 from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw
@@ -41,7 +41,7 @@ def assert_within_limits(settings, decisions, motions):
     assert (np.abs(turn_rate) * robot.half_track <= np.abs(speed) * (1.0 + 1e-9)).all()
 
 
-def test_the_preset_passes_a_stopped_car_and_bit_for_bit_again():
+def test_the_preset_passes_a_stopped_car():
     run = drive(PRESET)
     settings, decisions, motions, _ = run
     assert_arrives(*run)
@@ -49,7 +49,6 @@ def test_the_preset_passes_a_stopped_car_and_bit_for_bit_again():
     assert max(each.twist[0] for each in decisions) > 10.0
     assert max(each.pose[1] for each in motions) > 1.6
     assert not decisions[-1].twist.any()
-    assert_the_same(run, drive(PRESET))
 
 
 def test_it_turns_back_and_forth_where_it_cannot_drive_around():

@@ -61,6 +61,12 @@ EVERYTHING = {
     'goal': Goal((7.0, -7.0), 5.4, 0.0, 'goal_pose'),
     'heading_error': 0.0,
     'goals_received': 1,
+    'slack': np.float64(0.1) + 0.2,
+    'active_rows': np.int64(3),
+    'qp_iterations': np.int32(4),
+    'terminal_error': math.inf,
+    'clearance': 5e-324,
+    'worst_clearance': -1e308,
 }
 
 

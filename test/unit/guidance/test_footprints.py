@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from models import assert_arrives, assert_the_same, drive
+from models import assert_arrives, drive
 
 from cmpsp_ros.guidance import FallbackLevel
 
@@ -12,14 +12,13 @@ pytestmark = pytest.mark.xdist_group('footprints')
 PRESET = 'slot'
 
 
-def test_the_preset_is_driven_through_the_slot_and_bit_for_bit_again():
+def test_the_preset_is_driven_through_the_slot():
     run = drive(PRESET)
     assert_arrives(*run)
     settings, _, motions, _ = run
     inside = [each.pose for each in motions if 1.25 < each.pose[0] < 1.6]
     assert np.abs([pose[2] for pose in inside]).max() < 0.15
     assert settings.circumscribed_radius > 0.19
-    assert_the_same(run, drive(PRESET))
 
 
 def test_a_disc_around_the_robot_does_not_pass():

@@ -65,19 +65,14 @@ def test_presets_arrive_clear_of_every_square(name):
     assert 0.0 <= least <= distance_to_squares(grid, run.path) - settings.robot_radius + 1e-6
 
 
-def test_decisions_are_the_same_again():
-    run, again = driven('door')[1], driven.__wrapped__('door')[1]
-
+@pytest.mark.parametrize('name', PRESETS)
+def test_decisions_are_the_same_again_and_nothing_is_compiled_on_the_way(name):
+    run = driven(name)[1]
+    with compilations() as compiled:
+        again = driven.__wrapped__(name)[1]
+    assert not compiled
     np.testing.assert_array_equal(run.controls, again.controls)
     assert [each.reason for each in run.decisions] == [each.reason for each in again.decisions]
-
-
-@pytest.mark.parametrize('name', PRESETS)
-def test_nothing_is_compiled_on_the_way(name):
-    driven(name)
-    with compilations() as compiled:
-        driven.__wrapped__(name)
-    assert not compiled
 
 
 def course(*boxes, size=(80, 120), **changes):

@@ -104,6 +104,7 @@ def test_a_wall_across_the_map_is_named():
     assert 'which leaves 0.000 m beside the path' in run.decisions[-1].reason
 
 
+@pytest.mark.slow
 def test_a_gap_too_tight_at_the_speed_limit_is_given_up_with_a_remedy():
     # From one control instant to the next the path may stray four times as far.
     preset = 'parallel_parking', 'control_period=0.2'
@@ -141,20 +142,15 @@ def test_without_patience_it_waits_until_the_final_time():
     assert not run.decisions[-1].finished
 
 
-@pytest.mark.parametrize(('late', 'gives_up'), [(0.0, True), (0.25, False)])
-def test_a_goal_is_not_given_up_for_lack_of_computing_time(late, gives_up):
+def test_a_goal_is_not_given_up_for_lack_of_computing_time():
     given = one_door(0.3)
     law, pose, decision = GuidanceLaw(given, given.world), np.array([1.0, 2.15, 0.0]), None
     for step in range(200):
         decision = law.step(Observation(step * 200 * MS, pose))
-        decision = law.after_step(late if step % 3 == 1 else 0.0)
-        if decision.finished:
-            break
+        decision = law.after_step(0.25 if step % 3 == 1 else 0.0)
+        assert not decision.finished, decision.reason
         held = decision.wheel_speeds[None]
         pose = given.robot.roll_out(pose, held, np.array([given.control_period]))[-1]
-
-    assert decision.finished == gives_up
-    assert ('unreachable' in decision.reason) == gives_up
 
 
 def test_a_goal_that_comes_after_one_was_given_up_is_driven_to():
@@ -257,20 +253,9 @@ def seen(goal, final_time, **boxes):
     return changes
 
 
-CRATE = {'crate': box(4.4, 5.6, -0.6, 0.6)}
-CORRIDOR = {
-    'left': box(-2.0, 10.0, 1.0, 1.2), 'right': box(-2.0, 10.0, -1.2, -1.0),
-    'back': box(-2.2, -2.0, -1.2, 1.2),
-    'one': box(4.0, 4.6, -1.0, -0.15), 'other': box(4.0, 4.6, 0.15, 1.0),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize(
-    ('goal', 'final_time', 'boxes', 'longest'),
-    [([5.0, 0.0], 8.0, CRATE, 40.0), ([8.0, 0.0], 12.0, CORRIDOR, 45.0)],
-)
-def test_a_goal_shut_off_by_what_only_the_scanner_sees(goal, final_time, boxes, longest):
-    run = Drive(end=longest + 5.0, **seen(goal, final_time, **boxes))
+def test_a_goal_shut_off_by_what_only_the_scanner_sees():
+    longest, crate = 40.0, box(4.4, 5.6, -0.6, 0.6)
+    run = Drive(end=longest + 5.0, **seen([5.0, 0.0], 8.0, crate=crate))
     last = next(each for each in run.decisions if each.finished)
     assert last.missed
     assert 'The goal is unreachable: no plan gets past obstacle seen at' in last.reason

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from models import assert_arrives, assert_the_same, drive
+from models import assert_arrives, drive
 
 from cmpsp_ros.demo import load_scenario
 from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw, Observation
@@ -20,11 +20,10 @@ ACCELERATION = 'robot.max_wheel_acceleration=20.26'
 PRESET = 'omni_aisle'
 
 
-def test_the_preset_is_driven_sideways_and_bit_for_bit_again():
+def test_the_preset_is_driven_sideways():
     run = drive(PRESET)
     assert_arrives(*run)
     assert min(np.array([each.twist for each in run[1]])[:, 1]) < -0.3
-    assert_the_same(run, drive(PRESET))
 
 
 def test_three_omni_wheels():

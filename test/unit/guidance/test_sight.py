@@ -92,6 +92,7 @@ def test_a_cloud_without_points_on_the_floor_shows_no_free_space():
     assert all('has not been seen yet' in each.reason for each in drive.decisions[:15])
 
 
+@pytest.mark.slow
 def test_obstacles_that_only_a_depth_camera_sees_are_passed():
     drive = Drive(**CLOUD)
     assert drive.clearance > 0.03

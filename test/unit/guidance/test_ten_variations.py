@@ -9,10 +9,14 @@ from seeing import Drive
 from test_never_stuck import box, seen
 from tight_places import CELL, TightRun, map_of, task
 
+from cmpsp_ros.guidance import FallbackLevel
 from cmpsp_ros.robots import DifferentialDrive
 from cmpsp_ros.world.obstacles import Capsule, convex
 
-pytestmark = [pytest.mark.slow, pytest.mark.parametrize('number', range(10))]
+# The first of each on a map is fast.
+pytestmark = pytest.mark.parametrize(
+    'number', [0, *(pytest.param(k, marks=pytest.mark.slow) for k in range(1, 10))]
+)
 
 MARGIN, WIDTH = 0.02, 0.35
 """Margin and width of the robot in :func:`tight_places.task` [m]."""
@@ -72,6 +76,7 @@ def is_given_up(decisions, poses, clearance):
     assert last.stamp - newest < 1e9 * LONGEST_WAIT
 
 
+@pytest.mark.slow
 def test_a_gap_with_two_centimetres_beyond_the_margin(number):
     rng, changes = draw(number)
     middle = rng.uniform(2.0, 6.0)
@@ -97,9 +102,12 @@ def test_a_door_that_is_too_narrow_and_one_far_away(number):
     width = rng.uniform(0.2, 0.32)
     walls = (3, 3.1, 0, low), (3, 3.1, low + width, far), (3, 3.1, far + 0.8, 32)
     given = task((6.0, low + 0.15), map_of(8, 32, *walls), **changes)
-    is_driven(TightRun(given, start(rng, 1.0, low + 0.15), 150.0), given)
+    run = TightRun(given, start(rng, 1.0, low + 0.15), 150.0)
+    is_driven(run, given)
+    assert run.time < 1.2 * (2.0 * far + 5.0) / given.pace
 
 
+@pytest.mark.slow
 def test_a_door_that_is_too_narrow_alone(number):
     rng, changes = draw(number)
     low, width = rng.uniform(1.5, 2.5), rng.uniform(0.15, 0.32)
@@ -135,7 +143,9 @@ def test_a_long_wall_on_open_floor(number):
     half, along = rng.uniform(5.0, 10.0), rng.uniform(-3.0, 3.0)
     barrier = Capsule('wall', (5.0, along - half), (5.0, along + half), 0.05)
     given = task((10.0, 0.0), barrier, **(changes | {'final_time': 45.0}))
-    is_driven(TightRun(given, start(rng, 0.0, 0.0), 80.0), given)
+    run = TightRun(given, start(rng, 0.0, 0.0), 80.0)
+    is_driven(run, given)
+    assert run.levels[FallbackLevel.STOP] == 1
 
 
 def test_a_trap_and_a_crate_far_away(number):
@@ -145,13 +155,16 @@ def test_a_trap_and_a_crate_far_away(number):
     trap = [Capsule(f'w{k}', *each, 0.05) for k, each in enumerate(ends)]
     crate = convex('crate', [(far, 0.0), (far + 1.0, 0.0), (far + 1.0, 1.0)])
     given = task((4.0, 0.0), *trap, crate, **(changes | {'final_time': 25.0}))
-    is_driven(TightRun(given, start(rng, 0.0, 0.0), 60.0), given)
+    run = TightRun(given, start(rng, 0.0, 0.0), 60.0)
+    is_driven(run, given)
+    assert run.levels[FallbackLevel.STOP] == 1
 
 
 def sensed(number, changes):
     return changes | ({'goal.when': 'soonest'} if number % 2 else {})
 
 
+@pytest.mark.slow
 def test_a_goal_inside_a_crate_that_is_seen(number):
     rng, _ = draw(number)
     half, x = rng.uniform(0.5, 0.9), rng.uniform(3.5, 5.5)
@@ -160,6 +173,7 @@ def test_a_goal_inside_a_crate_that_is_seen(number):
     is_given_up(run.decisions, run.poses, run.clearance)
 
 
+@pytest.mark.slow
 def test_a_corridor_that_two_crates_close(number):
     rng, _ = draw(number)
     width, at = rng.uniform(0.05, 0.32), rng.uniform(2.5, 5.0)
@@ -175,6 +189,7 @@ def test_a_corridor_that_two_crates_close(number):
     is_given_up(run.decisions, run.poses, run.clearance)
 
 
+@pytest.mark.slow
 def test_a_start_whose_front_has_not_been_seen(number):
     rng, _ = draw(number)
     jackal = '[[0.254, 0.215], [0.254, -0.215], [-0.254, -0.215], [-0.254, 0.215]]'
@@ -198,6 +213,7 @@ def is_parked(preset, **changes):
     assert clearance(settings, motions) > 0.0
 
 
+@pytest.mark.slow
 def test_a_car_parks_at_the_kerb(number):
     rng, _ = draw(number)
     length = 0.58 * rng.uniform(1.3, 1.6)
@@ -212,6 +228,7 @@ def test_a_car_parks_at_the_kerb(number):
     )
 
 
+@pytest.mark.slow
 def test_a_base_backs_into_a_bay(number):
     rng, _ = draw(number)
     wide = 2.0 * 0.175 + rng.uniform(0.05, 0.1)

@@ -6,7 +6,6 @@ import sys
 import pytest
 
 import cmpsp_ros.mpsp as method
-from cmpsp_ros.mpsp.qp import back_ends
 
 # One step of the method without optional packages; None makes an import fail.
 ALONE = """
@@ -45,8 +44,3 @@ def test_other_names_are_not():
 
 def test_numpy_numba_and_scipy_are_enough():
     subprocess.run([sys.executable, '-c', ALONE], check=True)
-
-
-def test_without_other_packages_our_back_ends_are_left(monkeypatch):
-    monkeypatch.setattr(back_ends, 'find_spec', lambda name: None)
-    assert back_ends.available() == ('riccati_active_set', 'hildreth')

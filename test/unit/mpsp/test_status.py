@@ -10,8 +10,6 @@ from cmpsp_ros.mpsp import Dimensions, Evaluation, Options, ProblemError
 from cmpsp_ros.mpsp.results import Status, Violation, violations
 from cmpsp_ros.mpsp.sqp.solve import solve
 
-NOTHING = Evaluation(0.0, np.empty(0), np.empty((3, 0)))
-
 
 def test_the_worst_comes_first():
     g = np.array([[-np.inf, 0.5], [-1.0, 2.0], [0.01, 0.0]])

@@ -1,16 +1,8 @@
-"""Parameter files of every kind: refused in words, or a law whose commands are safe.
+"""Parameter files of every kind: refused in words, or a law whose commands are safe."""
 
-`python test/unit/parameters/fuzz.py --count 10000` reads that many files - whole, damaged and
-garbage -, drives a little with what is accepted, and prints what became of them.
-"""
-
-import argparse
-import json
 import re
-import warnings
 from collections import Counter
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import hypothesis
 import numpy as np
@@ -159,18 +151,3 @@ def fuzz(count, seed, folder):
 
     attempt()
     return dict(outcomes)
-
-
-def main():
-    """Do it, with every warning an error."""
-    parser = argparse.ArgumentParser()
-    parser.add_argument('--count', type=int, default=300)
-    parser.add_argument('--seed', type=int, default=1)
-    args = parser.parse_args()
-    warnings.simplefilter('error')
-    with TemporaryDirectory() as folder:
-        print(json.dumps(fuzz(args.count, args.seed, Path(folder))))
-
-
-if __name__ == '__main__':
-    main()

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from dense_drives import PIECES, error_of, integrated
+from dense_drives import error_of, integrated
 from geometry import from_line, from_polygon
 from hypothesis import assume, given
 from hypothesis import settings as hypothesis_settings
@@ -13,16 +13,7 @@ from hypothesis import strategies as st
 from cmpsp_ros.robots import DifferentialDrive
 from cmpsp_ros.robots.motion import arc_from
 from cmpsp_ros.world import FreeSpace
-from cmpsp_ros.world.obstacles import (
-    ROUGHNESS,
-    Capsule,
-    MovingDiscs,
-    Obstacle,
-    ShapeError,
-    away_from,
-    convex,
-    sweep_moving,
-)
+from cmpsp_ros.world.obstacles import Capsule, MovingDiscs, Obstacle, ShapeError, away_from, convex
 from cmpsp_ros.world.obstacles.shapes import Polygon
 from cmpsp_ros.world.roads import OpenFloor
 
@@ -102,24 +93,6 @@ def driven(wheels, period, start, heading):
     (speed, turn_rate) = ROBOT.twist(wheels[0])
     arc = arc_from(*pose.tolist(), float(speed * period), float(turn_rate * period))
     return arc, integrated(pose, wheels, period, ROBOT), error_of(wheels, period, ROBOT)
-
-
-@hypothesis_settings(max_examples=150)
-@given(
-    **drives,
-    point=points,
-    velocity=st.tuples(st.floats(-2.0, 2.0), st.floats(-2.0, 2.0)),
-    growth=st.floats(0.0, 0.5),
-)
-def test_sweep_past_what_moves(wheels, period, start, heading, point, velocity, growth):
-    arc, path, error = driven(wheels, period, start, heading)
-    found = sweep_moving(arc, period, *point, *velocity, growth, math.inf)
-    times = np.linspace(0.0, period, len(path))
-    there = np.array(point) + times[:, None] * np.array(velocity)
-    wanted = (np.linalg.norm(path - there, axis=1) - growth * times).min()
-    spacing = (abs(arc.length) + (math.hypot(*velocity) + growth) * period) / PIECES
-    assert found <= wanted + error
-    assert found >= wanted - ROUGHNESS - error - spacing
 
 
 @hypothesis_settings(max_examples=150)

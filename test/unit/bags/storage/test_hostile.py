@@ -106,9 +106,6 @@ def test_metadata(path, text, reason):
     refused(path, reason)
 
 
-KEPT = "cmpsp_ros.parameters: '"
-
-
 @pytest.mark.parametrize(
     ('old', 'new', 'reason'),
     [

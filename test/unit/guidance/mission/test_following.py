@@ -1,15 +1,18 @@
 """A road followed without end: steady speed, nothing touched, nothing that grows."""
 
+import gc
 import math
+import os
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from endless import NOISE, drive, is_steady
 from scenarios import PERIOD, law_of
 from scenarios import drive as drive_law
 from seeing import Drive
 
+from cmpsp_ros.bags.runs import mean_speed
 from cmpsp_ros.guidance import (
     FallbackLevel,
     Follow,
@@ -19,16 +22,49 @@ from cmpsp_ros.guidance import (
     GuidanceSettings,
     Observation,
 )
+from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file, plant_settings
 from cmpsp_ros.robots import DifferentialDrive
+from cmpsp_ros.simulator import Plant
+from cmpsp_ros.world import FreeSpace
 from cmpsp_ros.world.obstacles import Obstacle
 from cmpsp_ros.world.roads import Annulus, arc_length_to, lookahead_point
 
+MINUTES = float(os.environ.get('ENDLESS_MINUTES', '1.5'))
+"""Simulated time: two rounds; `ENDLESS_MINUTES=60 pytest -s ...` makes an hour of it."""
 
+GROWTH = 50_000
+"""Memory that may be held at the end more than after the second tenth [bytes]."""
+
+
+@pytest.mark.timeout(120 if MINUTES < 2.0 else 600 * MINUTES)
 def test_rounds_are_alike_under_noise():
-    # Two rounds of 44 s; `endless.py` drives for an hour.
-    parts = list(drive(1.5, NOISE))
-    assert is_steady(parts, 1.2)
-    assert sum(part.levels['nominal'] for part in parts) == 450
+    noise = {'noise.position_stddev': 0.003, 'noise.heading_stddev': 0.003, 'odom_rate': 5.0}
+    values = TABLE.resolve(load_parameter_file('endless') | {'final_time': 0.0} | noise)
+    given, plant, stamp = guidance_settings(values), Plant(plant_settings(values)), 0
+    law = GuidanceLaw(given, given.world)
+    space = FreeSpace.of(given.road, given.obstacles, given.robot_radius)
+    steps, memory = round(MINUTES * 60.0 / given.control_period / 10), []
+    durations = np.full(steps, given.control_period)
+    tracemalloc.start()
+    for _ in range(10):
+        poses, twists = [plant.pose], []
+        for _ in range(steps):
+            decision = law.step(Observation(stamp, plant.measure()))
+            assert decision.level is FallbackLevel.NOMINAL
+            plant.command(stamp, *decision.twist.tolist())
+            plant.advance(stamp := stamp + PERIOD)
+            poses.append(plant.pose)
+            twists.append(decision.twist)
+        path = np.array(poses)
+        clearance = space.along(path[:-1], np.array(twists), durations).min()
+        speed = mean_speed(given, path, float(durations.sum()))
+        gc.collect()
+        memory.append(tracemalloc.get_traced_memory()[0])
+        print(f'{stamp / 60e9:.1f} min: {speed:.5f} m/s, {clearance:+.4f} m, {memory[-1]} bytes')
+        assert speed == pytest.approx(1.2, rel=0.01)
+        assert clearance >= 0.0
+    tracemalloc.stop()
+    assert memory[-1] - memory[1] < GROWTH
 
 
 def settings(speed, **changes):

@@ -93,13 +93,6 @@ def test_what_does_not_matter_changes_nothing():
     assert [each.iterations for each in alone[:-1]] == [each.iterations for each in beside[:-1]]
 
 
-def test_the_same_again_bit_for_bit():
-    runs = [drive(AMONG, [ONCOMING, CROSSING])[0] for _ in range(2)]
-    for one, other in zip(*runs, strict=True):
-        assert one.wheel_speeds.tobytes() == other.wheel_speeds.tobytes()
-        assert (one.reason, one.tracks) == (other.reason, other.tracks)
-
-
 def test_more_than_there_is_room_for_are_audited_all_the_same(fault):
     few = replace(OPEN, moving_obstacles=replace(ROOM, capacity=1))
     movers = [ONCOMING, (20.0, 0.0, 0.0, 0.0, 0.5), CROSSING]

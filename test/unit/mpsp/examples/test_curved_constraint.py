@@ -7,7 +7,6 @@ from reference_solution import assert_agrees, options_for
 
 from cmpsp_ros.mpsp.models.casadi_functions import from_casadi
 from cmpsp_ros.mpsp.results import Status
-from cmpsp_ros.mpsp.sqp.driver import BackEnd
 from cmpsp_ros.mpsp.sqp.solve import solve
 from examples.common import ipopt, runge_kutta
 
@@ -42,15 +41,6 @@ def test_full_steps_are_kept(state, rate, penalty):
     assert {record.step_length for record in solution.history[20:]} == {1.0}
     steps = np.array([record.step_norm for record in solution.history[-6:]])
     np.testing.assert_allclose(steps[1:] / steps[:-1], rate, atol=0.01)
-
-
-@pytest.mark.parametrize('state', [equality, inequality])
-def test_they_are_refused_without_the_second_order_correction(state, monkeypatch):
-    monkeypatch.setattr(BackEnd, 'correct', lambda _self, _output_error, _g: None)
-    problem = from_casadi(**state())
-    solution = solve(problem, FIRST, options_for(problem, penalty=1e3, method='cmpsp'), 60)
-    assert solution.status is not Status.CONVERGED
-    assert sum(record.step_length < 0.1 for record in solution.history[1:]) > 30
 
 
 def along(curve, x0, target, horizon=40, period=2.0):

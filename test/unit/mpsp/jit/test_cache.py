@@ -1,12 +1,11 @@
 """Machine code is compiled by one process and loaded by the others, whatever its file suffers."""
 
-import errno
 import os
 import time
 
 import pytest
 
-from cmpsp_ros.mpsp.jit import allocation_free, cache
+from cmpsp_ros.mpsp.jit import allocation_free
 
 # Programs of their own compile in each test.
 pytestmark = pytest.mark.slow
@@ -129,12 +128,9 @@ def test_a_kernel_that_cannot_be_compiled_leaves_no_lock(folder):
     assert [*folder.glob('*.kernel')] == []
 
 
-def test_a_full_disk_is_forgiven(folder, monkeypatch):
-    def full(path, content):
-        raise OSError(errno.ENOSPC, 'No space left on device')
-
-    monkeypatch.setattr(cache, '_save', full)
-    assert kernel()(1) == 2
+def test_a_full_disk_is_forgiven(run, folder):
+    full = 'import resource\nresource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))\n'
+    assert run(full + DOUBLE + RUN) == ['8', '0']
     assert [*folder.glob('*.kernel')] == []
 
 

@@ -258,12 +258,6 @@ def test_a_turn_on_the_spot_is_no_faster_than_the_wheels():
     assert np.abs(guess).max() <= 2.0 * (1.0 + 1e-9)
 
 
-def test_the_same_search_gives_the_same_bits():
-    given = settings((FIRST, SECOND), 51.0, ROAD)
-    for one, other in zip(search(given)[1], search(given)[1], strict=True):
-        np.testing.assert_array_equal(one.guess, other.guess)
-
-
 def test_words():
     assert in_words((), ()) == ''
     assert in_words((0, 0), ('a', 'b')) == ''

@@ -125,26 +125,6 @@ def test_a_saturated_inequality_is_released():
     np.testing.assert_allclose(found, [3.0, 3.0, 0.0], atol=1e-14)
 
 
-@pytest.mark.parametrize('seed', [0, 2, 3, 4, 5])
-def test_repeated_rows_change_nothing(seed):
-    once = random_program(np.random.default_rng(seed), m=1, bound=1.0)
-    once.g[:] += 0.2
-    repeated = {
-        name: np.concatenate([getattr(once, name)] * 3, axis=1) for name in ('g', 'g_X', 'g_U')
-    }
-    thrice = once._replace(**repeated)
-    # Penalties of the same violation add up.
-    for one, three in (
-        (run(once), run(thrice)),
-        (run(once, relaxed(once, 3.0, 0.3)), run(thrice, relaxed(thrice, 3.0, 0.1))),
-    ):
-        assert one.outcome == three.outcome == Outcome.SOLVED
-        np.testing.assert_allclose(three.dU, one.dU, atol=1e-10)
-        together = three.multipliers.path.reshape(6, 3, 2).sum(axis=1)
-        np.testing.assert_allclose(together, one.multipliers.path, atol=1e-8)
-        assert one.multipliers.path.any()
-
-
 def test_rows_that_others_imply():
     qp = walled(chain(2, [3.0, 3.0], 1, m=2), 0, -9.0)
     found = run(qp)

@@ -4,13 +4,10 @@ import numpy as np
 import pytest
 from stage_programs import chain, random_program, relaxed, run
 
-from cmpsp_ros.mpsp.qp import QPStatus
 from cmpsp_ros.mpsp.qp.riccati import Outcome
 
 # What they call takes long to compile: by one worker.
 pytestmark = pytest.mark.xdist_group('riccati')
-
-STATUSES = {Outcome.SOLVED: QPStatus.SOLVED, Outcome.INFEASIBLE: QPStatus.INFEASIBLE}
 
 
 def given_program(weight):

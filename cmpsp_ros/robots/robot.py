@@ -14,7 +14,13 @@ from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.robots.motion import kinematics
 from cmpsp_ros.robots.motion.acceleration import TimeScaling
 from cmpsp_ros.robots.motion.arcs import speeds_and_turns, with_side
-from cmpsp_ros.robots.motion.kinematics import Kinematics, addresses, displacement, steering
+from cmpsp_ros.robots.motion.kinematics import (
+    Kinematics,
+    addresses,
+    displacement,
+    put_gradients,
+    steering,
+)
 
 _ROUNDING: Final = 1e-9  # part of a limit that rounding may add to it
 
@@ -298,6 +304,15 @@ class Robot(ABC):
         poses[0] = pose
         kinematics.roll_out(poses, controls, durations, self.kinematics)
         return poses
+
+    def jacobians(self, poses: Array, controls: Array, durations: Array) -> tuple[Array, Array]:
+        """Derivatives ``A (N, 3, 3)`` and ``B (N, 3, r)`` of all steps by pose and control."""
+        A = np.zeros((len(durations), 3, 3))
+        B = np.zeros((len(durations), 3, self.n_controls))
+        for k, duration in enumerate(durations.tolist()):
+            heading = float(poses[k, 2])
+            put_gradients(A[k], B[k], heading, controls, k, duration, self.kinematics)
+        return A, B
 
 
 class DerivedRobot(Robot):

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from gradients import jacobians
 
 from cmpsp_ros.parameters import TABLE, ParameterError, guidance_settings, load_parameter_file
 from cmpsp_ros.robots import Ackermann, Omnidirectional
@@ -164,7 +163,7 @@ def settings_of(model, preset='case3_wide', **changes):
 def check(robot, controls, durations):
     """Steps and derivatives against finite differences."""
     poses = robot.roll_out(np.array([1.0, -2.0, 0.4]), controls, durations)
-    A, B = jacobians(robot, poses, controls, durations)
+    A, B = robot.jacobians(poses, controls, durations)
     for k, (pose, control, time) in enumerate(zip(poses[:-1], controls, durations, strict=True)):
 
         def end(pose, control, time=time):
@@ -230,8 +229,8 @@ def test_models_that_are_there_are_driven_alike(modules):
         found = robot.roll_out(np.zeros(3), controls, durations)
         poses = its.roll_out(np.zeros(3), controls @ to_its, durations)
         np.testing.assert_allclose(found, poses, atol=1e-13)
-        A, B = jacobians(robot, poses, controls, durations)
-        its_A, its_B = jacobians(its, poses, controls @ to_its, durations)
+        A, B = robot.jacobians(poses, controls, durations)
+        its_A, its_B = its.jacobians(poses, controls @ to_its, durations)
         np.testing.assert_allclose(A, its_A, atol=1e-13)
         for one, other in zip(B, its_B, strict=True):
             np.testing.assert_allclose(one, other @ to_its.T, atol=1e-13)

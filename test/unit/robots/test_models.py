@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from gradients import jacobians
 from hypothesis import example, given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
@@ -89,7 +88,7 @@ def check(robot, pose, control, duration, error):
     path = robot.roll_out(pose, control[None], held)
     np.testing.assert_array_equal(path[0], pose)
     np.testing.assert_allclose(path[1], by_quadrature(robot, pose, control, duration), atol=error)
-    A, B = jacobians(robot, path, control[None], held)
+    A, B = robot.jacobians(path, control[None], held)
     by_pose = by_complex_steps(lambda at: by_quadrature(robot, at, control, duration), pose)
     by_control = by_complex_steps(lambda at: by_quadrature(robot, pose, at, duration), control)
     np.testing.assert_allclose(A[0], by_pose, atol=error)
@@ -183,7 +182,7 @@ def test_twists_controls_and_wheel_speeds_are_inverse(robot, spread):
 def test_more_controls_than_durations_are_not_driven():
     wheels, held = np.array([[40.0, 30.0], [1.0, 2.0]]), np.array([0.2])
     path = ROBOT.roll_out(np.zeros(3), wheels, held)
-    A, B = jacobians(ROBOT, path, wheels, held)
+    A, B = ROBOT.jacobians(path, wheels, held)
     assert (path.shape, A.shape, B.shape) == ((2, 3), (1, 3, 3), (1, 3, 2))
 
 

@@ -108,7 +108,7 @@ def _is_ours(folder: Path) -> bool:
 # Kind of numba's event while another process compiles a kernel that is needed.
 WAITING: Final = 'cmpsp_ros:wait'
 
-# Content of files (`parts`), and how functions are called (`by_reference`).
+# Content of files (`parts`), and how functions are called (`lowering`).
 _FORMAT: Final = 'parts, by reference, of any size, optimised once'
 _DAY: Final = 86_400.0
 _CHECKSUM: Final = 16

@@ -36,7 +36,7 @@ class Task(NamedTuple):
     is_over: bool  # whether the last goal's time has passed
     horizon: Horizon  # the horizon of plans; that of the last plan where it goes on
     goes_on: bool  # whether a new command would come too late to change anything
-    note: str  # why the final time was postponed, in a sentence; else empty
+    note: str  # why the final time was changed, in a sentence; else empty
 
 
 class GuidanceLaw:
@@ -159,13 +159,14 @@ class GuidanceLaw:
         mission, clock, delay = state.mission, state.clock, estimate.delay
         goals, now, note = mission.goals, clock.now, ''
         is_new = goals.update(observation.stamp, now, start)
-        may_postpone = settings.moves_final_time and not mission.reaches_goal
-        if may_postpone and not mission.closed_road.wait_reason:
-            by = goals.postpone(now + delay, start)
-            if by:
+        if settings.moves_final_time and not mission.closed_road.wait_reason:
+            by = goals.adapt(now + delay, start, may_be_later=not mission.reaches_goal)
+            if by > 0.0:
                 mission.idle_steps = 0
                 note = f'The final time is put off by {by:.3g} s'
                 note += ': the path to the goal takes longer. '
+            elif by < 0.0:
+                note = f'The final time is {-by:.3g} s earlier: the path to the goal is shorter. '
         period = goals.period
         if now >= goals.end:
             clock.due = now + period

@@ -60,10 +60,16 @@ class PlanAhead:
             return
         selected = self._selector.compare() or followed
         if self._ends_soonest(state) and state.world.seen is not None:
-            changed, found = self._at_another_time(state, context, selected)
+            changed, selected = self._at_another_time(state, context, selected)
             if changed is not context:
-                self._selector.go_on_with(followed.plan, found.plan)
                 self._reach_with(state, changed)
+        if selected is followed:
+            return
+        begins = state.following.plan or state.following.standby
+        if begins is None:
+            state.following.wait(selected.plan)
+        else:
+            self._selector.go_on_with(begins, selected.plan)
 
     def _make_first(self, state: LawState, context: PlanningContext) -> None:
         context = replace(context, start=context.start._replace(world=state.world))

@@ -5,15 +5,7 @@ from typing import TYPE_CHECKING
 from cmpsp_ros.front_door import lazy_exports
 
 if TYPE_CHECKING:
-    from cmpsp_ros.view.drawing import (
-        PER_ARC,
-        along,
-        draw,
-        draw_obstacles,
-        draw_road,
-        legend_below,
-        show,
-    )
+    from cmpsp_ros.view.drawing import PER_ARC, along, draw, legend_below, show
     from cmpsp_ros.view.plotly_traces import (
         arrow,
         coordinates,
@@ -35,6 +27,7 @@ if TYPE_CHECKING:
         LIMIT,
         LOOKS,
         MOVING,
+        OBSTACLE,
         PERSON,
         SEEN,
         SIGMAS,

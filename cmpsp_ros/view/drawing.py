@@ -1,4 +1,4 @@
-"""Roads, obstacles and paths in matplotlib's axes."""
+"""Scenes in matplotlib's axes."""
 
 from __future__ import annotations
 
@@ -17,9 +17,7 @@ from matplotlib.patheffects import withStroke
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.robots.motion import arc_ends
 from cmpsp_ros.view.plotly_traces import Trace
-from cmpsp_ros.view.scene import TEXT
-from cmpsp_ros.world.obstacles import Shape
-from cmpsp_ros.world.roads import Road
+from cmpsp_ros.view.scene import TEXT, frame
 
 Look = dict[str, Any]
 
@@ -40,22 +38,6 @@ def legend_below(figure: Figure | SubFigure, *keys: Sequence[Any], **options: An
     whole.draw_without_rendering()
     below = legend.get_window_extent().height / figure.bbox.height
     whole.get_layout_engine().set(rect=(0.0, below, 1.0, 1.0 - below))
-
-
-def draw_road(axes: Axes, road: Road, face: str, edge: str) -> None:
-    """Draw a road, its edges and its centre line below everything else, in two colours."""
-    axes.fill(*road.area().T, color=face, lw=0.0, zorder=0)
-    for line in road.edges():
-        axes.plot(*line.T, color=edge, lw=1.0, zorder=1)
-    axes.plot(*road.center_line().T, color=edge, lw=1.0, ls=':', zorder=1)
-
-
-def draw_obstacles(axes: Axes, obstacles: Iterable[Shape], **look: Any) -> None:
-    """Draw obstacles in a look of one's own, below paths."""
-    for each in obstacles:
-        lines = (Path(line, closed=True) for line in each.outlines(each.radius))
-        edge = Path.make_compound_path(*lines)
-        axes.add_patch(PathPatch(edge, **{'zorder': 2, **look}))
 
 
 def draw(axes: Axes, traces: Iterable[Trace], above: float = 2.0) -> None:
@@ -137,10 +119,8 @@ def along(poses: Array, twists: Array, durations: Array) -> Array:
     return np.vstack([points[:, :2], poses[-1:, :2]])
 
 
-def show(axes: Axes, points: Sequence[Array], room: float) -> tuple[float, float]:
-    """Show points and some room [m] around them, at one scale; width and height of that [m]."""
-    every = np.vstack(points)
-    (left, bottom), (right, top) = every.min(axis=0) - room, every.max(axis=0) + room
-    axes.set(xlim=(left, right), ylim=(bottom, top), xlabel='x [m]', ylabel='y [m]')
+def show(axes: Axes, points: Sequence[Array], room: float) -> None:
+    """Show points and some room [m] around them, at one scale."""
+    low, high = frame(points, (), room)
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), xlabel='x [m]', ylabel='y [m]')
     axes.set_aspect('equal')
-    return right - left, top - bottom

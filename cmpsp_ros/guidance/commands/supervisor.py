@@ -93,7 +93,8 @@ class Supervisor:
             reason = f'The robot stops. {why} {reason}'
             return self.decisions.stand(step, reason, selected.result)
         if standby is None and start.reachable.names:
-            limited = turn_to_look(self._validator, context, limited[0]) or limited
+            why = verdict.reason
+            limited = turn_to_look(self._validator, context, limited[0], why) or limited
         slower, verdict, remark = limited
         errors = selected.terminal_error, selected.heading_error
         if plan is not selected.plan:

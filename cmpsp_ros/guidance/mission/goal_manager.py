@@ -148,29 +148,33 @@ class GoalManager:
         seconds = max(self._time_to(self.goal, start), speed / robot.braking)
         return begin + _AMPLE * max(to_nanoseconds(seconds), _FEWEST * self.period)
 
-    def postpone(self, begin: int, start: PlanStart) -> float:
+    def adapt(self, begin: int, start: PlanStart, *, may_be_later: bool) -> float:
         """Pass the present goal later, and all after it, where the path to it takes too long.
 
-        Returns by how much [s]; 0 where the time is enough, or no path is known and nobody closes
-        it, or the robot is within the tolerance of the goal. `begin` [ns].
+        Where it has become short again, they are passed earlier, but not before they were due.
+
+        Returns by how much later [s], negative for earlier; 0 where the time is enough, or no path
+        is known and nobody closes it, or the robot is within the tolerance of the goal. `begin`
+        [ns].
         """
-        goal, search, period = self.goal, start.world.map_search(self._settings), self.period
-        if goal is None or self.given_up or self._is_at_goal(start.pose):
+        goal, settings, period = self.goal, self._settings, self.period
+        may_be_earlier = self._late > 0 and not settings.is_soonest
+        if goal is None or self.given_up or not (may_be_later or may_be_earlier):
             return 0.0
+        if self._is_at_goal(start.pose):
+            return 0.0
+        search = start.world.map_search(settings)
+        is_known = search is None or len(search.line(start.pose[:2], goal.position, _NEAR)) > 0
         # Who closes the only path now may have gone before long.
-        if (
-            search is not None
-            and not start.reachable.names
-            and not len(search.line(start.pose[:2], goal.position, _NEAR))
-        ):
-            return 0.0
-        needed = to_nanoseconds(self._time_to(goal, start))
+        may_be_later = may_be_later and (is_known or bool(start.reachable.names))
+        needed, left = to_nanoseconds(self._time_to(goal, start)), self.final - begin
         # The earliest arrival that was found is not late where the wheels can keep it.
-        quicker = self._settings.pace / start.robot.max_speed if self._settings.is_soonest else 1.0
-        if self.final - begin >= _SCARCE * quicker * needed:
+        quicker = settings.pace / start.robot.max_speed if settings.is_soonest else 1.0
+        is_late = may_be_later and left < _SCARCE * quicker * needed
+        if not (is_late or (may_be_earlier and is_known and left > _AMPLE * needed)):
             return 0.0
-        later = max(-(-(begin + needed) // period), begin // period + _FEWEST) * period
-        by = max(0, later - self.final)
+        final = max(-(-(begin + needed) // period), begin // period + _FEWEST) * period
+        by = max(0, final - self.final) if is_late else min(max(-self._late, final - self.final), 0)
         self._late += by
         self._set_goal(start.world)
         return by / NANOSECONDS

@@ -166,7 +166,7 @@ class ReviewSchedule:
 
 
 class _Comparison(NamedTuple):
-    """A comparison of the plan that is followed with others, put off until the command is out."""
+    """A comparison of the plan that was improved with others, put off until the command is out."""
 
     warm: Candidate
     context: PlanningContext
@@ -177,8 +177,8 @@ class _Comparison(NamedTuple):
 class PlanSelector:
     """Improves the plan that is followed, and others where that may help, and selects one.
 
-    Where a scanner leaves a step less time, others are compared with an admissible plan after the
-    command; the better one is followed from the next step on.
+    Where a scanner leaves a step less time, others are compared with it after the command; the
+    better one is followed from the next step on.
 
     Attributes:
         improver: Improves all plans of a control step.
@@ -276,7 +276,7 @@ class PlanSelector:
         if not review and not selection.pool.alternatives:
             return warm
         comparison = _Comparison(warm, context, review, may_change)
-        if first is None and warm.admissible and context.start.world.seen is not None:
+        if first is None and context.start.world.seen is not None:
             self._comparison = comparison
             return warm
         return self._compared(comparison, first)
@@ -298,11 +298,10 @@ class PlanSelector:
             return None
         selected = self._compared(comparison, None)
         self._found = self._selection.remark
-        self.go_on_with(comparison.warm.plan, selected.plan)
         return selected
 
     def go_on_with(self, followed: Plan, plan: Plan) -> None:
-        """Continue a plan at the next step instead of the one that is followed."""
+        """Continue a plan at the next step instead of the one that it would begin with."""
         self._instead = followed, plan
 
     def _guesses_of(self, context: PlanningContext) -> tuple[Array, list[Array] | None]:
@@ -312,11 +311,12 @@ class PlanSelector:
             selection.pool.followed.forget()
             guesses = self.improver.timed('solve', selection.guesses.first, context)
             return guesses[0], guesses
-        # Put off: rows of its warm start would be at other places.
-        if len(context.horizon.edges) > len(plan.horizon.edges):
-            selection.pool.followed.forget()
         if self._instead is not None and plan is self._instead[0]:
             plan = self._instead[1]
+        earlier = plan.horizon.edges.item(-1) - context.horizon.edges.item(-1)
+        # Put off, or earlier: rows of its warm start would be at other places.
+        if earlier > 0 or len(context.horizon.edges) > len(plan.horizon.edges):
+            selection.pool.followed.forget()
         return self.improver.guess_from(plan, context), None
 
     def try_at_another_time(

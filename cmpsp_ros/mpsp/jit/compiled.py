@@ -16,9 +16,9 @@ from numba.core import cgutils
 from numba.core.errors import TypingError
 from numba.extending import intrinsic
 
-from cmpsp_ros.mpsp.jit.by_reference import passed
 from cmpsp_ros.mpsp.jit.cache import KernelCache, kernel_folder
 from cmpsp_ros.mpsp.jit.kernel import Kernel
+from cmpsp_ros.mpsp.jit.lowering import passed
 
 ALLOCATION_FREE: Final = {'_nrt': False, 'error_model': 'numpy'}
 """Options of numba for functions that allocate nothing.

@@ -35,7 +35,7 @@ from numba.core.untyped_passes import (
     WithLifting,
 )
 
-from cmpsp_ros.mpsp.jit.by_reference import ReferenceLower
+from cmpsp_ros.mpsp.jit.lowering import PartLower
 from cmpsp_ros.mpsp.jit.parts import MachineCode, Part, Sized, environments_in, for_sizes, relink
 from cmpsp_ros.mpsp.jit.sizes import NotGeneralError, generalised, is_general
 
@@ -54,7 +54,7 @@ class _Lowering(NativeLowering):  # type: ignore[misc]  # numba has no types
     @property
     def lowering_class(self) -> Any:
         """Class that translates a function."""
-        return ReferenceLower
+        return PartLower
 
 
 class _Passes(PassManager):  # type: ignore[misc]  # numba has no types

@@ -17,7 +17,7 @@ from numba.core import cgutils, typing
 from numba.core.codegen import JITCodeLibrary
 from numba.core.environment import lookup_environment
 
-from cmpsp_ros.mpsp.jit.by_reference import passed
+from cmpsp_ros.mpsp.jit.lowering import passed
 from cmpsp_ros.mpsp.jit.sizes import with_sizes, with_symbols
 
 _ENVIRONMENT = '_ZN08NumbaEnv'

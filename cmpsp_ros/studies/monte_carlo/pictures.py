@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -21,7 +22,7 @@ from cmpsp_ros.studies.monte_carlo.outcome import RunVerdict, StudyOutcome
 _DPI: Final = 150
 _SMALLEST_MISS: Final = 1e-16
 _EVERY: Final = 2.0  # time between two marks on paths among people [s]
-_ROAD, _EDGE, _RIM = '0.93', '0.55', '0.3'
+_RIM = '0.3'
 _LOOKS: Final = {
     RunVerdict.ARRIVED: ('tab:blue', 0.5),
     RunVerdict.TOO_FAR: ('0.45', 0.5),
@@ -73,7 +74,7 @@ def _paths(
         named.add(verdict)
         axes.plot(each.x, each.y, color=color, lw=width, alpha=0.8, label=label)
     axes.set_aspect('equal')
-    view.legend_below(figure, ncols=len(named))
+    view.legend_below(figure, ncols=4)
     axes.set_title(title)
     return figure
 
@@ -97,8 +98,8 @@ def _spread(title: str, outcomes: Sequence[StudyOutcome], tolerance: float) -> F
 
 
 def _draw_place(axes: Axes, settings: GuidanceSettings) -> None:
-    view.draw_road(axes, settings.road, _ROAD, _EDGE)
-    view.draw_obstacles(axes, settings.obstacles, fc='0.72', ec=_RIM, lw=0.7)
+    parts = view.course([settings.road], settings.obstacles)
+    view.draw(axes, view.traces([replace(each, names=()) for each in parts], ''), above=0.0)
     axes.set(xlabel='x [m]', ylabel='y [m]')
     axes.set_aspect('equal')
 
@@ -143,7 +144,7 @@ def _draw_people(axes: Axes, driven: DrivenRun) -> None:
             axes.annotate(f'{seconds[k]:.0f}', (x, y), fontsize=4.0, color=color, ha='center')
     for met in contacts(driven, driven.walking.names):
         k = min(int(np.searchsorted(stamps, met.time)), len(places) - 1)
-        axes.plot(*places[k], 'x', color='tab:red' if met.is_active else _EDGE, ms=7, zorder=7)
+        axes.plot(*places[k], 'x', color='tab:red' if met.is_active else '0.55', ms=7, zorder=7)
 
 
 def _draw_clearance(axes: Axes, driven: DrivenRun) -> None:

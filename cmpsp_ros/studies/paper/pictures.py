@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path as FilePath
 from typing import Any, Final
 
@@ -14,16 +15,15 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from cmpsp_ros import view
 from cmpsp_ros.studies.common import WIDTH
 from cmpsp_ros.studies.paper.drives import Drive, Panels, Path
-from cmpsp_ros.view import draw_obstacles, draw_road
 
 Look = dict[str, Any]
 
 PANELS: Final = ('(a) samples only, as in the paper', '(b) clear between samples too')
 
-_ROAD, _EDGE, _LIMIT, _GUESS = '0.93', '0.55', '0.35', 'green'
-_OBSTACLE: Final[Look] = {'fc': '0.72', 'ec': '0.3', 'lw': 0.7}
+_LIMIT, _GUESS = '0.35', 'green'
 _END: Final[Look] = {'color': 'white', 'mec': 'black'}
 _BESIDE = 0.35
 _DPI = 200
@@ -58,7 +58,7 @@ def draw_trajectories(
     keys += [Line2D([], [], ls='', marker=m, ms=s, label=name, **_END)
              for m, s, name in (('o', 5, 'start'), ('*', 9, 'goal'))]  # fmt: skip
     if any(drive.path.settings.obstacles for drive in panels[0]):
-        keys.append(Patch(label='obstacle', **_OBSTACLE))
+        keys.append(Patch(label='obstacle', color=view.OBSTACLE))
     key_above(figure.add_subplot(grid[0, :]), keys, 4)
     return figure
 
@@ -125,9 +125,9 @@ def key_above(axes: Axes, lines: Sequence[Artist], columns: int) -> None:
 def _draw_place(axes: Axes, drives: Sequence[Drive]) -> None:
     """The quarter of the road that is driven, and every obstacle that any of the runs has."""
     road = drives[0].path.settings.world.annulus
-    draw_road(axes, road, _ROAD, _EDGE)
     shapes = {each.name: each for drive in drives for each in drive.path.settings.obstacles}
-    draw_obstacles(axes, shapes.values(), **_OBSTACLE)
+    parts = (replace(each, names=()) for each in view.course([road], shapes.values()))
+    view.draw(axes, view.traces(parts, ''), above=0.0)
     for name, obstacle in shapes.items():
         # Beside the road, where no path covers it.
         away = np.subtract(obstacle.center, road.center)

@@ -4,25 +4,19 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from cmpsp_ros.guidance.horizon import remaining
 from cmpsp_ros.guidance.planning.candidate import Candidate
 from cmpsp_ros.guidance.planning.plan_selector import PlanSelector
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 from cmpsp_ros.guidance.prediction.estimator import Observation
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.state import LawState
-from cmpsp_ros.guidance.times import to_nanoseconds
+from cmpsp_ros.guidance.times import remaining, to_nanoseconds
 
 
 class PlanAhead:
-    """Goes on planning after the command of a control step, where a scanner leaves it less time.
-
-    Other plans are compared, and other final times tried, for the next step. If the final time may
-    move, the first plan is made then, too.
-    """
+    """Plans on after the command, where a scanner leaves a step less time, for the next step."""
 
     def __init__(self, settings: LawSettings, selector: PlanSelector) -> None:
-        """Take what improves and compares plans."""
         self._settings, self._selector = settings, selector
         self._period = to_nanoseconds(settings.control_period)
 

@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     )
     from cmpsp_ros.guidance.decision_entries import Key, exact_repr, truth
     from cmpsp_ros.guidance.goals import Follow, Goal, GoalError
-    from cmpsp_ros.guidance.horizon import remaining, shift
     from cmpsp_ros.guidance.law import GuidanceLaw
     from cmpsp_ros.guidance.prediction.estimator import Observation
     from cmpsp_ros.guidance.settings import GOAL, LawSettings
@@ -31,7 +30,14 @@ if TYPE_CHECKING:
         TaskSettings,
         Weights,
     )
-    from cmpsp_ros.guidance.times import NANOSECONDS, NEVER, Horizon, to_nanoseconds
+    from cmpsp_ros.guidance.times import (
+        NANOSECONDS,
+        NEVER,
+        Horizon,
+        remaining,
+        shift,
+        to_nanoseconds,
+    )
     from cmpsp_ros.guidance.warmup import prepare, warm_up
     from cmpsp_ros.guidance.world import MAP, SEEN, GuidanceSettings, World
 

@@ -26,7 +26,6 @@ from cmpsp_ros.guidance.messages.tracks import MovingObject
 from cmpsp_ros.guidance.times import Horizon
 
 if TYPE_CHECKING:
-    from cmpsp_ros.guidance.horizon import Horizon
     from cmpsp_ros.robots import Robot
 
 UNTIMED: Final[Mapping[str, float]] = MappingProxyType({})
@@ -43,20 +42,12 @@ class FallbackLevel(IntEnum):
 
 
 class Plan(NamedTuple):
-    """Controls over the horizon and the path they lead along.
+    """Controls over the horizon and the path they lead along."""
 
-    Attributes:
-        horizon: When each control is given.
-        controls: Of the robot, shape ``(N + 1, r)``.
-        poses: Predicted poses ``(N + 1, 3)`` [m, m, rad].
-        delay: Time after which a control that is given takes effect [ns]; the first pose is where
-            the robot will be then.
-    """
-
-    horizon: Horizon
-    controls: Array
-    poses: Array
-    delay: int = 0
+    horizon: Horizon  # when each control is given
+    controls: Array  # shape ``(N + 1, r)``
+    poses: Array  # predicted, shape ``(N + 1, 3)`` [m, m, rad]; the first is that after the delay
+    delay: int = 0  # time after which a control that is given takes effect [ns]
 
     def stamps(self, begin: int) -> list[int]:
         """Time of each pose [ns], of a plan whose first control is given at `begin` [ns]."""
@@ -172,18 +163,12 @@ def is_at_rest(values: Mapping[str, str], robot: Robot) -> bool:
 
 
 def response_ms(step_ms: float, odometry_to_command_ms: float, command_delay: float) -> float:
-    """Response time of a control step [ms]: beyond the control period its deadline is missed.
-
-    Computing time, or time from odometry to command beyond `command_delay` [s], if longer.
-    """
+    """Computing time, or time from odometry to command beyond `command_delay`, if longer [ms]."""
     return max(step_ms, odometry_to_command_ms - 1e3 * command_delay)
 
 
 def severity(decision: Decision) -> int:
-    """0 where all is well, 1 for a warning, 2 for an error, as in diagnostics.
-
-    An arrival or a cancelled goal is no error; a missed goal is a warning: the robot stands safely.
-    """
+    """0 where all is well, 1 for a warning such as a missed goal, 2 for an error."""
     if decision.finished or decision.cancelled:
         return int(decision.missed)
     if decision.level == FallbackLevel.NOMINAL:

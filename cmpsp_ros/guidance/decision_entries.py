@@ -161,5 +161,4 @@ def _pose(text: str) -> tuple[float, ...]:
 
 
 _PARSE: Mapping[Any, Parse] = {int: int, float: float, bool: truth}
-
 _TWO_WHEELS = 'wheel_speed_right', 'wheel_speed_left'

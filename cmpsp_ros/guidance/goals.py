@@ -18,32 +18,20 @@ class GoalError(ValueError):
 
 @dataclass(frozen=True)
 class Goal:
-    """A point to pass at a time.
+    """A point to pass at a time."""
 
-    Attributes:
-        position: The point (x, y) [m].
-        time: When to pass it, from the first odometry [s].
-        heading: Heading to pass it with [rad]; None for any.
-        name: By which decisions tell it from others; empty if it is the only one.
-    """
-
-    position: Point
-    time: float
-    heading: float | None = None
-    name: str = ''
+    position: Point  # (x, y) [m]
+    time: float  # when to pass it, from the first odometry [s]
+    heading: float | None = None  # heading to pass it with [rad]; None for any
+    name: str = ''  # name in decisions; empty if it is the only one
 
 
 @dataclass(frozen=True)
 class Follow:
-    """Following the road at a speed, without an end.
+    """Following the road at a speed, without an end."""
 
-    Attributes:
-        speed: Mean speed along the centre line, negative against its direction [m/s].
-        horizon: Time that plans look ahead [s].
-    """
-
-    speed: float
-    horizon: float
+    speed: float  # mean speed along the centre line, negative against its direction [m/s]
+    horizon: float  # time that plans look ahead [s]
 
     @property
     def arc_length(self) -> float:

@@ -13,8 +13,7 @@ from cmpsp_ros.guidance.commands.decision_builder import Step
 from cmpsp_ros.guidance.commands.supervisor import Supervisor
 from cmpsp_ros.guidance.decision import Decision
 from cmpsp_ros.guidance.goals import Goal
-from cmpsp_ros.guidance.horizon import remaining
-from cmpsp_ros.guidance.mission.feasibility_precheck import infeasibility_warnings
+from cmpsp_ros.guidance.mission.feasibility import infeasibility_warnings
 from cmpsp_ros.guidance.mission.return_to_goal import return_to_goal
 from cmpsp_ros.guidance.plan_ahead import PlanAhead
 from cmpsp_ros.guidance.planning.grid_path_memory import search_ahead
@@ -24,7 +23,7 @@ from cmpsp_ros.guidance.prediction.estimator import Estimate, Observation
 from cmpsp_ros.guidance.safety.validation import Validation, Validator
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.state import LawState
-from cmpsp_ros.guidance.times import NEVER, Horizon
+from cmpsp_ros.guidance.times import NEVER, Horizon, remaining
 from cmpsp_ros.guidance.world import NOT_SEARCHED, World
 from cmpsp_ros.world.roads import arc_length_to
 
@@ -36,7 +35,7 @@ class Task(NamedTuple):
     is_over: bool  # whether the last goal's time has passed
     horizon: Horizon  # the horizon of plans; that of the last plan where it goes on
     goes_on: bool  # whether a new command would come too late to change anything
-    note: str  # why the final time was postponed, in a sentence; else empty
+    note: str  # why the final time was changed, in a sentence; else empty
 
 
 class GuidanceLaw:
@@ -47,10 +46,7 @@ class GuidanceLaw:
     """
 
     def __init__(self, settings: LawSettings, world: World, timer: Callable[[], int] = int) -> None:
-        """Start at rest, waiting for the first odometry.
-
-        `timer` gives monotonic time [ns], for the computing times in decisions; it decides nothing.
-        """
+        """Start at rest; `timer` gives time [ns] for the computing times in decisions alone."""
         self._timer, self._settings = timer, settings
         self._state = LawState.begin(settings, world, run=0, revision=0)
         self._validator = Validator(settings)
@@ -159,13 +155,14 @@ class GuidanceLaw:
         mission, clock, delay = state.mission, state.clock, estimate.delay
         goals, now, note = mission.goals, clock.now, ''
         is_new = goals.update(observation.stamp, now, start)
-        may_postpone = settings.moves_final_time and not mission.reaches_goal
-        if may_postpone and not mission.closed_road.wait_reason:
-            by = goals.postpone(now + delay, start)
-            if by:
+        if settings.moves_final_time and not mission.closed_road.wait_reason:
+            by = goals.adapt(now + delay, start, may_be_later=not mission.reaches_goal)
+            if by > 0.0:
                 mission.idle_steps = 0
                 note = f'The final time is put off by {by:.3g} s'
                 note += ': the path to the goal takes longer. '
+            elif by < 0.0:
+                note = f'The final time is {-by:.3g} s earlier: the path to the goal is shorter. '
         period = goals.period
         if now >= goals.end:
             clock.due = now + period
@@ -252,14 +249,9 @@ class GuidanceLaw:
         return self._state.last[1]
 
     def after_step(self, late: float = 0.0) -> Decision:
-        """Run the slow tasks of a step, once the command is out: searches, warnings, further plans.
+        """Run the slow tasks of a step, once the command is out; the decision to record.
 
-        Args:
-            late: Duration of the step if its command came too late to be sent [s]: it is withdrawn,
-                and the previous plan continues; 0 if it was sent.
-
-        Returns:
-            The decision of the last `step`, as it is to be recorded.
+        If the step took so long that its command was not sent, it took `late` [s]: it is withdrawn.
         """
         assert self._state.last is not None  # noqa: S101 (there was a step)
         observation, decision = self._state.last
@@ -290,10 +282,7 @@ class GuidanceLaw:
             mission.manoeuvres.advance()
 
     def set_goal(self, stamp: int, goal: Goal) -> None:
-        """Replace all goals, at the first control step not older than `stamp` [ns]; 0 for at once.
-
-        Raises GoalError if the goal is refused; nothing changes then.
-        """
+        """Replace all goals from a time stamp on [ns], 0 for at once; GoalError if refused."""
         state = self._state
         latest = None if state.clock.start is None else state.clock.start + state.clock.now
         state.mission.goals.receive(stamp, goal, state.world, self._validator, latest)
@@ -301,8 +290,7 @@ class GuidanceLaw:
     def halt(self, stamp: int, reason: str, **flags: Any) -> Decision:
         """Stop at `stamp` [ns] for a reason not seen in odometry; decide on newer odometry at once.
 
-        With a flag of `Decision` (`finished`, which the next odometry is to judge, `cancelled`,
-        `braking`) it brakes along the checked path.
+        With a flag of `Decision` (`finished`, `cancelled`, `braking`) it brakes along a ramp.
         """
         state, nowhere = self._state, np.full(3, math.nan)
         self._supervisor.drop_plan(state)

@@ -4,25 +4,19 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from cmpsp_ros.guidance.horizon import remaining
 from cmpsp_ros.guidance.planning.candidate import Candidate
 from cmpsp_ros.guidance.planning.plan_selector import PlanSelector
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 from cmpsp_ros.guidance.prediction.estimator import Observation
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.state import LawState
-from cmpsp_ros.guidance.times import to_nanoseconds
+from cmpsp_ros.guidance.times import remaining, to_nanoseconds
 
 
 class PlanAhead:
-    """Goes on planning after the command of a control step, where a scanner leaves it less time.
-
-    Other plans are compared, and other final times tried, for the next step. If the final time may
-    move, the first plan is made then, too.
-    """
+    """Plans on after the command, where a scanner leaves a step less time, for the next step."""
 
     def __init__(self, settings: LawSettings, selector: PlanSelector) -> None:
-        """Take what improves and compares plans."""
         self._settings, self._selector = settings, selector
         self._period = to_nanoseconds(settings.control_period)
 
@@ -60,10 +54,16 @@ class PlanAhead:
             return
         selected = self._selector.compare() or followed
         if self._ends_soonest(state) and state.world.seen is not None:
-            changed, found = self._at_another_time(state, context, selected)
+            changed, selected = self._at_another_time(state, context, selected)
             if changed is not context:
-                self._selector.go_on_with(followed.plan, found.plan)
                 self._reach_with(state, changed)
+        if selected is followed:
+            return
+        begins = state.following.plan or state.following.standby
+        if begins is None:
+            state.following.wait(selected.plan)
+        else:
+            self._selector.go_on_with(begins, selected.plan)
 
     def _make_first(self, state: LawState, context: PlanningContext) -> None:
         context = replace(context, start=context.start._replace(world=state.world))

@@ -19,48 +19,32 @@ from cmpsp_ros.guidance.solver_settings import (
 from cmpsp_ros.robots import Bodies, Footprint, Robot
 from cmpsp_ros.sensing import SightSettings
 
-GOAL: Final = 'goal'
-"""Name of the last of several goals."""
+GOAL: Final = 'goal'  # name of the last of several goals
 
 _SEEN_AT_A_TIME: Final = 8  # moving obstacles in plans if only sensors or trackers tell
-
 _FRACTION_OF_TOP_SPEED, _WITHOUT_LIMIT = 0.8, 1.0
 
 
 @dataclass(frozen=True)
 class LawSettings(TaskSettings):
-    """Numbers that the law depends on; road and obstacles are the `World`.
-
-    Attributes:
-        robot: Kinematics and limits.
-        goal: Point to pass at the final time (x, y) [m].
-        goal_heading: Heading to pass it with [rad]; None for any.
-        final_time: Time at which to pass the goal, from the first odometry [s]. On a road
-            that is followed, time to stop; infinite for never.
-        waypoints: Goals before it, by increasing times.
-        follow: Settings to follow a road, where that is the task; there is no goal then.
-        moving_obstacles: Settings for moving obstacles.
-        sight: Sensors, and the memory of their sightings.
-        robot_radius: Radius of the robot's footprint, or of each disc that covers it, kept from
-            obstacles and road edges [m].
-        footprint: Its corners, if it has any, and the discs that cover it.
-        start_pose: Start pose of a run [m, m, rad]; its position counts. None for the road.
-    """
+    """Numbers that the law depends on; road and obstacles are the `World`."""
 
     robot: Robot
-    goal: tuple[float, float]
-    goal_heading: float | None = None
+    goal: tuple[float, float]  # point to pass at the final time (x, y) [m]
+    goal_heading: float | None = None  # heading to pass it with [rad]; None for any
+    # Time to pass the goal, from the first odometry [s]; to stop on a road that is followed.
     final_time: float = 10.0
-    waypoints: tuple[Goal, ...] = ()
-    follow: Follow | None = None
+    waypoints: tuple[Goal, ...] = ()  # goals before it, by increasing times
+    follow: Follow | None = None  # settings to follow a road; there is no goal then
     moving_obstacles: MovingObstacles = field(default_factory=MovingObstacles)
     sight: SightSettings = field(default_factory=SightSettings)
-    robot_radius: float = 0.0
+    robot_radius: float = 0.0  # radius of each disc of the footprint [m]
     footprint: Footprint = field(default_factory=Footprint)
     weights: Weights = field(default_factory=Weights)
     solver: SolverSettings = field(default_factory=SolverSettings)
     initial_guess: InitialGuess = field(default_factory=InitialGuess)
     safety: Safety = field(default_factory=Safety)
+    # Pose where a run begins [m, m, rad], of which the position counts; None for the road.
     start_pose: tuple[float, float, float] | None = None
 
     @property
@@ -118,6 +102,12 @@ class LawSettings(TaskSettings):
         return self.nominal_speed or (
             _FRACTION_OF_TOP_SPEED * top if math.isfinite(top) else _WITHOUT_LIMIT
         )
+
+    def tolerates(self, error: float, heading_error: float | None, tolerances: float = 1.0) -> bool:
+        """True for errors [m, rad] at the goal within so many tolerances; None for no heading."""
+        turned = heading_error or 0.0
+        limits = tolerances * self.goal_tolerance, tolerances * self.heading_tolerance
+        return error <= limits[0] and turned <= limits[1]
 
     def has_numbers_of(self, other: LawSettings) -> bool:
         """True if all numbers are the same, in any world."""

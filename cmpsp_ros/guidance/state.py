@@ -9,7 +9,7 @@ from typing import Final
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.decision import Decision, FallbackLevel, Plan
 from cmpsp_ros.guidance.messages.tracks import MovingObject
-from cmpsp_ros.guidance.mission.closed_road import ClosedRoad
+from cmpsp_ros.guidance.mission.feasibility import ClosedRoad
 from cmpsp_ros.guidance.mission.goal_manager import GoalManager
 from cmpsp_ros.guidance.mission.progress_watch import ProgressWatch
 from cmpsp_ros.guidance.planning.arrival_time import ArrivalTime
@@ -139,11 +139,7 @@ class Following:
     waited: int = 0  # number of steps for which it has waited there
 
     def brake(self, stamp: int, period: int, robot: Robot) -> None:
-        """Give the next command of the ramp; one at rest or without a ramp stops at once.
-
-        A stop by the clock and the next odometry may be less than half a `period` apart [ns]: that
-        is one command.
-        """
+        """Give the next command of the ramp, or stop; at most once in half a `period` [ns]."""
         if not len(self.ramp):
             self.previous_control = robot.stopped(self.previous_control)
         elif stamp - self.commanded_at >= period // 2:
@@ -191,10 +187,7 @@ class LawState:
         self.revision += 1
 
     def interrupt(self, *, is_lost: bool) -> None:
-        """Decide at once on the next newer odometry.
-
-        Where the pose is unknown, no path is known to be clear: it brakes as hard as it can.
-        """
+        """Decide at once on the next newer odometry; without a pose it brakes as hard as it can."""
         self.estimator.lose_period()
         self.clock.interrupt()
         if is_lost:

@@ -1,22 +1,21 @@
-"""Times and horizons: integer nanoseconds since time 0, so that a run repeats exactly.
-
-Without compiled code, which a reader of messages and decisions need not load.
-"""
+"""Times, horizons and plans on later ones: integer nanoseconds, so that a run repeats exactly."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
 from cmpsp_ros.arrays import Array, IntArray
 
+if TYPE_CHECKING:
+    from cmpsp_ros.robots import Robot
+
 NANOSECONDS = 1_000_000_000
 
-NEVER: Final = 2**62
-"""A time that does not come [ns]."""
+NEVER: Final = 2**62  # a time that does not come [ns]
 
 
 def to_nanoseconds(seconds: float) -> int:
@@ -25,18 +24,54 @@ def to_nanoseconds(seconds: float) -> int:
 
 
 class Horizon(NamedTuple):
-    """Instants between which each control of a plan is held.
+    """Instants between which each control of a plan is held."""
 
-    Attributes:
-        edges: The present, the control instants to come and the end [ns], shape ``(N + 1,)``.
-        durations: Length of each step, shape ``(N,)`` [s].
-    """
-
-    edges: IntArray
-    durations: Array
+    edges: IntArray  # the present, the control instants to come and the end, ``(N + 1,)`` [ns]
+    durations: Array  # length of each step, shape ``(N,)`` [s]
 
     @classmethod
     def between(cls, instants: Sequence[int]) -> Horizon:
         """The horizon of these instants [ns]."""
         edges = np.array(instants, dtype=np.int64)
         return cls(edges, np.diff(edges) / NANOSECONDS)
+
+
+def remaining(now: int, period: int, final: int) -> Horizon:
+    """Horizon from `now` to the final time; edges at multiples of the period, all in [ns].
+
+    An instant nearer than half a period to the present or the final time is left out: no step is so
+    short that it asks for a violent command. A horizon lasts at least half a period.
+    """
+    half = period // 2
+    first = -(-(now + half) // period)
+    last = max((final - half) // period, first - 1)
+    instants = range(first * period, (last + 1) * period, period)
+    return Horizon.between([now, *instants, max(final, now + half)])
+
+
+def shift(controls: Array, old: Horizon, new: Horizon) -> Array:
+    """Controls ``(M + 1, r)`` of a plan ``(N + 1, r)`` on a later horizon, read at mid-step.
+
+    Beyond the old horizon its last step is continued; the last row, which moves nothing, is kept.
+    """
+    middles = (new.edges[:-1] + new.edges[1:]) // 2
+    shifted = np.empty((len(new.edges), controls.shape[1]))
+    shifted[:-1] = controls[old.edges[1:-1].searchsorted(middles, side='right')]
+    shifted[-1] = controls[-1]
+    return shifted
+
+
+def retimed(controls: Array, old: Horizon, new: Horizon, robot: Robot) -> Array:
+    """Controls ``(N + 1, r)`` of a plan driven faster or slower, to end with a horizon."""
+    begin = int(new.edges[0])
+    left = int(old.edges[-1]) - begin
+    pace = left / int(new.edges[-1] - begin)
+    if pace == 1.0 or left <= 0:
+        return shift(controls, old, new)
+    edges, driven = begin + (old.edges - begin) / pace, np.zeros_like(controls)
+    np.cumsum(controls[:-1] * np.diff(edges)[:, None], axis=0, out=driven[1:])
+    found = np.empty((len(new.edges), controls.shape[1]))
+    for a, each in enumerate(driven.T):
+        found[:-1, a] = np.diff(np.interp(new.edges, edges, each)) / np.diff(new.edges)
+    found[-1] = controls[-1]
+    return robot.slowed(found, pace)

@@ -16,11 +16,9 @@ from cmpsp_ros.world.grids import GridObstacle, OccupancyGrid
 from cmpsp_ros.world.obstacles import Shape
 from cmpsp_ros.world.roads import Annulus, Road, RoadSpace
 
-SEEN: Final = 'seen'
-"""Name of the obstacle that is made of all that sensors have seen."""
+SEEN: Final = 'seen'  # name of the obstacle that is made of all that sensors have seen
 
-MAP: Final = 'map'
-"""Name of the obstacle that a map is."""
+MAP: Final = 'map'  # name of the obstacle that a map is
 
 
 class Searched(NamedTuple):
@@ -41,18 +39,12 @@ class World:
     """Road and static obstacles; replaced as a whole by sightings and messages.
 
     It caches free spaces and the search of the map.
-
-    Attributes:
-        road: The road to stay inside.
-        obstacles: Static obstacles that are known, a map included.
-        seen: Grid seen by the sensors; None before the first sighting.
-        searched: Inputs of the last search for a path across a grid.
     """
 
     road: Road
-    obstacles: tuple[Shape, ...] = ()
-    seen: GridObstacle | None = None
-    searched: Searched = NOT_SEARCHED
+    obstacles: tuple[Shape, ...] = ()  # static obstacles that are known, a map included
+    seen: GridObstacle | None = None  # grid seen by the sensors; None before the first sighting
+    searched: Searched = NOT_SEARCHED  # inputs of the last search for a path across a grid
 
     def __getstate__(self) -> dict[str, Any]:
         """The fields alone: cached spaces hold addresses of compiled code in this process."""
@@ -140,12 +132,7 @@ class World:
 
 @dataclass(frozen=True)
 class GuidanceSettings(LawSettings):
-    """A task as a person gives it: the numbers, and the road and obstacles that are known.
-
-    Attributes:
-        road: The road to stay inside.
-        obstacles: Static obstacles, a map included.
-    """
+    """A task as a person gives it: the numbers, and the road and obstacles that are known."""
 
     road: Road = field(kw_only=True)
     obstacles: tuple[Shape, ...] = field(default=(), kw_only=True)

@@ -13,10 +13,7 @@ from cmpsp_ros.parameters.table import ParameterTable
 from cmpsp_ros.sensing import Sensor, SightSettings, TrackSource
 from cmpsp_ros.setting import NOT_NEGATIVE, POSITIVE, Range, settings_of
 
-_BOOL, _INTEGER, _DOUBLE = ParameterType.BOOL, ParameterType.INTEGER, ParameterType.DOUBLE
-_STRING, _DOUBLES = ParameterType.STRING, ParameterType.DOUBLE_ARRAY
-_STRINGS = ParameterType.STRING_ARRAY
-
+_BOOL, _INTEGER, _DOUBLE, _STRING, _DOUBLES, _STRINGS = ParameterType
 _FIXED: Final = {'reconfigurable': False}
 _POINT: Final = {'length': 2}
 
@@ -253,5 +250,4 @@ def _parameters() -> Iterator[Parameter]:
 # fmt: on
 
 
-TABLE: Final = ParameterTable(_parameters())
-"""The parameters of both nodes, in the order of the documentation."""
+TABLE: Final = ParameterTable(_parameters())  # of both nodes, in the order of the documentation

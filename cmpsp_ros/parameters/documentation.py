@@ -110,10 +110,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def with_section(text: str, name: str, content: str, source: str) -> str:
-    """Replace the part between `<!-- name:begin -->` and `<!-- name:end -->` of a text.
-
-    Raises ParameterError, which names the source, if it has no such part.
-    """
+    """Replace the text between `<!-- name:begin -->` and `<!-- name:end -->`; ParameterError."""
     mark_begin, mark_end = f'<!-- {name}:begin -->', f'<!-- {name}:end -->'
     before, begin, rest = text.partition(mark_begin)
     _, end, after = rest.partition(mark_end)

@@ -23,9 +23,7 @@ if TYPE_CHECKING:
     from cmpsp_ros.world.grids import Cells, GridObstacle
     from cmpsp_ros.world.obstacles import Shape
 
-_BOOL, _DOUBLE = ParameterType.BOOL, ParameterType.DOUBLE
-_STRING, _DOUBLES = ParameterType.STRING, ParameterType.DOUBLE_ARRAY
-_INTEGER: Final = ParameterType.INTEGER
+_BOOL, _INTEGER, _DOUBLE, _STRING, _DOUBLES, _STRINGS = ParameterType
 _FIXED: Final = {'reconfigurable': False}
 
 NO_MAP: Final = 'none'  # cells of no map

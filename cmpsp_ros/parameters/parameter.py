@@ -36,10 +36,8 @@ class ParameterType(Enum):
     @property
     def item(self) -> ParameterType:
         """Type of an item of an array; any other type itself."""
-        return {
-            ParameterType.DOUBLE_ARRAY: ParameterType.DOUBLE,
-            ParameterType.STRING_ARRAY: ParameterType.STRING,
-        }.get(self, self)
+        singles = {self.DOUBLE_ARRAY: self.DOUBLE, self.STRING_ARRAY: self.STRING}
+        return singles.get(self, self)
 
 
 class Required(Enum):
@@ -103,10 +101,7 @@ class Parameter:
         }[self.type]
 
     def read(self, key: str, value: object) -> Any:
-        """Convert a value of YAML, Python or rclpy to the parameter's type; ints pass as floats.
-
-        Raises ParameterError, with the key, if it is not accepted.
-        """
+        """A value of YAML, Python or rclpy as the parameter's type, or ParameterError."""
         plain = _plain(value)
         result = self._list(plain) if self.is_array else self._item(plain)
         if result is None:
@@ -184,10 +179,7 @@ class Group:
     def of(
         self, kind: type, prefix: str = '', only: Collection[str] = (), **rest: Any
     ) -> Iterator[Parameter]:
-        """Parameters of the settings that a dataclass declares, or of `only` some fields.
-
-        `rest` as in `Parameter`.
-        """
+        """Parameters of the settings that a dataclass declares, or of `only` some fields."""
         declared = settings_of(kind)
         hints = _annotations(kind, declared)
         for field, each in declared.items():

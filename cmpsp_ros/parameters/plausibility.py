@@ -20,7 +20,6 @@ _LARGEST_LENGTHS: Final = {
 """Beyond what wheeled robots have [m], and far below what the smallest has in millimetres."""
 
 _LONGEST_BRAKING: Final = 5.0  # longest time that a robot on wheels brakes for [s]
-
 _ANGLES: Final = (
     *('goal.heading', 'goal.heading_tolerance', 'start.pose', 'initial_pose'),
     'solver.heading_trust_region',

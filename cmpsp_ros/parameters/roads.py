@@ -17,8 +17,7 @@ from cmpsp_ros.world import roads
 if TYPE_CHECKING:
     from cmpsp_ros.world.roads import Annulus, Corridor, Road
 
-_BOOL, _DOUBLE = ParameterType.BOOL, ParameterType.DOUBLE
-_STRING, _DOUBLES = ParameterType.STRING, ParameterType.DOUBLE_ARRAY
+_BOOL, _INTEGER, _DOUBLE, _STRING, _DOUBLES, _STRINGS = ParameterType
 _FIXED: Final = {'reconfigurable': False}
 
 
@@ -61,11 +60,7 @@ def lacks_road(values: Values) -> bool:
 
 
 def road_of(values: Values, kept: float = 0.0) -> Road:
-    """Road of a parameter set; until one is received, a placeholder for compiling code.
-
-    The placeholder has the same type, and room for a distance from its edges, `kept` [m]. Raises
-    ParameterError, which names the point.
-    """
+    """Road of a parameter set; before one is received, a ring with room for `kept` [m]."""
     return _placeholder(kept) if lacks_road(values) else _KINDS[values['road.type']].make(values)
 
 

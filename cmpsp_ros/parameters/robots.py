@@ -21,7 +21,6 @@ FOOTPRINT: Final = 'robot.footprint'
 _LATERAL: Final = 'robot.max_lateral_acceleration'
 _ACCELERATION: Final = 'robot.max_wheel_acceleration'
 _JERK: Final = 'robot.max_wheel_jerk'
-
 _CORNERS: Final = 'corners around the robot, [[x1, y1], [x2, y2], [x3, y3], ...]'
 _UNREADABLE: Final = (SyntaxError, ValueError, MemoryError, RecursionError)
 _ROUNDING: Final = 1e-9
@@ -120,10 +119,7 @@ MODELS: Final[dict[str, Callable[[Values], robots.Robot]]] = {
 
 
 def footprint_of(values: Values) -> tuple[robots.Footprint, float]:
-    """The footprint, and the radius of each disc that covers it [m].
-
-    Raises ParameterError unless it is a polygon around the robot's reference point.
-    """
+    """The footprint and the radius of its discs [m]; ParameterError for a polygon that is none."""
     text, excess = values[FOOTPRINT], values['robot.footprint_excess']
     return _covered(text, excess) if text else (robots.Footprint(), values['robot.radius'])
 

@@ -33,7 +33,6 @@ from cmpsp_ros.sensing import Sensor, SightSettings, TrackSource
 from cmpsp_ros.world.obstacles import Shape
 
 _MOST_STEPS: Final = 10_000  # control steps whose matrices would not fill the memory
-
 _LARGEST: Final = 1e9
 _SMALLEST: Final = 1e-6
 _DIVISORS: Final = ('robot.wheel_radius', 'robot.half_track', 'weights.control_change')
@@ -43,10 +42,7 @@ _NAMESPACE: Final = re.compile(r'(?:/[A-Za-z_]\w*)+', re.ASCII)
 
 
 def guidance_settings(values: Values) -> guidance.GuidanceSettings:
-    """Settings of the guidance law, checked against each other.
-
-    ParameterError for a number far out of range or an invalid footprint, or else with all problems.
-    """
+    """Settings of the guidance law, checked against each other, or ParameterError."""
     problems = Problems(_size_problems(values))
     problems.attempt(partial(footprint_of, values))
     problems.check()
@@ -108,10 +104,7 @@ def plant_settings(values: Values) -> simulator.PlantSettings:
 
 
 def laser_settings(values: Values) -> simulator.LaserSettings:
-    """Settings of the simulated laser scanner.
-
-    Raises ParameterError for inconsistent angles, ranges or times, and invalid own obstacles.
-    """
+    """Settings of the simulated laser scanner; ParameterError for contradictions."""
     problems = Problems(_scan_problems(values))
     problems.attempt(partial(shapes_of, values))
     problems.check()

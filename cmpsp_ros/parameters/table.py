@@ -25,8 +25,7 @@ def is_of_ros(key: object) -> bool:
 class ParameterTable:
     """Parameters in the order of the documentation.
 
-    A parameter ``obstacles.<name>.radius`` represents one parameter for each name listed in
-    ``obstacles.names``, which must be in the table too.
+    ``obstacles.<name>.radius`` stands for one for each name in ``obstacles.names``.
     """
 
     def __init__(self, parameters: Iterable[Parameter]) -> None:
@@ -65,10 +64,9 @@ class ParameterTable:
         return keys
 
     def resolve(self, values: Mapping[str, object]) -> Values:
-        """The complete set in the table's order: the given values, read, and defaults.
+        """The complete set in the table's order: values of YAML, Python or rclpy, and defaults.
 
-        Values may come from YAML, from Python or from rclpy. Parameters of ROS itself are ignored.
-        Raises ParameterError with all problems: unknown keys, values missing or invalid.
+        ParameterError with all problems; parameters of ROS itself are ignored.
         """
         given = {key: value for key, value in values.items() if not is_of_ros(key)}
         problems = Problems()
@@ -89,9 +87,8 @@ class ParameterTable:
         return {key: resolved[key] for key, _ in self.keys(resolved)}
 
     def reconfigure(self, current: Values, changes: Mapping[str, object]) -> Values:
-        """The complete set after changes while a node runs.
+        """The complete set after changes while a node runs, or ParameterError.
 
-        Raises ParameterError if the new set is invalid, or changes a parameter that is fixed then.
         A name removed from its list takes its block along.
         """
         kept = {key: value for key, value in current.items() if not self._orphan(key, changes)}

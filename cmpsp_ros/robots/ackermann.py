@@ -19,9 +19,8 @@ from cmpsp_ros.robots.robot import Robot, Signal, TwistLimits
 class Ackermann(Robot):
     """A car: its pose is that of the middle of the rear axle.
 
-    Controls are the speed of the rear wheels [rad/s] and the steering angle [rad], as of one front
-    wheel in the middle. `max_steering_angle` [rad] is below a right angle; `max_steering_rate`
-    [rad/s] is infinite for none, and without a limit of the wheels' acceleration.
+    Controls are the speed of the rear wheels [rad/s] and the angle of one front wheel [rad]. Its
+    rate is limited only where the acceleration is; infinite for none.
     """
 
     n_speeds: ClassVar[int] = 1

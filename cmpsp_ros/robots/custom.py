@@ -16,16 +16,13 @@ from typing import Any, ClassVar, Final, Self
 import numpy as np
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.robots.derived_robot import DerivedRobot
 from cmpsp_ros.robots.motion.acceleration import TimeScaling
 from cmpsp_ros.robots.motion.arcs import with_side
-from cmpsp_ros.robots.robot import Signal, TwistLimits
+from cmpsp_ros.robots.robot import DerivedRobot, Signal, TwistLimits
 
 _SAMPLES: Final = 21
 _ALL: Final = 1.01  # by which bounds of all twists are larger than those of the samples
-
 _STOPPED: Final = 1e-9
-
 _NUMBERS: Final = 2, 3
 _PARTS: Final = (0.5, 0.3, -0.2), (0.9, -0.6, 0.4), (0.2, 0.1, 0.7)
 """Parts of their limits at which controls are tried."""

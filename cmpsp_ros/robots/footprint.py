@@ -22,9 +22,7 @@ Bodies = Sequence[tuple[Array, float]]
 _MOST: Final = 5
 _TOLERANCE: Final = 0.125  # part of half the width by which discs may reach beyond the side
 _WIDE: Final = 2.0  # width, in lengths, from which the discs stand side by side
-
 _ROUNDING: Final = 1e-9
-
 _POINTS: Final = 400  # number of points of an outline, about
 _FINEST: Final = 10  # most slices of the longer side, where discs may not reach far beyond
 
@@ -56,10 +54,7 @@ class Footprint:
 
     @cached_property
     def outline(self) -> tuple[Array, float]:
-        """Points all around the polygon, ``(P, 2)``, and half the way between two of them [m].
-
-        The outline is in the union of discs of that radius about them.
-        """
+        """Points around the polygon ``(P, 2)``, and the radius of discs that cover it [m]."""
         corners = np.array(self.corners)
         sides = np.roll(corners, -1, axis=0) - corners
         lengths = np.hypot(*sides.T)
@@ -77,8 +72,7 @@ class Footprint:
     def twist_limits(self, robot: Robot) -> TwistLimits:
         """Twists of the centres of all discs: one beside the reference point is faster in turns.
 
-        The greatest speed is a convex function of the turn rate, below the straight line between
-        its ends. ValueError for a robot without a wheel-speed limit.
+        Their speed is convex in the turn rate; ValueError without a wheel-speed limit.
         """
         limits = robot.twist_limits()
         if self.reach == 0.0:
@@ -119,10 +113,8 @@ def placed(points: Array, pose: Array) -> Array:
 def covered(corners: Sequence[Point], excess: float = 0.0) -> tuple[Footprint, float]:
     """A polygon covered by as few equal discs in a row as are little wider than it; their radius.
 
-    It is cut into slices of equal length, and each disc contains the corners of its slice. The row
-    lies along the robot: a gap is driven through in that direction. With an `excess` by which discs
-    may reach beyond the polygon [m], rows side by side cover the outline; ValueError if they are
-    too many. The polygon does not cross itself, and has either sense of rotation [m].
+    The row lies along the robot: a gap is driven through in that direction. With an `excess` by
+    which discs may reach beyond [m], rows side by side cover the outline; ValueError if too many.
     """
     points = np.array(corners, dtype=float)
     after = np.roll(points, -1, axis=0)

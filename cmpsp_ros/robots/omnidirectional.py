@@ -12,16 +12,13 @@ from typing import Any, ClassVar, Final, Self
 import numpy as np
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.robots.derived_robot import DerivedRobot
 from cmpsp_ros.robots.motion.arcs import with_side
-from cmpsp_ros.robots.robot import TwistLimits
+from cmpsp_ros.robots.robot import DerivedRobot, TwistLimits
 
 Rim = tuple[float, float, float]
 
 _SINGULAR: Final = 1e-9  # below it three wheels leave a direction free, and a robot goes straight
-
 _MECANUM: Final = 'front left', 'front right', 'rear right', 'rear left'
-
 _ALL: Final = 1.0 + 1e-9  # by which a bound is larger than rounding can make what it bounds
 
 
@@ -43,8 +40,7 @@ class Omnidirectional(DerivedRobot):
     def mecanum(cls, half_track: float, half_wheel_base: float, **of_wheels: float) -> Self:
         """A robot on four mecanum wheels, rollers at 45 degrees, as `mecanum_drive_controller`.
 
-        Its wheels are front left, front right, rear right, rear left: `half_track` [m] to the side
-        and `half_wheel_base` [m] ahead or behind. `of_wheels` are radius and limits of a `Robot`.
+        Wheels are front left, front right, rear right, rear left, with limits of a `Robot`.
         """
         arm = half_track + half_wheel_base
         rims = ((1.0, -1.0, -arm), (1.0, 1.0, arm), (1.0, -1.0, arm), (1.0, 1.0, -arm))
@@ -52,11 +48,7 @@ class Omnidirectional(DerivedRobot):
 
     @classmethod
     def on_omni_wheels(cls, distance: float, bearings: Iterable[float], **of_wheels: float) -> Self:
-        """A robot on three or more omni wheels, each of which rolls around the robot's centre.
-
-        They are at one distance [m] from it, at bearings from ahead to the left [rad]. `of_wheels`
-        are radius and limits, as of a `Robot`.
-        """
+        """A robot on omni wheels at a distance from its centre [m], at bearings ahead [rad]."""
         rims = tuple((-math.sin(each), math.cos(each), distance) for each in bearings)
         return cls(rims=rims, **of_wheels)
 
@@ -173,11 +165,7 @@ class Omnidirectional(DerivedRobot):
 
     @cached_property
     def _reach(self) -> tuple[float, float, float]:
-        """Largest speed and turn rate, and arm of the limits, for rims with a speed of at most 1.
-
-        The twists are a polyhedron; a speed is largest in a corner, and so is its loss by a turn
-        rate.
-        """
+        """Largest speed, turn rate and arm of the limits for rims of speed 1: at corners."""
         rims, corners = np.array(self.rims), []
         signs = [np.array(each) for each in product((1.0, -1.0), repeat=3)]
         for three, each in product(combinations(rims, 3), signs):

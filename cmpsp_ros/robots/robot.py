@@ -13,18 +13,20 @@ import numpy as np
 from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.robots.motion import kinematics
 from cmpsp_ros.robots.motion.acceleration import TimeScaling
-from cmpsp_ros.robots.motion.arcs import speeds_and_turns
-from cmpsp_ros.robots.motion.kinematics import Kinematics
+from cmpsp_ros.robots.motion.arcs import speeds_and_turns, with_side
+from cmpsp_ros.robots.motion.kinematics import (
+    Kinematics,
+    addresses,
+    displacement,
+    put_gradients,
+    steering,
+)
 
 _ROUNDING: Final = 1e-9  # part of a limit that rounding may add to it
 
 
 class Signal(NamedTuple):
-    """A wheel speed or another control over time, ``(N,)``, as pictures show it.
-
-    `axis` is the quantity with its unit, as in `wheel speed [rad/s]`; `limit` that of its
-    magnitude, infinite for none.
-    """
+    """A wheel speed or another control over time ``(N,)`` for pictures; `axis` has its unit."""
 
     name: str
     axis: str
@@ -67,30 +69,19 @@ class Robot(ABC):
     """A robot on wheels that drives an arc of a circle under a control that is held.
 
     Twists are ``(speed, turn rate)`` [m/s, rad/s]; of a robot whose reference point also moves
-    sideways ``(forward, to the left, turn rate)``.
-
-    Attributes:
-        n_controls: Number of controls, ``r``.
-        n_speeds: How many of them, the first, are 0 at rest; the others are angles.
-        drives_sideways: Whether it moves in every direction without turning first.
-        turns_on_the_spot: Whether it turns without moving.
-        wheel_radius: Of every wheel, the paper's ``r`` [m].
-        max_wheel_speed: Limit (94) of every wheel [rad/s]; infinite when there is none.
-        max_wheel_acceleration: Limit of every wheel [rad/s^2]; infinite when there is none.
-        max_wheel_jerk: Limit of its change with time [rad/s^3]; infinite for none.
-        max_lateral_acceleration: Limit of speed times turn rate [m/s^2]; infinite for none.
+    sideways ``(forward, to the left, turn rate)``. A limit may be infinite.
     """
 
-    n_controls: ClassVar[int] = 2
-    n_speeds: ClassVar[int] = 2
-    drives_sideways: ClassVar[bool] = False
+    n_controls: ClassVar[int] = 2  # number of controls, ``r``
+    n_speeds: ClassVar[int] = 2  # how many, the first, are 0 at rest; the others are angles
+    drives_sideways: ClassVar[bool] = False  # in every direction, without turning first
     turns_on_the_spot: ClassVar[bool] = True
 
-    wheel_radius: float = 0.035
-    max_wheel_speed: float = math.inf
-    max_wheel_acceleration: float = math.inf
-    max_wheel_jerk: float = math.inf
-    max_lateral_acceleration: float = math.inf
+    wheel_radius: float = 0.035  # of every wheel, the paper's ``r`` [m]
+    max_wheel_speed: float = math.inf  # limit (94) of every wheel [rad/s]
+    max_wheel_acceleration: float = math.inf  # limit of every wheel [rad/s^2]
+    max_wheel_jerk: float = math.inf  # limit of its change with time [rad/s^3]
+    max_lateral_acceleration: float = math.inf  # limit of speed times turn rate [m/s^2]
 
     @property
     @abstractmethod
@@ -246,10 +237,7 @@ class Robot(ABC):
         ]
 
     def with_slip(self, controls: Array, grip: Array) -> Array:
-        """Controls ``(..., r)`` that without slip move a robot as these do with slip.
-
-        `grip` is the fraction of its turning by which a wheel moves the robot, right and left.
-        """
+        """Controls that without slip move a robot as these do with such grip, right and left."""
         return self.slowed(controls, float(np.mean(grip)))
 
     def straight_or_turning(self, length: float, turn: float, time: float) -> Array:
@@ -311,21 +299,51 @@ class Robot(ABC):
         return np.asarray(controls * np.minimum(1.0, limit / np.maximum(fastest, limit))[:, None])
 
     def roll_out(self, pose: Array, controls: Array, durations: Array) -> Array:
-        """Poses ``(N + 1, 3)`` [m, m, rad] along the path driven, exactly; headings not wrapped.
-
-        Each of the controls ``(N, r)`` is held for its duration ``(N,)`` [s].
-        """
+        """Poses ``(N + 1, 3)`` under controls ``(N, r)``, exactly; headings not wrapped."""
         poses = np.empty((len(durations) + 1, 3))
         poses[0] = pose
         kinematics.roll_out(poses, controls, durations, self.kinematics)
         return poses
 
     def jacobians(self, poses: Array, controls: Array, durations: Array) -> tuple[Array, Array]:
-        """Derivatives ``A (N, 3, 3)`` and ``B (N, 3, r)`` of all steps by their poses and controls.
-
-        They are the transposes of the paper's ``dF_k/dX_k`` and ``dF_k/dU_k``.
-        """
+        """Derivatives ``A (N, 3, 3)`` and ``B (N, 3, r)`` of all steps by pose and control."""
         A = np.zeros((len(durations), 3, 3))
         B = np.zeros((len(durations), 3, self.n_controls))
-        kinematics.put_jacobians(A, B, poses, controls, durations, self.kinematics)
+        for k, duration in enumerate(durations.tolist()):
+            heading = float(poses[k, 2])
+            put_gradients(A[k], B[k], heading, controls, k, duration, self.kinematics)
         return A, B
+
+
+class DerivedRobot(Robot):
+    """A model that is its motion and its steering, for a wheel radius of 1; all else is derived."""
+
+    @staticmethod
+    @abstractmethod
+    def motion(constants: Any, *controls: Any) -> tuple[Any, Any, Any]:
+        """Speed forward and to the left, and turn rate [m/s, m/s, rad/s]; by numpy's functions."""
+
+    @staticmethod
+    @abstractmethod
+    def steer(constants: Any, forward: float, left: float, turn_rate: float) -> tuple[float, ...]:
+        """The controls of a twist, or those that come near to it."""
+
+    def functions(self) -> IntArray:
+        """Addresses of the functions compiled from `motion` and `steer`."""
+        moves = displacement(self.motion, self.n_controls)
+        return addresses(*moves, steering(self.steer, self.n_controls))
+
+    def twist(self, controls: Array) -> Array:
+        """Twists ``(..., 2)``, or ``(..., 3)`` of a robot that moves sideways, of controls."""
+        twists = self._twists(controls)
+        return twists if self.twist_parts > 2 else twists[..., ::2]
+
+    def _twists(self, controls: Array) -> Array:
+        found = self.motion(self.constants, *np.moveaxis(controls, -1, 0))
+        return self.wheel_radius * np.stack(np.broadcast_arrays(*found), axis=-1)
+
+    def controls(self, twist: Array) -> Array:
+        """Controls ``(..., r)`` of twists, of either form."""
+        rows = with_side(twist / self.wheel_radius).reshape(-1, 3).tolist()
+        found = np.array([self.steer(self.constants, *row) for row in rows], dtype=float)
+        return found.reshape(*twist.shape[:-1], self.n_controls)

@@ -135,9 +135,12 @@ class Tracker:
         """New object, or the one that moves there already; None for what has long stood there."""
         radius = max(segment.radius, _LEGS if segment.legs else _BODY)
         x, y = segment.center(origin, radius)
+        has_parted = False
         for each in self._expected:
-            if each.is_moving and math.hypot(x - each.x, y - each.y) < each.radius:
+            away = math.hypot(x - each.x, y - each.y) - each.radius
+            if each.is_moving and away < 0.0:
                 return each
+            has_parted |= each.is_moving and away < radius
         if segment.is_static:
             return None
         self._number += 1
@@ -153,6 +156,8 @@ class Tracker:
             seen=stamp,
             origin=segment.front,
             evidence=int(segment.has_entered),
+            # Who walked beside somebody may have been taken for a part of them until now.
+            sightings=1 + has_parted,
         )
         self._objects.append(new)
         return new

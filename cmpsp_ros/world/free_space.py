@@ -22,8 +22,6 @@ from cmpsp_ros.world.obstacles.shapes import Shape
 from cmpsp_ros.world.roads import Annulus, Road, road_functions
 from cmpsp_ros.world.roads.road_functions import RoadSpace
 
-Indices = IntArray
-
 # Between two arcs [m]; beyond it the second has nothing to do with where on the road the first was.
 _JUMP = 0.1
 
@@ -52,25 +50,15 @@ class FreeSpace:
 
     A shape is all that is nearer than a radius to a point, a line or a polygon, given by its
     corners; see `cmpsp_ros.world.obstacles.shape_functions`.
-
-    Attributes:
-        of_road: The road.
-        road: Where on it the centre of a disc may be.
-        corners: Of all shapes, one after the other, shape ``(K, C, 2)`` [m]; ``K`` is 1 where they
-            stand still.
-        first: Where the corners of each shape begin, and where the last end, shape ``(M + 1,)``.
-        radii: Of the shapes, shape ``(M,)`` or ``(K, M)`` [m].
-        grids: The shapes that have no corners but a distance field, two at most.
-        discs: Centres of the robot's discs, in its frame, shape ``(D, 2)`` [m].
     """
 
     of_road: Road
-    road: RoadSpace
-    corners: Array
-    first: Indices
-    radii: Array
-    grids: tuple[GridObstacle, ...] = ()
-    discs: Array = field(default_factory=REFERENCE_POINT.copy)
+    road: RoadSpace  # where on it the centre of a disc may be
+    corners: Array  # of all shapes in a row, ``(K, C, 2)`` [m]; ``K`` is 1 where they stand still
+    first: IntArray  # where the corners of each shape begin, and the last end, ``(M + 1,)``
+    radii: Array  # of the shapes, ``(M,)`` or ``(K, M)`` [m]
+    grids: tuple[GridObstacle, ...] = ()  # shapes of a distance field, two at most
+    discs: Array = field(default_factory=REFERENCE_POINT.copy)  # as in `SpaceData`
 
     @classmethod
     def of(
@@ -152,11 +140,7 @@ class FreeSpace:
         return replace(self, road=self.road._replace(kept=kept), radii=grown)
 
     def for_samples_of(self, twists: Array, period: float) -> FreeSpace:
-        """Space to keep to at the ``N + 1`` samples of one plan so that its arcs stay in this one.
-
-        Twists are the speed of the fastest disc and the turn rate of each arc, ``(N, 2)`` [m/s,
-        rad/s].
-        """
+        """Space for samples of one plan, with arcs of twists ``(N, 2)`` [m/s, rad/s]."""
         return replace(
             self,
             road=self.road._replace(kept=self.of_road.kept_for(self.road.kept, twists, period)),
@@ -172,10 +156,7 @@ class FreeSpace:
         )
 
     def with_points(self, centers: Array, radii: Array) -> FreeSpace:
-        """This space with discs taken out that are elsewhere at every sample.
-
-        Centres ``(K, D, 2)``, radii ``(K, D)`` [m], ``-inf`` for none.
-        """
+        """This space without discs ``(K, D, 2)`` of radii ``(K, D)`` [m], a row each sample."""
         samples, added = radii.shape
         corners = np.broadcast_to(self.corners, (samples, *self.corners.shape[1:]))
         standing = np.broadcast_to(self.radii, (samples, len(self.first) - 1))
@@ -188,10 +169,9 @@ class FreeSpace:
         )
 
     def at(self, poses: Array, near: float = math.nan) -> Array:
-        """Clearance of single poses ``(K, 3)``, the least of all discs, negative where violated.
+        """Least clearance ``(K, 2 + M)`` of poses ``(K, 3)`` from both edges and each shape [m].
 
-        It is that to both edges of the road and to each shape, ``(K, 2 + M)`` [m]; `near` is the
-        progress of a place near all poses, NaN if unknown [m].
+        `near` is the progress of a place near all poses, NaN if unknown [m].
         """
         found = np.empty((len(poses), 1 + len(self.first)))
         _fill_at(found, self.data, np.ascontiguousarray(poses), float(near))
@@ -199,10 +179,9 @@ class FreeSpace:
         return found
 
     def along(self, poses: Array, twists: Array, durations: Array, near: float = math.nan) -> Array:
-        """Least clearance of arcs, from end to end and of all discs, along a path; see `at`.
+        """Least clearance of arcs from poses ``(K, 3)`` under twists for durations [s]; see `at`.
 
-        Arcs begin at poses ``(K, 3)`` and are driven under twists, see `Robot`, for durations
-        ``(K,)`` [s]. Where the road crosses itself a path keeps to the branch that it is on.
+        Where the road crosses itself a path keeps to the branch that it is on.
         """
         found = np.empty((len(poses), 1 + len(self.first)))
         arcs = [np.ascontiguousarray(each) for each in (poses, twists, durations)]

@@ -33,10 +33,7 @@ _STRAIGHT = 1e-6
 
 @lru_cache(maxsize=256)
 def outside(distance: float, limits: TwistLimits, period: float) -> float:
-    """Distance from a point at the samples that keeps the arcs between them at ``distance``.
-
-    All are in [m], and the period ``T`` between two samples in [s].
-    """
+    """Distance from a point at samples that keeps arcs between them at ``distance`` [m]."""
 
     def squared(R: Array, a: Array) -> Array:
         return _squared_excess(R, a, distance + R)
@@ -47,10 +44,7 @@ def outside(distance: float, limits: TwistLimits, period: float) -> float:
 
 @lru_cache(maxsize=256)
 def inside(distance: float, limits: TwistLimits, period: float) -> float:
-    """Distance from a point at the samples that keeps the arcs between them within ``distance``.
-
-    0 where the disc is so small that the robot may cross it in one period.
-    """
+    """Distance from a point that keeps arcs between samples within ``distance``; 0 for none."""
     if distance <= limits.top_speed * period:
         return 0.0
 
@@ -85,10 +79,7 @@ def bent_edge_margin_known(bends: Array, twists: Array, period: float) -> Array:
 
 
 def outside_known(distance: Array, twists: Array, period: float) -> Array:
-    """Margin as `outside`, for distances ``(M,)`` and known arcs ``(N, 2)`` [m/s, rad/s].
-
-    The result is to be kept at both ends of each arc, shape ``(N, M)`` [m].
-    """
+    """Margin ``(N, M)`` as `outside`, for distances ``(M,)`` and known arcs ``(N, 2)``."""
     R, a = _arcs(twists, period)
     return np.asarray(np.sqrt(distance**2 + _squared_excess(R, a, distance + R)))
 

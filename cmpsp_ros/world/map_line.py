@@ -47,22 +47,15 @@ class KeptLine:
 class MapSearch:
     """A search for lines across a map, one for all lines to a goal.
 
-    Attributes:
-        obstacles: At least one of them is a grid.
-        wanted: Distance to keep from them at the samples of a plan [m].
-        margin: Distance that the path between samples keeps, radius and margin [m]. It is given up
-            only where no other way leads, and then as little of it as possible.
-        body: Distance without which the robot does not fit [m].
-        kept: A line that is kept to.
-        blocked: Places that did not fit (x, y) [m]: other ways are preferred to them.
+    The margin is given up only where no other way leads, and then as little of it as possible.
     """
 
-    obstacles: tuple[Shape, ...]
-    wanted: float
-    margin: float
-    body: float
-    kept: KeptLine | None = None
-    blocked: tuple[Point, ...] = ()
+    obstacles: tuple[Shape, ...]  # at least one of them is a grid
+    wanted: float  # distance to keep from them at the samples of a plan [m]
+    margin: float  # distance that the path between samples keeps, radius and margin [m]
+    body: float  # distance without which the robot does not fit [m]
+    kept: KeptLine | None = None  # a line that is kept to
+    blocked: tuple[Point, ...] = ()  # places that did not fit (x, y): other ways are preferred [m]
 
     @property
     def grid(self) -> GridObstacle:
@@ -149,10 +142,7 @@ def _lengths(search: MapSearch, goal: Point) -> tuple[Array, Array]:
 
 
 def _led_out(lengths: Array, is_near: BoolArray, steps: int) -> Array:
-    """Lengths for a robot near something, by an error of what is seen: out by the shortest way.
-
-    No way leads through such cells: no other length depends on theirs.
-    """
+    """Lengths for one near something, by an error of what is seen: out by the shortest way."""
     found = lengths.copy()
     rows, columns = np.nonzero(is_near[1:-1, 1:-1])
     rows, columns = rows + 1, columns + 1

@@ -15,7 +15,7 @@ ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / 'doc' / 'user' / 'stops.md').read_text(encoding='utf-8')
 
 # Descriptions of settings and warnings before a run are on other pages; these answer no odometry.
-ELSEWHERE = {'feasibility_precheck.py', 'solver_settings.py'}
+ELSEWHERE = {'feasibility.py', 'solver_settings.py'}
 ANSWERS = {'Time 0 is the next odometry.', '… The node goes on without.', 'A rehearsal.'}
 
 SENTENCE = re.compile(r'[A-Z… ].* [a-z].*([.?]|: …)')
@@ -48,15 +48,16 @@ SOURCES = [
     ROOT / 'cmpsp_ros/nodes/common/health.py',
     ROOT / 'cmpsp_ros/robots/robot.py',
 ]
-# Of the checks before a run one is an answer: that the robot is too far away.
-PRECHECK = ROOT / 'cmpsp_ros/guidance/mission/feasibility_precheck.py'
+# Of the checks before a run one is an answer, and a closed road is: most are warnings.
+PRECHECK = ROOT / 'cmpsp_ros/guidance/mission/feasibility.py'
 
 
 @pytest.fixture(scope='module')
 def sentences():
     """All sentences that answer odometry."""
     answers = {text for path in SOURCES for text in said(path)}
-    return answers | {text for text in said(PRECHECK) if 'start.tolerance' in text}
+    of_checks = {text for text in said(PRECHECK) if re.search('start.tolerance|waits', text)}
+    return answers | of_checks
 
 
 def on_page(sentence):

@@ -22,7 +22,7 @@ from cmpsp_ros.guidance.mission.progress_watch import (
 )
 from cmpsp_ros.guidance.mission.return_to_goal import turn_rate
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
-from cmpsp_ros.guidance.planning.retreat import Pace, twist_towards
+from cmpsp_ros.guidance.planning.retreat import Pace, drive_along
 from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.safety.validation import TOUCHING, Validation
 from cmpsp_ros.guidance.settings import LawSettings
@@ -43,8 +43,7 @@ _SOONER: Final = 3  # part of the patience, as a divisor, after which the next r
 _SPEED: Final = 0.3  # speed of a robot that backs out, at most [m/s], and half of its pace
 _PURSUED: Final = 0.12  # distance of the point of its trail that it drives to [m]
 _EDGE: Final = 0.1
-_RATES: Final = -0.5, -0.25, 0.0, 0.25, 0.5
-"""Speed [m/s] and turn rates [rad/s] of a robot that edges away from something."""
+_RATES: Final = -0.5, -0.25, 0.0, 0.25, 0.5  # speed [m/s], turn rates [rad/s] to edge away with
 _ALIGNED: Final = 0.6  # as of `Pace` [rad]
 
 
@@ -54,16 +53,13 @@ class Recovery:
     def __init__(
         self, settings: LawSettings, checks: Checks, drop_plan: Callable[[LawState], None]
     ) -> None:
-        """Take what checks plans, and how to search all classes afresh."""
         self._settings, self._checks, self._drop_plan = settings, checks, drop_plan
         self._patience = math.ceil(settings.patience / settings.control_period)
 
     def choose(self, step: Step, *, reached: bool) -> Choice | Decision | None:
         """Count a step, and take the next remedy if it is time; None to go on as planned.
 
-        Steps count unless the last plan reached the goal, the road is closed, or the computer is
-        late. The first remedy takes the whole patience, each later one a third of it. On a road
-        that is followed none is the last: after them the first is tried again.
+        The first takes the whole patience, each later one a third; on a road they begin again.
         """
         state, start = step.state, step.context.start
         mission, watch = state.mission, state.mission.watch
@@ -200,7 +196,8 @@ class Recovery:
         """Remember why the goal is unreachable; the last step says it where the width is enough."""
         mission, last = state.mission, '' if state.last is None else state.last[1].reason
         moves = mission.manoeuvres
-        if moves is not None and moves.has_failed and moves.target == mission.goals.target:
+        has_failed = moves is not None and moves.is_over and not moves.path
+        if moves is not None and has_failed and moves.target == mission.goals.target:
             mission.unreachable = _NO_MOVES
             return
         goal, blocked = mission.goals.target.position, mission.searched.blocked
@@ -209,26 +206,18 @@ class Recovery:
 
 def back_out(context: PlanningContext, trail: Array) -> Plan:
     """Plan back along a trail ``(K, 2)``, the nearest point first [m]."""
-    robot, durations, controls = context.start.robot, context.horizon.durations, _still(context)
-    settings, pose, reached = context.settings, context.start.pose, 0
+    settings = context.settings
     pace = Pace(min(_SPEED, settings.pace / 2.0), turn_rate(settings), _ALIGNED)
-    for k, duration in enumerate(durations.tolist()):
-        while reached < len(trail) and math.dist(pose[:2], trail[reached]) < _PURSUED:
-            reached += 1
-        if reached == len(trail):
-            break
-        twist = twist_towards(settings.robot, pose, trail[reached], duration, pace)
-        controls[k] = robot.limited(robot.controls(twist))
-        pose = robot.roll_out(pose, controls[k : k + 1], durations[k : k + 1])[-1]
-    return _plan(context, controls)
+    trail = trail if len(trail) else context.start.pose[None, :2]
+    return drive_along(context, trail, pace, _PURSUED, _PURSUED)
 
 
 def turn_round(context: PlanningContext, angle: float = math.pi) -> Plan:
     """Plan of a turn on the spot, to the side of an angle [rad]."""
-    robot, controls = context.start.robot, _still(context)
+    robot, controls = context.start.robot, context.zero_controls
     rate = math.copysign(turn_rate(context.settings), angle)
     controls[:-1] = robot.limited(robot.straight_or_turning(0.0, rate, 1.0))
-    return _plan(context, controls)
+    return context.driven(controls)
 
 
 def edge_away(context: PlanningContext) -> list[Plan]:
@@ -237,18 +226,7 @@ def edge_away(context: PlanningContext) -> list[Plan]:
     speeds = (-_EDGE, 0.0, _EDGE) if robot.turns_on_the_spot else (-_EDGE, _EDGE)
     for speed, rate in [(0.0, 0.0), *itertools.product(speeds, _RATES)]:
         twist = np.array([speed, 0.0, rate] if robot.drives_sideways else [speed, rate])
-        controls = _still(context)
+        controls = context.zero_controls
         controls[:1] = robot.limited(robot.controls(twist))
-        plans.append(_plan(context, controls))
+        plans.append(context.driven(controls))
     return plans
-
-
-def _still(context: PlanningContext) -> Array:
-    return np.zeros((len(context.horizon.edges), context.start.robot.n_controls))
-
-
-def _plan(context: PlanningContext, controls: Array) -> Plan:
-    start, horizon = context.start, context.horizon
-    controls = start.followed(context.settings, controls, horizon.durations)
-    poses = start.robot.roll_out(start.pose, controls, horizon.durations)
-    return Plan(horizon, controls, poses, context.delay)

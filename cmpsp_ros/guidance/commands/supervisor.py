@@ -5,8 +5,12 @@ from __future__ import annotations
 import math
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.guidance.commands.decision_builder import DecisionBuilder, Step
-from cmpsp_ros.guidance.commands.fallback import Fallback, clear_fraction
+from cmpsp_ros.guidance.commands.decision_builder import (
+    DecisionBuilder,
+    Fallback,
+    Step,
+    clear_fraction,
+)
 from cmpsp_ros.guidance.commands.looking import turn_to_look
 from cmpsp_ros.guidance.commands.making_way import (
     PATIENCE,
@@ -93,7 +97,8 @@ class Supervisor:
             reason = f'The robot stops. {why} {reason}'
             return self.decisions.stand(step, reason, selected.result)
         if standby is None and start.reachable.names:
-            limited = turn_to_look(self._validator, context, limited[0]) or limited
+            why = verdict.reason
+            limited = turn_to_look(self._validator, context, limited[0], why) or limited
         slower, verdict, remark = limited
         errors = selected.terminal_error, selected.heading_error
         if plan is not selected.plan:
@@ -121,9 +126,12 @@ class Supervisor:
         level = FallbackLevel.ELASTIC if selected.is_relaxed else FallbackLevel.NOMINAL
         reason = selected.describe(self._validator, self._settings, start) + self._selector.remark
         ahead = self._approach.contact(plan, start, verdict.worst_margin)
+        # On a road that is followed, plans have no end.
+        ends_there = state.mission.goals.goal is not None
+        ends_there &= selected.terminal_error <= self._settings.goal_tolerance
         if selected.is_relaxed:
             following.end_speed = math.inf
-        elif ahead is not None and self._ends_there(state, selected):
+        elif ahead is not None and ends_there:
             end_speed = self._approach.end_speed(plan, ahead)
             following.end_speed = min(following.end_speed, end_speed)
         if why := self._stop_reason(step, selected, ahead, closed):
@@ -133,11 +141,6 @@ class Supervisor:
                 why += ' Another path is searched from here.'
             return self.decisions.stand(step, f'{why} {reason}', selected.result)
         return Choice(level, reason, plan, verdict, ahead)
-
-    def _ends_there(self, state: LawState, selected: Candidate) -> bool:
-        """True if a plan leads to the goal: on a road that is followed, plans have no end."""
-        has_goal = state.mission.goals.goal is not None
-        return has_goal and selected.terminal_error <= self._settings.goal_tolerance
 
     def _fall_back(
         self, step: Step, selected: Candidate, closed: Contact | None
@@ -205,17 +208,14 @@ class Supervisor:
         return self.decisions.follow(step, level, reason, plan, verdict, errors)
 
     def slowed(self, step: Step, decision: Decision, ramp_before: Array) -> Decision:
-        """A decision with a slower command, where a command that is late would not be clear.
-
-        Where no slower one is clear, with a ramp behind it, the robot stops by `ramp_before`.
-        """
+        """A decision, slower where its command, if late, would not be clear; else a stop."""
         settings, validator, state = self._settings, self._validator, step.state
         here, start, following = step.estimate.here, step.estimate.start, state.following
         plan = decision.plan
         latest = max(state.lateness.expected, settings.max_command_delay)
         if plan is None or latest <= settings.command_delay:
             return decision
-        previous = state.estimator.latest_command
+        previous = state.estimator.commands.latest
         next_step = (state.clock.due - state.clock.now) / NANOSECONDS
         commanded = following.previous_control
         fraction = clear_fraction(validator, here, previous, commanded, next_step, latest)
@@ -234,10 +234,8 @@ class Supervisor:
         return decision._replace(wheel_speeds=wheel_speeds, twist=twist, reason=reason)
 
     def go_on(self, step: Step) -> Decision:
-        """Let the last plan go on, past its end too, where a new command comes too late.
-
-        Too early a stop would cost the goal if the delay is shorter than declared, or a lag.
-        """
+        """Let the last plan go on, past its end too, where a new command comes too late."""
+        # Too early a stop would cost the goal if the delay is shorter than declared, or a lag.
         state, context, clock = step.state, step.context, step.state.clock
         shifted = self._fallback.shifted(state.following.plan, context)
         is_beyond = clock.now >= state.mission.goals.final - context.delay

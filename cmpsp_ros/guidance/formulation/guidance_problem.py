@@ -36,8 +36,7 @@ ProblemData = GuidanceData | ControlRateData
 class GuidanceProblem(OptimalControlProblem):
     """Pass the goal at the end of the horizon, inside the road, clear of obstacles.
 
-    States are poses ``(x, y, heading)``, controls those of the robot; the last one ``U_N`` moves
-    nothing. `data` is the problem for compiled code.
+    States are poses ``(x, y, heading)``; the last control ``U_N`` moves nothing.
     """
 
     data: GuidanceData
@@ -54,7 +53,6 @@ class GuidanceProblem(OptimalControlProblem):
         outputs: int = TerminalConstraint.POINT,
         progress: float = math.nan,  # as in `GuidanceData` [m]
     ) -> None:
-        """Set the problem up from a pose."""
         steps, things = len(durations), N_EDGE_CONSTRAINTS + len(space.first) - 1
         self.size = Dimensions(
             horizon=steps,

@@ -1,8 +1,4 @@
-"""The optimal control problem as settings and world pose it: penalties and free space.
-
-Inside road and obstacles every point of the path keeps the robot's radius and the margin. Samples
-keep more, so that the path between them does.
-"""
+"""The optimal control problem as settings and world pose it: penalties and free space."""
 
 from __future__ import annotations
 
@@ -42,7 +38,6 @@ BY_PRIORITY: Final = tuple(sorted(PENALTIES, key=lambda each: -PENALTIES[each]))
 # Without a wheel limit the arcs between samples are the plan's own, with this reserve for a result
 # of the iterations that is faster or turns faster.
 _RESERVE: Final = 1.1
-
 _FEW_CONTROLS: Final = 2  # with so many, a program without previous controls has code of its own
 _MAX_ENDS: Final = 64  # goals whose spaces are remembered
 
@@ -114,10 +109,9 @@ class OcpFormulation:
         pose: Array | None = None,
         moving: MovingDiscs = NOTHING_MOVES,
     ) -> FreeSpace:
-        """Free space of the samples of a plan from a guess ``(N + 1, r)``.
+        """Free space of the samples of a plan from a guess ``(N + 1, r)``, and from a pose.
 
-        Only the first and the last of the `durations` ``(N,)`` [s] may be longer than a control
-        period. The `pose` ``(3,)`` at which the plan begins is used for `moving` obstacles only.
+        Of the `durations` ``(N,)`` only the first and the last may exceed a control period [s].
         """
         if self._among is not None and world is self.world:
             (begin, known, goal, held), among = self._among
@@ -164,7 +158,8 @@ class OcpFormulation:
                 self._ends.clear()
             self._ends[key] = goal_space(self.settings, world, target, self._samples(key[1]))
         end = self._ends[key]
-        return space if end is None else space.with_some(_is_last(durations), end)
+        is_last = np.arange(len(durations) + 1) == len(durations)
+        return space if end is None else space.with_some(is_last, end)
 
     def _samples(self, longest: float) -> FreeSpace:
         if longest not in self._spaces:
@@ -204,10 +199,9 @@ def path_space(settings: LawSettings, world: World) -> FreeSpace:
 
 
 def sample_space(settings: LawSettings, world: World, longest: float = 0.0) -> FreeSpace:
-    """Free space of the samples of a plan, such that the path between them is in `path_space`.
+    """Free space of samples such that the path between them is in `path_space`.
 
-    It is `path_space` without a wheel limit, or with `safety.between_samples` off. The longest time
-    between two samples is at least the control period [s].
+    The longest time between two samples is at least the control period [s].
     """
     period = max(settings.control_period, longest)
     space = path_space(settings, world)
@@ -221,9 +215,7 @@ def goal_space(
 ) -> FreeSpace | None:
     """Free space of the last sample of a plan, for a goal nearer to something than samples may be.
 
-    After the last goal the robot is at rest, so that no inter-sample margin is needed: the last
-    sample keeps the distance of `path_space`. None for a goal as far from everything as samples
-    must be, nearer than the path may be, or not the last.
+    The robot is at rest there, so that the distance of `path_space` will do. None for another goal.
     """
     if target.drives_on or target.is_line:
         return None
@@ -251,11 +243,6 @@ def terminal_constraint(target: Target) -> TerminalConstraint:
 def terminal_penalty(outputs: int) -> Array:
     """Weight of each terminal constraint, shape ``(outputs,)`` [1/m]."""
     return np.full(outputs, PENALTIES['terminal_error'])
-
-
-def _is_last(durations: Array) -> Any:
-    """Mask of the last of the samples of steps, shape ``(N + 1,)``."""
-    return np.arange(len(durations) + 1) == len(durations)
 
 
 def _rounded_up(duration: float) -> float:

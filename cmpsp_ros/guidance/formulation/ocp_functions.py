@@ -94,10 +94,7 @@ class GuidanceData(NamedTuple):
 
 @allocation_free
 def predict(data: GuidanceData, U: Array, X: Array) -> None:
-    """Fill X ``(N + 1, n)`` by the dynamics (1): exact arcs under zero-order hold.
-
-    X, U ``(N + 1, r)``, and all arrays below, may be longer than the horizon.
-    """
+    """Fill X ``(N + 1, n)`` by (1): exact arcs under U ``(N + 1, r)``; arrays may be longer."""
     for i in range(3):
         X[0, i] = data.pose[i]
     roll_out(X, U, data.durations, data.robot)
@@ -105,11 +102,7 @@ def predict(data: GuidanceData, U: Array, X: Array) -> None:
 
 @allocation_free
 def evaluate(data: GuidanceData, X: Array, U: Array, output_error: Array, g: Array) -> float:
-    """Cost J of (95) without its proximal term, terminal output (5) and path constraints (4).
-
-    Fills the output error ``Y_N - Y_N*``, shape ``(m,)``, and path constraints ``(N + 1, l)``,
-    ``-inf`` where one does not apply.
-    """
+    """Cost J of (95) without its proximal term; fills output error (5) and path constraints (4)."""
     p, cost = data.parameters[0], 0.0
     N, outputs = data.durations.shape[0], output_error.shape[0]
     road, shapes, radii, discs = data.space

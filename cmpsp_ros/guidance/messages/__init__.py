@@ -11,6 +11,9 @@ if TYPE_CHECKING:
     from cmpsp_ros.guidance.messages.poses import (
         OdometryError,
         OdometryReading,
+        TransformError,
+        Transforms,
+        compose,
         goal_of,
         heading_of,
     )
@@ -23,7 +26,6 @@ if TYPE_CHECKING:
         read_keys,
         tracks_of,
     )
-    from cmpsp_ros.guidance.messages.transforms import TransformError, Transforms, compose
     from cmpsp_ros.sensing import Track
 
 __getattr__, __all__ = lazy_exports(__name__, __file__)

@@ -12,8 +12,8 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.messages.objects import TrackedObject, objects_of
+from cmpsp_ros.guidance.messages.poses import compose
 from cmpsp_ros.guidance.messages.tracks import MAX_TRACKS, PeerTrajectory, TrackError, problem_of
-from cmpsp_ros.guidance.messages.transforms import compose
 from cmpsp_ros.guidance.times import NANOSECONDS
 from cmpsp_ros.sensing import MotionFilter, Track, TrackSource, stamp_of
 
@@ -30,11 +30,7 @@ _TINY: Final = 1e-9
 
 
 class ObjectTracks:
-    """Tracks of one source.
-
-    An object without a name is matched to the nearest one of the message before; one without a
-    velocity is filtered, at constant velocity from one message to the next.
-    """
+    """Tracks of one source: objects without a name are matched, those without velocity filtered."""
 
     def __init__(self, source: TrackSource, number: int) -> None:
         """Start with nothing seen; the number of the source is at least 1."""
@@ -43,12 +39,10 @@ class ObjectTracks:
         self._motions: dict[int, MotionFilter] = {}
 
     def tracks_of(self, message: Any, there: Array, motion: Array, timeout: float) -> list[Track]:
-        """Tracks in a message, in the frame of the course.
+        """Tracks in a message, in the frame of the course, or TrackError and no track.
 
         `there` ``(3,)`` is the pose of the message's frame in that of the course [m, m, rad],
-        `motion` ``(3,)`` its velocity, for velocities relative to it; an object not seen for
-        `timeout` [s] is forgotten. TrackError, and no track, for an object that is not finite, no
-        place on Earth, or of a negative radius or standard deviation.
+        `motion` ``(3,)`` its velocity; an object not seen for `timeout` [s] is forgotten.
         """
         objects, stamp = objects_of(message, self._source.type), stamp_of(message)
         if len(objects) > MAX_TRACKS:
@@ -116,10 +110,7 @@ class ObjectTracks:
 
 
 def pairs(distances: Array, gate: float) -> list[tuple[int, int]]:
-    """Rows and columns that belong together, the nearest first.
-
-    `distances` ``(R, C)`` are squared Mahalanobis distances, `gate` is the largest that counts.
-    """
+    """Rows and columns of squared distances ``(R, C)`` that belong together, the nearest first."""
     near = zip(*(each.tolist() for each in np.nonzero(distances <= gate)), strict=True)
     found: dict[int, int] = {}
     for row, column in sorted(near, key=lambda pair: (float(distances[pair]), pair)):
@@ -149,11 +140,7 @@ def _with_state(track: Track, estimate: MotionFilter) -> Track:
 
 
 class TrackFusion:
-    """Association of tracks that are of the same object.
-
-    The surest track of an object is kept until another is clearly surer, so that its number stays.
-    The order of messages makes no difference.
-    """
+    """Association of tracks of one object, of which the surest is kept until another is surer."""
 
     def __init__(self) -> None:
         self._paired: set[frozenset[int]] = set()
@@ -175,11 +162,7 @@ class TrackFusion:
         return kept
 
     def _distance(self, one: Track, other: Track, stamp: int) -> float:
-        """Squared Mahalanobis distance of place and velocity.
-
-        Infinite where neither has its centre in the other's disc: to take two for one is the worse
-        error.
-        """
+        """Squared Mahalanobis distance; infinite where neither centre is in the other's disc."""
         (place, stddev), (place_, stddev_) = _place(one, stamp), _place(other, stamp)
         apart = math.dist(place, place_)
         is_paired = frozenset({one.id, other.id}) in self._paired

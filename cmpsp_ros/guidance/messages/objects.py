@@ -1,7 +1,6 @@
-"""Objects in the messages of other packages' trackers and detectors.
+"""Objects in the messages of other packages' trackers and detectors, with the z axis up.
 
-Frames have their z axis up. Covariances become the standard deviation of their worst axis, shapes
-the disc about the object's place that covers them.
+Covariances become the standard deviation of their worst axis, shapes a disc that covers them.
 """
 
 from __future__ import annotations
@@ -31,10 +30,9 @@ class TrackedObject(NamedTuple):
 
 
 def objects_of(message: Any, kind: str) -> list[TrackedObject]:
-    """Objects in a message of a type, such as `radar_msgs/msg/RadarTracks`.
+    """Objects in a message of a type such as `radar_msgs/msg/RadarTracks`, or TrackError.
 
-    A name that occurs twice names nobody, as the id 0 of a costmap_converter that does not track.
-    TrackError for an object in another frame than the message, or an inconsistent message.
+    A name that occurs twice names nobody, as the id 0 of a costmap_converter without tracking.
     """
     found = list(_CONVERTERS[kind](message))
     names = [each.name for each in found]
@@ -58,7 +56,7 @@ def _detections(message: Any) -> Iterator[TrackedObject]:
         _check_frame(message, each)
         place, size = each.bbox.center.position, each.bbox.size
         surest = max(each.results, key=lambda one: one.hypothesis.score, default=None)
-        stddev = 0.0 if surest is None else _worst_axis(surest.pose.covariance, 0, 1, 7)
+        stddev = 0.0 if surest is None else _worst_axis(surest.pose.covariance, 7)
         yield TrackedObject(each.id or None, place.x, place.y, _of_box(size), None, stddev)
 
 
@@ -81,8 +79,8 @@ def _autoware(message: Any) -> Iterator[TrackedObject]:
             place.y,
             radius,
             velocity,
-            _worst_axis(posed.covariance, 0, 1, 7),
-            _worst_axis(moved.covariance, 0, 1, 7),
+            _worst_axis(posed.covariance, 7),
+            _worst_axis(moved.covariance, 7),
         )
 
 
@@ -95,8 +93,8 @@ def _radar(message: Any) -> Iterator[TrackedObject]:
             each.position.y,
             _of_box(each.size),
             (each.velocity.x, each.velocity.y),
-            _worst_axis(each.position_covariance, 0, 1, 3),
-            _worst_axis(each.velocity_covariance, 0, 1, 3),
+            _worst_axis(each.position_covariance, 3),
+            _worst_axis(each.velocity_covariance, 3),
         )
 
 
@@ -110,7 +108,7 @@ def _obstacles(message: Any) -> Iterator[TrackedObject]:
         x, y = ((min(along) + max(along)) / 2.0 for along in zip(*corners, strict=True))
         radius = each.radius + max(math.dist((x, y), one) for one in corners)
         moved = each.velocities
-        velocity, stddev = moved.twist.linear, _worst_axis(moved.covariance, 0, 1, 7)
+        velocity, stddev = moved.twist.linear, _worst_axis(moved.covariance, 7)
         yield TrackedObject(each.id, x, y, radius, (velocity.x, velocity.y), 0.0, stddev)
 
 
@@ -139,9 +137,9 @@ def _check_frame(message: Any, part: Any) -> None:
         check_frame('An object is', part.header.frame_id, frame_id, TrackError)
 
 
-def _worst_axis(covariance: Sequence[float], xx: int, xy: int, yy: int) -> float:
-    """Standard deviation along the worst axis in the plane, by indices of the covariance."""
-    a, b, c = (float(covariance[each]) for each in (xx, xy, yy))
+def _worst_axis(covariance: Sequence[float], yy: int) -> float:
+    """Standard deviation along the worst axis in the plane, by the index of the second variance."""
+    a, b, c = (float(covariance[each]) for each in (0, 1, yy))
     variance = (a + c) / 2.0 + math.hypot((a - c) / 2.0, b)
     return math.sqrt(variance) if variance > 0.0 else variance
 

@@ -27,8 +27,7 @@ class Arrival(Enum):
 class OdometryGate:
     """Compares each odometry message with the one before.
 
-    After a fault the robot may go on once it was stopped and all odometry of a control period was
-    consistent. That of two sources in turn never is.
+    After a fault the robot may go on once it was stopped and odometry of a period consistent.
     """
 
     def __init__(self) -> None:
@@ -64,11 +63,9 @@ class OdometryGate:
         return f'{waits} {self.fault}'
 
     def take(self, stamp: int, pose: Array, now: int, settings: LawSettings) -> Arrival:
-        """Take a pose ``(3,)`` [m, m, rad] at a time [ns], unless it is older than the newest.
+        """Take a pose ``(3,)`` [m, m, rad] at a time [ns], or OdometryError.
 
-        Time has jumped back where the newest does not fit the clock any more. After a fault older
-        odometry must be consistent as well. OdometryError if it does not fit the clock, or the
-        wheels cannot have moved the robot there; the next is compared with this pose.
+        Time has jumped back where the newest odometry does not fit the clock any more.
         """
         before = stamp if self.newest is None else self.newest
         pose_before = pose if self._pose is None else self._pose
@@ -97,10 +94,7 @@ class OdometryGate:
 
 
 def motion_limits(robot: Robot, duration: Any, max_jump: float) -> tuple[Any, Any]:
-    """Distance and turn that odometry may show within a duration [s], of any shape [m, rad].
-
-    `max_jump` is `safety.max_odom_jump` [m]; the robot must have a wheel-speed limit.
-    """
+    """Distance and turn that odometry may show within a duration [s], of any shape [m, rad]."""
     distance = _OVERSPEED * robot.max_speed * duration
     return distance + max_jump, distance / robot.half_track + _TURN_PER_METER * max_jump
 

@@ -1,8 +1,11 @@
-"""Poses in messages: odometry and goals, and the checks that all messages share."""
+"""Poses in messages, the checks that all messages share, and transforms from `/tf`."""
 
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
+from collections import deque
+from functools import reduce
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -13,6 +16,7 @@ from cmpsp_ros.guidance.times import NANOSECONDS
 from cmpsp_ros.sensing import is_place, stamp_of
 
 RECEIVED: Final = 'goal_pose'  # name of a goal that is received during a run
+_MAX_KEPT: Final = 1000  # transforms of a frame that are remembered
 
 
 class OdometryError(ValueError):
@@ -36,11 +40,7 @@ class OdometryReading(NamedTuple):
         return cls(stamp_of(message), *frames, (position.x, position.y), (q.x, q.y, q.z, q.w))
 
     def pose_in(self, frame_id: str) -> Array:
-        """Planar pose ``(x, y, heading)`` [m, m, rad] in the frame that it must be in.
-
-        OdometryError if it is in another frame, not finite, without orientation, or no place on
-        Earth.
-        """
+        """Planar pose ``(x, y, heading)`` [m, m, rad] in a frame, or OdometryError."""
         check_frame('Odometry is', self.frame_id, frame_id, OdometryError)
         (x, y), length = self.position, math.sqrt(sum(each * each for each in self.orientation))
         if abs(length - 1.0) > 0.01:
@@ -107,3 +107,100 @@ def check_age(
         raise error(
             f'{subject} {-age:.3f} s ahead of the clock ({key} {timeout} s); is use_sim_time right?'
         )
+
+
+class TransformError(ValueError):
+    """A transform is not known; the message names the frames, and says why."""
+
+
+class _Known(NamedTuple):
+    """Poses of a frame in its parent at some instants [ns]."""
+
+    parent: str
+    is_static: bool
+    stamps: deque[int]
+    poses: deque[Array]
+
+
+class Transforms:
+    """Buffer of transforms."""
+
+    def __init__(self) -> None:
+        self._known: dict[str, _Known] = {}
+
+    def add(self, message: Any, *, is_static: bool = False) -> None:
+        """Add a `tf2_msgs/TFMessage`, but for transforms not finite; later ones are forgotten."""
+        for each in message.transforms:
+            parent, child, stamp = each.header.frame_id, each.child_frame_id, stamp_of(each)
+            moved, turned = each.transform.translation, each.transform.rotation
+            pose = np.array([moved.x, moved.y, heading_of(turned)])
+            known = self._known.get(child)
+            if known is None or (known.parent, known.is_static) != (parent, is_static):
+                known = _Known(parent, is_static, deque(maxlen=_MAX_KEPT), deque(maxlen=_MAX_KEPT))
+                self._known[child] = known
+            if np.isfinite(pose).all():
+                while known.stamps and known.stamps[-1] >= stamp:
+                    known.stamps.pop()
+                    known.poses.pop()
+                known.stamps.append(stamp)
+                known.poses.append(pose)
+
+    def look_up(self, target: str, source: str, stamp: int, timeout: float) -> Array:
+        """Pose ``(3,)`` of the source frame in the target frame at `stamp` [ns], 0 for the latest.
+
+        Interpolated; TransformError if the nearest is farther away than `timeout` [s].
+        """
+        chains = [self._ancestors(each) for each in (target, source)]
+        common = next((each for each in chains[1] if each in chains[0]), None)
+        if common is None:
+            raise TransformError(
+                f'no transform from {source!r} to {target!r} has come on /tf or /tf_static'
+            )
+        to_target, to_source = (
+            reduce(
+                lambda pose, frame: compose(self._at(frame, stamp, timeout), pose),
+                chain[: chain.index(common)],
+                np.zeros(3),
+            )
+            for chain in chains
+        )
+        x, y, heading = -to_target
+        back = compose(np.array([0.0, 0.0, heading]), np.array([x, y, 0.0]))
+        return compose(back, to_source)
+
+    def _ancestors(self, frame: str) -> list[str]:
+        """Frames from this one up to the root of its tree."""
+        chain = [frame]
+        while (known := self._known.get(chain[-1])) is not None and known.stamps:
+            if known.parent in chain:
+                raise TransformError(f'the transforms lead in a circle at {known.parent!r}')
+            chain.append(known.parent)
+        return chain
+
+    def _at(self, frame: str, stamp: int, timeout: float) -> Array:
+        """Pose of a frame in its parent."""
+        parent, is_static, stamps, poses = self._known[frame]
+        if is_static or stamp == 0:
+            return poses[-1]
+        after = bisect_right(stamps, stamp)
+        if 0 < after < len(stamps):
+            before, later = poses[after - 1], poses[after]
+            fraction = (stamp - stamps[after - 1]) / (stamps[after] - stamps[after - 1])
+            change = later - before
+            change[2] = math.remainder(change[2], math.tau)
+            return np.asarray(before + fraction * change)
+        nearest = max(after - 1, 0)
+        off = abs(stamp - stamps[nearest]) / NANOSECONDS
+        if off > timeout:
+            raise TransformError(
+                f'the transform from {frame!r} to {parent!r} is {off:.3f} s off (odom_timeout)'
+            )
+        return poses[nearest]
+
+
+def compose(first: Array, second: Array) -> Array:
+    """A pose in a frame whose own pose is given, each of shape ``(3,)`` [m, m, rad]."""
+    cosine, sine = math.cos(first[2]), math.sin(first[2])
+    x, y = cosine * second[0] - sine * second[1], sine * second[0] + cosine * second[1]
+    heading = math.remainder(first[2] + second[2], math.tau)
+    return np.array([first[0] + x, first[1] + y, heading])

@@ -1,8 +1,7 @@
 """Moving obstacles and other robots as messages report them.
 
-Obstacles arrive as `sensor_msgs/PointCloud2`, a point each, with the fields of
-``doc/user/obstacles.md``. Another robot publishes its plan as `nav_msgs/Path`, each pose with the
-time when it should be there.
+Obstacles are points of a `sensor_msgs/PointCloud2`, see ``doc/user/obstacles.md``; the plan of
+another robot is a `nav_msgs/Path`, each pose with its time.
 """
 
 from __future__ import annotations
@@ -43,11 +42,7 @@ class PeerTrajectory:
 
     @classmethod
     def of(cls, message: Any, namespace: str, frame_id: str) -> PeerTrajectory:
-        """The plan in a `nav_msgs/Path` of the robot with this namespace.
-
-        TrackError if it is in another frame, has no pose, one that is not finite or no place on
-        Earth, or times that do not increase.
-        """
+        """The plan in a `nav_msgs/Path` of the robot with this namespace, or TrackError."""
         whose = f'The plan of {namespace}'
         check_frame(f'{whose} is', message.header.frame_id, frame_id, TrackError)
         if not 1 <= len(message.poses) <= _MAX_POSES:
@@ -150,12 +145,7 @@ class Tracks(Generic[Report]):
 
 
 def tracks_of(message: Any, frame_id: str) -> list[Track]:
-    """The obstacles in a `sensor_msgs/PointCloud2`.
-
-    TrackError, and no obstacle, if it is in another frame, lacks a field, does not fit its own
-    sizes, has a number twice, or one that is not finite, farther or faster than anything on Earth,
-    or of negative radius.
-    """
+    """The obstacles in a `sensor_msgs/PointCloud2`, or TrackError and no obstacle."""
     check_frame('Obstacles are', message.header.frame_id, frame_id, TrackError)
     count, stamp = int(message.width) * int(message.height), stamp_of(message)
     if count > MAX_TRACKS:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from cmpsp_ros.front_door import lazy_exports
 
 if TYPE_CHECKING:
-    from cmpsp_ros.guidance.mission.feasibility_precheck import (
+    from cmpsp_ros.guidance.mission.feasibility import (
         infeasibility_warnings,
         reason_not_to_begin,
         shortest_time,

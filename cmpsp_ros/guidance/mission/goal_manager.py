@@ -47,7 +47,7 @@ class GoalManager:
         self._settings = settings
         self.goals_received = 0
         self._waiting: tuple[int, Goal] | None = None
-        self._received: Goal | None = None
+        self.received: Goal | None = None  # the goal that was received and is driven to
         self._index = self._late = 0
         self._is_timed = not settings.is_soonest
         self._set_goal(world)
@@ -58,24 +58,16 @@ class GoalManager:
         self._set_goal(world)
 
     @property
-    def received(self) -> Goal | None:
-        """The goal that was received and is driven to, if there is one."""
-        return self._received
-
-    @property
     def next_positions(self) -> list[Point]:
         """Positions of the present goal and of possible next ones (x, y) [m]."""
-        goals = [] if self._received else self._settings.goals[self._index + 1 : self._index + 2]
+        goals = [] if self.received else self._settings.goals[self._index + 1 : self._index + 2]
         waiting = [] if self._waiting is None else [self._waiting[1]]
         return [self.target.position, *(each.position for each in (*goals, *waiting))]
 
     def receive(
         self, stamp: int, goal: Goal, world: World, validator: Validator, latest: int | None
     ) -> None:
-        """Take another goal instead of all others, from the first control step that is not older.
-
-        Times are in [ns]. Raises GoalError if it is refused, and nothing changes.
-        """
+        """Take another goal, from a time stamp on [ns]; GoalError if it is refused."""
         self.goals_received += 1
         _check_goal(self._settings, world, validator, goal)
         timeout = to_nanoseconds(self._settings.odom_timeout)
@@ -148,41 +140,35 @@ class GoalManager:
         seconds = max(self._time_to(self.goal, start), speed / robot.braking)
         return begin + _AMPLE * max(to_nanoseconds(seconds), _FEWEST * self.period)
 
-    def postpone(self, begin: int, start: PlanStart) -> float:
+    def adapt(self, begin: int, start: PlanStart, *, may_be_later: bool) -> float:
         """Pass the present goal later, and all after it, where the path to it takes too long.
 
-        Returns by how much [s]; 0 where the time is enough, or no path is known and nobody closes
-        it, or the robot is within the tolerance of the goal. `begin` [ns].
+        Where it has become short again, they are passed earlier, but not before they were due.
+
+        Returns by how much later [s], negative for earlier; 0 where the time is enough, no path is
+        known or the robot is at the goal. `begin` [ns].
         """
-        goal, search, period = self.goal, start.world.map_search(self._settings), self.period
-        if goal is None or self.given_up or self._is_at_goal(start.pose):
+        goal, settings, period = self.goal, self._settings, self.period
+        may_be_earlier = self._late > 0 and not settings.is_soonest
+        if goal is None or self.given_up or not (may_be_later or may_be_earlier):
             return 0.0
+        if settings.tolerates(*self.target.errors(start.pose)):
+            return 0.0
+        search = start.world.map_search(settings)
+        is_known = search is None or len(search.line(start.pose[:2], goal.position, _NEAR)) > 0
         # Who closes the only path now may have gone before long.
-        if (
-            search is not None
-            and not start.reachable.names
-            and not len(search.line(start.pose[:2], goal.position, _NEAR))
-        ):
-            return 0.0
-        needed = to_nanoseconds(self._time_to(goal, start))
+        may_be_later = may_be_later and (is_known or bool(start.reachable.names))
+        needed, left = to_nanoseconds(self._time_to(goal, start)), self.final - begin
         # The earliest arrival that was found is not late where the wheels can keep it.
-        quicker = self._settings.pace / start.robot.max_speed if self._settings.is_soonest else 1.0
-        if self.final - begin >= _SCARCE * quicker * needed:
+        quicker = settings.pace / start.robot.max_speed if settings.is_soonest else 1.0
+        is_late = may_be_later and left < _SCARCE * quicker * needed
+        if not (is_late or (may_be_earlier and is_known and left > _AMPLE * needed)):
             return 0.0
-        later = max(-(-(begin + needed) // period), begin // period + _FEWEST) * period
-        by = max(0, later - self.final)
+        final = max(-(-(begin + needed) // period), begin // period + _FEWEST) * period
+        by = max(0, final - self.final) if is_late else min(max(-self._late, final - self.final), 0)
         self._late += by
         self._set_goal(start.world)
         return by / NANOSECONDS
-
-    def _is_at_goal(self, pose: Array) -> bool:
-        """True within the tolerances of the goal."""
-        error, heading_error = self.target.errors(pose)
-        settings = self._settings
-        return (
-            error <= settings.goal_tolerance
-            and (heading_error or 0.0) <= settings.heading_tolerance
-        )
 
     def give_up(self, now: int) -> None:
         """End the run before the goal, at `now` [ns], until another goal is received."""
@@ -220,7 +206,7 @@ class GoalManager:
         period, self._late = self.period, 0
         end = -(-(begin + to_nanoseconds(seconds)) // period)
         end = max(end, begin // period + _FEWEST) * period
-        self._received = Goal(goal.position, end / NANOSECONDS, goal.heading, goal.name)
+        self.received = Goal(goal.position, end / NANOSECONDS, goal.heading, goal.name)
         self._set_goal(world)
 
     def _set_goal(self, world: World) -> None:
@@ -237,8 +223,8 @@ class GoalManager:
             self._looked_from = None
             return
         goals = settings.goals
-        if self._received is not None:
-            goals, self._index = (self._received,), 0
+        if self.received is not None:
+            goals, self._index = (self.received,), 0
         if self._late:
             late = self._late / NANOSECONDS
             goals = tuple(replace(each, time=each.time + late) for each in goals)
@@ -262,8 +248,7 @@ class GoalManager:
     def _look_ahead(self, now: int, world: World, pose: Array, progress: float) -> None:
         """Aim at the line across the road that is to be reached at the end of the horizon.
 
-        It moves at most at the speed asked for. At a constant distance from the robot, plans that
-        drive fast at first and slowly in the end would be as good as steady ones, for ever.
+        It moves at most at the speed asked for: else plans that are fast at first would be as good.
         """
         follow = self._settings.follow
         assert follow is not None  # noqa: S101 (the caller has looked)

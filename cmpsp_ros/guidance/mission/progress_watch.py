@@ -111,10 +111,7 @@ def tightest(settings: LawSettings, start: PlanStart, line: Array) -> tuple[Poin
 def why_unreachable(
     settings: LawSettings, start: PlanStart, goal: Point, blocked: tuple[Point, ...], last: str
 ) -> str:
-    """Sentence that names what closes which way; `last` is added where everything is wide enough.
-
-    `blocked` are the places that did not fit (x, y) [m].
-    """
+    """Sentence on what closes which way, at `blocked` places; `last` where all is wide enough."""
     search, places = start.world.map_search(settings), [start.pose[None, :2]]
     if search is not None:
         line = search.line(start.pose[:2], goal, SPACING)

@@ -1,7 +1,4 @@
-"""The return to a goal from which the robot was moved: turn towards it, drive, turn to its heading.
-
-At rest, a linearisation says nothing of sideways motion.
-"""
+"""The return to a goal that the robot was moved from: turn to it, drive, turn to its heading."""
 
 from __future__ import annotations
 
@@ -31,10 +28,7 @@ def turn_rate(settings: LawSettings) -> float:
 
 def is_away(settings: LawSettings, target: Target, pose: Array) -> bool:
     """True if a robot that holds its position at the goal has been moved away from it."""
-    error, heading_error = target.errors(pose)
-    return error > _AWAY * settings.goal_tolerance or (
-        heading_error is not None and heading_error > _AWAY * settings.heading_tolerance
-    )
+    return not settings.tolerates(*target.errors(pose), _AWAY)
 
 
 def return_time(settings: LawSettings, target: Target, pose: Array) -> float:

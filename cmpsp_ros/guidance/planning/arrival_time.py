@@ -1,10 +1,8 @@
 """The final time of goals that are to be passed as early as possible: a search, step by step.
 
-Within a plan the final time is fixed. At each control step, with a scanner after its command, a
-plan that ends a stride earlier is tried, made from the present one driven faster: if it meets every
-constraint it is followed, and the next stride is longer; otherwise the next one is shorter. A plan
-that has a flaw is tried with more time. So the plan that is followed ends at the earliest time
-found, and a trial changes no command.
+Within a plan the final time is fixed. At each control step a plan that ends a stride earlier is
+tried, made from the present one driven faster: if it meets every constraint it is followed, and
+the next stride is longer, else shorter. A plan with a flaw is tried with more time.
 """
 
 from __future__ import annotations
@@ -12,39 +10,26 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Final
 
-from cmpsp_ros.guidance.horizon import remaining
 from cmpsp_ros.guidance.planning.candidate import Candidate, reserve
 from cmpsp_ros.guidance.planning.plan_selector import PlanSelector
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 from cmpsp_ros.guidance.safety.unseen import drives_blind
 from cmpsp_ros.guidance.safety.validation import TOUCHING
 from cmpsp_ros.guidance.settings import LawSettings
-from cmpsp_ros.guidance.times import NANOSECONDS, to_nanoseconds
+from cmpsp_ros.guidance.times import NANOSECONDS, remaining, to_nanoseconds
 
-_GRID: Final = 20
-"""Final times in a control period."""
-_LONGEST, _DELAY = 0.15, 0.0025
-"""Longest stride, and the first one of a flawed plan to a later end: parts of the time left."""
-_GROWTH: Final = 2.0
-"""Factor on a stride after a success."""
-_LONGER: Final = 8.0
-"""Factor from that stride to the second one."""
-_MORE: Final = 4.0
-"""Factor on both after a step at which neither helped."""
-_TRIALS: Final = 2
-_INITIAL_TRIALS: Final = 6
-_INITIAL_DELAYS: Final = 3
-"""Trials at a control step, and at the first one to a goal; searches for it with more time."""
-_INITIAL_DELAY: Final = 0.4
-"""By how much more in such a search, as a fraction."""
-_FEWEST: Final = 5
-"""Control periods before the goal in which it is not passed any earlier."""
-_OF_MARGIN: Final = 0.1
-"""Part of the margin that a plan may lack."""
-_OF_TOLERANCE: Final = 0.2
-"""Part of the goal's tolerance within which a plan on trial ends."""
-_LESS_SLACK: Final = 0.5
-"""Part of a plan's slack with which a later one is followed, although it needs slack as well."""
+_GRID: Final = 20  # final times in a control period
+_LONGEST, _DELAY = 0.15, 0.0025  # longest stride, first one to a later end: parts of the time left
+_GROWTH: Final = 2.0  # factor on a stride after a success
+_LONGER: Final = 8.0  # factor from that stride to the second one
+_MORE: Final = 4.0  # factor on both after a step at which neither helped
+_TRIALS, _INITIAL_TRIALS = 2, 6  # trials at a control step, and at the first one to a goal
+_INITIAL_DELAYS: Final = 3  # searches for the first one with more time
+_INITIAL_DELAY: Final = 0.4  # by how much more in such a search, as a fraction
+_FEWEST: Final = 5  # control periods before the goal in which it is not passed any earlier
+_OF_MARGIN: Final = 0.1  # part of the margin that a plan may lack
+_OF_TOLERANCE: Final = 0.2  # part of the goal's tolerance within which a plan on trial ends
+_LESS_SLACK: Final = 0.5  # part of a plan's slack with which a later one is followed all the same
 _RESERVE: Final = 0.01
 """Part of its time that an earlier plan can do without: with none, each error of the odometry makes
 the next plan impossible, and its subproblem is one with nearly all wheel speeds at their limits."""
@@ -52,23 +37,14 @@ the next plan impossible, and its subproblem is one with nearly all wheel speeds
 
 @dataclass
 class ArrivalTime:
-    """Search for the earliest final time.
-
-    Attributes:
-        settings: All settings of the guidance law.
-        stride: By how much the next trial is earlier, as a fraction of the time left.
-        delay: By how much the first trial of a flawed plan is later, likewise.
-        sets_out: Whether no plan to the goal was made yet.
-        slack: Slack that plans need however much time they have: a gap is too narrow [m].
-        trials: Trials after the command.
-    """
+    """Search for the earliest final time."""
 
     settings: LawSettings
-    stride: float = _LONGEST
-    delay: float = _DELAY
-    sets_out: bool = True
-    slack: float = 0.0
-    trials: int = _TRIALS
+    stride: float = _LONGEST  # by how much the next trial is earlier, a fraction of the time left
+    delay: float = _DELAY  # by how much the first trial of a flawed plan is later, likewise
+    sets_out: bool = True  # true if no plan to the goal was made yet
+    slack: float = 0.0  # slack that plans need at any time: a gap is too narrow [m]
+    trials: int = _TRIALS  # number of trials after the command
 
     def set_out(
         self, selector: PlanSelector, context: PlanningContext, selected: Candidate
@@ -98,10 +74,7 @@ class ArrivalTime:
     def another(
         self, selector: PlanSelector, context: PlanningContext, selected: Candidate, latest: int
     ) -> tuple[PlanningContext, Candidate]:
-        """A plan that ends earlier, or later if the selected one has a flaw, and its control step.
-
-        Where none is found they are those given. `latest` [ns] is the latest final time tried.
-        """
+        """An earlier plan and its step, or a later one, until `latest` [ns], after a flaw."""
         if not self._is_good(selected):
             return self._later(selector, context, selected, latest)
         self.delay = _DELAY
@@ -185,11 +158,7 @@ class ArrivalTime:
         return replace(context, horizon=remaining(begin, period, end))
 
     def _is_good(self, candidate: Candidate, tolerances: float = 1.0) -> bool:
-        """True if a plan meets its constraints and ends within so many tolerances of the goal.
-
-        In corridors that leave hardly more than the margin all plans use some of it, and in
-        narrower gaps as much as they need.
-        """
+        """True if a plan has no flaw but slack that all need, and ends at the goal."""
         margin = _OF_MARGIN * self.settings.safety.margin
         is_tight = candidate.result.slack <= self.slack + margin
         return (

@@ -72,10 +72,7 @@ class Candidate(NamedTuple):
 
     def reaches_goal(self, settings: LawSettings, tolerances: float = 1.0) -> bool:
         """True if the plan ends within so many tolerances of the goal and its heading."""
-        return (
-            self.terminal_error <= tolerances * settings.goal_tolerance
-            and (self.heading_error or 0.0) <= tolerances * settings.heading_tolerance
-        )
+        return settings.tolerates(self.terminal_error, self.heading_error, tolerances)
 
     def describe(self, validator: Validator, settings: LawSettings, start: PlanStart) -> str:
         """Sentence on it for when it is followed."""
@@ -161,7 +158,6 @@ class Ranking:
     """Scores plans for one set of settings; by slack alone where only one plan is kept."""
 
     def __init__(self, settings: LawSettings, *, compares: bool) -> None:
-        """Take limits and weights from the settings; it may compare several plans or none."""
         self._settings, self._compares = settings, compares
         self._goal_tolerance = settings.goal_tolerance
 
@@ -211,11 +207,7 @@ class Ranking:
 
 
 def reserve(plan: Plan, robot: Kinematics) -> float:
-    """Fraction of the time left that a plan could do without at full speed; 1 if unlimited.
-
-    With wheel speeds w: 1 - sum_k max_i |w_ki| dt_k / (w_max T). Nothing in the cost keeps any
-    time.
-    """
+    """Fraction of the time left over at full speed, 1 - sum_k max_i |w_ki| dt_k / (w_max T)."""
     edges = plan.horizon.edges
     needed = _turned(plan.controls, plan.horizon.durations, robot)
     left = (edges.item(-1) - edges.item(0)) / NANOSECONDS

@@ -24,27 +24,20 @@ _MAX_HYSTERESIS: Final = 5.0
 def search_ahead(
     settings: LawSettings, world: World, place: Array, goals: Sequence[Point]
 ) -> Searched:
-    """Search for the paths to the next goals; arguments and result as of `searched_with`."""
-    searched = searched_with(settings, world, place, goals[0])
-    if searched is not world.searched:
-        world = replace(world, searched=searched)
+    """Inputs of the path search of the next control step, and searches for the next goals.
+
+    The hysteresis of a path doubles with each change: noise would make a robot drive to and fro.
+    """
+    searched = world.searched
+    if world.seen is not None:
+        find = _by_sight if world.map is None else _with_a_map
+        searched = find(settings, world, world.seen, place, goals[0])
+        world = replace(world, searched=searched) if searched is not world.searched else world
     search = world.map_search(settings)
     if search is not None:
         for each in goals:
             search.prepare(each)
     return searched
-
-
-def searched_with(settings: LawSettings, world: World, place: Array, goal: Point) -> Searched:
-    """Inputs of the path search of the next control step; takes as long as one grid search.
-
-    Another path is taken if the present one is blocked, or longer by more than the hysteresis. That
-    doubles each time: noise that opens and closes a gap would make the robot drive to and fro.
-    """
-    if world.seen is None:
-        return world.searched
-    find = _by_sight if world.map is None else _with_a_map
-    return find(settings, world, world.seen, place, goal)
 
 
 def _by_sight(
@@ -68,10 +61,7 @@ def _by_sight(
 def _with_a_map(
     settings: LawSettings, world: World, seen: GridObstacle, place: Array, goal: Point
 ) -> Searched:
-    """Search the map alone, or with the obstacles that blocked its path.
-
-    The map alone counts again once all of them are seen to be free, not only forgotten.
-    """
+    """Search the map with the obstacles that blocked its path, until all are seen to be free."""
     before, line = world.searched, _line(settings, world, place, goal)
     # A line strays by half a cell at corners.
     body = settings.robot_radius - seen.grid.resolution / 2.0

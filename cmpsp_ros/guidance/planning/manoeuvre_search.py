@@ -1,7 +1,4 @@
-"""Moves to a goal with a heading for which there is no space to turn, and a guess that drives them.
-
-They are searched among the obstacles, a limited amount of work at a time, while the robot stands.
-"""
+"""Search, while the robot stands, for moves to a goal with a heading where it cannot turn."""
 
 from __future__ import annotations
 
@@ -112,11 +109,6 @@ class ManoeuvreSearch:
         things = self._space, self._depth, self._strokes.pop(0)
         self._around = _around(self._settings, self._start, *things)
         self._tree = Tree.at(self._goal)
-
-    @property
-    def has_failed(self) -> bool:
-        """True once it is known that no moves are found."""
-        return self.is_over and not self.path
 
     def is_for(self, start: PlanStart, target: Target) -> bool:
         """True for the same goal, from about the same place."""

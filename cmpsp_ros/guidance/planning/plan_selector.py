@@ -1,8 +1,7 @@
 """Improvement of plans within the work of a control step, and the plan to follow.
 
-A warm start can be a trap, such as a plan that ends before an obstacle because it once led to its
-middle, or one on the side where no time is left. So where plans can differ in more than detail,
-one for each of the most promising homotopy classes is kept and improved beside the one followed.
+A warm start can be a trap, such as a plan on the side where no time is left. So one for each of
+the most promising homotopy classes is kept and improved beside the one followed.
 """
 
 from __future__ import annotations
@@ -13,7 +12,6 @@ from typing import Any, Final, NamedTuple
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.formulation.ocp_formulation import OcpFormulation
-from cmpsp_ros.guidance.horizon import retimed, shift
 from cmpsp_ros.guidance.planning.candidate import Candidate
 from cmpsp_ros.guidance.planning.planner import Planner
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
@@ -21,33 +19,26 @@ from cmpsp_ros.guidance.planning.selection import Selection
 from cmpsp_ros.guidance.safety.validation import Validator
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.solver_settings import SCREENING
+from cmpsp_ros.guidance.times import retimed, shift
 from cmpsp_ros.guidance.world import World
 
 _MILLISECONDS: Final = 1e-6
-_LONGEST_PAUSE: Final = 7
-"""Control steps between two reviews, at most, while an admissible plan keeps a flaw."""
-_GENEROUS: Final = 4
-"""Factor on the work of a step at rest without a plan, and on that for the plan followed."""
+_LONGEST_PAUSE: Final = 7  # control steps between two reviews while an admissible plan keeps a flaw
+_GENEROUS: Final = 4  # factor on the work of a first plan, and on that of the plan followed
 _TRANSIENT: Final = 4
 """Control steps for which an admissible plan may mend a flaw: each change of plans is a jerk, and a
 robot that is not quite as modelled puts a little of a flaw into every plan."""
 
 
 class Improver:
-    """Improves plans and checks them; all plans of a control step share its work.
-
-    Attributes:
-        work_limit: Work of a control step.
-        work_left: Work that is left in the present one.
-        phases: Computing times of the present control step by phase [ms].
-    """
+    """Improves plans and checks them; all plans of a control step share its work."""
 
     def __init__(
         self, settings: LawSettings, validator: Validator, timer: Callable[[], int]
     ) -> None:
         self._timer = timer
-        self.work_left = 1
-        self.phases: dict[str, float] = {}
+        self.work_left = 1  # in the present control step
+        self.phases: dict[str, float] = {}  # computing times of this step by phase [ms]
         self.take(settings, validator)
 
     def take(self, settings: LawSettings, validator: Validator) -> None:
@@ -124,10 +115,7 @@ class Improver:
 
 
 class ReviewSchedule:
-    """Decides when new plans are made, which is a review, and when the plan may be changed.
-
-    They are made ever less often where that has not helped for a while.
-    """
+    """Decides when new plans are made, less often after failures, and when one may be changed."""
 
     def __init__(self) -> None:
         self.is_asked, self._task_changed = True, False
@@ -150,7 +138,8 @@ class ReviewSchedule:
 
     def is_due(self, followed: Candidate) -> tuple[bool, bool]:
         """True if new plans are to be made, and if another one may be followed."""
-        is_urgent, is_lasting = self._is_urgent(followed), self._flawed_steps > _TRANSIENT
+        is_urgent = self.is_asked or not followed.admissible
+        is_lasting = self._flawed_steps > _TRANSIENT
         return is_urgent or (is_lasting and self._waited > self._pause), is_urgent or is_lasting
 
     def note_selected(self, *, changed: bool, reviewed: bool) -> None:
@@ -161,12 +150,9 @@ class ReviewSchedule:
             self.is_asked, self._waited = False, 0
             self._pause = 0 if changed else min(2 * self._pause + 1, _LONGEST_PAUSE)
 
-    def _is_urgent(self, followed: Candidate) -> bool:
-        return self.is_asked or not followed.admissible
-
 
 class _Comparison(NamedTuple):
-    """A comparison of the plan that is followed with others, put off until the command is out."""
+    """A comparison of the plan that was improved with others, put off until the command is out."""
 
     warm: Candidate
     context: PlanningContext
@@ -177,18 +163,12 @@ class _Comparison(NamedTuple):
 class PlanSelector:
     """Improves the plan that is followed, and others where that may help, and selects one.
 
-    Where a scanner leaves a step less time, others are compared with an admissible plan after the
-    command; the better one is followed from the next step on.
-
-    Attributes:
-        improver: Improves all plans of a control step.
-        remark: Sentence on which of how many plans was selected last; empty if there was one.
+    Where a scanner leaves less time, they are compared after the command, for the next step.
     """
 
     def __init__(
         self, settings: LawSettings, world: World, validator: Validator, timer: Callable[[], int]
     ) -> None:
-        """Start without a plan; the timer gives monotonic time [ns]."""
         self._settings, self._validator = settings, validator
         self.improver = Improver(settings, validator, timer)
         self._formulation = OcpFormulation(settings, world)
@@ -201,10 +181,7 @@ class PlanSelector:
         self.forget()
 
     def reconfigure(self, settings: LawSettings, world: World, validator: Validator) -> None:
-        """Take other settings and another world, so that the next step need not.
-
-        The plan that is followed keeps its memory and its warm start where it can.
-        """
+        """Take other settings and another world; the warm start stays where it can."""
         if validator is not self._validator:
             self._settings, self._validator = settings, validator
             self.improver.take(settings, validator)
@@ -276,7 +253,7 @@ class PlanSelector:
         if not review and not selection.pool.alternatives:
             return warm
         comparison = _Comparison(warm, context, review, may_change)
-        if first is None and warm.admissible and context.start.world.seen is not None:
+        if first is None and context.start.world.seen is not None:
             self._comparison = comparison
             return warm
         return self._compared(comparison, first)
@@ -298,11 +275,10 @@ class PlanSelector:
             return None
         selected = self._compared(comparison, None)
         self._found = self._selection.remark
-        self.go_on_with(comparison.warm.plan, selected.plan)
         return selected
 
     def go_on_with(self, followed: Plan, plan: Plan) -> None:
-        """Continue a plan at the next step instead of the one that is followed."""
+        """Continue a plan at the next step instead of the one that it would begin with."""
         self._instead = followed, plan
 
     def _guesses_of(self, context: PlanningContext) -> tuple[Array, list[Array] | None]:
@@ -312,11 +288,12 @@ class PlanSelector:
             selection.pool.followed.forget()
             guesses = self.improver.timed('solve', selection.guesses.first, context)
             return guesses[0], guesses
-        # Put off: rows of its warm start would be at other places.
-        if len(context.horizon.edges) > len(plan.horizon.edges):
-            selection.pool.followed.forget()
         if self._instead is not None and plan is self._instead[0]:
             plan = self._instead[1]
+        earlier = plan.horizon.edges.item(-1) - context.horizon.edges.item(-1)
+        # Put off, or earlier: rows of its warm start would be at other places.
+        if earlier > 0 or len(context.horizon.edges) > len(plan.horizon.edges):
+            selection.pool.followed.forget()
         return self.improver.guess_from(plan, context), None
 
     def try_at_another_time(

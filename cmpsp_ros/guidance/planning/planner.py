@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
-from cmpsp_ros.arrays import Array, IntArray
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.formulation.guidance_problem import (
     CompiledProblem,
@@ -24,12 +24,11 @@ from cmpsp_ros.guidance.formulation.ocp_formulation import (
 )
 from cmpsp_ros.guidance.formulation.ocp_functions import LATERAL_PART, WHEEL_ROUNDING, GuidanceData
 from cmpsp_ros.guidance.goals import Target
-from cmpsp_ros.guidance.horizon import remaining
 from cmpsp_ros.guidance.planning.candidate import SolveResult
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.solver_settings import UNLIMITED
-from cmpsp_ros.guidance.times import Horizon, to_nanoseconds
+from cmpsp_ros.guidance.times import Horizon, remaining, to_nanoseconds
 from cmpsp_ros.mpsp import SLACK_TOLERANCE, Dimensions, Options
 from cmpsp_ros.mpsp.qp import RICCATI_ACTIVE_SET, QPStatus
 from cmpsp_ros.mpsp.qp.riccati import Outcome
@@ -47,29 +46,8 @@ _STATUS: Final[dict[int, QPStatus]] = {
 _WORK_USED_UP: Final = 'The work of this control step was used up, or rounding was too large.'
 
 
-class _Counters(NamedTuple):
-    """Results of a driver's last run, as views of its memory."""
-
-    outcome: IntArray
-    level: IntArray
-    iterations: IntArray
-    active_rows: IntArray
-    qp_iterations: IntArray
-    work: IntArray
-
-    @classmethod
-    def of(cls, driver: Driver) -> _Counters:
-        run, head = driver.ws.run, driver.ws.program.head
-        own = run['outcome'], run['level'], run['iterations'], run['active_rows']
-        return cls(*own, head['iterations'], head['work'])
-
-
 class Planner:
-    """Improves control histories, one planner for each that is improved side by side with others.
-
-    It keeps memory for the longest horizon, and the active constraints of its last plan: a warm
-    start changes the path to the solution of a subproblem, not the solution.
-    """
+    """Improves control histories, and keeps memory and active constraints: a warm start."""
 
     def __init__(
         self, formulation: OcpFormulation, compiled: CompiledProblem | None = None
@@ -140,7 +118,7 @@ class Planner:
         if self._max_change < math.inf:
             guess = start.followed(self._formulation.settings, guess, horizon.durations)
         self._ws.trial.U[: steps + 1] = guess
-        self._limit[0], self._work_limit[0] = limit, work_limit
+        self._ws.run['max_iterations'], self._ws.program.head['work_limit'] = limit, work_limit
         self._end_jerk = math.inf
         if self._is_bounded:
             self._bound_speeds(self._driver, context)
@@ -149,13 +127,12 @@ class Planner:
         if self._formulation.remembers_control:
             data = problem_data(self._formulation, inner, start, self.compiled, self._end_jerk)
         self._driver.improve(self.compiled.entries, data, steps, over)
-        counters = self._counters
-        outcome = counters.outcome.item()
+        outcome = self._ws.run['outcome'].item()
         if self._compiled and outcome in (Outcome.NO_CURVATURE, Outcome.ITERATION_LIMIT):
-            work = counters.work.item() + _WORK_OF_BACK_END * limit * (steps + 1)
+            work = self._ws.program.head['work'].item() + _WORK_OF_BACK_END * limit * (steps + 1)
             if outcome == Outcome.NO_CURVATURE or work <= work_limit:
                 return self._improve_by_back_end(guess, context, data, limit)._replace(work=work)
-        found = _summary(self._driver, counters, context)
+        found = _summary(self._driver, context)
         return found._replace(brakes_late=_ROUNDED_UP * self._jolt < self._end_jerk < math.inf)
 
     def _improve_by_back_end(
@@ -173,7 +150,7 @@ class Planner:
         other.ws.trial.U[: steps + 1] = guess
         other.ws.run['max_iterations'] = limit
         other.improve(self.compiled.entries, data, steps, 0)
-        return _summary(other, _Counters.of(other), context)
+        return _summary(other, context)
 
     def _data(self, context: PlanningContext, guess: Array) -> GuidanceData:
         pose, robot, world, moving, progress, *_ = context.start
@@ -201,9 +178,6 @@ class Planner:
             self._drivers[outputs] = known
         changed = known is not getattr(self, '_driver', None)
         self._driver, self._ws = known, known.ws
-        self._limit = known.ws.run['max_iterations']
-        self._work_limit = known.ws.program.head['work_limit']
-        self._counters = _Counters.of(known)
         self._set_tolerances(known)
         if changed:
             self.forget()
@@ -281,14 +255,13 @@ def _goal_of(target: Target) -> tuple[Array, float]:
     return np.array(target.position, dtype=float), heading
 
 
-def _summary(driver: Driver, counters: _Counters, context: PlanningContext) -> SolveResult:
+def _summary(driver: Driver, context: PlanningContext) -> SolveResult:
     ws, back_end, (start, horizon) = driver.ws, driver.back_end, (context.start, context.horizon)
     stages = len(horizon.edges)
-    outcome, level, iterations, active_rows, qp_iterations, work = [
-        each.item() for each in counters
-    ]
+    run, head = ws.run[0], ws.program.head[0]
+    outcome = int(run['outcome'])
     largest, left, path = 0.0, [], 0
-    if outcome == Outcome.SOLVED and level > 0:
+    if outcome == Outcome.SOLVED and run['level'] > 0:
         # A handful of numbers is searched faster in a Python list.
         slack = ws.slack.tolist()
         largest, path = max(slack), len(slack) - len(ws.now.output_error)
@@ -296,7 +269,6 @@ def _summary(driver: Driver, counters: _Counters, context: PlanningContext) -> S
     if back_end is None:
         reason = _WORK_USED_UP if outcome == Outcome.ITERATION_LIMIT else _STATUS[outcome].value
     else:
-        qp_iterations = back_end.solution.iterations
         reason = back_end.solution.status.value
     controls, poses = ws.now.U[:stages].copy(), ws.now.X[:stages, :3].copy()
     if start.robot.max_lateral_acceleration < math.inf:
@@ -310,9 +282,9 @@ def _summary(driver: Driver, counters: _Counters, context: PlanningContext) -> S
         slack=largest,
         slack_where=tuple([index for index in left if index < path]),
         slack_terminal=bool(left) and left[-1] >= path,
-        iterations=iterations,
-        qp_iterations=qp_iterations,
-        active_rows=active_rows,
+        iterations=int(run['iterations']),
+        qp_iterations=int(head['iterations'] if back_end is None else back_end.solution.iterations),
+        active_rows=int(run['active_rows']),
         reason=reason,
-        work=work,
+        work=int(head['work']),
     )

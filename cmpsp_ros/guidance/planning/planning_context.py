@@ -14,7 +14,6 @@ from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.formulation.ocp_formulation import OcpFormulation
 from cmpsp_ros.guidance.goals import Target
-from cmpsp_ros.guidance.horizon import shift
 from cmpsp_ros.guidance.planning.homotopy.gaps import HomotopyClass
 from cmpsp_ros.guidance.planning.homotopy.path_search import (
     GuidePath,
@@ -29,7 +28,7 @@ from cmpsp_ros.guidance.planning.reeds_shepp import Path, has_to_turn, manoeuvre
 from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.safety.validation import Validation
 from cmpsp_ros.guidance.settings import LawSettings
-from cmpsp_ros.guidance.times import NANOSECONDS, Horizon
+from cmpsp_ros.guidance.times import NANOSECONDS, Horizon, shift
 from cmpsp_ros.guidance.world import World
 from cmpsp_ros.world import FreeSpace
 from cmpsp_ros.world.roads import remaining_arc_length
@@ -102,6 +101,18 @@ class PlanningContext:
     def at_rest(self) -> bool:
         """True if no plan is followed."""
         return self.plan is None
+
+    @property
+    def zero_controls(self) -> Array:
+        """Controls of a robot at rest, shape ``(N + 1, r)``."""
+        return np.zeros((len(self.horizon.edges), self.start.robot.n_controls))
+
+    def driven(self, controls: Array, horizon: Horizon | None = None) -> Plan:
+        """Plan of controls ``(N + 1, r)``, as far as the wheels can follow them."""
+        start, horizon = self.start, horizon or self.horizon
+        controls = start.followed(self.settings, controls, horizon.durations)
+        poses = start.robot.roll_out(start.pose, controls, horizon.durations)
+        return Plan(horizon, controls, poses, self.delay)
 
     @cached_property
     def center_line_guess(self) -> Array:
@@ -185,8 +196,7 @@ class Guesses:
     ) -> list[Array]:
         """Guesses of the most promising other homotopy classes; else along the centre line.
 
-        The path searched on a grid comes first where it leads back through what is seen, or where
-        it is clear on a map and that of the first class leads through a wall, as in mazes.
+        A path searched on a grid is first where it leads back, or alone is clear, as in mazes.
         """
         guesses = [each.guess for each in self._paths(context, guide_paths, limit, without)]
         world = context.start.world
@@ -200,11 +210,7 @@ class Guesses:
         return guesses or [context.center_line_guess]
 
     def turning(self, context: PlanningContext) -> list[Array]:
-        """Guesses of the most promising homotopy classes that begin with a turn on the spot.
-
-        A searched path is among them. A robot that drives sideways needs none; a car has
-        manoeuvres.
-        """
+        """Guesses that begin with a turn on the spot, a searched path too; manoeuvres of a car."""
         settings, start, durations = context.settings, context.start, context.horizon.durations
         if start.robot.drives_sideways:
             return []

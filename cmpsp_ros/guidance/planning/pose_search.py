@@ -1,10 +1,7 @@
 """Search of poses for the moves of a robot that has no space to turn: hybrid A*, from the goal.
 
-It is tight at the goal: few poses there are clear, and from the first with a clear path of Reeds
-and Shepp to the robot the moves are known. Dolgov et al., Path planning for autonomous vehicles in
-unknown semi-structured environments, 2010.
-
-Lengths are in turning radii, costs are in units of 1/400 of one.
+It is tight there, and few poses are clear. Dolgov et al., Path planning for autonomous vehicles in
+unknown semi-structured environments, 2010. Lengths are in turning radii, costs in 1/400 of one.
 """
 
 from __future__ import annotations

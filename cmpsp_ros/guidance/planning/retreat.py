@@ -1,8 +1,7 @@
 """Retreat from what comes at the robot and closes its way: to where it is not touched.
 
-On a grid around the robot, the cells where it can be at a time, untouched, are those beside the
-ones of the time before that are clear by then. Of those left in the end, it goes to a near one
-where it can stay for long.
+On a grid around it, it can be at a time in clear cells beside those of the time before; of those
+left in the end, it goes to a near one where it can stay for long.
 """
 
 from __future__ import annotations
@@ -91,20 +90,18 @@ class RetreatPlanner:
     def find(
         self, context: PlanningContext, threats: MovingDiscs, before: Point | None
     ) -> tuple[Plan, Point] | None:
-        """Plan to a refuge, and its position [m]; None if there is none.
-
-        `before` is the refuge of the step before [m].
-        """
-        start, horizon = context.start, context.horizon
+        """Plan to a refuge, near the one `before` if there is one, and its position [m]."""
+        start = context.start
         layers = self._layers(start, threats)
         if not layers[-1].any():
             return None
         goal = self._refuge(start, threats, layers[-1], before)
-        path = self._path(layers, goal)
-        controls = self._controls(start, start.pose[:2] + path, horizon.durations)
-        poses = start.robot.roll_out(start.pose, controls, horizon.durations)
+        path = start.pose[:2] + self._path(layers, goal)
+        looks_back = looks_ahead(self._settings, start, start.pose[None], np.array([-1.0, 0.0]))
+        near, at = 2 * self._cell, 0.5 * self._cell
+        plan = drive_along(context, path, self._pace, near, at, looks_back=looks_back)
         x, y = (start.pose[:2] + self._grid[goal]).tolist()
-        return Plan(horizon, controls, poses, context.delay), (x, y)
+        return plan, (x, y)
 
     def _clearance(self, start: PlanStart, discs: MovingDiscs, times: Array) -> Array:
         """Clearance of the robot at rest from each disc, shape ``(K, M)`` [m]."""
@@ -178,23 +175,6 @@ class RetreatPlanner:
         path: Array = self._grid[tuple(np.array(cells[::-1]).T)]
         return path
 
-    def _controls(self, start: PlanStart, path: Array, durations: Array) -> Array:
-        """Controls along a path ``(K, 2)``, ahead or backwards, shape ``(N + 1, r)``."""
-        robot, settings = start.robot, self._settings
-        controls = np.zeros((len(durations) + 1, robot.n_controls))
-        pose, reached = start.pose, 0
-        looks_back = looks_ahead(settings, start, pose[None], np.array([-1.0, 0.0]))
-        for k, duration in enumerate(durations.tolist()):
-            while reached < len(path) - 1 and math.dist(pose[:2], path[reached]) < 2 * self._cell:
-                reached += 1
-            if math.dist(pose[:2], path[reached]) < 0.5 * self._cell:
-                break
-            to = path[reached]
-            twist = twist_towards(robot, pose, to, duration, self._pace, looks_back=looks_back)
-            controls[k] = robot.limited(robot.controls(twist))
-            pose = robot.roll_out(pose, controls[k : k + 1], durations[k : k + 1])[-1]
-        return start.followed(settings, controls, durations)
-
 
 class Pace(NamedTuple):
     """Limits of a robot that is driven from point to point."""
@@ -204,8 +184,39 @@ class Pace(NamedTuple):
     aligned: float  # angle to its way up to which it drives rather than turns on the spot [rad]
 
 
-def twist_towards(
-    robot: Robot, pose: Array, point: Array, duration: float, pace: Pace, *, looks_back: bool = True
+def drive_along(
+    context: PlanningContext,
+    path: Array,
+    pace: Pace,
+    near: float,
+    at: float,
+    *,
+    looks_back: bool = True,
+) -> Plan:
+    """Plan along a path ``(K, 2)``, ahead or backwards, in pursuit of a point not `near` [m].
+
+    It ends where the robot is `at` the last point, up to such a distance [m].
+    """
+    robot, durations, controls = (
+        context.start.robot,
+        context.horizon.durations,
+        context.zero_controls,
+    )
+    pose, reached = context.start.pose, 0
+    for k, duration in enumerate(durations.tolist()):
+        while reached < len(path) - 1 and math.dist(pose[:2], path[reached]) < near:
+            reached += 1
+        if math.dist(pose[:2], path[reached]) < at:
+            break
+        to = path[reached]
+        twist = _twist_towards(robot, pose, to, duration, pace, looks_back=looks_back)
+        controls[k] = robot.limited(robot.controls(twist))
+        pose = robot.roll_out(pose, controls[k : k + 1], durations[k : k + 1])[-1]
+    return context.driven(controls)
+
+
+def _twist_towards(
+    robot: Robot, pose: Array, point: Array, duration: float, pace: Pace, *, looks_back: bool
 ) -> Array:
     """Twist to a point with the nearer end ahead; if it cannot look back, it turns if it can."""
     x, y = point - pose[:2]

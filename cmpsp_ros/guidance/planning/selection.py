@@ -20,56 +20,32 @@ from cmpsp_ros.world import FreeSpace
 if TYPE_CHECKING:
     from cmpsp_ros.guidance.planning.plan_selector import Improver
 
-_GRIDS: Final = {SEEN: 'what is seen', MAP: 'the map'}
-"""Names in messages of obstacles that are grids."""
-
-_PATIENCE: Final = 5
-"""Control steps for which an alternative may have a flaw, or cost more than the plan followed."""
-
-_MUCH: Final = 16
-"""Multiple of the work of a plan without a flaw that another may take from rest."""
+_GRIDS: Final = {SEEN: 'what is seen', MAP: 'the map'}  # names in messages
+_PATIENCE: Final = 5  # control steps for which an alternative may be worse than the plan followed
+_MUCH: Final = 16  # multiple of the work of a plan without a flaw that another may take from rest
 
 
 class Alternative(NamedTuple):
-    """A plan with the planner that improved it.
+    """A plan with the planner that improved it."""
 
-    Attributes:
-        planner: Its own planner, which knows its active constraints.
-        candidate: The plan, improved and checked.
-        score: Its score.
-        homotopy_class: Side on which it passes each obstacle.
-        bad_steps: Control steps in a row in which it had a flaw, or cost more than the plan
-            followed.
-    """
-
-    planner: Planner
-    candidate: Candidate
+    planner: Planner  # its own planner, which knows its active constraints
+    candidate: Candidate  # the plan, improved and checked
     score: Score
-    homotopy_class: HomotopyClass
-    bad_steps: int = 0
+    homotopy_class: HomotopyClass  # side on which it passes each obstacle
+    bad_steps: int = 0  # number of control steps in a row in which it was worse than that followed
 
 
 class AlternativePool:
-    """Planners of the plan that is followed and of alternatives, and free ones.
-
-    Attributes:
-        followed: Planner of the plan that is followed.
-        alternatives: Plans kept beside it.
-        free: Planners that are not in use.
-    """
+    """Planners of the plan that is followed and of alternatives, and free ones."""
 
     def __init__(self, formulation: OcpFormulation, count: int) -> None:
-        """Make the planner that is followed and some free ones."""
         self._formulation = formulation
         self.followed = Planner(formulation)
         self.alternatives: list[Alternative] = []
         self.free = [Planner(formulation, self.followed.compiled) for _ in range(count)]
 
     def reformulate(self, formulation: OcpFormulation) -> None:
-        """Take another formulation; alternatives were of the one before.
-
-        With the same layout the planner that is followed keeps its warm start.
-        """
+        """Take another formulation; with the same layout the plan followed keeps its warm start."""
         self.forget()
         known, self._formulation = self._formulation, formulation
         if formulation.layout != known.layout:
@@ -99,10 +75,7 @@ class AlternativePool:
         return kept
 
     def keep(self, best: Alternative, every: list[Alternative], waiting: list[Alternative]) -> None:
-        """Follow one of the improved plans, and keep the best of other classes that may get better.
-
-        Those that no work was left for wait.
-        """
+        """Follow the best plan; keep the best of other classes, and those without work left."""
         kept = {best.homotopy_class: best}
         for each in every:
             other = kept.get(each.homotopy_class)
@@ -122,18 +95,9 @@ class AlternativePool:
 
 
 class Selection:
-    """Improves alternatives, makes new ones, and selects the best plan.
-
-    Attributes:
-        pool: Planners of the plan that is followed and of alternatives.
-        guesses: Makes initial control histories.
-        ranking: Scores of plans.
-        limit: Number of plans at most.
-        remark: Sentence on which of how many plans was selected last; empty if there was one.
-    """
+    """Improves alternatives, makes new ones, and selects the best of `limit` plans."""
 
     def __init__(self, formulation: OcpFormulation, improver: Improver) -> None:
-        """Begin without a plan."""
         self._improver = improver
         self.take(formulation.settings)
         self.pool = AlternativePool(formulation, max(1, self.limit - 1))
@@ -141,7 +105,7 @@ class Selection:
         self.use(formulation.world)
         # Road coordinates of all obstacles in the control step.
         self._places = np.empty(0), np.empty(0)
-        self.remark = ''
+        self.remark = ''  # sentence on which of how many plans was selected last
 
     def take(self, settings: LawSettings) -> None:
         """Take other settings."""
@@ -161,16 +125,13 @@ class Selection:
         self._space = FreeSpace.of(world.road, world.shapes, 0.0)
 
     def only(self, warm: Candidate, context: PlanningContext) -> Candidate:
-        """The only plan; if it has a flaw, one along the centre line or one at rest may be better.
-
-        A moving obstacle may come too close at first: then a robot at rest may stay there.
-        """
+        """The only plan; if it has a flaw, the best of it, the centre line, and rest."""
         if warm.feasible or self._improver.work_left <= 0:
             return warm
         best = self._better(warm, context.center_line_guess, context)
         if best.admissible or not context.at_rest:
             return best
-        return self._better(best, _zero_controls(context), context)
+        return self._better(best, context.zero_controls, context)
 
     def best(
         self,
@@ -181,17 +142,9 @@ class Selection:
         review: bool,
         may_change: bool,
     ) -> tuple[Candidate, bool]:
-        """Improve alternatives, make new ones in a review, and select the best plan.
+        """Improve alternatives, make new ones in a review; the best, and true if it is another.
 
-        Args:
-            warm: The plan that is followed.
-            context: The control step.
-            first: Guesses of the step that begins without a plan; the first one is improved.
-            review: True if new ones are to be made.
-            may_change: True if another plan may be followed from now on.
-
-        Returns:
-            It, and True if it is another one than before.
+        `warm` is the plan followed until now, `first` are guesses of a step that begins without.
         """
         centers = [self._space.centers, context.encounters.centers, self._space.islands]
         self._places = context.road_frame.coordinates(np.concatenate(centers))
@@ -247,7 +200,7 @@ class Selection:
         if any(each.candidate.admissible for each in every):
             return found
         # Or it may come too close at first: zero controls do not.
-        return [*found, self._improved(self.pool.take(), _zero_controls(context), context)]
+        return [*found, self._improved(self.pool.take(), context.zero_controls, context)]
 
     def _made_from(
         self, guesses: list[Array], context: PlanningContext, most_work: int | None = None
@@ -295,8 +248,3 @@ class Selection:
             for x, y in grid.islands.tolist()
         )
         return [*(each.name for each in self._world.shapes), *context.encounters.names, *islands]
-
-
-def _zero_controls(context: PlanningContext) -> Array:
-    """Controls of a robot at rest, shape ``(N + 1, r)``."""
-    return np.zeros((len(context.horizon.edges), context.start.robot.n_controls))

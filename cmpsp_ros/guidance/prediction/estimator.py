@@ -37,10 +37,7 @@ _NOTHING: Final = np.empty((0, 0)), np.empty(0)  # no controls, without a delay
 
 
 def as_expected(tracks: Sequence[MovingObject], period: float) -> tuple[MovingObject, ...]:
-    """Tracks as plans take them: doubt about a velocity counts until the next control step [s].
-
-    That one plans anew; doubt that grew on along a horizon would fill all space.
-    """
+    """Tracks as plans take them: doubt about a velocity counts until the next control step [s]."""
     expected = list[MovingObject]()
     for each in tracks:
         if isinstance(each, Track) and each.velocity_stddev > 0.0:
@@ -52,19 +49,12 @@ def as_expected(tracks: Sequence[MovingObject], period: float) -> tuple[MovingOb
 
 
 class Observation(NamedTuple):
-    """Inputs of one control step.
+    """Inputs of one control step."""
 
-    Attributes:
-        stamp: Time stamp of the odometry [ns].
-        pose: Pose ``(x, y, heading)`` [m, m, rad], finite; the heading may be wrapped.
-        tracks: Latest moving obstacles and trajectories of other robots, each once.
-        sighting: Grid of the surroundings, if there are sensors.
-    """
-
-    stamp: int
-    pose: Array
-    tracks: tuple[MovingObject, ...] = ()
-    sighting: Sighting | None = None
+    stamp: int  # time stamp of the odometry [ns]
+    pose: Array  # (x, y, heading) [m, m, rad], finite; the heading may be wrapped
+    tracks: tuple[MovingObject, ...] = ()  # latest moving obstacles and robots, each once
+    sighting: Sighting | None = None  # grid of the surroundings, if there are sensors
 
 
 class PlanStart(NamedTuple):
@@ -82,10 +72,7 @@ class PlanStart(NamedTuple):
     previous_change: Array = AT_REST  # its difference from the one before ``(r,)``; 0 after a stop
 
     def followed(self, settings: LawSettings, controls: Array, durations: Array) -> Array:
-        """Controls ``(N + 1, r)`` slowed down until the wheels follow them from this start.
-
-        Each of them lasts its duration ``(N,)`` [s]. With a limit of jerk their path changes, too.
-        """
+        """Controls ``(N + 1, r)``, slowed until the wheels follow; each lasts ``(N,)`` [s]."""
         limits = self.previous_control, settings.max_wheel_change, self.robot.time_scaling
         controls = within_ramp(controls, durations, *limits)
         return self.smoothed(settings, controls)
@@ -134,16 +121,10 @@ class Estimator:
         self._use(settings)
         self.response.reconfigure(settings)
 
-    @property
-    def latest_command(self) -> Array:
-        """The last command, shape ``(r,)``."""
-        return self.commands.latest
-
     def update(self, seen: Observation, world: World, previous_control: Array) -> Estimate:
-        """Take in an observation at the beginning of a control step; `previous_control` ``(r,)``.
+        """Take in an observation, and predict where a command given now takes effect.
 
-        A plan begins where the robot will be when a command given now takes effect. Wheels that lag
-        by ``T`` move as ones that obey at once, so much later, and keep their speeds until then.
+        Wheels that lag by ``T`` move as ones that obey at once, so much later.
         """
         stamp, pose, road = seen.stamp, seen.pose, world.road
         moving = reachable = touchable = NOTHING_MOVES

@@ -1,7 +1,6 @@
 """Commands given so far: those in effect, and those pending, which do not drive the robot yet.
 
-A command takes effect `command_delay` after the stamp of the odometry that it answers, and holds
-until the next one takes effect. So a plan can begin only where the commands before leave the robot.
+A command takes effect `command_delay` after its odometry, and holds until the next one does.
 """
 
 from __future__ import annotations
@@ -23,14 +22,10 @@ class PendingCommands:
     """The commands of one run, as far as they still matter."""
 
     def __init__(self, n_controls: int = 2) -> None:
-        self._before = self._in_force = np.zeros(n_controls)
+        self._before = np.zeros(n_controls)
+        self.in_force = self._before  # control in effect at the instant last asked for, ``(r,)``
         self._given: deque[tuple[int, Array]] = deque()
         self._twists: deque[tuple[int, list[float]]] = deque(maxlen=_TWISTS)
-
-    @property
-    def in_force(self) -> Array:
-        """The control in effect at the instant last asked for, shape ``(r,)``."""
-        return self._in_force
 
     @property
     def latest(self) -> Array:
@@ -38,11 +33,7 @@ class PendingCommands:
         return self._given[-1][1] if self._given else self._before
 
     def add(self, stamp: int, control: Array, twist: Array | None = None) -> None:
-        """Remember a command ``(r,)`` and its twist, for `pose_after`.
-
-        `stamp` is the time that it answers [ns], at least the last one's: no command overtakes
-        another.
-        """
+        """Remember a command ``(r,)`` for a stamp [ns], not before the last one, and its twist."""
         if self._given:
             stamp = max(stamp, self._given[-1][0])
             while self._given and self._given[0][0] < stamp - _REMEMBERED:
@@ -59,32 +50,26 @@ class PendingCommands:
         return self.latest
 
     def until(self, stamp: int, delay: int) -> tuple[Array, Array]:
-        """Controls ``(K, r)`` from an instant until a command then takes effect, and durations.
-
-        Times in [ns], durations ``(K,)`` in [s]; nothing without a delay.
-        """
+        """Controls ``(K, r)`` until a command of now [ns] takes effect, and durations [s]."""
         ahead: list[tuple[int, Array]] = []
-        self._in_force = self._before
+        self.in_force = self._before
         for at, control in reversed(self._given):
             if at + delay <= stamp:
-                self._in_force = control
+                self.in_force = control
                 break
             if at < stamp:
                 ahead.append((at + delay, control))
         if not delay:
-            return np.empty((0, len(self._in_force))), np.empty(0)
+            return np.empty((0, len(self.in_force))), np.empty(0)
         ahead.reverse()
-        controls = np.array([self._in_force, *(each for _, each in ahead)])
+        controls = np.array([self.in_force, *(each for _, each in ahead)])
         edges = np.array([stamp, *(at for at, _ in ahead), stamp + delay], dtype=np.int64)
         durations = np.diff(edges) / NANOSECONDS
         lasting = durations > 0.0
         return controls[lasting], durations[lasting]
 
     def since(self, begin: int, end: int, delay: int) -> tuple[Array, Array]:
-        """Controls ``(K, r)`` in effect between two instants, the latest first, and durations.
-
-        Times in [ns], durations ``(K,)`` in [s].
-        """
+        """Controls ``(K, r)`` between two instants [ns], the latest first, and durations [s]."""
         controls, lengths = [], []
         for given, control in reversed(self._given):
             at = given + delay
@@ -97,11 +82,7 @@ class PendingCommands:
     def pose_after(
         self, pose: Array, begin: int, end: int, delay: int, grip: float
     ) -> tuple[float, float, float]:
-        """Pose to which the commands lead a robot that obeys each at once, after the delay.
-
-        Plain Python, at every control step: microseconds. `pose` ``(3,)`` [m, m, rad]; times in
-        [ns].
-        """
+        """Pose to which commands lead a robot that obeys after a delay [ns]: in microseconds."""
         held: list[tuple[list[float], float]] = []
         until = end
         for given, twist in reversed(self._twists):
@@ -128,10 +109,7 @@ class PendingCommands:
         return x, y, heading
 
     def before(self, stamp: int, earliest: int) -> tuple[Array, Array]:
-        """Commands given up to an instant: times relative to it ``(K,)`` [s], and controls.
-
-        Controls ``(K + 1, r)`` begin with the one before them; `stamp` and `earliest` in [ns].
-        """
+        """Times ``(K,)`` [s] of commands, and controls ``(K + 1, r)`` with the one before."""
         before = self._before
         times: list[float] = []
         controls: list[Array] = []

@@ -54,10 +54,7 @@ def driven(effective: Array, commands: Array, held: Array, lag: float) -> tuple[
 def settle(
     effective: Array, instant: float, times: Array, commands: Array, delay: float, lag: float
 ) -> None:
-    """Leave the control in effect at an instant [s] in `effective` ``(r,)``.
-
-    `times` ``(K,)``, `delay` and `lag` are in [s], `commands` are ``(K + 1, r)``.
-    """
+    """Leave the control in effect at an instant [s] in `effective` ``(r,)``."""
     for a in range(commands.shape[1]):
         effective[a] = commands[0, a]
     for k in range(times.shape[0]):

@@ -40,7 +40,6 @@ _FADING: Final = 0.98  # the same of the jitter, without such a deviation
 _STEP: Final = 0.01  # distance of the delays that are tried [s]
 _LAGS: Final = 12  # number of lags that are tried beside none, evenly spaced
 _SETTLED: Final = 10.0  # time constants after which a lag is over
-
 _AS_TOLD: Final = Risk([], 0.0, '')
 
 
@@ -48,7 +47,6 @@ class ResponseEstimate:
     """The response of one run, seen at its control steps; `delay` [ns] and `lag` [s] are in use."""
 
     def __init__(self, settings: LawSettings) -> None:
-        """Trust the settings until odometry contradicts them."""
         self.error = 0.0  # bound of the prediction error that the response in use leaves [m]
         self.reconfigure(settings)
 

@@ -1,16 +1,10 @@
 """Wheel slip, estimated from the distance driven under the commands given.
 
 A slipping wheel moves the robot by a fraction ``1 - s`` of its turning. The estimate is the
-least-squares solution of
-
-    d_i = (1 - s) l_i
-
-over the control periods so far, with ``l_i`` the distance without slip and ``d_i`` the distance
-driven, along the same chord. A period counts only if the wheels kept their speed: after a change of
-speed a lagging wheel looks like a slipping one.
-
-The prior is half of the largest slip: a second that was lost to unexpected slip cannot be won back,
-while a prior that is too high leaves time to spare.
+least-squares solution of ``d_i = (1 - s) l_i`` over the control periods so far, with distances
+``l_i`` without slip and ``d_i`` driven along the same chord. A period counts only if the wheels
+kept their speed: else a lagging wheel looks like a slipping one. The prior is half of the largest
+slip: a second lost to unexpected slip cannot be won back, too high a prior leaves time to spare.
 """
 
 from __future__ import annotations
@@ -42,27 +36,19 @@ class SlipEstimate:
     def __init__(self, max_estimate: float) -> None:
         self._prior, self._weight = max_estimate / 2.0, _PRIOR_LENGTH**2
         self._information = self._missed = 0.0
-        self._in_use = _in_steps(max_estimate / 2.0)
+        self.slip = _in_steps(max_estimate / 2.0)  # the estimate in use, a fraction
         self.lose()
 
     def lose(self) -> None:
         """Leave out the present control period: its wheel motion is unknown."""
         self._began: tuple[int, Array, Array, Array] | None = None
 
-    @property
-    def slip(self) -> float:
-        """The estimate in use: a fraction, a multiple of half a per cent."""
-        return self._in_use
-
     def begin(self, stamp: int, pose: Array, controls: Array, durations: Array) -> None:
         """Begin a control period at `stamp` [ns]: controls ``(K + 2, r)``, durations [s]."""
         self._began = (stamp, pose, controls, durations)
 
     def end(self, stamp: int, pose: Array, robot: Robot, max_estimate: float) -> bool:
-        """Update the estimate by how far the robot has come; True if `slip` is another one now.
-
-        `stamp` [ns], `pose` ``(3,)`` [m, m, rad].
-        """
+        """Update the estimate by the pose ``(3,)`` at `stamp` [ns]; True if it has changed."""
         if self._began is None:
             return False
         began, before, controls, durations = self._began
@@ -83,9 +69,9 @@ class SlipEstimate:
         found = self._missed + self._weight * self._prior
         slip = min(max(found / (self._information + self._weight), 0.0), max_estimate)
         self._weight *= _FADING
-        if abs(slip - self._in_use) < _CHANGE:
+        if abs(slip - self.slip) < _CHANGE:
             return False
-        self._in_use = _in_steps(slip)
+        self.slip = _in_steps(slip)
         return True
 
 

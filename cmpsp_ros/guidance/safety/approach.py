@@ -1,7 +1,6 @@
 """Speed limit before obstacles that a plan leads into: the robot stops before them.
 
-Where no plan passes an obstacle the best one leads through it, and only its first arc is checked:
-the robot may be beyond that arc before it stands.
+Where no plan passes one the best leads through it, and only its first arc is checked.
 """
 
 from __future__ import annotations
@@ -30,7 +29,6 @@ from cmpsp_ros.world.roads import OpenFloor
 
 _SPEEDS: Final = (1.0, 0.75, 0.5, 0.25, 0.0)
 _NEARLY: Final = 0.98  # part of a limit of speed that rounding leaves below it
-
 _OF_MARGIN: Final = 0.2
 """Part of `safety.margin` that wheels which lag must keep: lags between those tried may lead a
 little nearer to something."""
@@ -149,10 +147,7 @@ class Approach:
     def limited(
         self, plan: Plan, verdict: Validation, ahead: Contact | None, under: Conditions
     ) -> tuple[Plan, Validation, str] | None:
-        """Slow a plan to a safe speed before its contact, for every possible response of the robot.
-
-        Returns plan, verdict and a remark for the reason; None where no speed is safe.
-        """
+        """A plan slowed to a safe speed, with verdict and remark; None if none is safe."""
         remark, start = '', under.start
         slowed = None if ahead is None else self.slowed(plan, start, ahead.speed)
         if slowed is not None:
@@ -165,14 +160,11 @@ class Approach:
         if calm is None:
             return None
         if calm[0] is not plan:
-            why = verdict.reason or self._why_slow(plan, verdict, start) or under.risk.remark
+            why = verdict.reason or under.risk.remark
+            if not verdict.reason and not self._sees_enough(plan, verdict.ramp, start):
+                why = 'something could come from where no sensor looks.'
             remark += f' Slowed to {self._speed_of(calm[0]):.3g} m/s: {why}'
         return (*calm, remark)
-
-    def _why_slow(self, plan: Plan, verdict: Validation, start: PlanStart) -> str:
-        if self._sees_enough(plan, verdict.ramp, start):
-            return ''
-        return 'something could come from where no sensor looks.'
 
     def _speed_of(self, plan: Plan) -> float:
         return _speed(self._settings.robot.twist(plan.controls[0]))
@@ -197,10 +189,7 @@ class Approach:
     def calmed(
         self, plan: Plan, verdict: Validation, under: Conditions
     ) -> tuple[Plan, Validation] | None:
-        """A plan so slow that its first command and a stop are clear however the robot responds.
-
-        With its verdict, at the largest speed tried that is clear; None where none is.
-        """
+        """A plan slow enough for every response, with its verdict; None if none is."""
         if self._calmed is not None and self._calmed[0] is plan and self._calmed[1] is verdict:
             return self._calmed[2]
         calm = self._calm(plan, verdict, under)

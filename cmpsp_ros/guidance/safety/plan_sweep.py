@@ -30,10 +30,9 @@ from cmpsp_ros.world.roads import road_functions
 
 
 class PlanSweep(NamedTuple):
-    """Result of `sweep_plan`: clearances [m] of a plan, and the obstacles that it is too close to.
+    """Result of `sweep_plan`: clearances [m]; committed steps must be clear of all that stands.
 
-    Obstacles are numbered: both edges of the road first, then the static ones, then the moving
-    discs. Committed steps are those that must be clear of what stands still.
+    Obstacles are numbered: both edges of the road first, then static ones, then moving discs.
     """
 
     fastest: float  # maximum wheel speed [rad/s]
@@ -168,8 +167,7 @@ def _record(
 def plan_clearance(settings: LawSettings, world: World, decision: Decision) -> Array:
     """Least clearance ``(N + 1,)`` [m] of a plan from each pose to the next, and at the last.
 
-    From road edges and obstacles, moving ones too, minus the robot's radius; its minimum is the
-    decision's `worst_margin` where no command is pending. ValueError for a decision without a plan.
+    Its minimum is the decision's `worst_margin`; ValueError for a decision without a plan.
     """
     plan, radius = decision.plan, settings.robot_radius
     if plan is None:

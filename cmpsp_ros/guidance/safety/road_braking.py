@@ -24,27 +24,21 @@ def brakings_on_road(
 
     The first one, ``(r,)``, is `held` for a time, the others for a period [s].
     """
-    for part in _BESIDE:
-        beside = part * start.world.road.width
-        yield _braking_on_road(start, first, held, period, max_change, beside)
-
-
-def _braking_on_road(
-    start: PlanStart, first: Array, held: float, period: float, max_change: float, beside: float
-) -> Array:
-    """Commands to stop, `beside` [m] to the left of the centre line in the direction driven."""
-    road, robot, controls = start.world.road, start.robot, [first]
+    road, robot = start.world.road, start.robot
     speed = float(robot.twist(first)[0])
-    pose = robot.roll_out(start.pose, first[None], np.array([held]))[-1]
+    begin = robot.roll_out(start.pose, first[None], np.array([held]))[-1]
     ahead = np.array([1.0, -1.0]) * max(_AHEAD * abs(speed), robot.half_track)
-    for _ in range(math.ceil(2.0 * abs(speed) / (robot.braking * period))):
-        away = lookahead_points(road, pose, ahead, (math.nan, math.nan)) - pose[:2]
-        course = float(pose[2]) + (math.pi if speed < 0.0 else 0.0)
-        x, y = away[int(np.argmax(away @ [math.cos(course), math.sin(course)]))]
-        x, y = x - beside * math.sin(course), y + beside * math.cos(course)
-        bend = 2.0 * math.sin(math.atan2(y, x) - course) / math.hypot(x, y)
-        controls.append(robot.limited(robot.controls(np.array([speed, abs(speed) * bend]))))
-        pose = robot.roll_out(pose, controls[-1][None], np.array([period]))[-1]
-    plan = np.array([*controls, robot.stopped(controls[-1])])
-    durations = np.append(held, np.full(len(controls) - 1, period))
-    return braking(plan, durations, period, max_change, robot.time_scaling, along=True)
+    steps = math.ceil(2.0 * abs(speed) / (robot.braking * period))
+    durations = np.append(held, np.full(steps, period))
+    for part in _BESIDE:
+        controls, pose, beside = [first], begin, part * road.width
+        for _ in range(steps):
+            away = lookahead_points(road, pose, ahead, (math.nan, math.nan)) - pose[:2]
+            course = float(pose[2]) + (math.pi if speed < 0.0 else 0.0)
+            x, y = away[int(np.argmax(away @ [math.cos(course), math.sin(course)]))]
+            x, y = x - beside * math.sin(course), y + beside * math.cos(course)
+            bend = 2.0 * math.sin(math.atan2(y, x) - course) / math.hypot(x, y)
+            controls.append(robot.limited(robot.controls(np.array([speed, abs(speed) * bend]))))
+            pose = robot.roll_out(pose, controls[-1][None], np.array([period]))[-1]
+        plan = np.array([*controls, robot.stopped(controls[-1])])
+        yield braking(plan, durations, period, max_change, robot.time_scaling, along=True)

@@ -1,8 +1,7 @@
 """Somebody may be where no sensor looks: the robot is at rest before they could be in its way.
 
-Where something moves, what was free when it was last in sight may have been entered since. The edge
-of what is in sight is where free space ends in cells that are unknown or remembered. From each
-place on it, ahead of the robot, something may come at `safety.max_obstacle_speed` from now on.
+The edge of sight is where free cells meet unknown or remembered ones. From each place on it ahead
+of the robot something may come at `safety.max_obstacle_speed` from now on.
 """
 
 from __future__ import annotations
@@ -23,7 +22,6 @@ from cmpsp_ros.world.grids import Cell
 
 PEEP: Final = 0.1  # speed at which the robot looks behind corners, however near they are [m/s]
 _BESIDE: Final = 0.25  # distance beyond the robot, where cells are free, at which it looks [m]
-
 _ROUNDING: Final = 1e-9
 
 
@@ -36,10 +34,9 @@ def watches_unseen(settings: LawSettings, start: PlanStart) -> bool:
 def is_clear_of_unseen(
     settings: LawSettings, start: PlanStart, controls: Array, durations: Array
 ) -> bool:
-    """True if the robot looks where it drives, and nothing out of sight reaches it before it rests.
+    """True if the robot looks where it drives, and rests before anything out of sight comes.
 
-    With `stationary` the second is not asked. `controls` is a path to rest ``(K, r)``, `durations`
-    ``(K,)`` [s].
+    `controls` is a path to rest ``(K, r)``; with `stationary` the second is not asked.
     """
     twists = start.robot.twist(controls)
     speeds = np.abs(speeds_and_turns(twists)[:, 0])

@@ -32,9 +32,7 @@ _NO_LEGS: Final = NOTHING_MOVES.legs(np.empty(0))
 
 # A command that was good when it was given is checked again from odometry that has been rounded.
 _ROUNDING = 1e-6
-
 _SEEN: Final = f'obstacle {SEEN}'
-
 _TO_REST: Final = 4.0  # time constants for which a lagging wheel is watched after the last command
 CHANGE_ROUNDING: Final = 1e-6  # excess over a limit that a solver may leave [rad/s]
 
@@ -70,8 +68,7 @@ class Validation(NamedTuple):
 class Validator:
     """Checks plans: finite, within the wheel limits, clear for the first control period.
 
-    With a limit of acceleration it must be clear from there until at rest, too, along the plan, its
-    curvature or the road: the next control step can always stop.
+    With a limit of acceleration it is also clear to rest along plan, curvature or road.
     """
 
     def __init__(self, settings: LawSettings, *, with_margin: bool = False) -> None:
@@ -98,11 +95,10 @@ class Validator:
     def check(
         self, start: PlanStart, controls: Array, durations: Array, pending: Validation | None = None
     ) -> Validation:
-        """Roll out a plan and check whether its first command may be sent.
+        """Roll out a plan ``(N + 1, r)`` and check whether its first command may be sent.
 
-        A robot already outside the road, or inside an obstacle, may not get deeper. No moving
-        obstacle may be able to reach it before it is at rest. `controls` ``(N + 1, r)``,
-        `durations` ``(N,)`` [s].
+        A robot outside the road or inside an obstacle may not get deeper; no moving obstacle may
+        reach it before it is at rest.
         """
         verdict = self._check(start, controls, durations)
         return verdict if pending is None else pending.followed_by(verdict)
@@ -198,10 +194,7 @@ class Validator:
         return found.committed >= error
 
     def check_pending(self, start: PlanStart, controls: Array, durations: Array) -> Validation:
-        """Verdict on the path along which commands given before lead ``(K, r)``, ``(K,)`` [s].
-
-        All of it is swept like the first command of a plan; wheel speeds are not checked again.
-        """
+        """Verdict on the path along which commands given before lead ``(K, r)``, ``(K,)`` [s]."""
         poses = start.robot.roll_out(start.pose, controls, durations)
         begins = np.cumsum(durations) - durations
         arcs = []
@@ -309,10 +302,7 @@ def _refused(reason: str) -> Validation:
 
 
 def reason_not_to_change(settings: LawSettings, start: PlanStart, controls: Array) -> str:
-    """Reason not to send the first of some controls ``(K, r)``, in a sentence; '' for none.
-
-    All must keep the limit of acceleration, the first that of jerk.
-    """
+    """Reason not to send the first of controls ``(K, r)``, by acceleration or jerk; else ''."""
     commands, robot = np.vstack([start.previous_control, controls]), start.robot
     limit = settings.max_wheel_change
     change = float(np.abs(np.diff(commands, axis=0) @ robot.rate_limits.T).max())

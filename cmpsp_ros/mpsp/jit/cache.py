@@ -108,8 +108,9 @@ def _is_ours(folder: Path) -> bool:
 # Kind of numba's event while another process compiles a kernel that is needed.
 WAITING: Final = 'cmpsp_ros:wait'
 
-# Content of files (`parts`), and how functions are called (`lowering`).
-_FORMAT: Final = 'parts, by reference, of any size, optimised once'
+# The source of this package: it decides how functions are called and what is in files.
+_SOURCE: Final = b''.join(each.read_bytes() for each in sorted(Path(__file__).parent.glob('*.py')))
+_FORMAT: Final = hashlib.sha256(_SOURCE).hexdigest()
 _DAY: Final = 86_400.0
 _CHECKSUM: Final = 16
 

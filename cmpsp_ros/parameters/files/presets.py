@@ -11,8 +11,7 @@ from typing import Any, Final
 
 from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
 from cmpsp_ros.parameters.files import ros_yaml
-from cmpsp_ros.parameters.files.map_files import with_map_file
-from cmpsp_ros.parameters.files.road_files import with_road_file
+from cmpsp_ros.parameters.files.course_files import with_map_file, with_road_file
 
 _PACKAGE: Final = 'cmpsp_ros'
 _OURS: Final = ('guidance', 'sim')
@@ -58,13 +57,11 @@ def load_parameter_file(
     *,
     namespace: str | None = None,
 ) -> dict[str, Any]:
-    """The values of a parameter file, flat, before keys and values are checked.
+    """The values of a parameter file, or of a preset by its name, flat and not checked.
 
-    `path_or_preset_name` is a file or, as text without folder and suffix, a preset. Values are
-    those that ROS passes to a `node` such as ``/r1/guidance``, or those of guidance and simulator
-    in a `namespace` such as ``/r1``, else in any; the later section counts. ParameterError if there
-    is no such file, it has no ROS parameters, or different values for several nodes and none is
-    selected.
+    They are those of a `node` such as ``/r1/guidance``, or of guidance and simulator in a
+    `namespace`, else in any; the later section counts. ParameterError if there is no such file, no
+    ROS parameters in it, or different values for several nodes and none is selected.
     """
     path = _path(path_or_preset_name)
     sections = _sections(path)
@@ -81,10 +78,7 @@ def load_parameter_file(
 
 
 def load_robot(path_or_name: str) -> dict[str, Any]:
-    """The values of a robot's file, or of one of `robot_names`, before they are checked.
-
-    Raises ParameterError if there is none, or it has parameters of a course.
-    """
+    """The values of a robot's file; ParameterError if it has parameters of a course."""
     path = _file_of(path_or_name, 'robot', config_directory() / 'robots')
     given = load_parameter_file(path)
     strange = [

@@ -30,10 +30,7 @@ _FLOAT: Final = re.compile(
 
 
 def read_sections(text: str, source: str) -> Sections:
-    """Flat parameters of each node that a file names; ``/ns/guidance`` may be nested as well.
-
-    Raises ParameterError if this is not YAML, or not a file of ROS parameters.
-    """
+    """Flat parameters of each node that a file names, nested names too, or ParameterError."""
     root = _compose(text, source)
     sections: Sections = {}
     if isinstance(root, yaml.MappingNode):
@@ -54,10 +51,7 @@ def read_value(text: str, source: str) -> Any:
 
 
 def dump(values: Mapping[str, Any], namespace: str = '') -> str:
-    """Parameter file for all nodes of a namespace, '' for any, that reads back bit for bit.
-
-    Empty lists are left out: to ROS they have no type.
-    """
+    """Parameter file for all nodes of a namespace, without empty lists: it reads back exactly."""
     rows = [f'    {key}: {_written(value)}' for key, value in values.items() if value != []]
     return '\n'.join([f'{namespace}/**:', f'  {_MARK}:' if rows else f'  {_MARK}: {{}}', *rows, ''])
 

@@ -156,9 +156,8 @@ def _pace(
 ) -> int:
     """Fill commands that follow a plan from the end of a step on, as fast as the wheels can.
 
-    Each is the plan's at the place reached, all wheels scaled by the largest factor up to 1 that
-    the limit allows; to brake by the least, for so many commands. Where there is none the robot
-    brakes along its curvature.
+    Each is the plan's at the place reached, scaled by the largest factor up to 1 that the limit
+    allows, to brake by the least; where there is none the robot brakes along its curvature.
     """
     last, end, most = durations.shape[0] - 1, 0.0, int(commands.shape[0])
     scale, reached, wheels = 1.0, 0.0, scaling.wheels

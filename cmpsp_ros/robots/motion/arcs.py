@@ -18,10 +18,7 @@ _STRAIGHT = 1e-10
 
 
 def arc_ends(poses: Array, twists: Array, durations: Array) -> Array:
-    """Poses ``(N, 3)`` at the ends of arcs that begin at poses ``(N, 3)``; headings not wrapped.
-
-    `twists` have the shape ``(N, 2)`` or ``(N, 3)``, see `Robot`, `durations` ``(N,)`` [s].
-    """
+    """Poses at the ends of arcs from poses ``(N, 3)`` under twists, of either form; not wrapped."""
     x, y, heading = poses.T
     turn = twists[:, -1] * durations
     middle = heading + turn / 2.0
@@ -53,11 +50,7 @@ def speeds_and_turns(twists: Array) -> Array:
 
 
 class Arc(NamedTuple):
-    """One arc for compiled code: its ends [m] with cosine and sine of the course there.
-
-    The length along it [m] is negative when driven backward; `turn` is the change of the course
-    [rad].
-    """
+    """One arc: its ends [m] with the course there; backward its length is negative [m, rad]."""
 
     x: float
     y: float

@@ -100,10 +100,7 @@ def steer(
     curvature: float,
     robot: Kinematics,
 ) -> None:
-    """Fill control ``k`` with that of a twist [m/s, m/s, rad/s]; see `within_limits`.
-
-    The curvature of the path [1/m] is for robots that are steered and not turned.
-    """
+    """Fill control ``k`` with that of a twist and a curvature [m/s, m/s, rad/s, 1/m]."""
     given = robot.values, robot.scratch, forward, left, turn_rate, curvature
     call(robot.functions[_STEER], given)
     for a in range(controls.shape[1]):
@@ -176,15 +173,6 @@ def roll_out(poses: Array, controls: Array, durations: Array, robot: Kinematics)
 
 
 @allocation_free
-def put_jacobians(
-    A: Array, B: Array, poses: Array, controls: Array, durations: Array, robot: Kinematics
-) -> None:
-    """Fill the derivatives of every step of `roll_out`."""
-    for k in range(durations.shape[0]):
-        put_gradients(A[k], B[k], poses[k, 2], controls, k, durations[k], robot)
-
-
-@allocation_free
 def sinc_and_slope(a: float) -> Any:
     """``sin(a)/a`` and its derivative, by series where the quotient would lose digits."""
     if abs(a) < 1e-2:
@@ -219,8 +207,7 @@ _kept: Final[list[Any]] = []  # functions whose machine code is called by its ad
 def displacement(motion: Callable[..., Any], count: int) -> tuple[Any, Any]:
     """Displacement and its derivatives, compiled from the motion of a model with so many controls.
 
-    ``motion(constants, *controls)`` is the twist forward, to the left and turning, for a wheel
-    radius of 1, by functions that take complex numbers.
+    ``motion(constants, *controls)`` is the twist for a wheel radius of 1, also of complex numbers.
     """
     twist_of: Any = inner(motion)
 

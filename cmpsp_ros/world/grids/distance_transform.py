@@ -17,10 +17,7 @@ _FAR: Final = 1e4  # distance where nothing is occupied, or nothing free [cells]
 
 
 def distance_field(grid: OccupancyGrid, *, unknown_is_free: bool = False) -> DistanceField:
-    """Signed distance from the occupied cells, which are closed squares.
-
-    Unknown cells, and all beyond the grid, are occupied unless `unknown_is_free`.
-    """
+    """Signed distance from occupied cells; so are unknown ones and all beyond, or they are free."""
     inner = grid.cells == Cell.OCCUPIED if unknown_is_free else ~is_free(grid.cells)
     rows, columns = inner.shape
     occupied = np.full((rows + 2 * AROUND, columns + 2 * AROUND), not unknown_is_free)
@@ -58,15 +55,8 @@ def nodes_near(field: DistanceField, points: Array) -> IntArray:
     return np.clip(np.round(np.stack([up, along], axis=-1)), 0, last).astype(np.int64)
 
 
-Flags = BoolArray
-Indices = IntArray
-
-
-def signed_distances(marked: Flags) -> Array:
-    """Distances [cells] of all cells ``(rows, columns)`` from the nearest one of the other kind.
-
-    Not positive in marked cells, infinite without any of the other kind.
-    """
+def signed_distances(marked: BoolArray) -> Array:
+    """Distances [cells] from the nearest cell of the other kind, not positive in marked ones."""
     distances, edges = np.empty(marked.shape), marked.shape[1] + 1
     work = np.empty(edges), np.empty(edges + 1), np.empty(edges, dtype=np.int64)
     _transform(distances, np.ascontiguousarray(marked), *work)
@@ -75,7 +65,7 @@ def signed_distances(marked: Flags) -> Array:
 
 @allocation_free
 def _transform(
-    distances: Array, marked: Flags, heights: Array, begins: Array, lowest: Indices
+    distances: Array, marked: BoolArray, heights: Array, begins: Array, lowest: IntArray
 ) -> None:
     """Fill in the distances, first along columns, then along rows."""
     _along_columns(distances, marked)
@@ -89,7 +79,7 @@ def _transform(
 
 
 @allocation_free
-def _along_columns(distances: Array, marked: Flags) -> None:
+def _along_columns(distances: Array, marked: BoolArray) -> None:
     """Distances from the cells of the other kind in the same column [half cells]."""
     rows, columns = marked.shape
     distances[0] = math.inf
@@ -114,7 +104,7 @@ def _along_run(
     end: int,
     heights: Array,
     begins: Array,
-    lowest: Indices,
+    lowest: IntArray,
 ) -> None:
     """Distances of a run of cells of one kind, from those in their columns [cells]."""
     before = 0.0 if first > 0 else math.inf
@@ -136,7 +126,7 @@ def _along_run(
 
 
 @allocation_free
-def _envelope(heights: Array, first: int, end: int, begins: Array, lowest: Indices) -> int:
+def _envelope(heights: Array, first: int, end: int, begins: Array, lowest: IntArray) -> int:
     """Compute the lower envelope of parabolas ``heights[p] + 4 (x - p)^2`` and its breakpoints."""
     count = 0
     for p in range(first, end + 1):

@@ -27,8 +27,7 @@ class GridObstacle(Shape):
     grid: OccupancyGrid
     unknown_is_free: bool = False  # true if unknown cells and all beyond are free
 
-    corners: ClassVar[tuple[Point, ...]] = ()
-    """None: it has a distance field instead."""
+    corners: ClassVar[tuple[Point, ...]] = ()  # none: it has a distance field instead
 
     radius: ClassVar[float] = 0.0
 
@@ -66,13 +65,10 @@ class GridObstacle(Shape):
         return sorted(found, key=lambda line: -len(line))
 
 
-Flags = BoolArray
-Indices = IntArray
-
 _MOST: Final = 24
 
 
-def islands_of(occupied: Flags) -> tuple[Indices, Indices]:
+def islands_of(occupied: BoolArray) -> tuple[IntArray, IntArray]:
     """Rows and columns of the middlemost cell of the largest groups that do not touch the rim.
 
     `occupied` ``(rows, columns)``; groups hang together at corners, too.
@@ -86,7 +82,7 @@ def islands_of(occupied: Flags) -> tuple[Indices, Indices]:
 
 
 @allocation_free
-def _collect(middles: Indices, sizes: Indices, cells: Indices, left: Flags) -> int:
+def _collect(middles: IntArray, sizes: IntArray, cells: IntArray, left: BoolArray) -> int:
     """Fill in the groups, in the order of their first cells; how many there are."""
     rows, columns = left.shape
     count = 0
@@ -113,7 +109,7 @@ def _collect(middles: Indices, sizes: Indices, cells: Indices, left: Flags) -> i
 
 
 @allocation_free
-def _nearest(cells: Indices, size: int, columns: int, row: float, column: float) -> int:
+def _nearest(cells: IntArray, size: int, columns: int, row: float, column: float) -> int:
     """The first of the cells that are nearest to a place."""
     nearest, least = 0, math.inf
     for k in range(size):
@@ -128,10 +124,7 @@ Node = tuple[int, int]
 
 
 def loops(cells: BoolArray) -> list[tuple[Array, Array]]:
-    """Closed lines with the cells ``(rows, columns)`` to their left: around them and their holes.
-
-    Rows and columns are those of the nodes where a line turns, the first again at its end.
-    """
+    """Rows and columns of closed lines around cells and holes, with the cells to their left."""
     onward = _edges(cells)
     found = []
     while onward:

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.mpsp.jit import allocation_free
 
-Indices = IntArray
 Links = NDArray[np.int32]
 
 NARROW: Final = 2.0  # by how much more a cell costs where there is no clearance to spare
@@ -31,12 +30,11 @@ def costs_of(clearance: Array) -> Array:
     return np.where(clearance < 0.0, math.inf, costs)
 
 
-def lengths_to(costs: Array, goal: Indices) -> Array:
+def lengths_to(costs: Array, goal: IntArray) -> Array:
     """Path lengths from all cells to one, weighted by cost, infinite where there is none [cells].
 
     Dijkstra's algorithm with buckets (Dial, Comm. ACM 12, 1969): no step costs less than the width
-    of a bucket, 1, so that the order in a bucket does not matter. Costs ``(rows, columns)`` are at
-    least 1.
+    of one, 1, so that the order in a bucket does not matter. Costs are at least 1.
     """
     lengths = np.full((costs.shape[0] + 2, costs.shape[1] + 2), math.inf)
     walled = np.pad(costs, 1, constant_values=math.inf)
@@ -51,7 +49,7 @@ def lengths_to(costs: Array, goal: Indices) -> Array:
     return np.ascontiguousarray(lengths[1:-1, 1:-1])
 
 
-def cells_from(lengths: Array, start: Indices) -> Indices:
+def cells_from(lengths: Array, start: IntArray) -> IntArray:
     """Cells of the shortest way from one, shape ``(K, 2)``; none where no way leads."""
     places = np.empty((lengths.size, 2), dtype=np.int64)
     return places[: _descend(places, lengths, NEIGHBOURS, int(start[0]), int(start[1]))]
@@ -77,7 +75,7 @@ def _smooth(line: Array, passes: int) -> None:
 
 
 @allocation_free
-def _descend(places: Indices, lengths: Array, neighbours: Indices, row: int, column: int) -> int:
+def _descend(places: IntArray, lengths: Array, neighbours: IntArray, row: int, column: int) -> int:
     """Fill in the cells of a way down to where the length is 0; how many there are."""
     if not math.isfinite(lengths[row, column]):
         return 0
@@ -100,9 +98,9 @@ def _descend(places: Indices, lengths: Array, neighbours: Indices, row: int, col
 def _spread(
     lengths: Array,
     costs: Array,
-    offsets: Indices,
+    offsets: IntArray,
     steps: Array,
-    buckets: Indices,
+    buckets: IntArray,
     links: Links,
     goal: int,
 ) -> None:
@@ -132,7 +130,7 @@ def _spread(
 
 
 @allocation_free
-def _put(buckets: Indices, links: Links, bucket: int, cell: int) -> None:
+def _put(buckets: IntArray, links: Links, bucket: int, cell: int) -> None:
     first = buckets[bucket]
     links[cell, 0], links[cell, 1] = _NONE, first
     if first != _NONE:
@@ -141,7 +139,7 @@ def _put(buckets: Indices, links: Links, bucket: int, cell: int) -> None:
 
 
 @allocation_free
-def _take(buckets: Indices, links: Links, bucket: int, cell: int) -> None:
+def _take(buckets: IntArray, links: Links, bucket: int, cell: int) -> None:
     before, after = links[cell, 0], links[cell, 1]
     if before == _NONE:
         buckets[bucket] = after

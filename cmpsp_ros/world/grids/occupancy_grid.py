@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from cmpsp_ros.arrays import Array, BoolArray, IntArray
 
 Cells = NDArray[np.uint8]
-Indices = IntArray
 
 MOST_CELLS: Final = 100_000_000  # larger grids are refused
 
@@ -24,15 +23,13 @@ class Cell(IntEnum):
     FREE = 0
     OCCUPIED = 1
     UNKNOWN = 2
-    REMEMBERED = 3
-    """Free when last seen, and out of sight now."""
+    REMEMBERED = 3  # free when last seen, and out of sight now
 
 
 class GridError(ValueError):
     """A grid, or a file of one, that cannot be used: where (attribute or key), found and wanted."""
 
     def __init__(self, where: str, found: str, wanted: str) -> None:
-        """Build the message from place, value found and value wanted."""
         super().__init__(f'{where}: found {found}, wanted {wanted}')
         self.where, self.found, self.wanted = where, found, wanted
 
@@ -41,8 +38,7 @@ class GridError(ValueError):
 class OccupancyGrid:
     """Cells in rows along x, one row after the other along y, as in nav_msgs/OccupancyGrid.
 
-    GridError if there are no cells or too many, a value is none, or origin or resolution are not
-    finite, or the resolution is not positive.
+    GridError for no cells or too many, values that are none, or numbers that are not finite.
     """
 
     origin: tuple[float, float, float]  # pose of the outer corner of cell (0, 0) [m, m, rad]
@@ -71,7 +67,7 @@ class OccupancyGrid:
         rows, columns = self.cells.shape
         return self.corners(*np.array([[0, 0, rows, rows], [0, columns, 0, columns]], float))
 
-    def centers(self, rows: Indices, columns: Indices) -> Array:
+    def centers(self, rows: IntArray, columns: IntArray) -> Array:
         """Centres of cells, shape ``(..., 2)`` [m]."""
         return self.corners(rows.astype(float) + 0.5, columns.astype(float) + 0.5)
 
@@ -87,7 +83,7 @@ class OccupancyGrid:
             axis=-1,
         )
 
-    def indices(self, points: Array) -> tuple[Indices, Indices]:
+    def indices(self, points: Array) -> tuple[IntArray, IntArray]:
         """Row and column of the cells of points ``(..., 2)`` [m], beyond the grid too."""
         cosine, sine = math.cos(self.origin[2]), math.sin(self.origin[2])
         dx, dy = points[..., 0] - self.origin[0], points[..., 1] - self.origin[1]
@@ -95,7 +91,7 @@ class OccupancyGrid:
         rows = np.floor((cosine * dy - sine * dx) / self.resolution).astype(np.int64)
         return rows, columns
 
-    def contains(self, rows: Indices, columns: Indices) -> BoolArray:
+    def contains(self, rows: IntArray, columns: IntArray) -> BoolArray:
         """True for cells in the grid."""
         high, wide = self.cells.shape
         return np.asarray((rows >= 0) & (rows < high) & (columns >= 0) & (columns < wide))

@@ -16,8 +16,6 @@ from cmpsp_ros.robots.motion import REFERENCE_POINT, Arc, arc_of_point, arc_part
 from cmpsp_ros.world.inter_sample_margin import at_ends, outside_moving, outside_moving_known
 from cmpsp_ros.world.obstacles.shape_functions import pieces_for
 
-Indices = IntArray
-
 # Columns of `MovingDiscs.states` and `MovingDiscs.legs`.
 _PLACE, _VELOCITY, _RADIUS, _GROWTH, _BEND = slice(0, 2), slice(2, 4), 4, 5, 6
 _COLUMNS = 7
@@ -25,17 +23,16 @@ _COLUMNS = 7
 
 @dataclass(frozen=True)
 class MovingDiscs:
-    """Discs at an instant, with their predicted motion.
+    """Discs at an instant that go on at constant velocity, or by known ways.
 
-    They go on at constant velocity, but for those whose ways are known: they go straight from one
-    place to the next, and stand before the first and after the last.
+    A way goes straight from place to place; they stand before the first and after the last.
     """
 
     names: tuple[str, ...]  # names in messages
     # centre, velocity and radius of each, growth of the radius and its acceleration, ``(M, 7)``
     # [m, m, m/s, m/s, m, m/s, m/s^2]: the radius is that of all places where the disc may be
     states: Array
-    slots: Indices  # index of each one's rows of a plan's constraints, -1 for none, shape ``(M,)``
+    slots: IntArray  # index of each one's rows of a plan's constraints, -1 for none, shape ``(M,)``
     # times from now on and places (t, x, y) by the index of a disc, ``(J, 3)`` [s, m, m] each;
     # the velocity in `states` does not count there
     ways: Mapping[int, Array] = field(default_factory=dict)
@@ -68,7 +65,7 @@ class MovingDiscs:
         states[:, _VELOCITY], states[:, _GROWTH:] = 0.0, 0.0
         return replace(self, states=states, ways={})
 
-    def within(self, point: Array, reach: float, seconds: float) -> Indices:
+    def within(self, point: Array, reach: float, seconds: float) -> IntArray:
         """Indices of those that may come as near to a point (x, y) as `reach` [m] in a time [s]."""
         states = self.states
         grown = states[:, _GROWTH] + 0.5 * seconds * states[:, _BEND]
@@ -77,7 +74,7 @@ class MovingDiscs:
         near[list(self.ways)] = True
         return np.flatnonzero(near)
 
-    def chosen(self, index: Indices) -> MovingDiscs:
+    def chosen(self, index: IntArray) -> MovingDiscs:
         """Some of them, in the order of their indices ``(K,)``."""
         each = index.tolist()
         ways = {new: self.ways[old] for new, old in enumerate(each) if old in self.ways}
@@ -105,10 +102,9 @@ class MovingDiscs:
         return centers, states[:, _RADIUS] + growth * times[:, None]
 
     def legs(self, durations: Array) -> Array:
-        """States ``(K, M, 7)`` at the beginnings of steps, in which velocity and growth are kept.
+        """States ``(K, M, 7)`` at the beginnings of steps, with constant velocity and growth.
 
-        The chord of a radius that grows ever faster is above it. Where a way bends within a step
-        its disc goes straight all the same, and is greater by as much as the way strays from that.
+        A disc is greater by as much as its way strays from a straight line within a step.
         """
         if not len(self):
             return _NO_LEGS
@@ -133,11 +129,10 @@ class MovingDiscs:
         start: Array,
         reach: float = 0.0,
     ) -> tuple[Array, Array]:
-        """Centres at the samples of a plan and distances to keep from them there, see `at_times`.
+        """Centres at samples and distances to keep there, so that the path between them is clear.
 
-        With those any path between two samples, at most a period apart, is clear; without limits of
-        twists only the samples are. Where the robot, its discs within reach [m] of the start,
-        cannot be by then, a disc asks for nothing: its radius there is ``-inf``.
+        Without limits of twists only samples are. Where the robot cannot be by then, its discs
+        within reach [m] of the start, a radius is ``-inf``.
         """
         centers, radii = self.at_times(times)
         if limits is None:
@@ -166,8 +161,7 @@ class MovingDiscs:
     ) -> Array:
         """Least clearance ``(K, M)`` [m], or less, of arcs that are driven while they move.
 
-        Arcs are those of `FreeSpace.along`, each of which begins at a time from now on [s]. Of the
-        points of the robot ``(D, 2)`` the nearest counts.
+        They are those of `FreeSpace.along`, at times from now on [s]; of points the nearest counts.
         """
         clearance = np.empty((len(poses), len(self)))
         arrays = (np.ascontiguousarray(each) for each in (poses, twists, durations, times))
@@ -247,9 +241,8 @@ def sweep_moving(
 ) -> float:
     """Least distance, in time, of an arc from a point that moves, less a radius that grows from 0.
 
-    Seen from the point the robot does not drive an arc. It strays from a chord of that path as far
-    as the arc does from its own, timed alike, since the point's speed is constant. The place of
-    the point is that at the beginning; a distance above `enough` need not be known more exactly.
+    Seen from the point, the path strays from a chord as far as the arc does from its own: the
+    point's speed is constant. A distance above `enough` need not be known more exactly.
     """
     astray = abs(arc.length * arc.turn) / 8.0
     away_x, away_y = arc.x - x, arc.y - y
@@ -278,10 +271,7 @@ def sweep_moving(
 def _least_on_approach(
     x: float, y: float, to_x: float, to_y: float, radius: float, to_radius: float
 ) -> float:
-    """Least distance from the origin on a straight way, less a radius that changes evenly.
-
-    Convex, and least where its slope vanishes.
-    """
+    """Least distance from the origin on a straight way, less an evenly changing radius: convex."""
     way_x, way_y, grown = to_x - x, to_y - y, to_radius - radius
     squared = way_x * way_x + way_y * way_y
     at_end = math.sqrt(to_x * to_x + to_y * to_y) - to_radius

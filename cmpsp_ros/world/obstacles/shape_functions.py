@@ -18,8 +18,6 @@ from cmpsp_ros.robots.motion import Arc, arc_part, reach_of
 from cmpsp_ros.world.grids import field_functions
 from cmpsp_ros.world.grids.field_functions import DistanceField, Fields
 
-Indices = IntArray
-
 ROUGHNESS = 1e-5  # safe error of the distance of a path from a shape that is no point [m]
 
 _MOST_PIECES = 256
@@ -30,7 +28,7 @@ class ShapeData(NamedTuple):
 
     fields: Fields
     corners: Array  # shape ``(K, C, 2)`` [m]
-    first: Indices  # first corner of each shape, and the end of the last, shape ``(M + 1,)``
+    first: IntArray  # first corner of each shape, and the end of the last, shape ``(M + 1,)``
 
 
 # At a point itself: no distance, and a way out.
@@ -89,8 +87,7 @@ def away_from(shapes: ShapeData, k: int, j: int, x: float, y: float) -> Any:
 def sweep(arc: Arc, shapes: ShapeData, j: int, enough: float) -> float:
     """Least distance of an arc, from end to end, from a shape that stands still.
 
-    Exact for a point. Else a lower bound from chords of the arc, low by `ROUGHNESS` at most,
-    unless it is more than ``enough``.
+    Exact for a point; else low by `ROUGHNESS` at most, unless it is more than ``enough``.
     """
     least: float
     corners, begin, end = shapes.corners, shapes.first[j], shapes.first[j + 1]

@@ -25,8 +25,7 @@ class Shape(ABC):
     outside their range makes them required.
     """
 
-    kind: ClassVar[str]
-    """Name of the type in parameters."""
+    kind: ClassVar[str]  # name of the type in parameters
 
     if TYPE_CHECKING:  # else a field of a dataclass would take the property for its default
 
@@ -120,8 +119,7 @@ class Polygon(Shape):
         return self.vertices
 
 
-SHAPES: Final[tuple[type[Shape], ...]] = (Obstacle, Capsule, Polygon)
-"""Types of obstacles that are parameters, the default first."""
+SHAPES: Final[tuple[type[Shape], ...]] = (Obstacle, Capsule, Polygon)  # the default first
 
 
 class ShapeError(ValueError):
@@ -133,10 +131,7 @@ class ShapeError(ValueError):
 
 
 def convex(name: str, vertices: Sequence[Point]) -> Polygon:
-    """A polygon from its vertices in either sense of rotation.
-
-    ShapeError for less than three, coincident ones, a concave corner, or more than one turn.
-    """
+    """A polygon from vertices in either direction; ShapeError if they make none, or wind twice."""
     count = len(vertices)
     if count < 3:
         raise ShapeError(max(count - 1, 0), f'{count} vertices in all', 'three or more')

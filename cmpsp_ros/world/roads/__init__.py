@@ -6,7 +6,11 @@ from cmpsp_ros.front_door import lazy_exports
 
 if TYPE_CHECKING:
     from cmpsp_ros.world.roads.annulus import Annulus
-    from cmpsp_ros.world.roads.arc_length import (
+    from cmpsp_ros.world.roads.corridor import Corridor, RoadError
+    from cmpsp_ros.world.roads.road import (
+        OpenFloor,
+        Point,
+        Road,
         arc_length_to,
         find_near,
         lookahead_point,
@@ -14,8 +18,6 @@ if TYPE_CHECKING:
         project_on_path,
         remaining_arc_length,
     )
-    from cmpsp_ros.world.roads.corridor import Corridor, RoadError
-    from cmpsp_ros.world.roads.road import OpenFloor, Point, Road
     from cmpsp_ros.world.roads.road_functions import FAR, RoadSpace
 
 __getattr__, __all__ = lazy_exports(__name__, __file__)

@@ -164,10 +164,9 @@ def _gradients(road: RoadSpace, x: float, y: float, progress: float) -> Any:
 def _sweep(road: RoadSpace, arc: Arc, progress: float, enough: float, enough_other: float) -> Any:
     """Least clearance to a hundredth of it, or a micrometre.
 
-    The arc is halved until no part can hide a smaller clearance than was found at the ends of all
-    parts: along it the second derivative of a clearance is bounded, which bounds the clearance from
-    below between two ends where value and slope are known. It is bounded near the road only, which
-    a part does not leave if it is short, or if clearances at its ends are as long as it is.
+    The arc is halved until no part can hide a smaller clearance than at the ends of all parts:
+    value and slope there and a bounded second derivative bound it. That is bounded near the road,
+    which a short part does not leave, nor one with as much clearance at its ends.
     """
     length, turn = abs(arc.length), abs(arc.turn)
     bound = road.numbers[BEND] * length * length + turn * length
@@ -207,10 +206,7 @@ def _nearly(clearance: float) -> float:
 
 @allocation_free
 def _lowest(here: float, slope: float, there: float, slope_there: float, bound: float) -> float:
-    """Lower bound of a function on [0, 1] whose second derivative is bounded.
-
-    Two parabolas lie below it, one from each end: where they cross.
-    """
+    """Lower bound of a function on [0, 1] by its second derivative: where two parabolas cross."""
     drop = bound - slope + slope_there
     at = (here - there + slope_there + bound / 2.0) / drop if drop > 0.0 else 0.0
     lowest = min(here, there)
@@ -238,10 +234,7 @@ def _on_arc(road: RoadSpace, arc: Arc, t: float, progress: float) -> Any:
 
 @inlined
 def _across(road: RoadSpace, x: float, y: float, progress: float) -> Any:
-    """Progress of the nearest place of the centre line, by Newton's method from a place nearby.
-
-    With the distance to the left of the centre line, and the widths to the left and the right.
-    """
+    """Progress of the nearest place, by Newton's method; distance to its left, both widths."""
     progress, stride = _within(road, progress), road.numbers[STRIDE]
     piece, t, step = 0, 0.0, 0.0
     dx, dy, rx, ry, squared = 1.0, 0.0, 0.0, 0.0, 1.0

@@ -25,10 +25,7 @@ _PROJECT, _LATERAL_ERROR, _GRADIENTS, _SWEEP, _ARC_LENGTH_TO, _POINT_AHEAD = ran
 
 
 class RoadSpace(NamedTuple):
-    """The part of a road where the robot's centre may be.
-
-    The first edge is the outer one of an annulus and the left one of a corridor.
-    """
+    """The part of a road where the robot's centre may be; the first edge is the outer or left."""
 
     functions: IntArray  # addresses of the road's functions, see `addresses`
     numbers: Array  # their data on the road, in their own order; shared, never written to
@@ -60,10 +57,9 @@ def addresses(*functions: Any) -> IntArray:
 
 @allocation_free
 def project(road: RoadSpace, x: float, y: float, heading: float, near: float) -> float:
-    """Progress of a pose [m].
+    """Progress of a pose [m]; where the road crosses itself, of a branch.
 
-    Where the road crosses itself, progress `near` a recent place selects the branch, else the
-    heading; NaN for unknown.
+    The progress `near` a recent place selects it, else the heading; NaN for unknown.
     """
     call(road.functions[_PROJECT], (road, x, y, heading, near))
     progress: float = road.found[0]
@@ -108,10 +104,7 @@ def sweep(road: RoadSpace, arc: Arc, progress: float, enough: float, enough_othe
 def arc_length_to(
     road: RoadSpace, x: float, y: float, progress: float, goal_x: float, goal_y: float, goal: float
 ) -> float:
-    """Length along the centre line from one place to another, negative against its direction [m].
-
-    Each place is a point and its progress. Where the road closes upon itself, the shorter way.
-    """
+    """Signed length of the centre line from place to place, the shorter way round [m]."""
     call(road.functions[_ARC_LENGTH_TO], (road, x, y, progress, goal_x, goal_y, goal))
     length: float = road.found[0]
     return length

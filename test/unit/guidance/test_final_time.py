@@ -5,6 +5,8 @@ import pytest
 
 from cmpsp_ros.guidance import GuidanceLaw, Observation
 from cmpsp_ros.guidance.messages import Track
+from cmpsp_ros.guidance.mission.goal_manager import GoalManager
+from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 from cmpsp_ros.sensing import Sighting
 from cmpsp_ros.world.grids import Cell, OccupancyGrid
@@ -117,3 +119,21 @@ def test_it_is_put_off_where_somebody_may_close_the_only_path(is_somebody_there)
         law.step(Observation(stamp, pose, tracks, Sighting(stamp, grid)))
         law.after_step()
     assert (law.ends_at > 20_000_000_000) is is_somebody_there
+
+
+@pytest.mark.parametrize(('away', 'is_earlier'), [(0.5, True), (4.5, True), (6.0, False)])
+def test_it_comes_earlier_again_where_the_path_is_short_again_but_not_before_it_was_due(
+    away, is_earlier
+):
+    given = {**load_parameter_file('people'), 'final_time': 10.0, 'goal.nominal_speed': 0.5}
+    settings = guidance_settings(TABLE.resolve(given))
+    manager, (x, y) = GoalManager(settings, settings.world), settings.goal
+    far, near = (
+        PlanStart(np.array([x - each, y, 0.0]), settings.robot, settings.world)
+        for each in (10.0, away)
+    )
+    later = manager.adapt(5_000_000_000, far, may_be_later=True)
+    assert (later, manager.final) == (pytest.approx(15.0), 25_000_000_000)
+    earlier = manager.adapt(5_000_000_000, near, may_be_later=False)
+    assert earlier == pytest.approx(-min(later, 20.0 - 2.0 * away) if is_earlier else 0.0)
+    assert manager.final == manager.end == round((25.0 + earlier) * 1e9)

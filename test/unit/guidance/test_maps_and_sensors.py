@@ -8,7 +8,7 @@ import pytest
 from seeing import Drive
 
 from cmpsp_ros.guidance import MAP, SEEN, FallbackLevel
-from cmpsp_ros.guidance.planning.grid_path_memory import searched_with
+from cmpsp_ros.guidance.planning.grid_path_memory import search_ahead
 from cmpsp_ros.guidance.world import NOT_SEARCHED
 from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file, text_of
 from cmpsp_ros.world import FreeSpace
@@ -92,22 +92,22 @@ def test_a_way_is_searched_anew_only_when_it_is_blocked():
     blocked[:35, 45:50] = Cell.OCCUPIED
     far[100:120, 150:170] = Cell.OCCUPIED
 
-    assert searched_with(WAREHOUSE, free, start, goal) is NOT_SEARCHED
-    assert searched_with(WAREHOUSE, world_with(far), start, goal) is NOT_SEARCHED
+    assert search_ahead(WAREHOUSE, free, start, [goal]) is NOT_SEARCHED
+    assert search_ahead(WAREHOUSE, world_with(far), start, [goal]) is NOT_SEARCHED
     first = world_with(blocked)
-    searched = searched_with(WAREHOUSE, first, start, goal)
+    searched = search_ahead(WAREHOUSE, first, start, [goal])
     assert searched.seen is first.seen
     assert searched.is_another
     # What is seen next is a little different: the way that was found is still open.
     blocked[0, 0] = Cell.OCCUPIED
     next_one = replace(world_with(blocked), searched=searched)
-    assert searched_with(WAREHOUSE, next_one, start, goal) is searched
+    assert search_ahead(WAREHOUSE, next_one, start, [goal]) is searched
     # What is out of sight and forgotten may be there; what is seen to be gone is not.
     forgotten = nothing.copy()
     forgotten[:40] = Cell.UNKNOWN
     for cells, expected in ((forgotten, searched.seen), (nothing, None)):
         later = replace(world_with(cells), searched=searched)
-        assert searched_with(WAREHOUSE, later, start, goal).seen is expected
+        assert search_ahead(WAREHOUSE, later, start, [goal]).seen is expected
 
 
 def test_who_was_led_back_to_the_way_of_the_map_gives_it_up_at_last():
@@ -116,8 +116,8 @@ def test_who_was_led_back_to_the_way_of_the_map_gives_it_up_at_last():
     blocked[:35, 45:50] = Cell.OCCUPIED
 
     for cells in [blocked, nothing] * 10:
-        searched = searched_with(
-            WAREHOUSE, replace(world_with(cells), searched=searched), start, goal
+        searched = search_ahead(
+            WAREHOUSE, replace(world_with(cells), searched=searched), start, [goal]
         )
         found.append(searched.seen is None)
 

@@ -3,6 +3,7 @@
 import math
 
 import pytest
+from given_courses import BEND, CAR, MECANUM, SQUARE, THREE, WAYPOINTS
 
 from cmpsp_ros.guidance import Follow, Goal
 from cmpsp_ros.parameters import (
@@ -23,12 +24,9 @@ from cmpsp_ros.world.obstacles import Capsule, Obstacle
 from cmpsp_ros.world.obstacles.shapes import Polygon
 from cmpsp_ros.world.roads import Annulus, Corridor, OpenFloor
 
-BEND = {'road.type': 'corridor', 'road.points': [0.0, 0.0, 3.0, 0.0, 6.0, 1.0, 8.0, 3.0]}
-GOAL = {'goal.position': [6.0, 1.0], 'initial_pose': [0.5, 0.0, 0.0]}
-
 
 def on_the_bend(**changes):
-    return TABLE.resolve(BEND | GOAL | {k.replace('__', '.'): v for k, v in changes.items()})
+    return TABLE.resolve(BEND | {k.replace('__', '.'): v for k, v in changes.items()})
 
 
 def test_each_type_makes_its_road():
@@ -55,9 +53,6 @@ def test_only_an_annulus_is_one():
     with pytest.raises(ValueError, match=r'road\.type: found corridor, wanted annulus'):
         assert guidance_settings(on_the_bend()).world.annulus
     assert math.isclose(road_of(on_the_bend()).width, 2.0)
-
-
-SQUARE = [9.5, -3.0, 10.5, -3.0, 10.5, -2.0, 9.5, -2.0]
 
 
 def obstacle(kind, **block):
@@ -97,13 +92,6 @@ def test_obstacles_of_the_simulator_are_no_others():
     assert obstacles_of(values) == ()
 
 
-WAYPOINTS = {
-    'waypoints.names': ['a', 'b'],
-    'waypoints.a.position': [7.0, -7.0], 'waypoints.a.time': 4.0,
-    'waypoints.b.position': [9.5, -3.0], 'waypoints.b.time': 8.0, 'waypoints.b.heading': [1.2],
-}  # fmt: skip
-
-
 def test_goals_in_their_order():
     settings = guidance_settings(TABLE.resolve(WAYPOINTS | {'goal.heading': [1.6]}))
     assert settings.goals == (
@@ -125,27 +113,6 @@ def test_a_road_without_end():
     assert settings.follow == Follow(-1.0, 5.0)
     assert settings.goals == ()
     assert settings.final_time == math.inf
-
-
-MECANUM = {
-    'robot.model': 'mecanum',
-    'robot.half_wheel_base': 0.08,
-    'robot.joint_names': ['a', 'b', 'c', 'd'],
-    'initial_guess.type': 'road',
-}
-THREE = MECANUM | {
-    'robot.model': 'omni_wheels',
-    'robot.joint_names': ['a', 'b', 'c'],
-    'robot.wheel_bearings': [1.0, 3.1, 5.2],
-}
-
-CAR = {
-    'robot.model': 'ackermann',
-    'robot.joint_names': ['rear'],
-    'robot.wheel_base': 2.5,
-    'robot.max_steering_angle': 0.6,
-    'initial_guess.type': 'road',
-}
 
 
 def made(**changes):

@@ -18,8 +18,7 @@ from cmpsp_ros.parameters import (
     text_of,
 )
 from cmpsp_ros.parameters.files import with_files
-from cmpsp_ros.parameters.files.map_files import read_map
-from cmpsp_ros.parameters.files.road_files import with_road_file
+from cmpsp_ros.parameters.files.course_files import read_map, with_road_file
 from cmpsp_ros.parameters.obstacles import map_of
 from cmpsp_ros.parameters.roads import road_of
 from cmpsp_ros.world.grids import Cell, OccupancyGrid

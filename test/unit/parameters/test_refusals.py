@@ -1,6 +1,7 @@
 """Sets of parameters that contradict themselves: the key, what was found and what was wanted."""
 
 import pytest
+from given_courses import BEND, CAR, MECANUM, SQUARE, THREE, WAYPOINTS
 
 from cmpsp_ros.parameters import (
     TABLE,
@@ -12,31 +13,9 @@ from cmpsp_ros.parameters import (
 )
 
 DISC = {'obstacles.names': ['a'], 'obstacles.a.center': [10.0, 0.5], 'obstacles.a.radius': 0.4}
-BEND = {
-    'road.type': 'corridor', 'road.points': [0.0, 0.0, 3.0, 0.0, 6.0, 1.0, 8.0, 3.0],
-    'goal.position': [6.0, 1.0], 'initial_pose': [0.5, 0.0, 0.0],
-}  # fmt: skip
-WAYPOINTS = {
-    'waypoints.names': ['a', 'b'],
-    'waypoints.a.position': [7.0, -7.0], 'waypoints.a.time': 4.0,
-    'waypoints.b.position': [9.5, -3.0], 'waypoints.b.time': 8.0, 'waypoints.b.heading': [1.2],
-}  # fmt: skip
 FOLLOWED = {'follow.speed': 1.0}
-MECANUM = {
-    'robot.model': 'mecanum', 'robot.half_wheel_base': 0.08, 'initial_guess.type': 'road',
-    'robot.joint_names': ['a', 'b', 'c', 'd'],
-}  # fmt: skip
-THREE = MECANUM | {
-    'robot.model': 'omni_wheels', 'robot.joint_names': ['a', 'b', 'c'],
-    'robot.wheel_bearings': [1.0, 3.1, 5.2],
-}  # fmt: skip
-CAR = {
-    'robot.model': 'ackermann', 'robot.joint_names': ['rear'], 'robot.wheel_base': 2.5,
-    'robot.max_steering_angle': 0.6, 'initial_guess.type': 'road',
-}  # fmt: skip
 SCANNER = {'sim.scan.rate': 10.0}
 CORNERS = 'wanted corners around the robot'
-SQUARE = [9.5, -3.0, 10.5, -3.0, 10.5, -2.0, 9.5, -2.0]
 
 
 def shape(kind, **block):

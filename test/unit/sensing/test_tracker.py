@@ -195,3 +195,20 @@ def test_edges_on_both_sides_of_the_sensor_are_no_legs_of_one(apart, count):
     found = segments_of(np.zeros(2), points, labels, nobody, view)
     assert len(found) == count
     assert max(each.radius for each in found) < 0.6
+
+
+@pytest.mark.parametrize('speed', [0.8, 1.0, 1.2])
+def test_who_parts_from_somebody_is_known_at_once(speed):
+    """Two who walk close together may look like one."""
+
+    def stays(time):
+        return 4.5 + 0.6 * time, 2.9
+
+    def turns(time):
+        return 4.5 + 0.6 * min(time, 2.0) - speed * max(time - 2.0, 0.0), 3.1
+
+    score = Score(ScannedRoom(walkers=[stays, turns]), 2.45)
+    x, y = turns(2.4)
+    near = [each for each in score.sighting.tracks if math.hypot(each.x - x, each.y - y) < 0.3]
+    assert min(each.vx for each in near) < -0.3 * speed
+    assert not score.false

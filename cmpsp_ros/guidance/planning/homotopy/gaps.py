@@ -203,10 +203,7 @@ def _between(taken: Sequence[Gap], low: float, high: float) -> list[Gap]:
 def stretches_of(
     frame: RoadFrame, gaps: Sequence[Sequence[Gap]], at: Sequence[float]
 ) -> list[Stretch]:
-    """Stretches of stations; the first and the last have the gap alone that a plan is in.
-
-    `gaps` are those of each station, `at` the stations of the obstacles' centres.
-    """
+    """Stretches of stations; the first and the last have the gap alone that a plan is in."""
     places: dict[int, list[int]] = {}
     for index, each in enumerate(at):
         if 0.0 < each <= frame.stations[-1]:

@@ -1,7 +1,6 @@
 """Homotopy classes of paths past the obstacles, and an initial trajectory for each.
 
-The side on which an obstacle is passed is a discrete choice that no iteration revisits. A search
-over the gaps at stations along the road finds the choices, and each becomes an initial trajectory.
+No iteration revisits the side of an obstacle: a search over gaps along the road finds the choices.
 """
 
 from __future__ import annotations
@@ -84,11 +83,7 @@ def guide_paths(
     limit: int = MAX_CLASSES,
     without: Collection[HomotopyClass] = (),
 ) -> list[GuidePath]:
-    """The most promising paths to the goal, one for a homotopy class, best first.
-
-    None where everything is closed, or nothing is left to drive; at most `limit`, and none of the
-    classes `without`. The space is that of the samples.
-    """
+    """At most `limit` paths to the goal, one a class that is not in `without`, best first."""
     frame = road_frame(settings, start, target)
     if frame.length < 2.0 * SPACING:
         return []
@@ -140,10 +135,7 @@ def guide_paths(
 def searched_paths(
     settings: LawSettings, space: FreeSpace, start: PlanStart, target: Target, durations: Array
 ) -> list[GuidePath]:
-    """The path out of a dead end, or into one, if there is one short enough for the time.
-
-    In polar coordinates none is searched. Arguments as of `guide_paths`.
-    """
+    """The path out of a dead end, or into one, if it is short enough; none if polar."""
     frame = road_frame(settings, start, target)
     if frame.polar:
         return []
@@ -165,10 +157,7 @@ def searched_paths(
 
 
 def _backward(settings: LawSettings, start: PlanStart, points: Array) -> float | None:
-    """Length of a line ``(K, 2)`` behind the robot that is too narrow to turn round on [m].
-
-    None if it leads ahead, or the robot does not turn on the spot.
-    """
+    """Length of a line behind the robot too narrow to turn round on [m]; None if it is ahead."""
     robot, (x, y, heading), world = start.robot, start.pose.tolist(), start.world
     ahead = points[min(round(SHORTEST_LOOKAHEAD / SPACING), len(points) - 1)]
     angle = wrapped(math.atan2(ahead[1] - y, ahead[0] - x) - heading)
@@ -181,10 +170,7 @@ def _backward(settings: LawSettings, start: PlanStart, points: Array) -> float |
 
 
 def searched_line(space: FreeSpace, start: Array, goal: Array) -> Array:
-    """Evenly spaced points ``(K, 2)`` of the shortest clear line on a grid [m]; (0, 2) for none.
-
-    It leads out of dead ends and into them, where no path leads ahead station by station.
-    """
+    """Evenly spaced points ``(K, 2)`` of the shortest clear line on a grid [m]; (0, 2) for none."""
     low, high = _searched_area(space, start, goal)
     cell = max(_CELL, float((high - low).max()) / _MAX_CELLS)
     across, up = (np.arange(low[axis], high[axis], cell) for axis in range(2))
@@ -208,8 +194,7 @@ def searched_line(space: FreeSpace, start: Array, goal: Array) -> Array:
 def _searched_area(space: FreeSpace, start: Array, goal: Array) -> tuple[Array, Array]:
     """Lower and upper corner of the area that the shortest line is in, shape ``(2,)`` each [m].
 
-    Where the cells of all shapes would be coarse, shapes do not count that are clear of the
-    rectangle around start, goal and the shapes that count: no shortest line goes around them.
+    If it were coarse, shapes clear of the rectangle around all others do not count.
     """
     reached = np.repeat(space.reaches + space.radii, 2).reshape(-1, 2)
     begins, ends = space.centers - reached - _AROUND, space.centers + reached + _AROUND
@@ -267,10 +252,7 @@ def _costs(frame: RoadFrame, profiles: Array, reach: float) -> list[float]:
 
 
 def class_of(frame: RoadFrame, centers: tuple[Array, Array], poses: Array) -> HomotopyClass:
-    """Homotopy class of the path along poses ``(N + 1, 3)`` [m, m, rad].
-
-    The frame leads from its beginning to the goal; `centers` are `RoadFrame.coordinates`.
-    """
+    """Homotopy class of a path ``(N + 1, 3)``; `centers` are `RoadFrame.coordinates`."""
     if not len(centers[0]):
         return ()
     sides, path = np.zeros(len(centers[0])), np.empty((len(poses), 2))

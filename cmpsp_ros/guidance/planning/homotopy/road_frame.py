@@ -178,11 +178,7 @@ def wrapped(angle: float) -> float:
 
 
 def elastic_band(frame: RoadFrame, low: Array, high: Array, ends: tuple[float, float]) -> Array:
-    """Elastic bands between bounds, attracted by the centre line, by projected over-relaxation.
-
-    Bounds and lateral positions have one row a path, shape ``(W, K)`` [m]; all have the same
-    `ends`.
-    """
+    """Elastic bands ``(W, K)`` between bounds, drawn to the centre line, by over-relaxation [m]."""
     profiles: Array = np.clip(np.full_like(low, frame.middle), low, high)
     profiles[:, 0], profiles[:, -1] = ends
     pull = np.full(len(frame.stations), (frame.spacing / _RETURN) ** 2)

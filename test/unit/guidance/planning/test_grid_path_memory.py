@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cmpsp_ros.guidance.planning.grid_path_memory import searched_with
+from cmpsp_ros.guidance.planning.grid_path_memory import search_ahead
 from cmpsp_ros.guidance.world import NOT_SEARCHED
 from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 from cmpsp_ros.world.grids import Cell, OccupancyGrid
@@ -33,7 +33,7 @@ def sides(settings, scans, searched=NOT_SEARCHED):
     for cells in scans:
         world = replace(settings.world, searched=searched)
         seen = world.seeing(OccupancyGrid((-1.0, -5.0, 0.0), CELL, cells))
-        searched = searched_with(settings, seen, START, GOAL)
+        searched = search_ahead(settings, seen, START, [GOAL])
         line = replace(seen, searched=searched).map_search(settings).line(START, GOAL, 0.1)
         found.append(float(line[np.abs(line[:, 0] - 4.1).argmin(), 1]))
     return np.array(found), searched

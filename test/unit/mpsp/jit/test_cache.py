@@ -1,10 +1,13 @@
 """Machine code is compiled by one process and loaded by the others, whatever its file suffers."""
 
 import os
+import shutil
 import time
+from pathlib import Path
 
 import pytest
 
+import cmpsp_ros
 from cmpsp_ros.mpsp.jit import allocation_free
 
 # Programs of their own compile in each test.
@@ -65,6 +68,14 @@ def test_a_copy_of_a_module_elsewhere_finds_it(run, tmp_path, monkeypatch):
         program = f'import sys; sys.path.insert(0, {name!r}); from copied import *\n'
         said.append(run(program + RUN))
     assert said == [['8', '0'], ['8', '1']]
+
+
+def test_another_version_of_the_compiler_has_files_of_its_own(run, tmp_path):
+    assert run(DOUBLE + RUN) == ['8', '0']
+    copied = shutil.copytree(Path(cmpsp_ros.__file__).parent, tmp_path / 'cmpsp_ros')
+    with (copied / 'mpsp/jit/parts.py').open('a') as file:
+        file.write('# Another version.\n')
+    assert [run(DOUBLE + RUN) for _ in range(2)] == [['8', '0'], ['8', '1']]
 
 
 def test_a_damaged_file_is_compiled_anew_and_mended(run, folder):

@@ -162,33 +162,35 @@ class KernelCache:
         finally:
             _release(path)
 
-    def finish(self, sig: Any, part: Any, make: Callable[[Any], Any]) -> Any:
-        """Have the machine code of a part made, unless a file has it: None then.
+    def finish(self, sig: Any, part: Any, make: Callable[[Any], Any]) -> tuple[Any, Any]:
+        """Have the machine code of a part made, unless a file has it.
 
         Args:
             sig: Its signature.
             part: Numba's result, with a `Part`.
             make: Called with the part, to return the machine code as numba's library.
+
+        Returns:
+            The part, or that of the file, in which names of functions may be others; and the
+            library that was made, or None.
         """
-        library, made = part.library, None
-        if library.machine_code is not None:
-            return None
-        path = self._path(sig, part.target_context, type(library).__name__)
+        if part.library.machine_code is not None:
+            return part, None
+        path = self._path(sig, part.target_context, type(part.library).__name__)
         if path is None:
-            return make(part)
+            return part, make(part)
         _acquire(path, self._dispatcher)
         try:
-            if (found := _load(path, sig, part.target_context)) is not None:
-                library.machine_code = found.library.machine_code
-                library.environments = found.library.environments
-            if library.machine_code is None:
-                made = make(part)
-                with suppress(OSError):  # the disk is full, or the folder has gone
-                    if (content := internals.dump(part)) is not None:
-                        _save(path, content)
+            found = _load(path, sig, part.target_context)
+            if found is not None and found.library.machine_code is not None:
+                return found, None
+            made = make(part)
+            with suppress(OSError):  # the disk is full, or the folder has gone
+                if (content := internals.dump(part)) is not None:
+                    _save(path, content)
         finally:
             _release(path)
-        return made
+        return part, made
 
     def give_up(self, sig: Any) -> None:
         """Let others compile a signature after a failure."""

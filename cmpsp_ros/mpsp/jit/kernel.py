@@ -184,7 +184,8 @@ class Kernel(CPUDispatcher):  # type: ignore[misc]  # numba has no types
             with global_compiler_lock:
                 part = self._part_for(signature)
                 make = self._make_sized if isinstance(part.library, Sized) else self._make
-                library = self._cache.finish(signature, part, make) or _loaded(part)
+                part, made = self._cache.finish(signature, part, make)
+                library = made or _loaded(part)
                 found = self.targetctx.get_executable(library, part.fndesc, part.environment)
                 self._entries[signature] = found, library, part
                 if self._has_wrapper:

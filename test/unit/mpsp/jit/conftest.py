@@ -33,8 +33,8 @@ def folder(environment):
 def start(tmp_path, environment):
     """Start a program, given as source, in a process of its own."""
 
-    def start_program(source, *arguments):
-        path = tmp_path / 'program.py'
+    def start_program(source, *arguments, name='program.py'):
+        path = tmp_path / name
         path.write_text(source)
         command = [sys.executable, str(path), *arguments]
         pipe = subprocess.PIPE

@@ -48,6 +48,34 @@ print(kernel(1), sum(kernel.stats.cache_hits.values()))
 """
 
 
+INNER = """
+import time, numba
+import numpy as np
+from cmpsp_ros.mpsp.jit import address_of, allocation_free, call, inner
+
+def wait():
+    raise NotImplementedError
+
+@numba.extending.overload(wait)
+def _wait():
+    time.sleep(3.0)
+    return lambda: None
+
+@inner
+def put(x):
+    wait()
+    x[0] = 2.0
+
+@allocation_free
+def run(address, x):
+    call(address, (x,))
+
+x = np.zeros(1)
+run(address_of(None, put, x), x)
+print(int(x[0]))
+"""
+
+
 def test_the_next_process_loads_it_with_classes_of_its_own_program(run):
     assert [run(DOUBLE + RUN) for _ in range(2)] == [['8', '0'], ['8', '1']]
     assert run(DOUBLE.replace('it went wrong', 'no') + '\n# The end.\n' + RUN) == ['8', '1']
@@ -119,6 +147,13 @@ def test_two_processes_that_want_it_at_once_compile_it_once(start, folder):
     said = sorted(each.communicate(timeout=250.0)[0] for each in both)
     assert said == ['2 0\n', '2 1\n']
     assert len([*folder.glob('*.kernel')]) == 1
+
+
+def test_two_processes_may_number_their_functions_in_another_way(start):
+    before = DOUBLE + 'double(Data(4))'
+    programs = [INNER, before + INNER]
+    both = [start(source, name=f'program_{k}.py') for k, source in enumerate(programs)]
+    assert [each.communicate(timeout=250.0)[0] for each in both] == ['2\n', '2\n']
 
 
 def kernel():

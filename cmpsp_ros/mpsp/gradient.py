@@ -15,7 +15,7 @@ from cmpsp_ros.mpsp.models.casadi_functions import CasadiProblem
 from cmpsp_ros.mpsp.models.functions import StageProblem
 from cmpsp_ros.mpsp.problem import Linearisation
 from cmpsp_ros.mpsp.results import Solution, Status
-from cmpsp_ros.mpsp.sqp.lagrangian import costates, lagrangian_curvature
+from cmpsp_ros.mpsp.sqp.lagrangian import control_gradient, costates, lagrangian_curvature
 
 # Least multiplier of an active row, relative to the largest costate; step of differences by data.
 _ACTIVE, _STEP = 1e-7, 1e-6
@@ -108,14 +108,13 @@ def _moved(problem: StageProblem, solution: Solution, mu: Array, p_values: Array
         there = problem.updated(p_values=problem.p_values + sign * _STEP * direction)
         value, ahead = there.evaluate_with_next(X, U)
         lin = there.linearise(X, U)
-        L_X = costates(lin, solution.terminal_multipliers, solution.path_multipliers)
+        weights = solution.terminal_multipliers, solution.path_multipliers
+        L_X = costates(lin, *weights)
         # Costates of one stage, with those of the next as they are at the solution.
         L_X[:-1] += np.einsum('kji,kj->ki', lin.A, mu[1:] - L_X[1:])
-        L_U = lin.L_U + np.einsum('kla,kl->ka', lin.g_U, solution.path_multipliers)
-        L_U[:-1] += np.einsum('kja,kj->ka', lin.B, mu[1:])
-        L_U[-1] += lin.h_U.T @ solution.terminal_multipliers
         g = np.where(value.g == -np.inf, 0.0, value.g)
-        ends.append((np.hstack([L_X, L_U]), ahead, value.output_error, g, value.cost))
+        by_z = np.hstack([L_X, control_gradient(lin, mu, *weights)])
+        ends.append((by_z, ahead, value.output_error, g, value.cost))
     return _Moved(*((a - b) / (2.0 * _STEP) for a, b in zip(*ends, strict=True)))
 
 

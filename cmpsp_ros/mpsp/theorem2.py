@@ -10,8 +10,9 @@ import numpy as np
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.models.derivatives import central_differences
 from cmpsp_ros.mpsp.problem import Hessian, OptimalControlProblem
-from cmpsp_ros.mpsp.qp.dense.condensing import CondensedQP, condense, gradient
+from cmpsp_ros.mpsp.qp.dense.condensing import CondensedQP, condense
 from cmpsp_ros.mpsp.results import Solution, Status
+from cmpsp_ros.mpsp.sqp.lagrangian import control_gradient, costates
 
 ACTIVE_TOLERANCE = 1e-6  # a constraint this near to its limit, in its own units, counts as active
 
@@ -123,12 +124,8 @@ def lagrangian_gradient(problem: OptimalControlProblem, U: Array, solution: Solu
     Without those of the control bounds: these are constant.
     """
     lin = problem.linearise(problem.predict(U), U)
-    applies, rho = (lin.g != -np.inf)[..., None], solution.path_multipliers[..., None]
-    by_state = lin.L_X + np.where(applies, rho * lin.g_X, 0.0).sum(axis=1)
-    by_control = lin.L_U + np.where(applies, rho * lin.g_U, 0.0).sum(axis=1)
-    by_state[-1] += solution.terminal_multipliers @ lin.h_X
-    by_control[-1] += solution.terminal_multipliers @ lin.h_U
-    return gradient(lin.A, lin.B, by_state, by_control).ravel()
+    weights = solution.terminal_multipliers, solution.path_multipliers
+    return control_gradient(lin, costates(lin, *weights), *weights).ravel()
 
 
 def lagrangian_hessian(problem: OptimalControlProblem, solution: Solution) -> Array:

@@ -100,8 +100,7 @@ def acceleration(record: AuditRecord) -> Iterator[Sample]:
     wheels = _changing(record)
     changes = np.abs(np.diff(wheels, axis=0, prepend=0.0 * wheels[:1])).max(axis=1)
     changes[_unplanned(record)] = 0.0
-    limits = np.full(len(changes), limit)
-    yield Sample.largest(changes, limits, record.commands.stamps, changes - limit - CHANGE_ROUNDING)
+    yield Sample.largest(changes, limit, record.commands.stamps, changes - limit - CHANGE_ROUNDING)
 
 
 @check(
@@ -124,8 +123,7 @@ def jerk(record: AuditRecord) -> Iterator[Sample]:
     before = np.where(stops[:-1, None], 0.0, changes[:-1])
     found = np.abs(changes - np.vstack([0.0 * wheels[:1], before])).max(axis=1)
     found[stops | gaps | np.append(False, gaps[:-1])] = 0.0
-    limits = np.full(len(found), limit)
-    yield Sample.largest(found, limits, record.commands.stamps, found - limit - CHANGE_ROUNDING)
+    yield Sample.largest(found, limit, record.commands.stamps, found - limit - CHANGE_ROUNDING)
 
 
 @check(
@@ -140,9 +138,8 @@ def lateral_acceleration(record: AuditRecord) -> Iterator[Sample]:
         raise SkippedError('There is no such limit (robot.max_lateral_acceleration is 0).')
     *speeds, turn_rates = record.commands.twists.T
     found = np.nan_to_num(np.abs(np.hypot(speeds[0], speeds[-1] * (len(speeds) > 1)) * turn_rates))
-    limits = np.full(len(found), limit)
     excess = found / limit - (1.0 + _ROUNDING)
-    yield Sample.largest(found, limits, record.commands.stamps, excess)
+    yield Sample.largest(found, limit, record.commands.stamps, excess)
 
 
 @check(

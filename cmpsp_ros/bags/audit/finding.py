@@ -95,10 +95,13 @@ class Sample:
         return cls(float(count), 0.0, at if count else None, float(count), words=words)
 
     @classmethod
-    def largest(cls, values: Array, limits: Array, stamps: IntArray, excess: Array) -> Sample:
+    def largest(
+        cls, values: Array, limits: Array | float, stamps: IntArray, excess: Array
+    ) -> Sample:
         """The one of the largest excess, NaN first."""
         k = int(np.argmax(excess))
-        return cls(float(values[k]), float(limits[k]), int(stamps[k]), float(excess[k]))
+        limit = np.broadcast_to(limits, values.shape)[k]
+        return cls(float(values[k]), float(limit), int(stamps[k]), float(excess[k]))
 
     @property
     def passes(self) -> bool:

@@ -27,8 +27,6 @@ from cmpsp_ros.guidance import GuidanceSettings, to_nanoseconds
 from cmpsp_ros.robots.motion import plain, with_side
 from cmpsp_ros.sensing import stamp_of
 
-Flags = BoolArray
-
 _TWIST, _STAMPED = 'geometry_msgs/msg/Twist', 'geometry_msgs/msg/TwistStamped'
 
 # Difference up to which a command is what a decision says [m/s, rad/s]: it is computed anew.
@@ -44,7 +42,7 @@ class Commands:
     twists: Array  # shape ``(C, 2)`` or ``(C, 3)``; see `Robot`
     stamped: bool  # true if the messages carried these stamps themselves
 
-    def chosen(self, index: Flags) -> Commands:
+    def chosen(self, index: BoolArray) -> Commands:
         """Some of the commands."""
         return replace(
             self,
@@ -54,9 +52,9 @@ class Commands:
         )
 
     @property
-    def moving(self) -> Flags:
+    def moving(self) -> BoolArray:
         """True for commands other than a stop, shape ``(C,)``."""
-        moving: Flags = np.any(self.twists != 0.0, axis=1)
+        moving: BoolArray = np.any(self.twists != 0.0, axis=1)
         return moving
 
 
@@ -108,11 +106,11 @@ def pair(commands: Commands, decided: Array) -> Pairs:
     return max(ends, key=lambda each: agreeing(commands, decided, each).sum())
 
 
-def agreeing(commands: Commands, decided: Array, pairs: Pairs) -> Flags:
+def agreeing(commands: Commands, decided: Array, pairs: Pairs) -> BoolArray:
     """True for commands that equal those of their decisions, shape ``(count,)``."""
     sent = with_side(commands.twists)[pairs.commands :][: pairs.count]
     wanted = with_side(decided)[pairs.decisions :][: pairs.count]
-    agree: Flags = np.all(np.abs(sent - wanted) <= _SAME, axis=1)
+    agree: BoolArray = np.all(np.abs(sent - wanted) <= _SAME, axis=1)
     return agree
 
 

@@ -91,7 +91,7 @@ def age(record: AuditRecord) -> Iterator[Sample]:
         ages = (commands.received - odometry.stamps[latest])[known] / NANOSECONDS
         ages -= offset if abs(offset) > _SAME_CLOCK else 0.0
         is_any = True
-        yield Sample.largest(ages, np.full(len(ages), limit), commands.stamps[known], ages - limit)
+        yield Sample.largest(ages, limit, commands.stamps[known], ages - limit)
     if not is_any:
         raise SkippedError('No command to move comes after any odometry.')
 

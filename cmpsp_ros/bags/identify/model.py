@@ -101,9 +101,8 @@ def _advance(
     return travelled, c + b * (since - second) + g * slow + h * fast
 
 
-Flags = BoolArray
 # Residuals of the steps of each drive, durations of the steps [s], and flags of jumps.
-Steps = Sequence[tuple[Array, Array, Flags]]
+Steps = Sequence[tuple[Array, Array, BoolArray]]
 _FLOOR: Final = 1e-5  # standard deviation of a pose that is always allowed for [m] or [rad]
 _JUMP: Final = 1e6  # variance of a jump, which thereby does not count [m^2] or [rad^2]
 
@@ -115,7 +114,7 @@ class Noise:
     pose: float
     walk: float
 
-    def factor(self, durations: Array, jumps: Flags) -> Array:
+    def factor(self, durations: Array, jumps: BoolArray) -> Array:
         """Cholesky factor of the covariance of steps, in bands ``(2, N)``."""
         variance = self.pose**2 + _FLOOR**2
         bands = np.full((2, len(durations)), -variance)
@@ -167,7 +166,7 @@ def log_determinant(factor: Array) -> float:
     return 2.0 * float(np.log(factor[0]).sum())
 
 
-def jumps_in(factor: Array) -> Flags:
+def jumps_in(factor: Array) -> BoolArray:
     """Flags of the steps that count as jumps in a covariance."""
-    jumps: Flags = factor[0] ** 2 > _JUMP / 2.0
+    jumps: BoolArray = factor[0] ** 2 > _JUMP / 2.0
     return jumps

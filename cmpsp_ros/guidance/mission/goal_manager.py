@@ -149,16 +149,18 @@ class GoalManager:
         known or the robot is at the goal. `begin` [ns].
         """
         goal, settings, period = self.goal, self._settings, self.period
-        may_be_earlier = self._late > 0 and not settings.is_soonest
-        if goal is None or self.given_up or not (may_be_later or may_be_earlier):
+        if goal is None or self.given_up or settings.tolerates(*self.target.errors(start.pose)):
             return 0.0
-        if settings.tolerates(*self.target.errors(start.pose)):
+        left, least = self.final - begin, math.dist(start.pose[:2], goal.position) / settings.pace
+        may_be_earlier = self._late > 0 and left > _AMPLE * to_nanoseconds(least)
+        may_be_earlier = may_be_earlier and not settings.is_soonest
+        if not (may_be_later or may_be_earlier):
             return 0.0
         search = start.world.map_search(settings)
         is_known = search is None or len(search.line(start.pose[:2], goal.position, _NEAR)) > 0
         # Who closes the only path now may have gone before long.
         may_be_later = may_be_later and (is_known or bool(start.reachable.names))
-        needed, left = to_nanoseconds(self._time_to(goal, start)), self.final - begin
+        needed = to_nanoseconds(self._time_to(goal, start))
         # The earliest arrival that was found is not late where the wheels can keep it.
         quicker = settings.pace / start.robot.max_speed if settings.is_soonest else 1.0
         is_late = may_be_later and left < _SCARCE * quicker * needed

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from enum import Enum
 from functools import cached_property
-from typing import Literal, NamedTuple, Protocol
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -174,8 +174,5 @@ class QPSolution:
         )
 
 
-class Backend(Protocol):
-    """Solves a subproblem, hard or relaxed."""
-
-    def __call__(self, subproblem: Subproblem, penalties: Penalties | None) -> QPSolution:
-        """Solve with hard rows, or with (54) and (57) relaxed where penalties are given."""
+# Solves with hard rows, or with (54) and (57) relaxed where penalties are given.
+Backend = Callable[[Subproblem, Penalties | None], QPSolution]

@@ -44,6 +44,14 @@ def costates(lin: Linearisation, terminal: Array, path: Array) -> Array:
     return found
 
 
+def control_gradient(lin: Linearisation, costates: Array, terminal: Array, path: Array) -> Array:
+    """Gradient of the Lagrangian by the controls, ``(N + 1, r)``, without multipliers of bounds."""
+    found: Array = lin.L_U + np.einsum('kla,kl->ka', lin.g_U, np.where(lin.g == -np.inf, 0.0, path))
+    found[:-1] += np.einsum('kja,kj->ka', lin.B, costates[1:])
+    found[-1] += lin.h_U.T @ terminal
+    return found
+
+
 @allocation_free
 def _backward(A: Array, costates: Array) -> None:
     for k in range(A.shape[0] - 1, -1, -1):

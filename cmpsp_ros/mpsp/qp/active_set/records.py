@@ -225,13 +225,11 @@ def _row(of: Space, number: int) -> Row:
     return Row('bound' if kind == RowKind.BOUND else 'trust', stage, component)
 
 
-def kkt_residual(
-    qp: Subproblem, solution: QPSolution, penalties: Penalties | None, dX: Array | None = None
-) -> float:
+def kkt_residual(qp: Subproblem, solution: QPSolution, penalties: Penalties | None) -> float:
     """Largest violation of the optimality conditions, as `kkt.kkt_residual`; of any solution."""
     with borrowed_space(qp.size) as mine:
         fill(mine, qp, penalties)
-        put_solution(mine, solution, qp.propagate(solution.dU) if dX is None else dX)
+        put_solution(mine, solution, qp.propagate(solution.dU))
         return mine.residual()
 
 
@@ -248,15 +246,15 @@ def residual_without_step(
     return into.residual()
 
 
-def is_positive_definite(qp: Subproblem, shift: float = 0.0, sign: float = 1.0) -> bool:
-    """True where ``sign H + shift I`` is, with ``H`` the condensed Hessian; one Riccati sweep."""
-    with definite_from(qp, sign) as is_definite:
+def is_positive_definite(qp: Subproblem, shift: float = 0.0) -> bool:
+    """True where ``H + shift I`` is, with ``H`` the condensed Hessian; one Riccati sweep."""
+    with definite_from(qp, 1.0) as is_definite:
         return is_definite(shift)
 
 
 @contextmanager
 def definite_from(qp: Subproblem, sign: float) -> Iterator[Callable[[float], bool]]:
-    """`is_positive_definite` of one program, as a function of the shift."""
+    """`is_positive_definite` of ``sign H`` of one program, as a function of the shift."""
     with borrowed_space(qp.size) as mine:
         fill(mine, qp)
         if sign != 1.0:

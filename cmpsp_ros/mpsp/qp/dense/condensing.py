@@ -115,15 +115,3 @@ def condense(
         lower=lower.reshape(q),
         upper=upper.reshape(q),
     )
-
-
-def gradient(A: Array, B: Array, by_state: Array, by_control: Array) -> Array:
-    """Derivative by the controls alone of a sum over the stages, by one backward sweep.
-
-    `by_state` ``(N + 1, n)`` and `by_control` ``(N + 1, r)`` are those of each stage's term.
-    """
-    c, costate = by_control.copy(), by_state[-1]
-    for k in range(len(A) - 1, -1, -1):
-        c[k] += costate @ B[k]
-        costate = by_state[k] + costate @ A[k]
-    return c

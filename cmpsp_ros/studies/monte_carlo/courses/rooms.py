@@ -132,8 +132,6 @@ def _inner_walls(random: Random, length: float, width: float) -> Iterator[Shape]
             yield box(center, tilt, THIN, wide, f'i{index}{k}')
 
 
-Cells = BoolArray
-
 SIZE: Final = 30  # cells along either side of the field
 CELL: Final = 0.15
 RADIUS: Final = 0.075
@@ -174,7 +172,7 @@ def _field_scenario(settings: GuidanceSettings, random: Random, filled: float) -
     return Scenario(pose, (*walls, *cylinders), changes)
 
 
-def is_open(cells: Cells) -> bool:
+def is_open(cells: BoolArray) -> bool:
     """True if a square of five cells can cross from one side of a field to the other."""
     from scipy import ndimage  # noqa: PLC0415 (it takes half a second to load)
 
@@ -184,7 +182,7 @@ def is_open(cells: Cells) -> bool:
     return bool(shared - {0})
 
 
-def _field(random: Random, filled: float) -> Cells:
+def _field(random: Random, filled: float) -> BoolArray:
     cells = random.random((SIZE, SIZE)) < filled
     cells[[0, -1]] = True
     for _ in range(_GENERATIONS):
@@ -193,7 +191,7 @@ def _field(random: Random, filled: float) -> Cells:
     return cells
 
 
-def _neighbours(cells: Cells) -> NDArray[Any]:
+def _neighbours(cells: BoolArray) -> NDArray[Any]:
     """Number of filled cells among the eight neighbours; cells beyond the walls are filled."""
     around = np.pad(cells.astype(int), ((1, 1), (0, 0)), constant_values=1)
     around = np.pad(around, ((0, 0), (1, 1)))

@@ -164,7 +164,8 @@ def test_they_are_those_of_the_condensed_hessian(seed, shape, lost):
     for shift in (-values[0] + 1e-9 * size, -values[0] - 1e-9 * size):
         assert records.is_positive_definite(subproblem, shift) == (shift > -values[0])
     for shift in (values[-1] + 1e-9 * size, values[-1] - 1e-9 * size):
-        assert records.is_positive_definite(subproblem, shift, -1.0) == (shift > values[-1])
+        with records.definite_from(subproblem, -1.0) as is_definite:
+            assert is_definite(shift) == (shift > values[-1])
 
 
 def test_a_hessian_with_nothing_on_its_diagonal():

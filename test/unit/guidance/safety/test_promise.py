@@ -94,7 +94,7 @@ def walker(start, away, bearing, speed, heading, push, turn):
 
 @pytest.mark.parametrize('limits', [PROMPT, LIMITED, LATE], ids=['prompt', 'limited', 'late'])
 @pytest.mark.parametrize('name', ROBOTS)
-@hypothesis_settings(max_examples=6, deadline=None)
+@hypothesis_settings(max_examples=12, deadline=None)
 @with_random(st.lists(people, min_size=1, max_size=4))
 def test_nothing_touches_a_robot_that_moves(name, limits, crowd):
     acceleration, delay, lag = limits

@@ -77,7 +77,7 @@ def test_what_is_beyond_a_limit_is_found():
     assert limit_excess(slow, steps, 0.2) == pytest.approx(0.2)
 
 
-@pytest.mark.parametrize('robot', ['f1tenth', 'mecanum'])
+@pytest.mark.parametrize('robot', ['f1tenth', pytest.param('mecanum', marks=pytest.mark.slow)])
 def test_a_run_keeps_every_limit(robot):
     task = study(robot).run(3)
     driven = drive(task)

@@ -1,7 +1,5 @@
 """Control steps with many plans, with many obstacles, and where a laser scanner sees them."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Callable, Iterator, Sequence

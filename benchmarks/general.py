@@ -1,7 +1,5 @@
 """The solver on programs of other sizes than the robot's, beside its predicted work."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -4,8 +4,6 @@
 costmaps, in turn, and prints the ratios.
 """
 
-from __future__ import annotations
-
 import sys
 import time
 from collections.abc import Callable, Iterator

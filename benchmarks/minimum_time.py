@@ -6,8 +6,6 @@ two roads, with limits of the lateral acceleration and of the jerk, too. IPOPT s
 driven, with as many steps, all of one duration.
 """
 
-from __future__ import annotations
-
 import math
 import sys
 from collections.abc import Mapping

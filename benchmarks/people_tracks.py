@@ -6,8 +6,6 @@ of sight for 2 s at most), coverage, errors and times in two scenes with 4, 8 an
 without people.
 """
 
-from __future__ import annotations
-
 import math
 import sys
 import time

@@ -1,7 +1,5 @@
 """Results as tables; titles, columns and notes are in `tables.toml`."""
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Iterator, Sequence
 from functools import cache

@@ -1,7 +1,5 @@
 """Time to track people in the scans of a laser scanner."""
 
-from __future__ import annotations
-
 import math
 import time
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Begin and end of the installed programs; a missing package is named with what installs it."""
 
-from __future__ import annotations
-
 import atexit
 import gc
 import os

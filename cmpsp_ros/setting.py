@@ -4,8 +4,6 @@ The table of parameters, its documentation, the JSON schema and the declaration 
 these fields.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Compilation of all kernels for later processes, and the work rate of the machine."""
 
-from __future__ import annotations
-
 import math
 import os
 import signal

@@ -3,8 +3,6 @@
 ``python -m examples`` for all, ``python -m examples cart_pole`` for some, which writes no page.
 """
 
-from __future__ import annotations
-
 import argparse
 import importlib
 import time

@@ -1,7 +1,5 @@
 """Common parts: one step of Runge and Kutta, an example, and IPOPT on the same model."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from dataclasses import dataclass

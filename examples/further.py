@@ -1,7 +1,5 @@
 """Six more problems, as data: from a double integrator to a quadrotor of 12 states."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import casadi

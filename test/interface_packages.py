@@ -3,8 +3,6 @@
 One extension module holds what CMake would spread over several libraries.
 """
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Rooms with walkers, as a scanner on a robot with odometry sees them."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 

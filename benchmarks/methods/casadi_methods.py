@@ -1,7 +1,5 @@
 """Solvers that CasADi brings along, on the very same problem with its states kept."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache

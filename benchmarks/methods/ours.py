@@ -1,7 +1,5 @@
 """The project's own methods of a control step: two iterations from a warm start."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import NamedTuple, Protocol

@@ -1,7 +1,5 @@
 """Solvers of CasADi, if it is installed."""
 
-from __future__ import annotations
-
 from importlib.util import find_spec
 from typing import Any, Final
 

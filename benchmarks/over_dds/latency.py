@@ -1,7 +1,5 @@
 """From odometry to command through the real node, over DDS, in real time."""
 
-from __future__ import annotations
-
 import json
 import tempfile
 import time

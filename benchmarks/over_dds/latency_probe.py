@@ -1,7 +1,5 @@
 """A stand-in for the robot that times the way from its odometry to the command that answers it."""
 
-from __future__ import annotations
-
 import json
 import math
 import sys

@@ -1,7 +1,5 @@
 """Many robots on one machine: each a simulator and a guidance node, in real time."""
 
-from __future__ import annotations
-
 import os
 import tempfile
 import time

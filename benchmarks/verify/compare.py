@@ -1,7 +1,5 @@
 """A back end's answers held against the references and against the optimality conditions."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import NamedTuple

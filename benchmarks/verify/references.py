@@ -1,7 +1,5 @@
 """Answers of independent solvers, measures of any answer, and feasibility of a program."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Report on many comparisons: a line for each family, and all findings by name."""
 
-from __future__ import annotations
-
 import json
 import os
 from collections.abc import Sequence

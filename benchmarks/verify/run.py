@@ -1,7 +1,5 @@
 """Many programs of all families, on one process or several."""
 
-from __future__ import annotations
-
 import signal
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor

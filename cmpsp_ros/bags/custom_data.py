@@ -1,7 +1,5 @@
 """Data kept with a bag beside its messages: parameters and software versions."""
 
-from __future__ import annotations
-
 import json
 import platform
 from array import array

@@ -1,7 +1,5 @@
 """Message types of a bag: those of ROS 2 Jazzy, and those that the bag defines."""
 
-from __future__ import annotations
-
 import re
 from functools import cache
 

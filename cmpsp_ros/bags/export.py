@@ -1,7 +1,5 @@
 """Bags as tables for pandas and spreadsheets: CSV or Parquet, one file per kind of topic."""
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Pictures of a run from a camera that follows the robot, drawn by MuJoCo."""
 
-from __future__ import annotations
-
 import math
 import os
 from collections.abc import Iterable, Iterator, Sequence

@@ -1,7 +1,5 @@
 """Reading bags, ours and those of `ros2 bag`, with bounded memory."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass

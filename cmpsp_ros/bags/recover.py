@@ -1,7 +1,5 @@
 """A valid bag from the files of a killed process or after a loss of power."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ its help. The modules that do the work are imported when it is called, because `
 fast.
 """
 
-from __future__ import annotations
-
 import gc
 from typing import Final, get_type_hints
 

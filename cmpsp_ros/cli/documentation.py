@@ -1,7 +1,5 @@
 """Pages of the site that derive from code: `python -m cmpsp_ros.cli.documentation FOLDER`."""
 
-from __future__ import annotations
-
 import sys
 from importlib import import_module
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Commands on a running system: `cmpsp record`, `recover`, `play`, `identify` and `view`."""
 
-from __future__ import annotations
-
 import shutil
 import time
 from enum import StrEnum

@@ -1,7 +1,5 @@
 """`cmpsp bench`, `paper`, `study` and `warmup`: commands without a bag."""
 
-from __future__ import annotations
-
 import os
 import sys
 from collections.abc import Callable

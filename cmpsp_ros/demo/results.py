@@ -1,7 +1,5 @@
 """Pictures of a run, of one robot or several, and all its results in a folder."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Sequence

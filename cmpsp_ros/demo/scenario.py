@@ -1,7 +1,5 @@
 """The scenario of a demo, of one robot or several, checked before anything starts."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

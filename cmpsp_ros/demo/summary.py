@@ -1,7 +1,5 @@
 """Figures of a run."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Sequence

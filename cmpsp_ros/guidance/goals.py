@@ -1,7 +1,5 @@
 """Goals with times, terminal targets, and settings to follow a road without end."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import NamedTuple

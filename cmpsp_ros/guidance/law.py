@@ -1,7 +1,5 @@
 """The guidance law: one pure object from observations to decisions."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Plans for the next control step: what takes longer than a command may wait."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from cmpsp_ros.guidance.planning.candidate import Candidate

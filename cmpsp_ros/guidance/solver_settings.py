@@ -1,7 +1,5 @@
 """Settings of the cost, the iteration, its initial guess, moving obstacles, safety and task."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final, Literal

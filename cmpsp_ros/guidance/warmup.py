@@ -1,7 +1,5 @@
 """All compiled code that a run may come to need, made or loaded before it begins."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import replace

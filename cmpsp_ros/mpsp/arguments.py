@@ -1,7 +1,5 @@
 """The error of this package, and numbers from users brought to the shapes of the method."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

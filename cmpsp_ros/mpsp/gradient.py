@@ -1,7 +1,5 @@
 """Gradients of a solution by the data of its problem, from the KKT system at the solution."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Options of the iteration."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Final, Literal, get_args
 

@@ -1,7 +1,5 @@
 """Iterates, the record that is kept of each, and how a run ended, in words and in numbers."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property

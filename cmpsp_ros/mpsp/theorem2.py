@@ -1,7 +1,5 @@
 """The conditions of Theorem 2, which promise Q-linear convergence, checked at a solution."""
 
-from __future__ import annotations
-
 from enum import Enum
 from typing import NamedTuple
 

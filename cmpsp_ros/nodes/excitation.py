@@ -1,7 +1,5 @@
 """The drive that shows how a robot responds: commands in the open loop, with a guard around it."""
 
-from __future__ import annotations
-
 import math
 import signal
 import time

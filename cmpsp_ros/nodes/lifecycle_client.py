@@ -1,7 +1,5 @@
 """A client outside of the nodes: it watches a run, and changes lifecycle states."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field

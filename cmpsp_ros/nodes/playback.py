@@ -1,7 +1,5 @@
 """The player: publishes topics of a bag to live nodes, with the time of the recording."""
 
-from __future__ import annotations
-
 import os
 import select
 import signal

@@ -4,8 +4,6 @@
 namespace; with `--namespace /r1` before the file, for those of a robot in one.
 """
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import dataclass, field
 from pathlib import Path

@@ -3,8 +3,6 @@
 Anybody may publish on them: what is shown is of bounded size, so that no message makes it slow.
 """
 
-from __future__ import annotations
-
 import math
 import sys
 from collections.abc import Callable, Mapping

@@ -1,7 +1,5 @@
 """Every parameter of the two nodes: the single source for declaration, documentation and schema."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Final
 

@@ -3,8 +3,6 @@
 The default values are a course, too; no robot must drive that one by mistake.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from functools import partial

@@ -3,8 +3,6 @@
 ``python -m cmpsp_ros.parameters.documentation`` prints them, or writes the table into a page.
 """
 
-from __future__ import annotations
-
 import argparse
 import itertools
 import json

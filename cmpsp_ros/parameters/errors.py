@@ -1,7 +1,5 @@
 """Problems of a set of parameters, worded for the user."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import NamedTuple, TypeVar
 

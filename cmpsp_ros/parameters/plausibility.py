@@ -1,7 +1,5 @@
 """Values that are valid but probably a mistake: in the wrong unit, or inconsistent."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from typing import Final

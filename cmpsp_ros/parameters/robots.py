@@ -1,7 +1,5 @@
 """The robot from parameters: its model with limits, and its footprint."""
 
-from __future__ import annotations
-
 import ast
 import math
 from collections.abc import Callable, Iterator

@@ -1,7 +1,5 @@
 """Settings of the guidance law and of the simulator, built from a resolved set of parameters."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """The parameter table: reads a whole set at once, and reports all its problems."""
 
-from __future__ import annotations
-
 import difflib
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence

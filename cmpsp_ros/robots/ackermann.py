@@ -1,7 +1,5 @@
 """Robots that steer like cars."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import ClassVar

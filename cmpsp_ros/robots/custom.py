@@ -1,7 +1,5 @@
 """Custom models: their motion and steering, limits, and whether these fit together."""
 
-from __future__ import annotations
-
 import inspect
 import math
 import sys

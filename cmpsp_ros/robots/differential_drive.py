@@ -1,7 +1,5 @@
 """The two-wheeled robot of the paper (91)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

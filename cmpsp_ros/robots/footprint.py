@@ -1,7 +1,5 @@
 """Footprints: a disc, or a polygon whose outline a few discs cover."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

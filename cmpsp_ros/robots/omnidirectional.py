@@ -1,7 +1,5 @@
 """Robots that drive in every direction: on mecanum wheels, or on three or more omni wheels."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Models of robots: motion, limits, slowing down."""
 
-from __future__ import annotations
-
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """ROS messages of maps: OccupancyGrid and its updates. Importing it loads compiled kernels."""
 
-from __future__ import annotations
-
 import math
 from typing import Any, Final
 

@@ -4,8 +4,6 @@ Kernels count coordinates in cells, from the grid's corner. A cell has its state
 sighting [ns], and the end of a beam in it.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """ROS messages of sensors: LaserScan and PointCloud2."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Any, Final

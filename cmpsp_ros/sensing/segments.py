@@ -1,7 +1,5 @@
 """Segments of a scan: neighbouring hits on one object."""
 
-from __future__ import annotations
-
 import math
 from typing import Final, NamedTuple
 

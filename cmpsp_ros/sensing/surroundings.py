@@ -1,7 +1,5 @@
 """Surroundings of the robot: fusion of all sensors, by odometry of their times."""
 
-from __future__ import annotations
-
 import math
 from bisect import bisect_left, bisect_right
 from dataclasses import dataclass

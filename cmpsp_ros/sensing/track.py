@@ -1,7 +1,5 @@
 """A moving object as somebody saw it: position, velocity, and their standard deviations."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 

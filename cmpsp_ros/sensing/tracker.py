@@ -1,7 +1,5 @@
 """Tracks of moving obstacles, from the scans of all sensors."""
 
-from __future__ import annotations
-
 import math
 from typing import Final
 

@@ -1,7 +1,5 @@
 """The mechanics of a plant, and a robot without mass: wheels with a lag, and exact arcs."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Protocol

@@ -3,8 +3,6 @@
 The robot moves while a scan is made: each beam starts from the pose of its own time.
 """
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from collections.abc import Iterable, Sequence

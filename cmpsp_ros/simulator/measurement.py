@@ -1,7 +1,5 @@
 """Measured odometry: noise, bias, drift, losses, instants, and the random streams of a run."""
 
-from __future__ import annotations
-
 from enum import IntEnum
 
 import numpy as np

@@ -4,8 +4,6 @@ They walk from one waypoint to the next with limited acceleration, never through
 the robot when they bump into it. Some give way; the others look at nobody.
 """
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from typing import Final

@@ -4,8 +4,6 @@ Nothing that the guidance knows of the robot is used here but wheel radius and t
 wheels reach a speed, and whether they slip on the way, follows from torque, mass and friction.
 """
 
-from __future__ import annotations
-
 import math
 from importlib import import_module
 from typing import Any, Final

@@ -5,8 +5,6 @@ command waits for its delay, is followed by the wheels with their lag, and moves
 they turn where they slip; all off by default.
 """
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from dataclasses import dataclass

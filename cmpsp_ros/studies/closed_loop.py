@@ -1,7 +1,5 @@
 """The guidance law driving its own model of the robot, in this process."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Shared by studies and benchmarks: their error, the style of pictures, the processor's name."""
 
-from __future__ import annotations
-
 import platform
 from collections.abc import Iterator
 from contextlib import contextmanager

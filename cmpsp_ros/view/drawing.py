@@ -1,7 +1,5 @@
 """Scenes in matplotlib's axes."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from html import unescape
 from typing import Any

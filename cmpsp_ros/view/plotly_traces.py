@@ -1,7 +1,5 @@
 """Scenes as traces in plotly's terms, plain data for its script and for `drawing`."""
 
-from __future__ import annotations
-
 import base64
 import io
 import math

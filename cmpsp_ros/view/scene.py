@@ -1,7 +1,5 @@
 """Scene of a run: one description for matplotlib, plotly, the film and the markers of RViz."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final

@@ -9,8 +9,6 @@ Other placements are milder. The worst arc that can be driven counts
 (``doc/method/mathematics.md``).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import lru_cache
 from typing import Any, TypeVar

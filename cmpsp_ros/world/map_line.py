@@ -1,7 +1,5 @@
 """The shortest way across a map from anywhere to a goal, which one search of its grid finds."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import lru_cache

@@ -1,7 +1,5 @@
 """Draws the maps beside it, as a mapper would have saved them: `python config/maps/draw.py`."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Latency through the real guidance node, over DDS."""
 
-from __future__ import annotations
-
 import json
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`cmpsp play` by its command line: what was recorded, with its time, to live subscribers."""
 
-from __future__ import annotations
-
 import fcntl
 import os
 import pty

@@ -1,7 +1,5 @@
 """Programs whose active rows depend on each other, repeat, or are met exactly; some infeasible."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Final

@@ -1,7 +1,5 @@
 """Random programs of the general form: any sizes, cross terms, unstable dynamics, mixed rows."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import NamedTuple
 

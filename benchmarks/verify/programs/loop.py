@@ -1,7 +1,5 @@
 """Subproblems along closed loops of the robot, as the guidance law meets them."""
 
-from __future__ import annotations
-
 from collections.abc import Generator, Iterator
 from dataclasses import dataclass
 

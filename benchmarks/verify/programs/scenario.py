@@ -1,7 +1,5 @@
 """Tasks for the robot, drawn at random around the presets and the paper's runs."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace

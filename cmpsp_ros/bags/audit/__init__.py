@@ -1,7 +1,5 @@
 """Audit of a bag: judges a drive by odometry and parameters alone."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Final
 

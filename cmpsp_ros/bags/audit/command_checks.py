@@ -1,7 +1,5 @@
 """Checks of motion: odometry without jumps, commands within limits, as decided and obeyed."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Parameters in force at each moment of a recording."""
 
-from __future__ import annotations
-
 import math
 from bisect import bisect_right
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """An audit as a table for the terminal, and as JUnit XML for continuous integration."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime

@@ -1,7 +1,5 @@
 """Checks of the path: clear, feasible for the wheels, and at the goal in the end."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from typing import Final

@@ -4,8 +4,6 @@ Nothing of the guidance is used for it: paths are sampled, and the places that a
 are computed here once more, from the tracks and the parameters.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from typing import Final

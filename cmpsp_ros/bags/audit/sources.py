@@ -1,7 +1,5 @@
 """Read a bag for its audit: choice of node and topics, and their messages."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

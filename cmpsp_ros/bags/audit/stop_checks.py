@@ -1,7 +1,5 @@
 """Checks of times: commands and stops in time, the goal at its time, and fallback levels."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Identification of a robot from a recorded drive: figures with intervals, a file, a picture."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final

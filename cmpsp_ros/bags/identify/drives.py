@@ -1,7 +1,5 @@
 """Commands and odometry of a recorded drive, whoever recorded it."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass

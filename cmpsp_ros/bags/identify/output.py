@@ -1,7 +1,5 @@
 """Results of an identification: the parameter file of the robot, and a picture."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Final

@@ -3,8 +3,6 @@
 It is open-loop: the robot followed the recorded commands, not those of the changed law.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

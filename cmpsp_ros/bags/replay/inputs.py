@@ -6,8 +6,6 @@ goals, obstacles and plans had arrived by then (`halted`, `late`, `skipped`, `ru
 `goals_received`, `moving_obstacles`), and `pose` if a transform was applied.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator
 from contextlib import suppress

@@ -1,7 +1,5 @@
 """The parameters of a recorded guidance node over time."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

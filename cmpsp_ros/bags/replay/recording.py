@@ -1,7 +1,5 @@
 """Inputs and outputs of a guidance node, read from its bag in one pass."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress

@@ -1,7 +1,5 @@
 """Replay: recorded odometry through the guidance law, compared with the recorded decisions."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterator, Mapping

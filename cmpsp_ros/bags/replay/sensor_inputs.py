@@ -1,7 +1,5 @@
 """The inputs of a law on a bag without decisions: odometry, scans or clouds, moving obstacles."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The report on one or several bags: an HTML page and a picture."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The charts of a report, as plotly figures in plain data."""
 
-from __future__ import annotations
-
 import html
 import math
 from collections.abc import Sequence

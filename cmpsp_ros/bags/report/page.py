@@ -4,8 +4,6 @@ Only the two scripts whose hashes are in its Content-Security-Policy can run. Da
 text in the page and data in its JSON.
 """
 
-from __future__ import annotations
-
 import base64
 import gzip
 import hashlib

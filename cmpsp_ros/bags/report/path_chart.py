@@ -1,7 +1,5 @@
 """Chart of the path, and the data that its slider moves."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The data of one bag in a report, as arrays over the time since its first run began."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Distances between a robot and moving obstacles or other robots."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Clearance from sightings beside a path, before the robot came there and after."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress

@@ -4,8 +4,6 @@ rosbags trusts the sizes in a file: it decompresses, parses and allocates accord
 size is bounded here first, so its reader can be used unchanged.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory

@@ -1,7 +1,5 @@
 """Common to both storages: the format of a bag, its folder and lock, recovered topics."""
 
-from __future__ import annotations
-
 import fcntl
 import os
 import sqlite3

@@ -1,7 +1,5 @@
 """Limits for bags: every size is bounded before anything is allocated for it."""
 
-from __future__ import annotations
-
 import stat
 import sys
 

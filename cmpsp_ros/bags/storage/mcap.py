@@ -6,8 +6,6 @@ here), and refuses files that were cut off. Format: mcap.dev/spec; a record is a
 and that many bytes.
 """
 
-from __future__ import annotations
-
 import heapq
 import struct
 from binascii import crc32

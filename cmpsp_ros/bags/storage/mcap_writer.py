@@ -4,8 +4,6 @@ rosbags' writer does the format. It loses the chunk that a full disk refuses, wr
 half a chunk, and leaves all checksums empty; this module overrides its writing of a chunk.
 """
 
-from __future__ import annotations
-
 import os
 from binascii import crc32
 from collections.abc import Mapping

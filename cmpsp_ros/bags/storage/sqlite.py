@@ -4,8 +4,6 @@ rosbags trusts a database, which can contain programs (views, triggers, computed
 be run; its writer does the format, but keeps everything in one transaction until it is closed.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import sqlite3

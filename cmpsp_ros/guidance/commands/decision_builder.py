@@ -1,7 +1,5 @@
 """Decisions from the state of the law and its plan, or from the last plan that was checked."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from typing import Any, Final, NamedTuple

@@ -1,7 +1,5 @@
 """A robot that is slowed down for somebody out of sight turns on the spot to look."""
 
-from __future__ import annotations
-
 import math
 from typing import Final
 

@@ -1,7 +1,5 @@
 """Reasons not to follow the plan: the robot makes way for what comes at it, or waits."""
 
-from __future__ import annotations
-
 import math
 from typing import Final, NamedTuple
 

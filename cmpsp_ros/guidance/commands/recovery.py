@@ -1,7 +1,5 @@
 """Recovery of a robot that makes no progress: one remedy after the other, until it gives up."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """From the selected plan to the decision: follow it, fall back, slow down or stop."""
 
-from __future__ import annotations
-
 import math
 
 from cmpsp_ros.arrays import Array

@@ -1,7 +1,5 @@
 """The paper's example (91)-(95) as an optimal control problem, with limits on control changes."""
 
-from __future__ import annotations
-
 import math
 from typing import Any, Final, NamedTuple
 

@@ -1,7 +1,5 @@
 """The optimal control problem as settings and world pose it: penalties and free space."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from types import MappingProxyType

@@ -13,8 +13,6 @@ paper. Constraints are distances, not their squares as in (92) and (93): their l
 errs on the safe side of every convex obstacle.
 """
 
-from __future__ import annotations
-
 import math
 from enum import IntEnum
 from typing import Any, Final, NamedTuple

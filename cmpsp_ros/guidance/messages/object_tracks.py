@@ -1,7 +1,5 @@
 """Tracks from the objects of other trackers, and of several sources each object once."""
 
-from __future__ import annotations
-
 import copy
 import math
 from collections.abc import Hashable, Sequence

@@ -3,8 +3,6 @@
 Covariances become the standard deviation of their worst axis, shapes a disc that covers them.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from typing import Any, Final, NamedTuple, get_args, get_type_hints

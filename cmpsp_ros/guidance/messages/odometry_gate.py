@@ -1,7 +1,5 @@
 """Plausibility of odometry: in the order of time, and within the limits of the wheels."""
 
-from __future__ import annotations
-
 import math
 from enum import Enum, auto
 from typing import Any, Final

@@ -5,8 +5,6 @@ gap between obstacles is no wider than a line between corners: no robot crosses 
 edge to edge where each is too narrow, and it must, where the chain is between start and goal.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Selection of the present goal: from a list, received on a topic, or along a road without end."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Final

@@ -1,7 +1,5 @@
 """Progress on the way to a goal, counted in control steps, and the reason why there is none."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field, replace
 from enum import IntEnum

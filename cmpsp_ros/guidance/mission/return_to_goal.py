@@ -1,7 +1,5 @@
 """The return to a goal that the robot was moved from: turn to it, drive, turn to its heading."""
 
-from __future__ import annotations
-
 import math
 from typing import Final
 

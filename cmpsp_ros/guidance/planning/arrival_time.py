@@ -5,8 +5,6 @@ tried, made from the present one driven faster: if it meets every constraint it 
 the next stride is longer, else shorter. A plan with a flaw is tried with more time.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Final
 

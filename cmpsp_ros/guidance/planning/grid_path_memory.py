@@ -1,7 +1,5 @@
 """Memory of the path across a grid: scans open and block paths."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final

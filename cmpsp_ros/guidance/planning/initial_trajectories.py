@@ -1,7 +1,5 @@
 """Initial control histories: pursuit of a point ahead on the centre line, or on another path."""
 
-from __future__ import annotations
-
 import math
 from typing import Any, Final, NamedTuple
 

@@ -1,7 +1,5 @@
 """Search, while the robot stands, for moves to a goal with a heading where it cannot turn."""
 
-from __future__ import annotations
-
 import math
 from typing import Final
 

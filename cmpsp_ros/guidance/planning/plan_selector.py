@@ -4,8 +4,6 @@ A warm start can be a trap, such as a plan on the side where no time is left. So
 the most promising homotopy classes is kept and improved beside the one followed.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any, Final, NamedTuple
 

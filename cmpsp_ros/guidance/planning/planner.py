@@ -1,7 +1,5 @@
 """The planner: poses the problem of a control step, and improves a plan by C-MPSP iterations."""
 
-from __future__ import annotations
-
 import math
 from typing import Final
 

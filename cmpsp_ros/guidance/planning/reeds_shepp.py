@@ -5,8 +5,6 @@ that goes both forwards and backwards, 1990; the numbers of formulas are theirs.
 in turning radii.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator
 from itertools import pairwise, product

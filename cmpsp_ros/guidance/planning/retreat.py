@@ -4,8 +4,6 @@ On a grid around it, it can be at a time in clear cells beside those of the time
 left in the end, it goes to a near one where it can stay for long.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Final, NamedTuple

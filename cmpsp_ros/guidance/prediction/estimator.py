@@ -1,7 +1,5 @@
 """Estimates before a plan is made: where the robot is, how it responds, and where a plan begins."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Moving obstacles of a control step, all that they may reach, and people who have stopped."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace

@@ -3,8 +3,6 @@
 A command takes effect `command_delay` after its odometry, and holds until the next one does.
 """
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from typing import Final

@@ -4,8 +4,6 @@ A command ``u_k`` given at ``t_k`` takes effect at ``e_k = t_k + d``; from then 
 in effect obeys ``T dw/dt = u_k - w``. Without a lag it is ``u_k`` at once.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Final, NamedTuple
 

@@ -12,8 +12,6 @@ they are beyond three and it leaves at most a tenth of their misfit: slip, a pus
 speed up slowly are no delay. The jitter is taken from the periods one by one.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Final
 

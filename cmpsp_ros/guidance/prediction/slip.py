@@ -7,8 +7,6 @@ kept their speed: else a lagging wheel looks like a slipping one. The prior is h
 slip: a second lost to unexpected slip cannot be won back, too high a prior leaves time to spare.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Final
 

@@ -3,8 +3,6 @@
 Where no plan passes one the best leads through it, and only its first arc is checked.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The sweep of a plan, arc by arc, past all that it must not touch; its clearance for displays."""
 
-from __future__ import annotations
-
 import math
 from typing import Any, Final, NamedTuple
 

@@ -4,8 +4,6 @@ Each command and the stop after it are clear of every place that a moving obstac
 then. By induction, nothing touches the robot while it moves.
 """
 
-from __future__ import annotations
-
 from typing import Final, NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Braking along the road, which may be clear where a plan's own last arc leads off it."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from typing import Final

@@ -4,8 +4,6 @@ The edge of sight is where free cells meet unknown or remembered ones. From each
 of the robot something may come at `safety.max_obstacle_speed` from now on.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Final
 

@@ -5,8 +5,6 @@ one folder will do for all versions. One process compiles a kernel; others that 
 load its file.
 """
 
-from __future__ import annotations
-
 import fcntl
 import hashlib
 import os

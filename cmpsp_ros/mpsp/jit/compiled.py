@@ -5,8 +5,6 @@ and `call` do the same for compiled code: the caller neither links nor optimises
 that a loop over compiled functions is compiled in a second, however long they take.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any, Final, ParamSpec, TypeVar, cast
 

@@ -6,8 +6,6 @@ docstrings, line numbers and names of files do not. Functions registered by numb
 are not followed: they have no name in the bytecode.
 """
 
-from __future__ import annotations
-
 import dis
 import hashlib
 import pickle

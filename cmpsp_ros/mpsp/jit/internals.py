@@ -3,8 +3,6 @@
 Works with numba 0.62 to 0.68; `test_numba_versions.py` tests both ends.
 """
 
-from __future__ import annotations
-
 import io
 import pickle
 from collections.abc import Iterable

@@ -9,8 +9,6 @@ Values that a sweep hands from stage to stage stay in registers in an array on t
 them to memory and reading them again takes longer than the arithmetic between.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 from llvmlite import ir

@@ -9,8 +9,6 @@ Numba fills a description of an array in memory before each access: some sixty i
 a record are constants, and of others only what an access needs is read. Addresses are the same.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterable
 from typing import Any, Final

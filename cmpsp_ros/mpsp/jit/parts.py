@@ -6,8 +6,6 @@ bitcode. What Python calls, or asks the address of, is linked from such parts, o
 and made machine code of, once.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from copy import copy
 from typing import Any, Final

@@ -5,8 +5,6 @@ for each. Here it translates it once, for sizes that no program has. All that de
 number in the code: a size, a stride, an offset, or the length of a record.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterable
 from functools import cache

@@ -4,8 +4,6 @@ CasADi's own evaluation takes ten to fifty times as long. LLVM comes with numba;
 that of CasADi, operation by operation, so the numbers are the same.
 """
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Iterable, Sequence
 from functools import cache

@@ -1,7 +1,5 @@
 """All kept machine code in one file, for computers that are equal to this one."""
 
-from __future__ import annotations
-
 import hashlib
 import io
 import json

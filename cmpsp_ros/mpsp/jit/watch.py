@@ -1,7 +1,5 @@
 """Names of kernels as they are compiled, and progress on a terminal or in a log."""
 
-from __future__ import annotations
-
 import sys
 import time
 from collections.abc import Callable, Iterator

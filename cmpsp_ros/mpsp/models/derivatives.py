@@ -1,7 +1,5 @@
 """Derivatives by complex step or by differences, and the check of those that a problem returns."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ As in `from_functions`, it is a state, and its change from the guess a control o
 ``S_N`` has its sensitivity. The problem's functions read it from the state, at any stage.
 """
 
-from __future__ import annotations
-
 from typing import Any, Final, NamedTuple
 
 from cmpsp_ros.arrays import Array

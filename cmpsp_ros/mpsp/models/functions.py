@@ -1,7 +1,5 @@
 """An optimal control problem from plain numpy functions, differentiated numerically."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from collections.abc import Callable
 from copy import copy

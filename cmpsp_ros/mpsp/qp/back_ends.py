@@ -1,7 +1,5 @@
 """QP back ends by name, the compiled Riccati active-set method first; every answer is checked."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache, partial

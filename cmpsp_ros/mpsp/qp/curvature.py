@@ -1,7 +1,5 @@
 """Loss of curvature: convexification of a Hessian that is not positive definite."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

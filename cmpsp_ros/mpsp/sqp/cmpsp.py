@@ -1,7 +1,5 @@
 """The C-MPSP iteration of Sec. 4 for problems in Python: `init`, `step`, `terminate`."""
 
-from __future__ import annotations
-
 import math
 from collections import defaultdict
 from weakref import finalize

@@ -11,8 +11,6 @@ solution without its slack: the next lightest rows are relaxed only where the li
 enough, and the others only where both are not.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Final
 

@@ -1,7 +1,5 @@
 """Second derivatives of the Lagrangian, and directions along which it curves down."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import NamedTuple
 

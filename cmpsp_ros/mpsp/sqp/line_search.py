@@ -5,8 +5,6 @@ the arc ``a dU + a^2 w``, with ``w`` the second-order correction. It asks for on
 other to be evaluated.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

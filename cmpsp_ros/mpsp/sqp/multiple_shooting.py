@@ -15,8 +15,6 @@ restoration SQP algorithm, 2024]. A second-order correction is tried first where
 [Nocedal and Wright, Sec. 18.3].
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 

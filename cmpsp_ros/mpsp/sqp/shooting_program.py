@@ -4,8 +4,6 @@ Gaps ``d_k`` are taken out of the linearised dynamics: with their response ``e``
 by ``dX = e + dX'``, and what is left is the program (45) (54) (57) in ``dX'`` and ``dU``.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from functools import cache

@@ -1,7 +1,5 @@
 """Memory of an iteration; nothing is allocated after it has been made."""
 
-from __future__ import annotations
-
 from enum import IntEnum
 from typing import Any, Final, NamedTuple
 

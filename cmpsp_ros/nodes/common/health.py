@@ -1,7 +1,5 @@
 """A node's own state on /diagnostics."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 

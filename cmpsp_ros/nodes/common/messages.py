@@ -1,7 +1,5 @@
 """Poses, moving obstacles and roads as ROS messages."""
 
-from __future__ import annotations
-
 import math
 import struct
 from collections.abc import Iterable, Sequence

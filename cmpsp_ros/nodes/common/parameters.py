@@ -1,7 +1,5 @@
 """The parameter table as parameters of a ROS 2 node."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Any, cast
 

@@ -1,7 +1,5 @@
 """Quality of service: from offers of publishers to subscriptions and bags."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from rclpy.duration import Duration

@@ -4,8 +4,6 @@ A node ends by a signal, by a shut-down context or by an exception. In each case
 runs while the ROS context is still valid, so the last zero twist is sent and a bag is closed.
 """
 
-from __future__ import annotations
-
 import math
 import os
 import select

@@ -1,7 +1,5 @@
 """A topic of a node, subscriptions that are read before their turn, and message classes."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass

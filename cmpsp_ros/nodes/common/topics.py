@@ -3,8 +3,6 @@
 `python -m cmpsp_ros.nodes.common.topics doc/reference/topics.md` writes the table.
 """
 
-from __future__ import annotations
-
 import pathlib
 import sys
 from dataclasses import replace

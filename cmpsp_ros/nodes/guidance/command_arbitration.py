@@ -5,8 +5,6 @@ as one that drives, and one that was killed stays in the graph until the middlew
 node announces that it guides, for as long as it does, on a topic beside that of the commands.
 """
 
-from __future__ import annotations
-
 import os
 import socket
 import time

@@ -1,7 +1,5 @@
 """Lifecycle of the guidance node: invalid requests tolerated, and Nav2's heartbeat kept up."""
 
-from __future__ import annotations
-
 from uuid import uuid4
 
 from lifecycle_msgs.srv import ChangeState

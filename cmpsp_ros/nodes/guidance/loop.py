@@ -1,7 +1,5 @@
 """The data's way through the guidance node: odometry, decision, command."""
 
-from __future__ import annotations
-
 import math
 import time
 

@@ -1,7 +1,5 @@
 """The guidance node: odometry in, velocity commands out, a reason for each."""
 
-from __future__ import annotations
-
 from functools import partial
 
 from rcl_interfaces.msg import SetParametersResult

@@ -1,7 +1,5 @@
 """Keeping control steps on time: compilation, garbage collection, scheduling."""
 
-from __future__ import annotations
-
 import gc
 import math
 import os

@@ -1,7 +1,5 @@
 """The recorder's parameters, and the topics that they choose."""
 
-from __future__ import annotations
-
 from collections.abc import Container
 from dataclasses import dataclass
 from pathlib import Path

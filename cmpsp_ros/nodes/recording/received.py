@@ -1,7 +1,5 @@
 """Received messages: taken in the order of their arrival, dated, and counted by topic."""
 
-from __future__ import annotations
-
 import time
 from bisect import bisect_right, insort
 from collections import defaultdict

@@ -1,7 +1,5 @@
 """The recorder: topics of the graph into one bag."""
 
-from __future__ import annotations
-
 import time
 from collections import defaultdict
 from collections.abc import Callable, Mapping

@@ -1,7 +1,5 @@
 """The stand-in for the robot: listens to velocity commands, publishes odometry and the truth."""
 
-from __future__ import annotations
-
 import time
 
 from geometry_msgs.msg import TransformStamped, Twist, TwistStamped

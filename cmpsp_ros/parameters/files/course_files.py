@@ -4,8 +4,6 @@
 is declared or recorded: a bag has the road and the map themselves.
 """
 
-from __future__ import annotations
-
 import csv
 import json
 import math

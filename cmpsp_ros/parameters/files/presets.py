@@ -1,7 +1,5 @@
 """Parameter files: presets and robots that come with the package, and the user's own."""
 
-from __future__ import annotations
-
 import difflib
 import os
 import re

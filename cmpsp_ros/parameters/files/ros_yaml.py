@@ -4,8 +4,6 @@ PyYAML's rules differ: it reads ``1e-3`` as text, ``1_000`` as a number and ``1:
 must mean the same here and to a node that ROS passes it to.
 """
 
-from __future__ import annotations
-
 import math
 import re
 import sys

@@ -1,7 +1,5 @@
 """Commands under a limit of the wheels' acceleration: ramps, braking, lag."""
 
-from __future__ import annotations
-
 import math
 from typing import Any, Final, NamedTuple
 

@@ -1,7 +1,5 @@
 """Exact distances between points and the arcs that the robot drives under constant speeds."""
 
-from __future__ import annotations
-
 import math
 from typing import Any, NamedTuple
 

@@ -6,8 +6,6 @@ forward and to the left of its path, and turns, in a time [m, m, rad]; in the ne
 derivatives of these, a column for each control.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from functools import cache

@@ -1,7 +1,5 @@
 """One run: the guidance law and the plant until the final time, judged by the true path."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from dataclasses import asdict, dataclass, field

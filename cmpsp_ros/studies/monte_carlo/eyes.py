@@ -1,7 +1,5 @@
 """Obstacles known to a robot: seen by the simulated scanner, or from a map."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from types import SimpleNamespace

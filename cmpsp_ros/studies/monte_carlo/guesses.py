@@ -1,7 +1,5 @@
 """Lines through a course as initial guesses for solvers, and the shortest clear path."""
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
 

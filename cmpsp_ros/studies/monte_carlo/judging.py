@@ -6,8 +6,6 @@ at rest: they are judged like any other path. If it finds nothing from any start
 nothing.
 """
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Iterator, Mapping

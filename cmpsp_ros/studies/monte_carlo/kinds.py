@@ -1,7 +1,5 @@
 """Kinds of studies: their parameters, their courses, and what counts as arrived."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Pictures of a study: all its paths, the distributions of its figures, and single runs."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path

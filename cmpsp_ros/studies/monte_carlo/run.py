@@ -1,7 +1,5 @@
 """A study from its first run to its pictures; processes or a Dask cluster share its runs."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import threading

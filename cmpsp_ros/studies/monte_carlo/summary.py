@@ -1,7 +1,5 @@
 """The figures of a study: counts with confidence intervals, as tables and JSON, and all runs."""
 
-from __future__ import annotations
-
 import json
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence

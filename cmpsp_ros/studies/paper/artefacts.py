@@ -1,7 +1,5 @@
 """The paper's figures and tables: one table of them, and one runner."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Checks of Fig. 5 with Theorem 2, and of the computing time."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The paper's runs: preset, initial guess, heading and colour of each."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 from typing import Final

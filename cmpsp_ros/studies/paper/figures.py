@@ -4,8 +4,6 @@ Each takes a sheet with its runs and adds claims, further numbers and tables. Th
 claims are in `claims.toml`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from itertools import combinations
 from typing import Any

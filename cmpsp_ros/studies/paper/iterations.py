@@ -4,8 +4,6 @@ The method and the model are those of the guidance law, but nothing of the law i
 new plan beside a defective one, no audit, no fallback levels.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Any

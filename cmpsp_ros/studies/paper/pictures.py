@@ -1,7 +1,5 @@
 """The paper's pictures: paths on their road, and time series; files repeat exactly."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace

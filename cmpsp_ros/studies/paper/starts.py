@@ -1,7 +1,5 @@
 """The paper's starts, driven by the guidance law with its own defaults."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import replace

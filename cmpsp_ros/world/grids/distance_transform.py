@@ -1,7 +1,5 @@
 """The distance to the occupied cells of a grid at the centres of all its cells."""
 
-from __future__ import annotations
-
 import math
 from typing import Final
 

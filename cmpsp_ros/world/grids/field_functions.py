@@ -12,8 +12,6 @@ least the bound from their values, with any weights w whose mean is p:
 ``D^2 >= sum w (D_q^2 - |q - p|^2)``.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any, Final, NamedTuple
 

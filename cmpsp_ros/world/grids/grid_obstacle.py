@@ -1,7 +1,5 @@
 """The occupied cells of a grid as one obstacle that stands still."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import cached_property

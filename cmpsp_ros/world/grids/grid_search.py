@@ -1,7 +1,5 @@
 """Shortest lengths to a cell of a grid, over cells that cost more where there is less clearance."""
 
-from __future__ import annotations
-
 import math
 from typing import Final
 

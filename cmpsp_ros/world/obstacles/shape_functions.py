@@ -7,8 +7,6 @@ that from the shape without its radius; inside a polygon it is negative. The fir
 corners is that of the first distance field, another one that of the second.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any, NamedTuple
 

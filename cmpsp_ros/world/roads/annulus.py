@@ -1,7 +1,5 @@
 """The curved road of the paper, between two concentric circles."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any, ClassVar

@@ -7,8 +7,6 @@ without overshoot (Fritsch and Butland, SIAM J. Sci. Stat. Comput. 5, 1984): bet
 road is nowhere narrower than at the narrower of them.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

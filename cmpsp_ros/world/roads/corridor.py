@@ -1,7 +1,5 @@
 """The road along a centre line that is given by points."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import cached_property

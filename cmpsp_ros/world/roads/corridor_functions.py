@@ -5,8 +5,6 @@ the centre line, close together: x, y, and the direction there (cosine, sine) [m
 of its table are the pieces of the centre line, with one more for where the last piece ends.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Roads, open floor, which is no road at all, and arc lengths along a centre line."""
 
-from __future__ import annotations
-
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Odometry of every kind: a command is safe, or the robot is told to stop and why."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from dataclasses import dataclass, replace

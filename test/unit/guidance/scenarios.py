@@ -1,7 +1,5 @@
 """The paper's scenarios, an exact robot, and a judge of the path that it drives."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field, replace
 

@@ -1,7 +1,5 @@
 """People who walk as they like within limits, and a robot among them that is told of them."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """Small optimal control problems for the tests of the method, and a check of derivatives."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

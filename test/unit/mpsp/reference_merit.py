@@ -1,7 +1,5 @@
 """The exact merit by its definition, in a few lines of numpy."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

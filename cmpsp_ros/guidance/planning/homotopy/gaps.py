@@ -1,7 +1,5 @@
 """Gaps that edges and obstacles leave free of the road, and the trails that connect them."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace

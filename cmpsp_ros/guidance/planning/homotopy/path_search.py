@@ -3,8 +3,6 @@
 No iteration revisits the side of an obstacle: a search over gaps along the road finds the choices.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection, Sequence
 from typing import Final, NamedTuple

@@ -5,8 +5,6 @@ Between two circles, among discs, they are polar and exact: a station is the ang
 on open floor: a station is the arc length, a lateral position the distance to its left [m].
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any, Final, NamedTuple
 

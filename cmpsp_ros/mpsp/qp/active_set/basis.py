@@ -4,8 +4,6 @@ The rows ``a_j`` in the order of their numbers are ``a_j = sum_i R[i, j] Q_i`` w
 orthonormal and ``R`` upper triangular.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -13,8 +13,6 @@ Goldfarb, D. and Idnani, A.: A numerically stable dual method for solving strict
 quadratic programs. Mathematical Programming 27 (1983), 1-33.
 """
 
-from __future__ import annotations
-
 import math
 from enum import IntEnum
 from typing import Any

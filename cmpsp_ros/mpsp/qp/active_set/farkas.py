@@ -7,8 +7,6 @@ a proof rests on the data of the program alone, wherever its multipliers come fr
 last program, a stage later, mostly prove the same of the next one at once.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Final
 

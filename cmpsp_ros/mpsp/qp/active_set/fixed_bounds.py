@@ -9,8 +9,6 @@ Hintermueller, Ito and Kunisch, SIAM Journal on Optimization 13 (2002), 865-888)
 to the method that adds row by row; bounds are only ever released there, so that it ends.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Final
 

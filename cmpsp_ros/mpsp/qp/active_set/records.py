@@ -4,8 +4,6 @@ Code is compiled for a size, which takes long; a program of another size is fill
 and controls that nothing moves and that cost nothing else. They are 0 in every solution.
 """
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """Solution of a program: bounds to hold, the active-set method, the check; its correction."""
 
-from __future__ import annotations
-
 from typing import Final
 
 from cmpsp_ros.arrays import Array

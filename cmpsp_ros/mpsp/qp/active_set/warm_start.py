@@ -7,8 +7,6 @@ multiplier is beyond its penalty rests there. The method can go on from the rema
 point: every multiplier lies between its ends, and every active row is met.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Final
 

@@ -1,7 +1,5 @@
 """Solvers of the condensed program: daqp, and every solver that the qpsolvers package knows."""
 
-from __future__ import annotations
-
 import warnings
 from dataclasses import replace
 from typing import Any

@@ -4,8 +4,6 @@ Goulart, P. and Chen, Y.: Clarabel: an interior-point solver for conic programs 
 objectives. arXiv:2405.12762 (2024).
 """
 
-from __future__ import annotations
-
 from importlib.util import find_spec
 from typing import Any, NamedTuple
 

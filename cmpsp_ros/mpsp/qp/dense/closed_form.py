@@ -5,8 +5,6 @@ A BLAS that starts threads may stall for far longer on a busy machine: where tim
 to one, as with ``OPENBLAS_NUM_THREADS=1``.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """From stage-wise derivatives to the quadratic program (45) (54) (57) in the controls alone."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -11,8 +11,6 @@ to 2e-7, relative to the largest; with a Hessian of condition 1e4, one in eight 
 sweeps and is `FAILED`.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -10,8 +10,6 @@ dU_k`` is one sweep backward from its stage. Each sweep takes time linear in the
 that is held at a bound takes no part: its entry of ``v`` moves nothing.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

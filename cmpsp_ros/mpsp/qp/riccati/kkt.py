@@ -5,8 +5,6 @@ by itself, since a processor works on several stages side by side only where one
 the last one's sum.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -9,8 +9,6 @@ Rows are numbered: first the terminal ones; then, for each stage, its path rows,
 bound of each control, and the upper and lower limit of the trust region for each state.
 """
 
-from __future__ import annotations
-
 import math
 from enum import IntEnum
 from typing import Any, NamedTuple

@@ -3,8 +3,6 @@
 See `factorisation`; each takes time linear in the horizon.
 """
 
-from __future__ import annotations
-
 import math
 
 from cmpsp_ros.arrays import Array

@@ -3,8 +3,6 @@
 So it is checked with the whole set, takes effect between two control steps and is recorded.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

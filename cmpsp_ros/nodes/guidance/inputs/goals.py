@@ -1,7 +1,5 @@
 """Goals that are received: on a topic, and as Nav2's actions where `nav2_msgs` is installed."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, NamedTuple

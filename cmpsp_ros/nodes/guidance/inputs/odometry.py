@@ -1,7 +1,5 @@
 """Odometry as it arrives, its publishers, and watches over it and over ROS time."""
 
-from __future__ import annotations
-
 import struct
 import time
 from collections.abc import Callable

@@ -3,8 +3,6 @@
 An unusable message changes nothing: a warning is given, and the known state grows old.
 """
 
-from __future__ import annotations
-
 from array import array
 from collections.abc import Callable, Sequence
 from dataclasses import replace

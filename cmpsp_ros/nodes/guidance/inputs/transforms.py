@@ -1,7 +1,5 @@
 """Messages in other frames, transformed to the frame of the course by `/tf`."""
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from dataclasses import replace

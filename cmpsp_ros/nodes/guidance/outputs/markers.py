@@ -1,7 +1,5 @@
 """Road, obstacles and goals, and the latest decision, as markers for RViz and Foxglove."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Sequence
 from typing import Final

@@ -5,8 +5,6 @@ command as long as a good part of deciding. So commands leave in CDR (OMG DDS-RT
 with the alignment of XCDR version 1).
 """
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """The topics that the guidance node publishes on while it is configured, and their listeners."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Sequence
 from dataclasses import replace

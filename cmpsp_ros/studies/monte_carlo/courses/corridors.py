@@ -1,7 +1,5 @@
 """Random corridors and floors with walls, crates and posts, each with a path through."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Places with people who walk about: a hall, furnished rooms, corridors, crossings and doors."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

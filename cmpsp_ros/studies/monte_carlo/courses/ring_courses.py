@@ -3,8 +3,6 @@
 Lengths are those of a ring 2 m wide; on a wider one they grow with it.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace

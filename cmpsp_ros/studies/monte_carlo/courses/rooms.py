@@ -1,7 +1,5 @@
 """Rooms, fields and mazes: walls with doors, furniture, cylinders, and narrow corridors."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import replace

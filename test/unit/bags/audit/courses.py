@@ -3,8 +3,6 @@
 Whether a drive was clean is judged here by plain geometry along its exact path, 1 ms apart.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """Recorded drives that can be tampered with before they are written to a bag."""
 
-from __future__ import annotations
-
 import copy
 from collections import deque
 from dataclasses import dataclass, field, replace

@@ -1,7 +1,5 @@
 """Bags of robots whose parameters are hidden: the simulator without ROS, under the excitation."""
 
-from __future__ import annotations
-
 from contextlib import suppress
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Bags of a guidance law that drives an exact robot in this process, as its node would."""
 
-from __future__ import annotations
-
 import math
 import sys
 from pathlib import Path

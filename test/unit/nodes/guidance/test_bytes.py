@@ -1,7 +1,5 @@
 """Odometry read from bytes, and commands written as bytes, held against rclpy's."""
 
-from __future__ import annotations
-
 import math
 import struct
 from types import SimpleNamespace

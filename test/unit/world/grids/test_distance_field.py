@@ -1,7 +1,5 @@
 """Distances to the occupied cells of a grid, at nodes and between them."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

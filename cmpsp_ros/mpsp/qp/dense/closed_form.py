@@ -1,6 +1,6 @@
 """The closed form (35) of a program without inequalities: one symmetric linear system.
 
-At ``N = 50``, ``n = 3``, ``r = 2`` it takes 0.2 to 0.3 ms, and condensing twice as long.
+At ``N = 50``, ``n = 3``, ``r = 2`` it takes 0.2 to 0.3 ms, and condensing as much again at most.
 A BLAS that starts threads may stall for far longer on a busy machine: where time is short, limit it
 to one, as with ``OPENBLAS_NUM_THREADS=1``.
 """

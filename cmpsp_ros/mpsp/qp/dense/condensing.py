@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cmpsp_ros.arrays import Array, IntArray
+from cmpsp_ros.mpsp.jit.compiled import allocation_free
 from cmpsp_ros.mpsp.problem import Linearisation
 
 
@@ -50,23 +51,15 @@ class CondensedQP:
 
 
 def sensitivities(A: Array, B: Array) -> Array:
-    """``dX_k/dU_j`` at ``[j, k]`` by the recursion (23), shape ``(N + 1, N + 1, n, r)``."""
-    K, n, r = len(B) + 1, *B.shape[1:]
-    return np.ascontiguousarray(_by_controls(A, B).reshape(K, n, K, r).transpose(2, 0, 1, 3))
-
-
-def _by_controls(A: Array, B: Array) -> Array:
-    """States of each stage by all controls, ``(N + 1, n, q)``.
+    """``dX_k/dU_j`` at ``[j, k]`` by the recursion (23), shape ``(N + 1, N + 1, n, r)``.
 
     The products of (23) are associated from the other end, ``B_j^(k+1) = A_k B_j^k``, which gives
-    all of a stage from the stage before and needs no ``Phi_j^k``.
+    every ``k`` of one ``j`` in one sweep and needs no ``Phi_j^k``.
     """
     steps, n, r = B.shape
-    X: Array = np.zeros((steps + 1, n, (steps + 1) * r))
-    for k in range(steps):
-        X[k + 1, :, : k * r] = A[k] @ X[k, :, : k * r]
-        X[k + 1, :, k * r : (k + 1) * r] = B[k]
-    return X
+    result = np.zeros((steps + 1, steps + 1, n, r))
+    _sensitivities(result, A, B)
+    return result
 
 
 def condense(
@@ -80,36 +73,139 @@ def condense(
     """
     lin = linearisation
     steps, n, r = lin.B.shape
-    K, q, each = steps + 1, (steps + 1) * r, np.arange(steps + 1)
+    q = (steps + 1) * r
+    blocks = sensitivities(lin.A, lin.B)
 
-    def rows(by_state: Array, by_control: Array) -> Array:
-        """Rows ``by_state dX_k + by_control dU_k`` of each stage, by (19); ``(K, rows, q)``."""
-        found: Array = by_state @ X
-        found.reshape(K, -1, K, r)[each, :, each] += by_control
-        return found
+    H = np.empty((q, q))
+    XX, UX, UU = (np.ascontiguousarray(each) for each in (lin.L_XX, lin.L_UX, lin.L_UU))
+    _hessian(H, blocks, lin.A, lin.B, XX, UX, UU, np.empty((2, n, r)))
 
-    with np.errstate(all='ignore'):
-        X = _by_controls(lin.A, lin.B)
-        cross = rows(lin.L_UX, 0.5 * lin.L_UU).reshape(q, q)
-        H = X.reshape(K * n, q).T @ (lin.L_XX @ X).reshape(K * n, q) + cross + cross.T
-        S_N = lin.h_X @ X[-1]
-        S_N[:, q - r :] += lin.h_U
-        path = rows(lin.g_X, lin.g_U)
-        c = lin.L_U.ravel() + lin.L_X.ravel() @ X.reshape(K * n, q)
+    c = np.empty(q)
+    _gradient(c, lin.A, lin.B, lin.L_X, lin.L_U, np.empty((2, n)))
+
+    S_N = np.empty((len(lin.output_error), q))
+    last = np.full(len(S_N), steps)
+    _rows(S_N, blocks, last, np.ascontiguousarray(lin.h_X), np.ascontiguousarray(lin.h_U))
+
     stage, index = np.nonzero(lin.g != -np.inf)
-    radius = np.full(n, np.inf) if trust_radius is None else trust_radius
-    tight = np.flatnonzero(radius != np.inf)
+    B_C = np.empty((len(stage), q))
+    _rows(B_C, blocks, stage, lin.g_X[stage, index], lin.g_U[stage, index])
+
+    tight = [] if trust_radius is None else list(np.flatnonzero(trust_radius != np.inf))
+    trust_stage = np.repeat(np.arange(1, steps + 1), len(tight))
+    T = np.empty((len(trust_stage), q))
+    unit = np.tile(np.eye(n)[tight].reshape(-1, n), (steps, 1))
+    _rows(T, blocks, trust_stage, unit, np.zeros((len(T), r)))
+    radius = np.empty(0) if trust_radius is None else np.tile(trust_radius[tight], steps)
+
     return CondensedQP(
-        H=0.5 * (H + H.T),
+        H=H,
         c=c,
         S_N=S_N,
         output_error=lin.output_error,
-        B_C=path[stage, index],
+        B_C=B_C,
         g=-lin.g[stage, index],
         path_stage=stage,
         path_index=index,
-        T=X[1:, tight].reshape(-1, q),
-        radius=np.tile(radius[tight], steps),
+        T=T,
+        radius=radius,
         lower=lower.reshape(q),
         upper=upper.reshape(q),
     )
+
+
+@allocation_free
+def _sensitivities(result: Array, A: Array, B: Array) -> None:
+    steps, n, r = B.shape
+    for j in range(steps):
+        for a in range(n):
+            for b in range(r):
+                result[j, j + 1, a, b] = B[j, a, b]
+        for k in range(j + 1, steps):
+            for a in range(n):
+                for b in range(r):
+                    total = 0.0
+                    for i in range(n):
+                        total += A[k, a, i] * result[j, k, i, b]
+                    result[j, k + 1, a, b] = total
+
+
+@allocation_free
+def _hessian(
+    H: Array,
+    blocks: Array,
+    A: Array,
+    B: Array,
+    L_XX: Array,
+    L_UX: Array,
+    L_UU: Array,
+    responses: Array,
+) -> None:
+    """Column by column: the costate's response to one control, swept backward, as in (39).
+
+    `responses` is memory, shape ``(2, n, r)``.
+    """
+    steps, n, r = B.shape
+    for l in range(steps + 1):  # noqa: E741
+        response, previous = responses[0], responses[1]
+        for a in range(n):
+            for b in range(r):
+                response[a, b] = 0.0
+        for k in range(steps, l - 1, -1):
+            # Here `response` is dp_(k+1)/dU_l, with p the costate of the gradient below.
+            for a in range(r):
+                for b in range(r):
+                    total = L_UU[l, a, b] if k == l else 0.0
+                    for i in range(n):
+                        total += L_UX[k, a, i] * blocks[l, k, i, b]
+                        if k < steps:
+                            total += B[k, i, a] * response[i, b]
+                    H[k * r + a, l * r + b] = total
+                    H[l * r + b, k * r + a] = total
+            response, previous = previous, response
+            for a in range(n):
+                for b in range(r):
+                    total = 0.0
+                    for i in range(n):
+                        total += L_XX[k, a, i] * blocks[l, k, i, b]
+                        if k < steps:
+                            total += A[k, i, a] * previous[i, b]
+                    response[a, b] = total
+
+
+@allocation_free
+def _gradient(c: Array, A: Array, B: Array, L_X: Array, L_U: Array, costates: Array) -> None:
+    """Sweep backward; `costates` is memory, shape ``(2, n)``."""
+    steps, n, r = B.shape
+    costate, previous = costates[0], costates[1]
+    for a in range(n):
+        costate[a] = L_X[steps, a]
+    for a in range(r):
+        c[steps * r + a] = L_U[steps, a]
+    for k in range(steps - 1, -1, -1):
+        for a in range(r):
+            total = L_U[k, a]
+            for i in range(n):
+                total += B[k, i, a] * costate[i]
+            c[k * r + a] = total
+        costate, previous = previous, costate
+        for a in range(n):
+            total = L_X[k, a]
+            for i in range(n):
+                total += A[k, i, a] * previous[i]
+            costate[a] = total
+
+
+@allocation_free
+def _rows(rows: Array, blocks: Array, stage: IntArray, by_state: Array, by_control: Array) -> None:
+    """Rows ``by_state dX_k + by_control dU_k`` written in the controls alone, by (19)."""
+    stages, _, n, r = blocks.shape
+    for p in range(rows.shape[0]):
+        k = stage[p]
+        for j in range(stages):
+            for b in range(r):
+                total = by_control[p, b] if j == k else 0.0
+                if j < k:
+                    for i in range(n):
+                        total += by_state[p, i] * blocks[j, k, i, b]
+                rows[p, j * r + b] = total

@@ -196,7 +196,10 @@ class PlanMarkers:
                 pale = _disc(center, track.radius + SIGMAS * doubt, _PALE, _RING, -_WIDTH / 2.0)
                 made.add(f'moving_doubts{suffix}', pale, track.id)
             radius = track.radius + moving.growth * since + moving.quantile * doubt + kept
-            made.add(margin, _line(outline_of([center], radius), _RING, _MOVING), track.id)
+            # Rings of one size, in millimetres, have the same points: bags stay small.
+            ring = _line(outline_of([(0.0, 0.0)], round(radius, 3)), _RING, _MOVING)
+            ring.pose.position = _point(center)
+            made.add(margin, ring, track.id)
 
 
 def color_of(spare: float) -> ColorRGBA:

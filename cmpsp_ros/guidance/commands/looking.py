@@ -18,16 +18,15 @@ _SOON: Final = 2.0
 
 
 def turn_to_look(
-    validator: Validator, context: PlanningContext, slowed: Plan, why: str
+    validator: Validator, context: PlanningContext, slowed: Plan
 ) -> tuple[Plan, Validation, str] | None:
     """Turn towards whoever may reach the robot soon from where no sensor looks, and a remark.
 
-    None if nobody may, if the robot cannot turn there, if the plan is faster than creeping, or if
-    it was so slow before it was slowed down: `why` is the reason for that, '' for none.
+    None if nobody may, if the robot cannot turn there, or if the plan is faster than creeping.
     """
     settings, start, durations = context.settings, context.start, context.horizon.durations
     speed = abs(float(speeds_and_turns(start.robot.twist(slowed.controls[0]))[0]))
-    if not why or speed > CREEP or not start.robot.turns_on_the_spot:
+    if speed > CREEP or not start.robot.turns_on_the_spot:
         return None
     reachable = start.reachable
     near = reachable.within(start.pose, settings.circumscribed_radius, _SOON)

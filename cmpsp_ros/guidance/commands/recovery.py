@@ -40,8 +40,8 @@ _SAME: Final = 0.5  # distance of places that count as one [m]
 _SOONER: Final = 3  # part of the patience, as a divisor, after which the next remedy is tried
 _SPEED: Final = 0.3  # speed of a robot that backs out, at most [m/s], and half of its pace
 _PURSUED: Final = 0.12  # distance of the point of its trail that it drives to [m]
-_EDGE: Final = 0.1
-_RATES: Final = -0.5, -0.25, 0.0, 0.25, 0.5  # speed [m/s], turn rates [rad/s] to edge away with
+_EDGE: Final = 0.1  # speed with which it edges away from something [m/s]
+_RATES: Final = -0.5, -0.25, 0.0, 0.25, 0.5  # turn rates with which it does [rad/s]
 _ALIGNED: Final = 0.6  # as of `Pace` [rad]
 
 

@@ -3,12 +3,8 @@
 import math
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.guidance.commands.decision_builder import (
-    DecisionBuilder,
-    Fallback,
-    Step,
-    clear_fraction,
-)
+from cmpsp_ros.guidance.commands.decision_builder import DecisionBuilder, Step
+from cmpsp_ros.guidance.commands.fallback import Fallback, clear_fraction
 from cmpsp_ros.guidance.commands.looking import turn_to_look
 from cmpsp_ros.guidance.commands.making_way import (
     PATIENCE,
@@ -95,8 +91,7 @@ class Supervisor:
             reason = f'The robot stops. {why} {reason}'
             return self.decisions.stand(step, reason, selected.result)
         if standby is None and start.reachable.names:
-            why = verdict.reason
-            limited = turn_to_look(self._validator, context, limited[0], why) or limited
+            limited = turn_to_look(self._validator, context, limited[0]) or limited
         slower, verdict, remark = limited
         errors = selected.terminal_error, selected.heading_error
         if plan is not selected.plan:

@@ -97,7 +97,7 @@ def crowd(seed):
         'robot': {'max_wheel_speed': 51.0},
         # In real time a disc is seen where it was a little earlier.
         'safety': {'margin': 0.05},
-        # The computer is late at times, beside a busy loop and whatever else there is.
+        # The computer misses deadlines at times, beside a busy loop.
         'max_command_delay': 0.2,
         'initial_pose': [0.0, -9.25, 0.0],
     }

@@ -25,7 +25,7 @@ class Outcome(IntEnum):
     """End of a compiled solver."""
 
     SOLVED = 0  # the point meets the optimality conditions
-    INFEASIBLE = 1  # no point meets all rows that are hard
+    INFEASIBLE = 1  # no point satisfies all hard constraints
     ITERATION_LIMIT = 2  # work, room or numerical accuracy ran out before the conditions were met
     NO_CURVATURE = 3  # the Hessian in the controls is not positive definite
 

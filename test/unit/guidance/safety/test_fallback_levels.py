@@ -24,7 +24,7 @@ from scenarios import (
 from tight_places import task
 
 from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw, Observation, Plan, remaining
-from cmpsp_ros.guidance.commands.decision_builder import Fallback
+from cmpsp_ros.guidance.commands.fallback import Fallback
 from cmpsp_ros.guidance.planning import PlanningContext
 from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.safety.validation import Validator

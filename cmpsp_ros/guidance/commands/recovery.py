@@ -25,6 +25,7 @@ from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.safety.validation import TOUCHING, Validation
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.state import LawState
+from cmpsp_ros.robots import Robot
 
 _BACK: Final = 1.0  # length of the trail that it backs out along [m]
 _AHEAD: Final = 1.5  # length of the way on which the place that does not fit is looked for [m]
@@ -42,6 +43,7 @@ _SPEED: Final = 0.3  # speed of a robot that backs out, at most [m/s], and half 
 _PURSUED: Final = 0.12  # distance of the point of its trail that it drives to [m]
 _EDGE: Final = 0.1  # speed with which it edges away from something [m/s]
 _RATES: Final = -0.5, -0.25, 0.0, 0.25, 0.5  # turn rates with which it does [rad/s]
+_LASTING: Final = 2.0  # time that it does at most [s]
 _ALIGNED: Final = 0.6  # as of `Pace` [rad]
 
 
@@ -140,26 +142,23 @@ class Recovery:
             self._end_move(state)
             return None
         verdict = self._check(plan, context)
-        if not verdict.passed and watch.remedy is Remedy.BACK_OUT:
-            reason, (plan, verdict) = _EDGES, self._farthest(edge_away(context), context)
+        ahead = self._checks.approach.contact(plan, start, verdict.worst_margin)
+        is_clear = verdict.passed and (ahead is None or ahead.speed > _EDGE)
+        if watch.remedy is Remedy.BACK_OUT and not is_clear:
+            if (edged := self._edge_away(context)) is not None:
+                reason, (plan, verdict) = _EDGES, edged
+                ahead = self._checks.approach.contact(plan, start, verdict.worst_margin)
+            elif not verdict.passed:
+                verdict = verdict._replace(reason=_STANDS)
         if not verdict.passed:
             return self._stand_or_end(step, verdict.reason)
         watch.refused = 0
-        ahead = self._checks.approach.contact(plan, start, verdict.worst_margin)
         return Choice(FallbackLevel.ELASTIC, reason, plan, verdict, ahead, plan)
 
-    def _farthest(self, plans: list[Plan], context: PlanningContext) -> tuple[Plan, Validation]:
-        """The short move that ends farthest from what is near; a refused one if none does."""
-        start, clearance_at = context.start, self._checks.validator.clearance_at
-        ends = [float(clearance_at(start.world, each.poses[-1]).min()) for each in plans]
-        checked = [self._check(each, context) for each in plans]
-        better = [
-            k for k, found in enumerate(checked) if found.passed and ends[k] > ends[0] + TOUCHING
-        ]
-        best = max(better, key=ends.__getitem__, default=0)
-        if best == 0:
-            checked[0] = checked[0]._replace(passed=False, reason=_STANDS)
-        return plans[best], checked[best]
+    def _edge_away(self, context: PlanningContext) -> tuple[Plan, Validation] | None:
+        """The slow move that ends farthest from what is near, with its verdict; None if none."""
+        checked = ((each, self._check(each, context)) for each in slow_moves(context))
+        return next((found for found in checked if found[1].passed), None)
 
     def _check(self, plan: Plan, context: PlanningContext) -> Validation:
         durations = context.horizon.durations
@@ -218,13 +217,28 @@ def turn_round(context: PlanningContext, angle: float = math.pi) -> Plan:
     return context.driven(controls)
 
 
-def edge_away(context: PlanningContext) -> list[Plan]:
-    """Plans that move for one control step and stop; the first one stands still."""
-    robot, plans = context.start.robot, []
-    speeds = (-_EDGE, 0.0, _EDGE) if robot.turns_on_the_spot else (-_EDGE, _EDGE)
-    for speed, rate in [(0.0, 0.0), *itertools.product(speeds, _RATES)]:
-        twist = np.array([speed, 0.0, rate] if robot.drives_sideways else [speed, rate])
+def slow_moves(context: PlanningContext) -> list[Plan]:
+    """Moves along an arc that end farther from what is near than they begin, the farthest first."""
+    start, robot = context.start, context.start.robot
+    space, ends = start.world.free_space(context.settings), np.cumsum(context.horizon.durations)
+    longest, found = max(int(np.searchsorted(ends, _LASTING)), 1), []
+    for twist in _slow_twists(robot):
         controls = context.zero_controls
-        controls[:1] = robot.limited(robot.controls(twist))
-        plans.append(context.driven(controls))
-    return plans
+        controls[:longest] = robot.limited(robot.controls(twist))
+        plan = context.driven(controls)
+        away = space.at(plan.poses[: longest + 1], start.progress).min(axis=1)
+        gains = np.where(np.minimum.accumulate(away) >= min(away[0], 0.0) - TOUCHING, away, -np.inf)
+        last = int(gains.argmax())
+        if away[last] > away[0] + TOUCHING:
+            controls[last:] = 0.0
+            found.append((away[last], context.driven(controls)))
+    return [plan for _, plan in sorted(found, key=lambda each: -each[0])]
+
+
+def _slow_twists(robot: Robot) -> list[Array]:
+    """Twists with which it edges away: along arcs, or to all sides if it can drive sideways."""
+    if robot.drives_sideways:
+        ways = np.linspace(0.0, math.tau, 8, endpoint=False).tolist()
+        return [_EDGE * np.array([math.cos(each), math.sin(each), 0.0]) for each in ways]
+    speeds = (-_EDGE, 0.0, _EDGE) if robot.turns_on_the_spot else (-_EDGE, _EDGE)
+    return [np.array(each) for each in itertools.product(speeds, _RATES)]

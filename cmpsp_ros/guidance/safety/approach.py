@@ -31,6 +31,7 @@ _OF_MARGIN: Final = 0.2
 """Part of `safety.margin` that wheels which lag must keep: lags between those tried may lead a
 little nearer to something."""
 
+_SLOW: Final = 0.5  # speed below which errors of prediction shrink with it [m/s]
 STANDSTILL: Final = 0.02  # speed below which the robot may as well stand [m/s]
 _SOME_CELLS: Final = 4.0  # cells by which the grid looked at exceeds what a path can touch
 _UNSEEN: Final = 'unseen'  # name of space that no sensor has seen yet, among the names of obstacles
@@ -211,10 +212,12 @@ class Approach:
                 checked = self._validator.check(start, slower.controls, durations, pending)
             if not checked.passed or not self._sees_enough(slower, checked.ramp, start):
                 continue
+            # What is slow errs less, and must get out of where the margin is used up.
+            twist = self._settings.robot.twist(slower.controls[:1])
+            fastest = abs(float(self._settings.footprint.speeds_and_turns(twist)[0, 0]))
+            part = min(fraction, fastest / min(_SLOW, self._settings.pace))
             if all(
-                self._lag_validator.is_clear_with(
-                    each, here, slower, checked.ramp, fraction * error
-                )
+                self._lag_validator.is_clear_with(each, here, slower, checked.ramp, part * error)
                 for each in risk.responses
             ):
                 return slower, checked

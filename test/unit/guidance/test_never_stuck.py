@@ -12,15 +12,17 @@ from seeing import Drive
 from tight_places import CELL, TightRun, map_of, task
 
 from cmpsp_ros.guidance import FallbackLevel, Goal, GuidanceLaw, Observation
-from cmpsp_ros.guidance.commands.recovery import edge_away
+from cmpsp_ros.guidance.commands.recovery import slow_moves
 from cmpsp_ros.guidance.mission.progress_watch import ProgressWatch, Remedy, why_unreachable
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.times import Horizon
+from cmpsp_ros.guidance.world import World
 from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 from cmpsp_ros.robots import DifferentialDrive
 from cmpsp_ros.sensing import SightSettings
 from cmpsp_ros.world.obstacles import Capsule
+from cmpsp_ros.world.roads import OpenFloor
 
 LIMITED = DifferentialDrive(max_wheel_speed=20.0, max_wheel_acceleration=50.0)
 
@@ -264,15 +266,21 @@ def test_a_goal_shut_off_by_what_only_the_scanner_sees():
 
 
 @pytest.mark.parametrize('robot', ['case1', 'omni_aisle', 'parking'])
-def test_moves_away_from_what_is_near_are_slow_and_last_one_step(robot):
+def test_moves_away_from_what_is_near_are_slow_and_end_farther_from_it(robot):
     given = guidance_settings(TABLE.resolve(load_parameter_file(robot)))
-    period = round(given.control_period * 1e9)
-    horizon = Horizon.between([k * period for k in range(6)])
-    still, *moves = edge_away(PlanningContext.at_pose(given, given.world, np.zeros(3), horizon))
+    beside = given.circumscribed_radius + 0.05
+    wall = Capsule('wall', (-1.0, beside), (1.0, beside), 0.01)
+    world = World(OpenFloor(), (wall,))
+    horizon = Horizon.between([k * round(given.control_period * 1e9) for k in range(41)])
 
-    np.testing.assert_array_equal(still.poses[-1], still.poses[0])
-    assert len({tuple(each.poses[-1].round(6)) for each in moves}) > 3
-    for each in moves:
-        steps = np.hypot(*np.diff(each.poses[:, :2], axis=0).T) / given.control_period
+    moves = slow_moves(PlanningContext.at_pose(given, world, np.zeros(3), horizon))
+
+    assert len(moves) >= 2
+    ends = [world.free_space(given).at(each.poses).min(axis=1) for each in moves]
+    assert ends == sorted(ends, key=lambda away: -away[-1])
+    for each, away in zip(moves, ends, strict=True):
+        steps = np.hypot(*np.diff(each.poses[:, :2], axis=0).T) / each.horizon.durations
         assert steps.max() <= 0.1 + 1e-9
         assert steps[-1] == 0.0
+        assert away[-1] > away[0]
+        assert away.min() >= min(away[0], 0.0) - 1e-3

@@ -10,13 +10,17 @@ import sys
 from pathlib import Path
 
 import pytest
-from backports import zstd
 from bag_messages import HELLO, STATUS, STRING
 from rosbags.interfaces import MessageDefinition, MessageDefinitionFormat
 
 from cmpsp_ros.bags import Bag, BagError, BagWriter, Form
 from cmpsp_ros.bags.recover import recover
 from cmpsp_ros.bags.storage.limits import MAX_CHUNK, MAX_METADATA, MAX_TOPICS
+
+if sys.version_info >= (3, 14):
+    from compression import zstd
+else:
+    from backports import zstd
 
 HERE = Path(__file__).parent
 REPOSITORY = HERE.parents[3]

@@ -78,3 +78,15 @@ def test_who_is_far_away_is_no_matter(drive, outcomes):
     found = outcomes(beside(drive, 5.0))['people']
     assert found.outcome is SKIPPED
     assert 'Nobody comes near' in found.sentence
+
+
+@pytest.mark.parametrize(('away', 'outcome'), [(0.0, FAILED), (5.0, PASSED), (None, NOT_JUDGED)])
+def test_what_only_the_simulator_knows_of_is_judged_by_its_parameters(
+    drive, outcomes, away, outcome
+):
+    drive.parameters |= SCANNER
+    if away is not None:
+        x, y, _ = drive.odometry[len(drive.odometry) // 2].pose
+        drive.sim = {'sim.obstacles.names': ['crate'], 'sim.obstacles.crate.radius': 0.1}
+        drive.sim['sim.obstacles.crate.center'] = [float(x) - away, float(y) + away]
+    assert outcomes(drive)['obstacles'].outcome is outcome

@@ -108,8 +108,8 @@ def scan_of(scan, scanner):
 
 def scanned(drive, *crates):
     """Record scans of the known obstacles, and of crates that only a scanner shows."""
-    drive.parameters |= {**SCANNER, 'robot.radius': 0.06}
     shapes = (*drive_settings(drive).obstacles, *crates)
+    drive.parameters |= {**SCANNER, 'robot.radius': 0.06}
     scanner = laser_settings(TABLE.resolve({}))
     laser, around = Laser(scanner, 0), (edges_of(shapes), discs_of(shapes))
     for one, other in pairwise(drive.odometry):

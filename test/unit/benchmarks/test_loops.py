@@ -86,11 +86,6 @@ def test_what_does_not_solve_the_task_is_not_timed(task):
     assert found.left_out['broken'] == 'it has no compiler'
 
 
-def test_without_a_baseline_there_is_no_comparison(task):
-    with pytest.raises(BenchError, match='lazy: it misses the goal'):
-        compare(task, [Lazy(task, 'lazy', []), CondensedDaqp(task)], STEPS, 1)
-
-
 def test_ratios_are_medians_of_quotients_in_the_same_step(task):
     outcome = task.outcome(task.guess(2))
     one = Timed('one', outcome, np.array([[1.0, 10.0], [2.0, 10.0], [3.0, 10.0]]))
@@ -100,25 +95,6 @@ def test_ratios_are_medians_of_quotients_in_the_same_step(task):
     assert found.ratios('one', 'other') == Ratios(0.5, 0.75)
     assert found.ratios('one', 'third') is None
     assert found.ratios('third', 'one') is None
-
-
-@pytest.mark.parametrize('steps', [1, 7, 50])
-def test_any_number_of_steps_takes_the_same_time(task, steps):
-    assert task.durations(steps).sum() == pytest.approx(10.0)
-    assert task.guess(steps).shape == (steps + 1, 2)
-    X = task.problem(task.pose, task.durations(steps)).predict(task.guess(steps))
-    once = task.problem(task.pose, task.durations(1)).predict(task.guess(1))
-    np.testing.assert_allclose(X[-1], once[-1], atol=1e-9)
-
-
-def test_outcome_is_that_of_the_path_itself(task):
-    U = task.guess(20)
-    outcome = task.outcome(U)
-    X = task.settings.robot.roll_out(task.pose, U[:-1], task.durations(20))
-    radius = np.linalg.norm(X[:, :2], axis=1)
-    assert outcome.cost == pytest.approx(7.5 * np.sum((radius - 10.0) ** 2))
-    assert outcome.miss == pytest.approx(np.linalg.norm(X[-1, :2] - task.settings.goal))
-    assert outcome.wheel_speed == 45.13
 
 
 @pytest.mark.parametrize(

@@ -3,9 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks import horizons
-from benchmarks.common import BenchError
-from benchmarks.horizons import Growth, LongHorizons, LongStep, time_long_horizons
+from benchmarks.horizons import Growth
 from benchmarks.loops import close_loop
 from cmpsp_ros.mpsp import Options
 from cmpsp_ros.mpsp.sqp import CMPSP
@@ -76,47 +74,3 @@ def test_the_exponent_is_fitted_to_long_horizons_only():
     assert growth.exponent == pytest.approx(2.5)
     assert growth.steps == list(times)
     assert Growth.of('method', {50: 1.0, 100: 2.0}).exponent is None
-
-
-def of_times(times, peer=None):
-    others = {} if peer is None else {'other': peer}
-    return [
-        LongStep(N, 0.5, 5.0, 10.0, {'warm': time, 'cold': 2.0 * time, **others}, {})
-        for N, time in times.items()
-    ]
-
-
-def test_the_exponent_is_fitted_to_all_horizons():
-    found = LongHorizons(of_times({N: 3e-3 * N**1.5 for N in (50, 100, 200)}, 7.0), {})
-    assert found.exponent() == found.exponent('warm') == pytest.approx(1.5)
-    assert found.exponent('cold') == pytest.approx(1.5)
-    assert found.exponent('other') == pytest.approx(0.0, abs=1e-9)
-    assert found.exponent('nobody') is None
-    assert LongHorizons(of_times({50: 1.0}), {}).exponent() is None
-
-
-def test_a_peer_that_fails_says_why(monkeypatch):
-    class Failing:
-        name, largest = 'sqpmethod + piqp', 400
-
-        def prepare(self, steps):
-            pass
-
-        def step(self, pose, U, durations):
-            raise BenchError('out of order')
-
-    class Lazy(Failing):
-        name = 'sqpmethod + hpipm'
-
-        def step(self, pose, U, durations):
-            return 0.0 * U
-
-    missing = {'qrqp': 'not asked', 'casadi': 'not installed'}
-    monkeypatch.setattr(horizons, 'peers', lambda task: ([Failing(), Lazy()], missing))
-    found = time_long_horizons((25,), 1, beside=True)
-    assert found.found[0].ratios == {}
-    assert found.missing.keys() == {
-        'casadi', 'sqpmethod + piqp, N = 25', 'sqpmethod + hpipm, N = 25',
-    }  # fmt: skip
-    assert found.missing['sqpmethod + piqp, N = 25'] == 'out of order'
-    assert 'misses the goal' in found.missing['sqpmethod + hpipm, N = 25']

@@ -1,8 +1,6 @@
 """The benchmark once, at a small size, with every solver that is installed; and its command."""
 
 import json
-from collections import Counter
-from pathlib import Path
 
 import pytest
 from commands import command
@@ -69,21 +67,6 @@ def test_installed_solvers_solve_the_same_task(task, results):
         assert task.failure(outcome) == ''
 
 
-@pytest.mark.slow
-def test_progress_is_told():
-    told, wanted = Counter(), {}
-
-    def progress(part, pieces):
-        wanted[part] = pieces
-        return lambda: told.update([part])
-
-    small = {'steps': 3, 'horizons': (3,), 'robots': ['jackal'], 'long_horizons': (50,)}
-    run(Order(['case1'], runs=1, tail=4, **small), progress)
-    # Methods that do not solve the task with three steps are not driven.
-    assert told.pop('methods') <= wanted.pop('methods')
-    assert told == wanted
-
-
 def test_a_wrong_preset_leaves_no_folder(tmp_path):
     done = invoke('cas3', '--output', tmp_path / 'folder')
     assert done.exit_code == 1
@@ -100,14 +83,6 @@ def test_an_existing_file_is_kept(tmp_path):
     assert path.read_text() == 'mine'
     with pytest.raises(BenchError, match='existing file'):
         run(Order(['case1'], runs=1, tail=1, output=path))
-
-
-def test_the_command_line_of_an_order():
-    order = Order(['case1', 'my file.yaml'], 3, 100, peers=True, latency=True, output=Path('out'))
-    assert order.command == (
-        "cmpsp bench case1 'my file.yaml' --runs 3 --tail 100 --peers --latency --output out"
-    )
-    assert Order((), 20, 50).command == 'cmpsp bench --runs 20 --tail 50'
 
 
 @pytest.mark.slow

@@ -16,7 +16,7 @@ from cmpsp_ros.mpsp.qp.curvature import (
     nearest_positive_semidefinite,
     project_stages,
 )
-from cmpsp_ros.mpsp.qp.dense.closed_form import is_positive_definite, is_positive_definite_along
+from cmpsp_ros.mpsp.qp.dense.closed_form import is_positive_definite
 
 
 def program(seed=0, shape=(5, 3, 2, 2, 2), lost=0.0):
@@ -97,29 +97,6 @@ def test_what_is_not_finite_is_left_to_the_back_end():
     huge = replace(spoilt.linearisation, L_UU=np.full_like(L_UU, 1e308))
     overflowing = replace(subproblem, linearisation=huge)
     assert convexify(overflowing) is overflowing
-
-
-def test_definiteness():
-    assert is_positive_definite(np.empty((0, 0)))
-    assert is_positive_definite(np.diag([1e-6, 1.0]))
-    assert not is_positive_definite(np.diag([1e-12, 1.0]))
-    assert not is_positive_definite(np.diag([-1.0, 1.0]))
-    assert not is_positive_definite(np.zeros((2, 2)))
-    assert not is_positive_definite(np.array([[1.0, np.nan], [np.nan, 1.0]]))
-    assert not is_positive_definite(np.array([[np.inf, 0.0], [0.0, 1.0]]))
-
-
-def test_definiteness_along_a_constraint():
-    H = np.diag([-1.0, 1.0, 1.0])
-    assert is_positive_definite_along(H, np.array([[1.0, 0.0, 0.0]]))
-    assert is_positive_definite_along(H, np.array([[1.0, 0.0, 0.0], [2.0, 0.0, 0.0]]))
-    assert not is_positive_definite_along(H, np.array([[0.0, 1.0, 0.0]]))
-    assert not is_positive_definite_along(H, np.zeros((1, 3)))
-    assert not is_positive_definite_along(H, np.empty((0, 3)))
-    assert is_positive_definite_along(-H, np.eye(3))
-    assert not is_positive_definite_along(H, np.array([[np.nan, 0.0, 0.0]]))
-    H[0, 1] = np.inf
-    assert not is_positive_definite_along(H, np.array([[1.0, 0.0, 0.0]]))
 
 
 def test_projection_is_the_nearest():

@@ -80,6 +80,21 @@ def test_answers_are_in_the_shapes_of_the_stages(name, seed):
         np.testing.assert_allclose(at[pulls], limit[pulls], atol=1e-5)
 
 
+def test_arrays_of_any_kind_are_taken():
+    """Read-only, in the other order, or of whole numbers."""
+    subproblem, penalties = general()
+    lin = replace(subproblem.linearisation, h_U=np.ones((2, 2)))
+    odd = {name: np.asfortranarray(array) for name, array in vars(lin).items()}
+    odd['h_U'] = np.ones((2, 2), dtype=int)
+    strange = replace(
+        subproblem, linearisation=Linearisation(**odd), lower=np.broadcast_to(-0.8, (6, 2))
+    )
+    wanted = solve_qp(replace(subproblem, linearisation=lin), 'riccati_active_set', penalties)
+    assert wanted.status is QPStatus.SOLVED
+    found = solve_qp(strange, 'riccati_active_set', penalties)
+    np.testing.assert_array_equal(found.dU, wanted.dU)
+
+
 def written_out(subproblem, solution, penalties):
     """Stationarity, feasibility, signs and slackness of the condensed program, by its matrices."""
     qp = subproblem.condensed

@@ -148,8 +148,9 @@ class ParameterTable:
             return Problem(describe(key), 'no text', "a parameter's name")
         candidates = list(self._single)
         for block in self._blocks.values():
-            # The prefix itself may be misspelt: the name is behind the first dot.
-            name = key.partition('.')[2].partition('.')[0] or key.partition('.')[0]
+            # A prefix may be misspelt: it has as many dots, and the name is behind them.
+            parts = key.split('.')
+            name = parts[min(block[0].prefix.count('.'), len(parts) - 1)]
             candidates += [parameter.key(name) for parameter in block]
         # A block's name that is no name makes a key that is near itself.
         others = [candidate for candidate in candidates if candidate != key]

@@ -27,7 +27,7 @@ from cmpsp_ros.programs import quick_exit
 TAKE_PERIOD: Final = 0.05  # time between two rounds through the queues [s]
 
 # Time between two flushes [s]; what came after the last is lost when the process is killed.
-FLUSH_PERIOD: Final = 0.5
+FLUSH_PERIOD: Final = 0.9
 # Messages a topic may hold between two rounds; memory is taken only as they come.
 QUEUE_DEPTH: Final = 10_000
 # The end: nothing published before the signal has come for the first [s], or the second [s].

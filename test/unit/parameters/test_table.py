@@ -87,6 +87,7 @@ def test_a_name_that_cannot_be_part_of_a_parameter_name(name):
     [
         ('weights.road_centre', ' (did you mean weights.road_center?)'),
         ('obstacles.c.centre', ' (did you mean obstacles.c.center?)'),
+        ('sim.obstacle.bin.center', ' (did you mean sim.obstacles.bin.center?)'),
         ('obstacle.a.center', ' (did you mean obstacles.a.center?)'),
         ('waypoint.b.position', ' (did you mean waypoints.b.position?)'),
         ('obstacles', ' (did you mean obstacles.names?)'),

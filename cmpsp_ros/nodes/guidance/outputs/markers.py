@@ -11,11 +11,11 @@ from rclpy.duration import Duration
 from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance import NANOSECONDS, Decision, Goal, GuidanceSettings, LawSettings, World
 from cmpsp_ros.guidance.messages import PeerTrajectory, Track
 from cmpsp_ros.guidance.safety import plan_clearance
 from cmpsp_ros.view import LEVEL_COLORS, MOVING, SIGMAS, course, kept_clear
-from cmpsp_ros.world.obstacles import outline_of
 
 _HEIGHT = 0.2
 
@@ -36,6 +36,7 @@ PLENTY: Final = 0.3  # clearance beyond `safety.margin` from which on nothing is
 _LIFETIME: Final = 5.0  # control periods for which markers stay when no more come
 _WIDTH: Final = 0.06
 _RING: Final = 0.02
+_FINE: Final = 1024.0  # parts of a metre that are drawn: bags of numbers with few bits are small
 _AHEAD: Final = 1.0  # time ahead for which positions of moving obstacles are shown [s]
 
 
@@ -150,7 +151,7 @@ class PlanMarkers:
         sec, nanosec = divmod(decision.stamp, NANOSECONDS)
         made = _Markers(self._frame_id, Time(sec=sec, nanosec=nanosec), self._lifetime)
         color = _COLORS['arrived' if decision.finished else level]
-        places = [] if plan is None else plan.poses[:, :2].tolist()
+        places = [] if plan is None else _coarse(plan.poses[:, :2])
         self._place = places[0] if places else self._place
         band, line = _line(places, 2.0 * _WIDTH, color), _line(places, _WIDTH, FAR)
         # Above the band, for who looks from above.
@@ -196,10 +197,13 @@ class PlanMarkers:
                 pale = _disc(center, track.radius + SIGMAS * doubt, _PALE, _RING, -_WIDTH / 2.0)
                 made.add(f'moving_doubts{suffix}', pale, track.id)
             radius = track.radius + moving.growth * since + moving.quantile * doubt + kept
-            # Rings of one size, in millimetres, have the same points: bags stay small.
-            ring = _line(outline_of([(0.0, 0.0)], round(radius, 3)), _RING, _MOVING)
-            ring.pose.position = _point(center)
-            made.add(margin, ring, track.id)
+            kept_clear_of = _disc(center, radius, _PALER, _RING, -_WIDTH)
+            made.add(margin, kept_clear_of, track.id)
+
+
+def _coarse(points: Array) -> list[list[float]]:
+    places: list[list[float]] = (np.round(points * _FINE) / _FINE).tolist()
+    return places
 
 
 def color_of(spare: float) -> ColorRGBA:
@@ -221,4 +225,5 @@ NEAR, HALFWAY, FAR = _color('#d55e00'), _color('#f0e442'), _color('#009e73')
 
 _MOVING: Final = _color(MOVING)
 _PALE: Final = ColorRGBA(r=_MOVING.r, g=_MOVING.g, b=_MOVING.b, a=0.2)
+_PALER: Final = ColorRGBA(r=_MOVING.r, g=_MOVING.g, b=_MOVING.b, a=0.1)
 _COLORS: Final = {name: _color(text) for name, text in LEVEL_COLORS.items()}

@@ -8,7 +8,7 @@ from drives import SECOND, START
 from test_promise import SCANNER
 
 from cmpsp_ros.bags.audit import CheckOutcome
-from cmpsp_ros.bags.runs.encounters import Encounter, driven_into
+from cmpsp_ros.bags.runs.sensor_clearance import Encounter, driven_into
 
 PASSED, FAILED, SKIPPED, NOT_JUDGED = CheckOutcome
 

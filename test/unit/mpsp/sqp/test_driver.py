@@ -10,10 +10,12 @@ from robot_runs import assert_same, driver_for, improve, iterates, robot_options
 from cmpsp_ros.guidance.formulation import FUNCTIONS
 from cmpsp_ros.guidance.formulation.guidance_problem import with_parameters
 from cmpsp_ros.guidance.formulation.ocp_functions import CostHessian
-from cmpsp_ros.mpsp import SLACK_TOLERANCE
+from cmpsp_ros.mpsp import SLACK_TOLERANCE, Dimensions
 from cmpsp_ros.mpsp.models import CONTROL_RATE, ControlRateData, ControlRateProblem, Rates
 from cmpsp_ros.mpsp.qp import QPStatus
 from cmpsp_ros.mpsp.qp.riccati import Outcome
+from cmpsp_ros.mpsp.sqp.iteration import LEVELS, relax
+from cmpsp_ros.mpsp.sqp.workspace import workspace
 from cmpsp_ros.robots.motion import within_ramp
 from cmpsp_ros.world.obstacles import Obstacle
 
@@ -132,6 +134,29 @@ def test_the_lightest_constraints_are_relaxed_first_and_alone(limit, obstacles):
         seen = [step for step in steps if step.needed_slack]
         assert all(step.qp_status is QPStatus.SOLVED for step in seen)
         assert max(step.slack_path.max() for step in seen) > 0.05
+
+
+@pytest.mark.parametrize(
+    ('weights', 'soft'),
+    [
+        ([1.0, 2.0, 3.0, 4.0], [[], [0], [0, 1], [0, 1, 2, 3]]),
+        ([5.0, 2.0, 2.0, 5.0], [[], [1, 2], [0, 1, 2, 3], [0, 1, 2, 3]]),
+        ([7.0, 7.0, 7.0, 7.0], [[], [0, 1, 2, 3], [0, 1, 2, 3], [0, 1, 2, 3]]),
+        ([np.inf, 1.0, np.inf, 2.0], [[], [1], [1, 3], [1, 3]]),
+    ],
+    ids=str,
+)
+def test_levels_relax_the_lightest_constraints_first(weights, soft):
+    """Two outputs and two path constraints; what is relaxed has its weight for a penalty."""
+    weights = np.array(weights)
+    p = workspace(Dimensions(5, 3, 2, 2, 2), weights[:2], weights[2:], np.full(3, np.inf)).program
+    for level in range(LEVELS + 1):
+        is_hard = relax(p, level)
+        wanted = np.where(np.isin(range(4), soft[level]), weights, np.inf)
+        np.testing.assert_array_equal(p.terminal['penalty'], wanted[:2])
+        np.testing.assert_array_equal(p.path['penalty'], np.tile(wanted[2:], (6, 1)))
+        # At the last level all is relaxed that may be.
+        assert is_hard == (len(soft[level]) < 4 and level < LEVELS)
 
 
 def test_without_curvature_the_run_ends():

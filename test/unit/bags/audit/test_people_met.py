@@ -110,7 +110,7 @@ def scanned(drive, *crates):
     """Record scans of the known obstacles, and of crates that only a scanner shows."""
     shapes = (*drive_settings(drive).obstacles, *crates)
     drive.parameters |= {**SCANNER, 'robot.radius': 0.06}
-    scanner = laser_settings(TABLE.resolve({}))
+    scanner = laser_settings(TABLE.resolve({'sim.scan.rate': 10.0}))
     laser, around = Laser(scanner, 0), (edges_of(shapes), discs_of(shapes))
     for one, other in pairwise(drive.odometry):
         seconds = (other.stamp - one.stamp) / 1e9

@@ -10,7 +10,7 @@ from drives import SECOND, START, drive_settings
 from test_promise import SCANNER
 
 from cmpsp_ros.bags.audit import CheckOutcome
-from cmpsp_ros.bags.runs.encounters import Encounter, driven_into
+from cmpsp_ros.bags.runs.sensor_clearance import Encounter, driven_into
 from cmpsp_ros.parameters import TABLE, laser_settings
 from cmpsp_ros.simulator import Laser, Motion, discs_of, edges_of
 from cmpsp_ros.world.obstacles import Obstacle

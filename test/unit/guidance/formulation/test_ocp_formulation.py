@@ -8,13 +8,13 @@ from scenarios import CASES, FIRST, ROAD, SECOND, clearance, closed_loop, settin
 
 from cmpsp_ros.guidance import FallbackLevel, Goal, Safety
 from cmpsp_ros.guidance.formulation import OcpFormulation, goal_space, sample_space
-from cmpsp_ros.guidance.formulation.ocp_formulation import terminal_penalty
+from cmpsp_ros.guidance.formulation.ocp_formulation import path_space, terminal_penalty
 from cmpsp_ros.guidance.goals import Target
 from cmpsp_ros.guidance.mission.goal_manager import GoalManager
 from cmpsp_ros.world import outside
 from cmpsp_ros.world.inter_sample_margin import inside
 from cmpsp_ros.world.obstacles import Obstacle
-from cmpsp_ros.world.roads import Corridor
+from cmpsp_ros.world.roads import Annulus, Corridor, OpenFloor
 
 TARGET = settings().target
 GUESS = np.tile([45.0, 44.0], (11, 1))
@@ -84,6 +84,22 @@ def test_an_obstacle_outranks_the_edge_and_the_edge_the_goal():
     assert edges.max() < obstacles.min()
 
 
+LINE = Corridor(((0.0, -9.0), (9.0, 0.0), (0.0, 9.0)), (1.0, 1.0, 1.0), (1.5, 1.5, 1.5))
+
+
+@pytest.mark.parametrize('road', [Annulus(), LINE, OpenFloor()])
+def test_each_sample_keeps_what_the_longer_of_its_two_steps_asks_for(road):
+    given = replace(CASES['case 3'], road=road)
+    lengths = [0.27, 0.2, 0.05, 0.2, 0.2, 0.295]
+    asked = [0.27, 0.27, 0.2, 0.2, 0.2, 0.3, 0.3]
+    space = space_of(given, GUESS, np.array(lengths), TARGET)
+    assert space.radii.shape == (7, 2)
+    for k, longest in enumerate(asked):
+        wanted = sample_space(given, given.world, longest)
+        np.testing.assert_array_equal(space.radii[k], wanted.radii)
+        np.testing.assert_array_equal(space.road.kept[k], wanted.road.kept[0])
+
+
 def test_without_a_wheel_limit_the_guess_says_what_room_its_arcs_need():
     durations = np.full(10, 0.2)
     slow, fast = (space_of(CASES['case 2'], each, durations, TARGET) for each in (GUESS / 2, GUESS))
@@ -96,6 +112,27 @@ def test_without_a_wheel_limit_the_guess_says_what_room_its_arcs_need():
 
 
 NEAR = Obstacle('near', (10.323, -0.143), 0.283)
+
+
+def test_the_last_sample_may_be_as_near_as_the_path_where_the_goal_is():
+    """Seven centimetres from an obstacle, where samples have to keep more."""
+    given = settings((NEAR,), 51.0)
+    samples, path = sample_space(given, given.world), path_space(given, given.world)
+    away = np.hypot(0.323, 0.143)
+    assert path.radii[0] < away < samples.radii[0]
+    space = space_of(given, GUESS, np.full(10, 0.2), TARGET)
+    assert space.radii[:, 0].tolist() == [samples.radii[0]] * 10 + [path.radii[0]]
+    assert set(space.annulus.outer.tolist()) == set(samples.annulus.outer.tolist())
+
+
+def test_after_a_longer_last_step_the_goal_counts_as_near_from_farther_away():
+    given = settings((replace(NEAR, radius=0.22),), 51.0)
+    durations = np.full(10, 0.2)
+    assert space_of(given, GUESS, durations, TARGET).radii.shape == (1,)
+    durations[-1] = 0.29
+    space = space_of(given, GUESS, durations, TARGET)
+    longer = sample_space(given, given.world, 0.29)
+    np.testing.assert_array_equal(space.radii[-2:, 0], [longer.radii[0], 0.22])
 
 
 @pytest.mark.parametrize('margin', [0.0, 0.05])

@@ -144,10 +144,8 @@ bench: setup  ## time the control steps, more options in BENCH_ARGS; doc/referen
 	$(BIN)/python -m benchmarks $(BENCH_ARGS)
 
 docs: setup  ## write doc/reference/topics.md and parameters.md, config/defaults.yaml and cmpsp.policy.xml
-	$(BIN)/python -m cmpsp_ros.nodes.common.topics doc/reference/topics.md
+	$(BIN)/python .ci/documentation.py
 	$(BIN)/python -m cmpsp_ros.nodes.security_policy config/cmpsp.policy.xml
-	$(BIN)/python -m cmpsp_ros.parameters.documentation --write doc/reference/parameters.md
-	$(BIN)/python -m cmpsp_ros.parameters.documentation --defaults > config/defaults.yaml
 
 # The runs on the pages; pictures of the benchmark come with it, those of a browser and films by hand.
 pictures: setup  ## draw the runs in doc/images/ again
@@ -164,7 +162,7 @@ site: $(PACKAGE)  ## build a site of the documentation into site/; a dead link i
 	rm -rf $(PAGES)
 	mkdir -p $(PAGES)
 	cp -r README.md CONTRIBUTING.md CHANGELOG.rst LICENSE config doc $(PAGES)
-	$(BIN)/python -m cmpsp_ros.cli.documentation $(PAGES)/doc/reference
+	$(BIN)/python .ci/documentation.py $(PAGES)/doc/reference
 	NO_MKDOCS_2_WARNING=1 .cache/site/bin/mkdocs build
 	@echo 'site/doc/start.html'
 

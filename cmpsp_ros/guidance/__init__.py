@@ -10,14 +10,16 @@ if TYPE_CHECKING:
         FIELDS,
         Decision,
         FallbackLevel,
+        Key,
         Plan,
         decision_to_key_values,
+        exact_repr,
         is_at_rest,
         response_ms,
         severity,
+        truth,
         waypoints,
     )
-    from cmpsp_ros.guidance.decision_entries import Key, exact_repr, truth
     from cmpsp_ros.guidance.goals import Follow, Goal, GoalError
     from cmpsp_ros.guidance.law import GuidanceLaw
     from cmpsp_ros.guidance.prediction.estimator import Observation

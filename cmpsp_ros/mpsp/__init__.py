@@ -11,7 +11,6 @@ from cmpsp_ros.front_door import lazy_exports
 if TYPE_CHECKING:
     from cmpsp_ros.mpsp.arguments import ProblemError
     from cmpsp_ros.mpsp.convergence import Convergence
-    from cmpsp_ros.mpsp.gradient import Gradient, gradient
     from cmpsp_ros.mpsp.models.casadi_functions import from_casadi
     from cmpsp_ros.mpsp.models.control_rate import ControlRateProblem
     from cmpsp_ros.mpsp.models.derivatives import DerivativeReport, check_derivatives
@@ -39,6 +38,7 @@ if TYPE_CHECKING:
         Violation,
     )
     from cmpsp_ros.mpsp.scaling import Scaling
+    from cmpsp_ros.mpsp.solution_gradient import Gradient, gradient
     from cmpsp_ros.mpsp.sqp.cmpsp import CMPSP
     from cmpsp_ros.mpsp.sqp.solve import solve
 

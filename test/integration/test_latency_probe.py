@@ -12,7 +12,6 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.time import Time
 
 from benchmarks.common import BenchError
-from benchmarks.over_dds import latency
 from benchmarks.over_dds.latency import measure_latency
 from cmpsp_ros.nodes.common import SIM_ODOM
 from cmpsp_ros.nodes.common.topics import DECISION
@@ -51,8 +50,7 @@ def probe(spawn, tmp_path: Path, short: Path):
     return start
 
 
-def test_a_whole_run_is_measured(short: Path, monkeypatch: pytest.MonkeyPatch, ros_domain: int):
-    monkeypatch.setattr(latency, 'use_free_domain', lambda: ros_domain)
+def test_a_whole_run_is_measured(short: Path):
     found = measure_latency(str(short), 1)
     assert found.runs == 1
     assert len(found.total) == len(found.own)
@@ -118,8 +116,7 @@ def test_it_refuses_to_start(probe, parameters, said):
     assert 'Traceback' not in running.stderr
 
 
-def test_a_preset_that_the_node_refuses(tmp_path: Path, monkeypatch, ros_domain: int):
-    monkeypatch.setattr(latency, 'use_free_domain', lambda: ros_domain)
+def test_a_preset_that_the_node_refuses(tmp_path: Path):
     path = tmp_path / 'bad.yaml'
     write_parameter_file(path, load_parameter_file('case3') | {'goal.position': [0.0, 0.0]})
     with pytest.raises(BenchError, match='latency: '):

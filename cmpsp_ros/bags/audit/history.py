@@ -9,7 +9,7 @@ from pathlib import Path
 
 from cmpsp_ros.bags.names import Names
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.replay.node_parameters import EVENTS, NodeParameters, changes_in
+from cmpsp_ros.bags.replay.recording import EVENTS, NodeParameters, changes_in
 from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings
 from cmpsp_ros.parameters import TABLE, Values, guidance_settings, load_parameter_file, shapes_of
 from cmpsp_ros.world.obstacles import Shape

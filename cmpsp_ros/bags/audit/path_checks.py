@@ -11,9 +11,8 @@ from cmpsp_ros.bags.audit.finding import NotJudgedError, Sample, SkippedError, c
 from cmpsp_ros.bags.audit.legs import Commands, Leg
 from cmpsp_ros.bags.audit.record import EDGES, AuditRecord, Sweep, path_gap
 from cmpsp_ros.bags.decision_record import DecisionRecord
-from cmpsp_ros.bags.runs.encounters import Encounter, driven_into
 from cmpsp_ros.bags.runs.odometry import interpolated, is_within
-from cmpsp_ros.bags.runs.sensor_clearance import EXACT
+from cmpsp_ros.bags.runs.sensor_clearance import EXACT, Encounter, driven_into
 from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings
 from cmpsp_ros.robots.motion import arc_ends
 from cmpsp_ros.world.obstacles import ROUGHNESS

@@ -17,7 +17,6 @@ from cmpsp_ros.bags.audit.legs import Commands, KnownPath, Leg, Pairs
 from cmpsp_ros.bags.decision_record import DecisionRecord
 from cmpsp_ros.bags.names import Names
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.runs.encounters import Encounter, encounters, robot_encounters
 from cmpsp_ros.bags.runs.odometry import (
     Hole,
     OdometrySeries,
@@ -27,7 +26,15 @@ from cmpsp_ros.bags.runs.odometry import (
     pieces,
 )
 from cmpsp_ros.bags.runs.run import DrivenPath, lifetime, plans_in, seen_at
-from cmpsp_ros.bags.runs.sensor_clearance import Knowledge, SensorClearance, look, sightings
+from cmpsp_ros.bags.runs.sensor_clearance import (
+    Encounter,
+    Knowledge,
+    SensorClearance,
+    encounters,
+    look,
+    robot_encounters,
+    sightings,
+)
 from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings, to_nanoseconds
 from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.world.roads import FAR

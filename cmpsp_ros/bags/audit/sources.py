@@ -10,9 +10,9 @@ from cmpsp_ros.bags.decision_record import read_decisions, wheel_speeds
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.names import Names
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.runs.encounters import read_others
 from cmpsp_ros.bags.runs.odometry import read_odometry
 from cmpsp_ros.bags.runs.run import read_tracks, truth_topic
+from cmpsp_ros.bags.runs.sensor_clearance import read_others
 
 _NODE = 'guidance'
 

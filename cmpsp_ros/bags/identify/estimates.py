@@ -11,7 +11,7 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.bags.identify.drives import Drive
-from cmpsp_ros.bags.identify.fit import LAG, LIMIT, RATIO, SCALE, SUM, Fit, fit
+from cmpsp_ros.bags.identify.model import LAG, LIMIT, RATIO, SCALE, SUM, Fit, fit
 
 # Quantile of 99 %, to keep 95 % although noise is estimated and no robot is quite the model.
 QUANTILE: Final = 2.58

@@ -18,8 +18,7 @@ from cmpsp_ros.bags.decision_record import DecisionRecord
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.names import Names
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.replay.node_parameters import NodeParameters
-from cmpsp_ros.bags.replay.recording import OdometrySample, Recording
+from cmpsp_ros.bags.replay.recording import NodeParameters, OdometrySample, Recording
 from cmpsp_ros.guidance import Decision, Goal, GoalError, GuidanceLaw, GuidanceSettings, Observation
 from cmpsp_ros.guidance.messages import MovingObject
 from cmpsp_ros.parameters import Values

@@ -1,6 +1,5 @@
 """A recorded run as arrays: decisions, goals, moving obstacles and encounters."""
 
-from cmpsp_ros.bags.runs.encounters import Encounter, driven_into, encounters, robot_encounters
 from cmpsp_ros.bags.runs.odometry import (
     holes,
     in_words,
@@ -18,4 +17,10 @@ from cmpsp_ros.bags.runs.run import (
     mean_speed,
     read_run,
     seen_at,
+)
+from cmpsp_ros.bags.runs.sensor_clearance import (
+    Encounter,
+    driven_into,
+    encounters,
+    robot_encounters,
 )

@@ -1,10 +1,5 @@
-"""Topics and services of the nodes: the single source for code and doc/reference/topics.md.
+"""Topics and services of the nodes: the single source for code and doc/reference/topics.md."""
 
-`python -m cmpsp_ros.nodes.common.topics doc/reference/topics.md` writes the table.
-"""
-
-import pathlib
-import sys
 from dataclasses import replace
 
 from diagnostic_msgs.msg import DiagnosticArray, KeyValue
@@ -18,7 +13,6 @@ from visualization_msgs.msg import MarkerArray
 
 from cmpsp_ros.guidance.messages import PeerTrajectory
 from cmpsp_ros.nodes.common.topic import Topic
-from cmpsp_ros.parameters.files import with_section
 
 # Depth for topics that are recorded.
 #
@@ -141,7 +135,7 @@ RECORDER_FLUSH = Topic('recorder', 'srv', '~/flush', Trigger,
 # fmt: on
 
 # Topics that there are where tf2_msgs is installed: no package index has it.
-_TRANSFORMS = (
+TRANSFORMS = (
     ('guidance', 'in', '`/tf`, `/tf_static`', 'the transforms between the frames of messages'),
     ('sim', 'out', '`/tf`', '`base_link` in the frame `frame_id`, with every odometry'),
     ('sim', 'out', '`/tf_static`', 'with `sim.scan.rate`: the scanner in `base_link`; latched'),
@@ -153,25 +147,3 @@ TOPICS = tuple(value for value in list(globals().values()) if isinstance(value, 
 def plans_of(namespace: str) -> Topic:
     """Topic of the plans of another robot."""
     return replace(OTHER_PLANS, name=PeerTrajectory.topic(namespace))
-
-
-def markdown_table() -> str:
-    """The topics and services of all nodes."""
-    rows = ['| node | | name | type | notes |', '|---|---|---|---|---|']
-    for each in TOPICS:
-        package = each.type.__module__.partition('.')[0]
-        kind = f'{package}/{each.type.__name__}'
-        rows.append(f'| {each.node} | {each.direction} | `{each.name}` | {kind} | {each.notes} |')
-    for node, direction, name, notes in _TRANSFORMS:
-        rows.append(f'| {node} | {direction} | {name} | tf2_msgs/TFMessage | {notes} |')
-    return '\n'.join(rows)
-
-
-def with_table(text: str) -> str:
-    """A page with the table as it is now."""
-    return with_section(text, 'topics', markdown_table(), 'the page')
-
-
-if __name__ == '__main__':
-    page = pathlib.Path(sys.argv[1])
-    page.write_text(with_table(page.read_text(encoding='utf-8')), encoding='utf-8')

@@ -1,11 +1,10 @@
-"""Files of parameters, roads and maps, and documentation as files."""
+"""Files of parameters, roads and maps."""
 
 from typing import TYPE_CHECKING
 
 from cmpsp_ros.front_door import lazy_exports
 
 if TYPE_CHECKING:
-    from cmpsp_ros.parameters.documentation import with_section
     from cmpsp_ros.parameters.files.presets import (
         load_robot,
         parse_assignment,

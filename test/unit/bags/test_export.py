@@ -9,6 +9,7 @@ import pytest
 from bag_messages import (
     ARRAY,
     STAMPED,
+    TWIST,
     cloud,
     header,
     joints,
@@ -16,6 +17,7 @@ from bag_messages import (
     odometry,
     path,
     pose_stamped,
+    raw,
     status,
     twist,
     write_bag,
@@ -162,16 +164,20 @@ def test_parquet(bag, tmp_path):
     assert math.isnan(decisions['terminal_error'].to_pylist()[1])
 
 
-def test_many_rows(write, tmp_path, monkeypatch):
-    monkeypatch.setattr('cmpsp_ros.bags.export._BATCH', 3)
-    written = write(*(('/odom', at(stamp, float(stamp))) for stamp in range(10)))
-    assert [*export(written, tmp_path / 'csv').values()] == [10]
-    assert [*export(written, tmp_path / 'parquet', 'parquet').values()] == [10]
-    table = parquet.read_table(tmp_path / 'parquet' / 'odometry.parquet')
-    assert table['x'].to_pylist() == [float(each) for each in range(10)]
-    assert [float(each['x [m]']) for each in rows(tmp_path / 'csv' / 'odometry.csv')] == [
-        float(each) for each in range(10)
-    ]
+def test_many_rows(tmp_path):
+    """More than are held at a time."""
+    many, message = 10_002, raw(twist(1.0, 2.0))
+    written = write_bag(
+        tmp_path / 'many',
+        (('/cmd_vel', k, message) for k in range(many)),
+        kinds={'/cmd_vel': TWIST},
+    )
+    assert [*export(written, tmp_path / 'csv').values()] == [many]
+    assert [*export(written, tmp_path / 'parquet', 'parquet').values()] == [many]
+    table = parquet.read_table(tmp_path / 'parquet' / 'commands.parquet')
+    assert table['received'].to_pylist() == list(range(many))
+    found = rows(tmp_path / 'csv' / 'commands.csv')
+    assert [int(each['received [ns]']) for each in found] == list(range(many))
 
 
 def test_decisions_in_arrays(write, tmp_path):

@@ -58,15 +58,6 @@ def test_all_that_was_asked_for_is_there(results):
     assert results.latency is None
 
 
-@pytest.mark.slow
-def test_installed_solvers_solve_the_same_task(task, results):
-    pytest.importorskip('casadi')
-    found = {each.name: each.outcome for each in results.comparison.timed}
-    assert {'fatrop, to convergence', 'ipopt, to convergence'} <= found.keys()
-    for outcome in found.values():
-        assert task.failure(outcome) == ''
-
-
 def test_a_wrong_preset_leaves_no_folder(tmp_path):
     done = invoke('cas3', '--output', tmp_path / 'folder')
     assert done.exit_code == 1

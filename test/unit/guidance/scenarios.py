@@ -15,7 +15,7 @@ from cmpsp_ros.guidance import (
     SolverSettings,
     severity,
 )
-from cmpsp_ros.guidance.planning import Planner, PlanningContext
+from cmpsp_ros.guidance.planning import PlanningContext
 from cmpsp_ros.guidance.prediction import PlanStart
 from cmpsp_ros.robots import DifferentialDrive
 from cmpsp_ros.world.obstacles import Obstacle
@@ -155,14 +155,9 @@ def after(run, given):
     return given.robot.roll_out(run.pose, wheels, np.array([PERIOD / 1e9]))[-1]
 
 
-def broken(monkeypatch, reason='No.'):
-    """From here on no subproblem is solved."""
-    improve = Planner.improve
-
-    def fail(*arguments, **rest):
-        return improve(*arguments, **rest)._replace(solved=False, reason=reason)
-
-    monkeypatch.setattr(Planner, 'improve', fail)
+def exhausted(given):
+    """The same settings with too little work for any subproblem."""
+    return replace(given, solver=replace(given.solver, work_share=1e-6))
 
 
 def assert_is(fault, decision):

@@ -18,17 +18,16 @@ from scenarios import (
     START,
     after,
     assert_is,
-    broken,
     clearance,
     closed_loop,
     drive,
+    exhausted,
     law_of,
     reconfigure,
     settings,
 )
 
 from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw, Observation, Safety
-from cmpsp_ros.mpsp.qp import QPStatus
 from cmpsp_ros.world.obstacles import Obstacle
 
 COURSE = settings((FIRST, SECOND), 51.0, ROAD)
@@ -311,18 +310,18 @@ def test_odometry_that_jumps_to_another_place():
     assert decision.clearance >= 0.0
 
 
-def test_solver_that_fails(fault, monkeypatch):
+def test_solver_that_fails(fault):
     law, run, pose = under_way(COURSE)
-    broken(monkeypatch, QPStatus.FAILED.value)
+    reconfigure(law, exhausted(COURSE))
     decision = law.step(Observation(ON_TIME[21], pose))
     assert_is(fault, decision)
     np.testing.assert_array_equal(decision.wheel_speeds, run.decisions[-1].plan.controls[1])
 
 
-def test_solver_that_goes_on_failing(fault, monkeypatch):
+def test_solver_that_goes_on_failing(fault):
     given = replace(COURSE, failure_tolerance=3)
     law, _, pose = under_way(given)
-    broken(monkeypatch, QPStatus.FAILED.value)
+    reconfigure(law, exhausted(given))
     rest = drive(law, given, ON_TIME[21:27], start=pose)
     assert [decision.level for decision in rest.decisions] == [FallbackLevel.PREVIOUS_PLAN] * 3 + [
         FallbackLevel.STOP
@@ -330,5 +329,5 @@ def test_solver_that_goes_on_failing(fault, monkeypatch):
     assert_is(fault, rest.decisions[-1])
     assert_safe(rest, given)
     # Once it works again the robot drives on.
-    monkeypatch.undo()
+    reconfigure(law, given)
     assert law.step(Observation(ON_TIME[27], rest.pose)).level in SETTLED

@@ -186,21 +186,6 @@ def test_a_goal_that_comes_after_one_was_given_up_is_driven_to():
     assert not decision.missed
 
 
-def test_another_way_is_preferred_to_a_place_that_did_not_fit():
-    given = task((6.0, 2.0), map_of(8, 8, (3, 3.1, 0, 1.5), (3, 3.1, 2.5, 6), (3, 3.1, 7, 8)))
-    start, world = np.array([1.0, 2.0]), given.world
-    straight = world.map_search(given).line(start, given.goal, 0.05)
-
-    world = replace(world, searched=world.searched._replace(blocked=((3.0, 2.0),)))
-    around = world.map_search(given).line(start, given.goal, 0.05)
-    both = replace(world, searched=world.searched._replace(blocked=((3.0, 2.0), (3.0, 6.5))))
-    again = both.map_search(given).line(start, given.goal, 0.05)
-
-    assert straight[:, 1].max() < 3.0
-    assert around[:, 1].max() > 6.0
-    assert again[:, 1].max() < 3.0
-
-
 def test_new_ground_and_a_shorter_way_are_progress_and_circles_are_not():
     watch = ProgressWatch()
     watch.count(np.array([0.0, 0.0, 0.0]), 10.0)

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from seeing import Drive
 
-from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw
-from cmpsp_ros.guidance.planning.planner import Planner
+from cmpsp_ros.guidance import FallbackLevel
 
 FAST = {
     'robot.max_wheel_speed': 42.0,
@@ -169,29 +168,14 @@ def test_a_robot_turns_to_what_is_behind_it_and_out_of_sight():
     assert math.dist(drive.pose[:2], drive.settings.goal) < 0.02
 
 
-def test_a_control_step_searches_nothing_and_improves_one_plan(monkeypatch):
+def test_a_control_step_searches_nothing_and_improves_one_plan():
     """Other plans, and the first one where the final time may move, are made after a step."""
-    improve, step, solved = Planner.improve, GuidanceLaw.step, []
-
-    def counted(*arguments):
-        solved[-1] += 1
-        return improve(*arguments)
-
-    def begun(law, observation):
-        solved.append(0)
-        decision = step(law, observation)
-        solved.append(0)
-        return decision
-
-    monkeypatch.setattr(Planner, 'improve', counted)
-    monkeypatch.setattr(GuidanceLaw, 'step', begun)
     drive = Drive('clutter', end=3.0, **{'goal.when': 'soonest'})
     first, *later = drive.decisions
     assert (first.level, first.twist.any()) == (FallbackLevel.STOP, False)
     assert 'while the first plan is made' in first.reason
     assert later[0].level is FallbackLevel.NOMINAL
     assert set(drive.searches) == {0}
-    in_steps, after = solved[::2], solved[1::2]
-    assert (in_steps[0], set(in_steps[1:])) == (0, {1})
-    assert after[0] > 3
-    assert sum(after[1:]) > 5
+    assert (drive.improved[0], set(drive.improved[1:])) == (0, {1})
+    assert drive.looked[0] > 9
+    assert sum(drive.looked[1:]) > 15

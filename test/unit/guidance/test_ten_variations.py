@@ -76,16 +76,6 @@ def is_given_up(decisions, poses, clearance):
     assert last.stamp - newest < 1e9 * LONGEST_WAIT
 
 
-@pytest.mark.slow
-def test_a_gap_with_two_centimetres_beyond_the_margin(number):
-    rng, changes = draw(number)
-    middle = rng.uniform(2.0, 6.0)
-    width = WIDTH + 2.0 * MARGIN + rng.uniform(0.04, 0.08)
-    parts = wall(3.0, gap(middle, width), high=8.0)
-    given = task((6.0, rng.uniform(2.0, 6.0)), map_of(8, 8), *parts, **changes)
-    is_driven(TightRun(given, start(rng, 1.0, 4.0), 60.0), given)
-
-
 def test_a_gap_below_the_margin_beside_a_wider_one(number):
     rng, changes = draw(number)
     narrow = gap(3.2, WIDTH + rng.uniform(0.01, 2.0 * MARGIN - 0.005))
@@ -105,20 +95,6 @@ def test_a_door_that_is_too_narrow_and_one_far_away(number):
     run = TightRun(given, start(rng, 1.0, low + 0.15), 150.0)
     is_driven(run, given)
     assert run.time < 1.2 * (2.0 * far + 5.0) / given.pace
-
-
-@pytest.mark.slow
-def test_a_door_that_is_too_narrow_alone(number):
-    rng, changes = draw(number)
-    low, width = rng.uniform(1.5, 2.5), rng.uniform(0.15, 0.32)
-    given = task(
-        (6.0, low + 0.15),
-        map_of(8, 4, (3, 3.1, 0, low), (3, 3.1, low + width, 4)),
-        final_time=rng.uniform(15.0, 60.0),
-        **changes,
-    )
-    run = TightRun(given, start(rng, 1.0, low + 0.15), 90.0)
-    is_given_up(run.decisions, run.poses, run.clearance)
 
 
 def test_a_maze_of_corridors(number):
@@ -162,15 +138,6 @@ def test_a_trap_and_a_crate_far_away(number):
 
 def sensed(number, changes):
     return changes | ({'goal.when': 'soonest'} if number % 2 else {})
-
-
-@pytest.mark.slow
-def test_a_goal_inside_a_crate_that_is_seen(number):
-    rng, _ = draw(number)
-    half, x = rng.uniform(0.5, 0.9), rng.uniform(3.5, 5.5)
-    crate = box(x - half, x + half, -half, half)
-    run = Drive(end=80.0, **sensed(number, seen([x, 0.0], 8.0, crate=crate)))
-    is_given_up(run.decisions, run.poses, run.clearance)
 
 
 @pytest.mark.slow

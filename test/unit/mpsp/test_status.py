@@ -60,18 +60,6 @@ def test_dimensions_name_what_is_too_small(sizes, named):
     assert Dimensions(1, 1, 1, 0, 0).horizon == 1
 
 
-def test_checked_controls_names_shape_and_stage():
-    problem = VanDerPol(horizon=4)
-    with pytest.raises(ProblemError, match=r'U: found shape \(4, 1\), wanted \(5, 1\)'):
-        problem.checked_controls(np.zeros((4, 1)))
-    U = np.zeros((5, 1))
-    U[3] = np.nan
-    with pytest.raises(ProblemError, match=r'U: found \[nan\] at stage 3'):
-        problem.checked_controls(U)
-    U[3] = 0.0
-    problem.checked_controls(U)
-
-
 def test_linearisation_check_names_every_array():
     problem = LinearQuadratic(np.random.default_rng(1))
     U = np.zeros((6, 2))

@@ -134,23 +134,6 @@ def test_a_command_at_the_instant_of_the_time_out_is_in_time():
     assert plant.twist[0] == pytest.approx(0.4)
 
 
-def test_commands_wait_for_their_delay_in_order():
-    plant = Plant(PlantSettings(robot=LIMITED, actuation_delay=0.3, cmd_vel_timeout=0.0))
-    for number in range(3):
-        plant.advance(number * 100 * MS)
-        plant.command(number * 100 * MS, 0.1 * (number + 1), 0.0)
-    changes = plant.advance(SECOND)
-    assert [change.stamp_ns for change in changes] == [300 * MS, 400 * MS, 500 * MS]
-    assert [change.twist[0] for change in changes] == pytest.approx([0.1, 0.2, 0.3])
-
-
-def test_a_command_given_ahead_of_time_waits_for_it():
-    plant = Plant(PlantSettings(robot=LIMITED))
-    plant.command(100 * MS, 0.1, 0.0)
-    assert plant.advance(99 * MS) == []
-    assert [change.stamp_ns for change in plant.advance(100 * MS)] == [100 * MS]
-
-
 def test_the_past_is_refused():
     plant = Plant(PlantSettings(robot=LIMITED), start_ns=SECOND)
     with pytest.raises(ValueError, match='advance to 0 ns: expected 1000000000 ns or later'):
@@ -171,11 +154,6 @@ def test_the_same_seed_gives_the_same_noise_of_the_size_asked_for():
     assert (measured == [other.measure() for _ in range(4000)]).all()
     assert np.allclose(measured.mean(axis=0), [1.0, 2.0, 3.0], atol=0.01)
     assert np.allclose(measured.std(axis=0), [0.02, 0.02, 0.1], rtol=0.1)
-
-
-def test_without_noise_the_measured_pose_is_the_true_one():
-    plant = Plant(PlantSettings(robot=LIMITED, initial_pose=(1.0, -0.0, 30.0)))
-    assert (plant.measure() == plant.pose).all()
 
 
 def test_a_reset_puts_everything_back_but_time():

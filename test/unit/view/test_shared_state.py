@@ -50,11 +50,10 @@ def test_with_another_run_the_series_begin_again(state):
     assert (updates['first'], updates['series']) == ({'path': 0}, {'path': [[5.0, 6.0]]})
 
 
-def test_a_series_that_is_full_begins_again(state, monkeypatch):
-    monkeypatch.setattr(server, 'LONGEST', 3)
-    for number in range(4):
+def test_a_series_that_is_full_begins_again(state):
+    for number in range(server.LONGEST + 1):
         state.add('path', [float(number), 0.0])
-    assert state.updates(ClientState())['series'] == {'path': [[3.0, 0.0]]}
+    assert state.updates(ClientState())['series'] == {'path': [[float(server.LONGEST), 0.0]]}
 
 
 def test_whatever_is_shown_is_json(state):

@@ -9,7 +9,7 @@ from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
 from cmpsp_ros.robots import DifferentialDrive, TwistLimits
-from cmpsp_ros.robots.motion import arc_ends, arc_from, reach_of
+from cmpsp_ros.robots.motion import arc_ends
 from cmpsp_ros.world import outside
 from cmpsp_ros.world.inter_sample_margin import inside, inside_known, outside_known
 
@@ -139,47 +139,6 @@ def test_inside_is_attained(limits, distance, period):
     assert furthest.max() == pytest.approx(distance, abs=1e-6)
 
 
-@pytest.mark.parametrize('limits', LIMITS)
-@pytest.mark.parametrize('distance', [0.0, 0.5, 9.0])
-def test_straight_line_is_a_lower_bound(limits, distance):
-    straight = math.hypot(distance, limits.speed * 0.2 / 2.0)
-    kept = outside(distance, limits, 0.2)
-    assert kept >= straight - 1e-12
-    if limits is TURNS_NEVER:
-        assert kept == pytest.approx(straight, abs=1e-12)
-        assert inside(distance, limits, 0.2) == distance
-
-
-@unhurried
-@given(
-    distance=st.floats(0.0, 12.0),
-    speed=st.floats(0.0, 3.0),
-    more=st.floats(0.0, 1.0),
-    period=st.floats(0.01, 0.25),
-    longer=st.floats(0.0, 0.05),
-)
-def test_monotone_in_speed_and_period(distance, speed, more, period, longer):
-    def kept(speed, period):
-        limits = TwistLimits(speed, speed / 0.055, 0.055)
-        return outside(distance, limits, period), inside(distance + 1.5, limits, period)
-
-    base, faster, later = (
-        kept(speed, period),
-        kept(speed + more, period),
-        kept(speed, period + longer),
-    )
-    for other in (faster, later):
-        assert other[0] >= base[0] - 1e-9
-        assert other[1] <= base[1] + 1e-9
-
-
-def test_nothing_to_keep_for_a_robot_that_stands():
-    still = TwistLimits(0.0, 0.0)
-    for distance in (0.0, 0.7, 9.0):
-        assert outside(distance, still, 0.2) == distance
-        assert inside(distance, still, 0.2) == distance
-
-
 @unhurried
 @given(
     limits=st.sampled_from([ROBOT, TURNS_NEVER, FREE]),
@@ -196,28 +155,6 @@ def test_known_arcs_need_no_more_than_the_worst(limits, speed_share, turn_share,
     assert distance <= known <= outside(distance, limits, period) + slack
     known = inside_known(distance, twist, period)[0]
     assert distance >= known >= inside(distance, limits, period) - slack
-
-
-def reach(twist, period, point):
-    """Least and greatest distance of an arc from the origin's pose on from a point."""
-    length, turn = (float(each) * period for each in twist[0])
-    return reach_of(arc_from(0.0, 0.0, 0.0, length, turn), float(point[0]), float(point[1]))
-
-
-def test_known_arcs_are_attained():
-    rng = np.random.default_rng(3)
-    for _ in range(50):
-        twist, end = arc(FREE, 1.0, rng.uniform(0.05, 1.0), 0.2)
-        half = math.hypot(*end) / 2.0
-        left = np.array([-end[1], end[0]]) / (2.0 * half)
-        kept = outside_known(np.array([0.7]), twist, 0.2)[0, 0]
-        point = end / 2.0 - math.sqrt(kept**2 - half**2) * left
-        least, _ = reach(twist, 0.2, point)
-        assert least == pytest.approx(0.7, abs=1e-9)
-        kept = inside_known(9.0, twist, 0.2)[0]
-        point = end / 2.0 + math.sqrt(kept**2 - half**2) * left
-        _, greatest = reach(twist, 0.2, point)
-        assert greatest == pytest.approx(9.0, abs=1e-9)
 
 
 @pytest.mark.parametrize(

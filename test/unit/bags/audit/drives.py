@@ -56,6 +56,7 @@ class Drive:
     changes: list = field(default_factory=list)
     restarts: list = field(default_factory=list)
     sightings: list = field(default_factory=list)
+    scans: list = field(default_factory=list)
     obstacles: list = field(default_factory=list)
     people: list = field(default_factory=list)
     truth: list[Sample] = field(default_factory=list)
@@ -133,6 +134,8 @@ class Drive:
                 yield f'{prefix}/{topic}', stamp, cloud(stamp, rows)
         for stamp, cells, *origin in self.sightings:
             yield f'{node}/sighting', stamp, grid(stamp, cells, *origin)
+        for stamp, scan in self.scans:
+            yield f'{prefix}/scan', stamp, scan
         for stamp, key, value in self.changes:
             yield changes, stamp, parameter_event(node, {key: value}, stamp)
         for since, values in [(START, self.parameters), *self.restarts] if self.restarts else ():

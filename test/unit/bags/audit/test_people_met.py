@@ -1,14 +1,19 @@
-"""The audit of people: judged by where the simulator truly had them."""
+"""The audit of what is not told: people and crates, by the simulator and by sensors."""
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
-from drives import SECOND, START
+from bag_messages import header, make
+from drives import SECOND, START, drive_settings
 from test_promise import SCANNER
 
 from cmpsp_ros.bags.audit import CheckOutcome
-from cmpsp_ros.bags.runs.encounters import Encounter, driven_into
+from cmpsp_ros.bags.runs.sensor_clearance import Encounter, driven_into
+from cmpsp_ros.parameters import TABLE, laser_settings
+from cmpsp_ros.simulator import Laser, Motion, discs_of, edges_of
+from cmpsp_ros.world.obstacles import Obstacle
 
 PASSED, FAILED, SKIPPED, NOT_JUDGED = CheckOutcome
 
@@ -78,3 +83,57 @@ def test_who_is_far_away_is_no_matter(drive, outcomes):
     found = outcomes(beside(drive, 5.0))['people']
     assert found.outcome is SKIPPED
     assert 'Nobody comes near' in found.sentence
+
+
+@pytest.mark.parametrize(('away', 'outcome'), [(0.0, FAILED), (5.0, PASSED), (None, NOT_JUDGED)])
+def test_what_only_the_simulator_knows_of_is_judged_by_its_parameters(
+    drive, outcomes, away, outcome
+):
+    drive.parameters |= SCANNER
+    if away is not None:
+        x, y, _ = drive.odometry[len(drive.odometry) // 2].pose
+        drive.sim = {'sim.obstacles.names': ['crate'], 'sim.obstacles.crate.radius': 0.1}
+        drive.sim['sim.obstacles.crate.center'] = [float(x) - away, float(y) + away]
+    assert outcomes(drive)['obstacles'].outcome is outcome
+
+
+def scan_of(scan, scanner):
+    """A scan of the simulator as a message."""
+    angles = scanner.angle_min, scanner.angle_max, scanner.angle_increment
+    rest = scanner.time_increment, 1.0 / scanner.rate, scanner.range_min, scanner.range_max
+    ranges = scan.ranges.astype(np.float32)
+    head = header(START + scan.stamp_ns, 'base_scan')
+    return make('sensor_msgs/msg/LaserScan', head, *angles, *rest, ranges, np.zeros(0, np.float32))
+
+
+def scanned(drive, *crates):
+    """Record scans of the known obstacles, and of crates that only a scanner shows."""
+    shapes = (*drive_settings(drive).obstacles, *crates)
+    drive.parameters |= {**SCANNER, 'robot.radius': 0.06}
+    scanner = laser_settings(TABLE.resolve({'sim.scan.rate': 10.0}))
+    laser, around = Laser(scanner, 0), (edges_of(shapes), discs_of(shapes))
+    for one, other in pairwise(drive.odometry):
+        seconds = (other.stamp - one.stamp) / 1e9
+        way, turn = math.dist(other.pose[:2], one.pose[:2]), other.pose[2] - one.pose[2]
+        twist = np.array([way, math.remainder(turn, math.tau)]) / seconds
+        laser.note(Motion(one.stamp - START, one.pose, np.zeros(2), twist))
+        while laser.is_due(other.stamp - START):
+            drive.scans.append((other.stamp, scan_of(laser.scan(*around), scanner)))
+    return drive
+
+
+@pytest.mark.parametrize(
+    ('away', 'outcome'), [(0.0, FAILED), (0.1, FAILED), (0.6, PASSED), (None, PASSED)]
+)
+def test_crates_that_only_scans_show_count(drive, outcomes, away, outcome):
+    x, y, heading = drive.odometry[len(drive.odometry) // 3].pose
+    place = x - (away or 0.0) * math.sin(heading), y + (away or 0.0) * math.cos(heading)
+    crates = () if away is None else (Obstacle('crate', place, 0.1),)
+    assert outcomes(scanned(drive, *crates))['obstacles'].outcome is outcome
+
+
+def test_a_time_without_scans_leaves_it_open(drive, outcomes):
+    drive = scanned(drive)
+    begin, end = START + 3 * SECOND, START + 6 * SECOND
+    drive.scans = [each for each in drive.scans if not begin < each[0] < end]
+    assert outcomes(drive)['obstacles'].outcome is not FAILED

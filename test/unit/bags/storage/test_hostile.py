@@ -282,11 +282,12 @@ def test_databases(path, script):
         Bag(recovered.path).close()
 
 
-def test_a_value_larger_than_any_is_refused_at_once(path, monkeypatch):
-    make(path, Form('sqlite3'), raw=bytes(20_000))
-    Bag(path).close()
-    monkeypatch.setattr('cmpsp_ros.bags.storage.limits.MAX_CHUNK', 15_000)
-    with pytest.raises(BagError, match=r'message of 20000 bytes .* at most 15000 are read'):
+def test_a_value_larger_than_any_is_refused_at_once(path):
+    make(path, Form('sqlite3'))
+    with sqlite3.connect(next(path.glob('*.db3'))) as database:
+        database.execute(f'UPDATE messages SET data = zeroblob({MAX_CHUNK + 1}) WHERE id = 1')
+    database.close()
+    with pytest.raises(BagError, match=rf'message of {MAX_CHUNK + 1} bytes .* at most {MAX_CHUNK}'):
         Bag(path)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scenarios import CASES, FIRST, ROAD, SECOND, clearance, closed_loop, settings, start_of
 
-from cmpsp_ros.guidance import FallbackLevel, Goal, Safety, SolverSettings
+from cmpsp_ros.guidance import FallbackLevel, Goal, Safety
 from cmpsp_ros.guidance.formulation import OcpFormulation, goal_space, sample_space
 from cmpsp_ros.guidance.formulation.ocp_formulation import path_space, terminal_penalty
 from cmpsp_ros.guidance.goals import Target
@@ -25,13 +25,6 @@ def space_of(given, *arguments):
     return OcpFormulation(given, given.world).space(given.world, *arguments)
 
 
-def test_path_keeps_radius_and_margin():
-    given = settings((FIRST, SECOND), robot_radius=0.1, safety=Safety(margin=0.05))
-    space = path_space(given, given.world)
-    np.testing.assert_allclose(space.radii, [0.85, 0.65])
-    np.testing.assert_allclose(np.ravel([space.annulus.inner, space.annulus.outer]), [9.15, 10.85])
-
-
 def test_samples_keep_what_the_fastest_arcs_need():
     given = CASES['case 3']
     limits, space = given.robot.twist_limits(), sample_space(given, given.world)
@@ -39,16 +32,6 @@ def test_samples_keep_what_the_fastest_arcs_need():
     assert (space.radii >= [outside(r, limits, 0.2) for r in (0.7, 0.5)]).all()
     assert space.annulus.inner >= outside(9.0, limits, 0.2)
     assert space.annulus.outer <= inside(11.0, limits, 0.2)
-
-
-def test_samples_are_the_path_without_a_limit_or_by_choice():
-    by_choice = replace(CASES['case 3'], safety=Safety(between_samples=False))
-    for given in (CASES['case 2'], by_choice):
-        path, samples = path_space(given, given.world), sample_space(given, given.world)
-        np.testing.assert_array_equal(samples.radii, path.radii)
-        np.testing.assert_array_equal(samples.centers, path.centers)
-        for mine, its in zip(samples.annulus, path.annulus, strict=True):
-            np.testing.assert_array_equal(mine, its)
 
 
 def test_at_the_goal_what_it_is_near_to_may_be_as_near_as_to_the_path():
@@ -101,12 +84,6 @@ def test_an_obstacle_outranks_the_edge_and_the_edge_the_goal():
     assert edges.max() < obstacles.min()
 
 
-@pytest.mark.parametrize(('asked', 'found'), [(0.6, 0.6), (0.0, np.inf)])
-def test_no_trust_region_is_an_infinite_one(asked, found):
-    solver = SolverSettings(heading_trust_region=asked)
-    assert OcpFormulation(settings(solver=solver), settings().world).heading_trust_region == found
-
-
 LINE = Corridor(((0.0, -9.0), (9.0, 0.0), (0.0, 9.0)), (1.0, 1.0, 1.0), (1.5, 1.5, 1.5))
 
 
@@ -121,22 +98,6 @@ def test_each_sample_keeps_what_the_longer_of_its_two_steps_asks_for(road):
         wanted = sample_space(given, given.world, longest)
         np.testing.assert_array_equal(space.radii[k], wanted.radii)
         np.testing.assert_array_equal(space.road.kept[k], wanted.road.kept[0])
-
-
-def test_steps_that_are_none_too_long_ask_for_one_space():
-    given = CASES['case 3']
-    space = space_of(given, GUESS, np.array([0.05, 0.2, 0.1]), TARGET)
-    wanted = sample_space(given, given.world)
-    np.testing.assert_array_equal(space.annulus.outer, wanted.annulus.outer)
-    np.testing.assert_array_equal(space.radii, wanted.radii)
-
-
-def test_odometry_that_is_a_little_late_asks_for_no_other_space():
-    formulation = OcpFormulation(CASES['case 3'], WORLD)
-    first = formulation.space(WORLD, GUESS, np.full(10, 0.2), TARGET)
-    for last, same in ((0.19999, True), (0.191, True), (0.201, False)):
-        durations = np.append(np.full(9, 0.2), last)
-        assert (formulation.space(WORLD, GUESS, durations, TARGET) is first) == same
 
 
 def test_without_a_wheel_limit_the_guess_says_what_room_its_arcs_need():
@@ -172,14 +133,6 @@ def test_after_a_longer_last_step_the_goal_counts_as_near_from_farther_away():
     space = space_of(given, GUESS, durations, TARGET)
     longer = sample_space(given, given.world, 0.29)
     np.testing.assert_array_equal(space.radii[-2:, 0], [longer.radii[0], 0.22])
-
-
-def test_another_goal_is_looked_at_afresh():
-    given = settings((NEAR,), 51.0)
-    world, formulation = given.world, OcpFormulation(given, given.world)
-    assert formulation.space(world, GUESS, np.full(10, 0.2), TARGET).radii.shape == (11, 1)
-    other = given.target._replace(position=(9.6, 0.5))
-    assert formulation.space(world, GUESS, np.full(10, 0.2), other).radii.shape == (1,)
 
 
 @pytest.mark.parametrize('margin', [0.0, 0.05])

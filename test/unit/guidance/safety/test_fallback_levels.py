@@ -15,9 +15,10 @@ from scenarios import (
     SETTLED,
     START,
     after,
-    broken,
     clearance,
     drive,
+    exhausted,
+    law_of,
     reconfigure,
     settings,
 )
@@ -32,9 +33,8 @@ from cmpsp_ros.guidance.state import Lateness
 from cmpsp_ros.world.obstacles import Obstacle
 
 
-def test_failure_at_the_very_first_step_stops(monkeypatch):
-    law = GuidanceLaw(CASES['case 1'], CASES['case 1'].world)
-    broken(monkeypatch)
+def test_failure_at_the_very_first_step_stops():
+    law = law_of(exhausted(CASES['case 1']))
     decision = law.step(Observation(0, np.array(START)))
     assert decision.level is FallbackLevel.STOP
     assert decision.failures == 1

@@ -100,7 +100,7 @@ def test_nothing_touches_a_robot_that_moves(name, limits, crowd):
     acceleration, delay, lag = limits
     task = settings(name, room(-3, -3, 9, 3), (8.0, 0.0), acceleration, 12.0, delay, lag)
     walkers = [walker((0.0, 0.0), *each) for each in crowd]
-    run = drive(task, (0.0, 0.0, 0.0), walkers, 6.0, delay, lag)
+    run = drive(task, (0.0, 0.0, 0.0), walkers, 4.0, delay, lag)
     assert run.active == []
 
 

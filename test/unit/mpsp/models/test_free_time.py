@@ -118,22 +118,19 @@ def test_phases_of_functions_are_those_of_casadi():
         np.testing.assert_allclose(*values, rtol=1e-9, atol=1e-9, err_msg=name)
 
 
-@pytest.mark.parametrize('times', [(0.5, 2.0, 10.0), [(0.5, 2.0, 10.0)] * 2, [(1.0, 0.5, 2.0)] * 3])
-def test_rows_of_times_that_do_not_fit_the_phases_are_named(times):
-    with pytest.raises(ProblemError, match=r'final_time: found .* largest for 3 phases'):
-        from_casadi(**{**car_past_points(), 'final_time': times})
-
-
-@pytest.mark.parametrize('time', [(2.0, 1.0, 3.0), (0.0, 1.0, 2.0)])
-def test_times_that_do_not_fit_are_named_for_functions(time):
-    with pytest.raises(ProblemError, match=r'final_time: found .* 0 < least <= guess'):
-        cart_of_functions(final_time=time)
-
-
-@pytest.mark.parametrize('time', [None, (2.0, 1.0, 3.0), (0.0, 1.0, 2.0)])
-def test_times_that_do_not_fit_are_named(time):
-    with pytest.raises(ProblemError, match=r'final_time: found .* 0 < least <= guess'):
-        cart(final_time=time)
+@pytest.mark.parametrize(
+    ('make', 'times', 'wanted'),
+    [
+        *((make, each, '0 < least <= guess')
+          for make in (cart, cart_of_functions) for each in ((2.0, 1.0, 3.0), (0.0, 1.0, 2.0))),
+        (cart, None, '0 < least <= guess'),
+        *((lambda **more: from_casadi(**{**car_past_points(), **more}), each, 'for 3 phases')
+          for each in ((0.5, 2.0, 10.0), [(0.5, 2.0, 10.0)] * 2, [(1.0, 0.5, 2.0)] * 3)),
+    ],
+)  # fmt: skip
+def test_times_that_do_not_fit_are_named(make, times, wanted):
+    with pytest.raises(ProblemError, match=f'final_time: found .* {wanted}'):
+        make(final_time=times)
 
 
 def test_a_final_time_without_its_symbol():

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from problems import LinearQuadratic
-from programs import contradicting, penalties, program, solve_rows, staged
+from stage_programs import random_program, relaxed
+from stage_programs import staged as staged_program
 
 from cmpsp_ros.mpsp import Linearisation
 from cmpsp_ros.mpsp.qp import (
     Penalties,
-    QPSolution,
     QPStatus,
     Subproblem,
     available,
@@ -19,26 +19,22 @@ from cmpsp_ros.mpsp.qp import (
     solve_from,
     solve_qp,
 )
-from cmpsp_ros.mpsp.qp import back_ends as room
-from cmpsp_ros.mpsp.qp.active_set.records import Space
 from cmpsp_ros.mpsp.qp.active_set.state import CAPACITY
-from cmpsp_ros.mpsp.qp.dense import clarabel_backend
-from cmpsp_ros.mpsp.qp.riccati import Outcome
+from cmpsp_ros.mpsp.qp.dense import solve_by_daqp
 
 BACKENDS = available()
 
 
-def test_an_answer_that_is_no_solution_is_not_believed(monkeypatch):
-    def claim(value):
-        def fake(subproblem, penalties):
-            unsolved = QPSolution.unsolved(subproblem.size, QPStatus.SOLVED)
-            return replace(unsolved, dU=np.full_like(unsolved.dU, value))
-
-        return fake
-
-    for value in (0.1, np.nan):
-        monkeypatch.setattr(room, 'backend', lambda name, value=value: claim(value))
-        assert solve_qp(staged(program(1)), 'any').status is QPStatus.FAILED
+def test_an_answer_that_is_no_solution_is_not_believed():
+    """A limit that no control reaches, at a price that is too high for daqp to see the others."""
+    qp = random_program(np.random.default_rng(3), 12, bound=0.1)
+    qp.g[:], qp.output_error[:] = -np.inf, 0.0
+    qp.g[7, 0] = 1e3
+    program, prices = staged_program(qp), relaxed(qp)
+    claimed = solve_by_daqp(program, prices)
+    assert claimed.status is QPStatus.SOLVED
+    assert kkt_residual(program, claimed, prices) > 0.1
+    assert solve_qp(program, 'daqp', prices).status is QPStatus.FAILED
 
 
 def general(seed=0):
@@ -149,26 +145,6 @@ def test_the_residual_is_that_of_the_condensed_program(seed, relaxed):
         assert spread == 0.0 or found > 1e-5
 
 
-@pytest.fixture
-def asked(monkeypatch):
-    """Number of calls of Clarabel."""
-    calls = []
-
-    def solve(subproblem, penalties):
-        calls.append(subproblem)
-        return own(subproblem, penalties)
-
-    own = clarabel_backend.solve
-    monkeypatch.setattr(clarabel_backend, 'solve', solve)
-    return calls
-
-
-@pytest.fixture
-def stopped(monkeypatch):
-    """An active-set method that gives up."""
-    monkeypatch.setattr(Space, 'solve', lambda *_: Outcome.ITERATION_LIMIT)
-
-
 def crowded(N):
     """Two carts side by side, which hurry as their forces allow, and hardly need to stop."""
     K = N + 1
@@ -190,48 +166,7 @@ def crowded(N):
     return Subproblem(derivatives, np.full((K, 2), -1.0), np.full((K, 2), 1.0), np.full(2, np.inf))
 
 
-def test_the_active_set_answers_itself_where_it_can(asked):
-    assert solve_rows(program(), 'riccati_active_set').status is QPStatus.SOLVED
-    assert asked == []
-
-
-def test_a_proof_needs_no_second_opinion(asked):
-    assert solve_rows(contradicting(), 'riccati_active_set').status is QPStatus.INFEASIBLE
-    assert asked == []
-
-
-def test_rows_that_contradict_each_other_without_a_proof_are_tried_alone(asked):
-    """They can be met, by controls of 1e5 that the active-set method takes for rounding."""
-    subproblem = crowded(1)
-    lin, free = subproblem.linearisation, np.full_like(subproblem.upper, np.inf)
-    outputs = replace(
-        lin,
-        output_error=np.array([-3.0, -3.00001]),
-        h_X=np.array([[1.0, 0.0], [1.0, 0.0]]),
-        h_U=np.array([[0.0, 0.0], [1e-10, 0.0]]),
-    )
-    solve_from(
-        Subproblem(outputs, -free, free, subproblem.trust_radius),
-        None,
-        no_warm_start(replace(subproblem.size, output=2)),
-    )
-    alone, whole = asked[0], asked[-1]
-    assert not np.isfinite(alone.lower).any()
-    assert len(alone.linearisation.output_error) == len(whole.linearisation.output_error) == 2
-
-
-@pytest.mark.parametrize('seed', range(4))
-def test_an_active_set_that_gives_up_leaves_it_to_clarabel(asked, stopped, seed):
-    qp = program(seed)
-    for weights in (None, penalties(qp)):
-        found = solve_rows(qp, 'riccati_active_set', weights)
-        reference = solve_rows(qp, 'daqp', weights)
-        assert found.status is reference.status is QPStatus.SOLVED
-        np.testing.assert_allclose(found.dU, reference.dU, atol=1e-6)
-    assert len(asked) == 2
-
-
-def test_more_active_bounds_than_there_is_capacity_for(asked):
+def test_more_active_bounds_than_there_is_capacity_for():
     """They are held, and need none."""
     subproblem = crowded(CAPACITY // 2 + 10)
     warm = no_warm_start(subproblem.size)
@@ -242,10 +177,9 @@ def test_more_active_bounds_than_there_is_capacity_for(asked):
         assert kkt_residual(subproblem, solution, None) < 1e-8
         np.testing.assert_allclose(solution.dU[:-2], 1.0, atol=1e-10)
         assert warm.size == np.count_nonzero(solution.bounds)
-    assert asked == []
 
 
-def test_more_other_rows_than_there_is_capacity_for(asked):
+def test_more_other_rows_than_there_is_capacity_for():
     """Speed limits, as path rows that are active on all stages."""
     subproblem = crowded(CAPACITY // 2 + 10)
     stages, free = subproblem.size.horizon + 1, np.full_like(subproblem.upper, np.inf)
@@ -260,5 +194,4 @@ def test_more_other_rows_than_there_is_capacity_for(asked):
     solution = solve_from(program, None, warm)
     assert solution.status is QPStatus.SOLVED
     np.testing.assert_allclose(solution.dU[:-2], 1.0, atol=1e-7)
-    assert len(asked) == 1
     assert warm.size == 0

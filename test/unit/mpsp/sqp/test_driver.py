@@ -6,14 +6,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from robot_runs import assert_same, driver_for, improve, iterates, robot_options, robot_problem
+from stage_programs import random_program, relaxed, run, staged
 
 from cmpsp_ros.guidance.formulation import FUNCTIONS
 from cmpsp_ros.guidance.formulation.guidance_problem import with_parameters
 from cmpsp_ros.guidance.formulation.ocp_functions import CostHessian
-from cmpsp_ros.mpsp import SLACK_TOLERANCE
+from cmpsp_ros.mpsp import SLACK_TOLERANCE, Dimensions
 from cmpsp_ros.mpsp.models import CONTROL_RATE, ControlRateData, ControlRateProblem, Rates
 from cmpsp_ros.mpsp.qp import QPStatus
 from cmpsp_ros.mpsp.qp.riccati import Outcome
+from cmpsp_ros.mpsp.sqp.iteration import LEVELS, relax
+from cmpsp_ros.mpsp.sqp.line_search import predicted_reduction, update_penalties
+from cmpsp_ros.mpsp.sqp.workspace import workspace
 from cmpsp_ros.robots.motion import within_ramp
 from cmpsp_ros.world.obstacles import Obstacle
 
@@ -132,6 +136,55 @@ def test_the_lightest_constraints_are_relaxed_first_and_alone(limit, obstacles):
         seen = [step for step in steps if step.needed_slack]
         assert all(step.qp_status is QPStatus.SOLVED for step in seen)
         assert max(step.slack_path.max() for step in seen) > 0.05
+
+
+@pytest.mark.parametrize(
+    ('weights', 'soft'),
+    [
+        ([1.0, 2.0, 3.0, 4.0], [[], [0], [0, 1], [0, 1, 2, 3]]),
+        ([5.0, 2.0, 2.0, 5.0], [[], [1, 2], [0, 1, 2, 3], [0, 1, 2, 3]]),
+        ([7.0, 7.0, 7.0, 7.0], [[], [0, 1, 2, 3], [0, 1, 2, 3], [0, 1, 2, 3]]),
+        ([np.inf, 1.0, np.inf, 2.0], [[], [1], [1, 3], [1, 3]]),
+    ],
+    ids=str,
+)
+def test_levels_relax_the_lightest_constraints_first(weights, soft):
+    """Two outputs and two path constraints; what is relaxed has its weight for a penalty."""
+    weights = np.array(weights)
+    p = workspace(Dimensions(5, 3, 2, 2, 2), weights[:2], weights[2:], np.full(3, np.inf)).program
+    for level in range(LEVELS + 1):
+        is_hard = relax(p, level)
+        wanted = np.where(np.isin(range(4), soft[level]), weights, np.inf)
+        np.testing.assert_array_equal(p.terminal['penalty'], wanted[:2])
+        np.testing.assert_array_equal(p.path['penalty'], np.tile(wanted[2:], (6, 1)))
+        # At the last level all is relaxed that may be.
+        assert is_hard == (len(soft[level]) < 4 and level < LEVELS)
+
+
+def test_the_merit_has_weights_above_the_multipliers_and_falls_as_predicted():
+    qp = random_program(np.random.default_rng(0), bound=0.7)
+    qp.g[:] += 0.5
+    found = run(qp, relaxed(qp, 4.0, 4.0))
+    p, program = found.space.program, staged(qp)
+    p.terminal['weight'], p.path['weight'] = np.array([3.0, 0.5]), np.array([0.5, 40.0])
+    update_penalties(p)
+    for rows in (p.terminal, p.path):
+        raised = 1.1 * np.abs(rows['multiplier'])
+        np.testing.assert_allclose(rows['merit'], np.maximum(rows['weight'], raised))
+    assert (p.path['merit'] > p.path['weight']).any()
+    assert (p.path['merit'] == p.path['weight']).any()
+
+    def weighted(error, g):
+        violated = (p.path['merit'] * np.maximum(g, 0.0)).sum()
+        return p.terminal['merit'] @ np.abs(error) + violated
+
+    dU, dX, lin, slack = found.dU, found.dX, program.linearisation, np.full(4, np.nan)
+    error, g = program.terminal(dU, dX), program.path(dU, dX)
+    wanted = weighted(lin.output_error, lin.g) - weighted(error, g)
+    wanted -= np.vdot(lin.L_X, dX) + np.vdot(lin.L_U, dU)
+    assert predicted_reduction(p, slack) == pytest.approx(wanted)
+    np.testing.assert_allclose(slack[:2], np.maximum(g, 0.0).max(axis=0), atol=1e-12)
+    np.testing.assert_allclose(slack[2:], np.abs(error), atol=1e-12)
 
 
 def test_without_curvature_the_run_ends():

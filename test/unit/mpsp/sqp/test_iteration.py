@@ -188,13 +188,6 @@ def test_a_solution_tells_everything_about_its_run():
     assert not none.bound_multipliers.any()
 
 
-def test_guess_is_brought_within_its_bounds():
-    problem = VanDerPol(limit=0.5)
-    iterate = CMPSP(problem, options_for(problem)).init(np.full((21, 1), 7.0))
-    np.testing.assert_array_equal(iterate.U, np.full((21, 1), 0.5))
-    np.testing.assert_array_equal(iterate.X, problem.predict(iterate.U))
-
-
 @pytest.mark.parametrize('line_search', [True, False])
 def test_bounds_hold_to_the_last_bit(line_search):
     problem = VanDerPol(goal=(0.9, 0.0), limit=0.3)

@@ -1,8 +1,7 @@
-"""The table of topics is what the nodes really open, and what its page says."""
+"""The table of topics is what the nodes really open."""
 
 import gc
 import sys
-from pathlib import Path
 
 import pytest
 import rclpy
@@ -12,13 +11,12 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from cmpsp_ros.bags import UnknownTypeError
 from cmpsp_ros.nodes.common.qos import for_bag, offering
 from cmpsp_ros.nodes.common.topic import message_class
-from cmpsp_ros.nodes.common.topics import TOPICS, with_table
+from cmpsp_ros.nodes.common.topics import TOPICS
 from cmpsp_ros.nodes.guidance.node import GuidanceNode
 from cmpsp_ros.nodes.recording.options import own_topics
 from cmpsp_ros.nodes.recording.recorder import Recorder
 from cmpsp_ros.nodes.sim.node import SimNode
 
-PAGE = Path(__file__).parents[4] / 'doc' / 'reference' / 'topics.md'
 OF_ROS = {'/rosout', '/parameter_events'}
 
 
@@ -120,11 +118,6 @@ def test_the_recorder_opens_what_the_table_says(make, tmp_path):
     node = make(Recorder, f'output:={tmp_path / "bag"}')
     assert opened(node, 'out') == in_table(node, 'out')
     node.stop()
-
-
-def test_readme_holds_the_table():
-    text = PAGE.read_text(encoding='utf-8')
-    assert with_table(text) == text
 
 
 def test_what_only_repeats_other_topics_is_not_recorded():

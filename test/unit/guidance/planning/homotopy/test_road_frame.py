@@ -1,6 +1,5 @@
 """Road coordinates on every kind of road, and the gaps that walls and edges leave in them."""
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -9,10 +8,10 @@ from scenarios import ROAD, settings, start_of
 
 from cmpsp_ros.guidance.planning.homotopy.gaps import free_gaps
 from cmpsp_ros.guidance.planning.homotopy.path_search import class_of
-from cmpsp_ros.guidance.planning.homotopy.road_frame import RoadFrame, locate, point_at, road_frame
+from cmpsp_ros.guidance.planning.homotopy.road_frame import locate, point_at, road_frame
 from cmpsp_ros.world import FreeSpace
 from cmpsp_ros.world.grids import Cell, GridObstacle, OccupancyGrid
-from cmpsp_ros.world.obstacles import Capsule, Obstacle
+from cmpsp_ros.world.obstacles import Capsule
 from cmpsp_ros.world.obstacles.shapes import Polygon
 from cmpsp_ros.world.roads import Corridor, OpenFloor
 
@@ -47,29 +46,6 @@ def test_a_point_is_where_its_coordinates_say(course, off):
         assert found == pytest.approx(at, abs=5e-3 + 0.05 * abs(off))
         assert lateral == pytest.approx(frame.middle + off, abs=3e-3)
         before = found
-
-
-@pytest.mark.parametrize('course', COURSES)
-def test_it_begins_at_the_pose_and_ends_at_the_goal(course):
-    _, frame = frame_on(*COURSES[course])
-    for at, lateral, wanted in (
-        (0.0, frame.ends[0], START[:2]),
-        (frame.stations[-1], frame.ends[1], GOAL),
-    ):
-        assert math.dist(point_at(frame, float(at), lateral), wanted) < 0.02
-
-
-def test_a_line_between_circles_has_the_coordinates_of_polar_ones():
-    _, polar = frame_on(*COURSES['polar'])
-    _, line = frame_on(*COURSES['a line between circles'])
-    assert polar.polar
-    assert not line.polar
-    points = np.array([[7.0, -7.2], [9.0, -3.0], [3.0, -9.9]])
-    at, radius = polar.coordinates(points)
-    along, left = line.coordinates(points)
-    np.testing.assert_allclose(along, at * 10.0, atol=5e-3)
-    np.testing.assert_allclose(left, 10.0 - radius, atol=5e-3)
-    assert line.curvature[5:-5] == pytest.approx(0.1, abs=1e-3)
 
 
 def gaps_of(road, obstacles, **places):
@@ -114,13 +90,6 @@ def test_cells_of_a_map_leave_the_gaps_that_a_wall_of_their_outline_leaves():
         np.testing.assert_allclose(one, other, atol=0.06)
 
 
-def test_open_floor_has_room_beside_everything():
-    wall = Capsule('wall', (4.0, -9.0), (7.0, -2.0), 0.05)
-    _, gaps, _ = gaps_of(OpenFloor(), (wall,))
-    assert all(gaps)
-    assert gaps[0][0][1] - gaps[0][-1][0] > 1.0
-
-
 @pytest.mark.parametrize('course', COURSES)
 def test_sides_are_seen_from_the_path(course):
     _, frame = frame_on(*COURSES[course])
@@ -131,11 +100,3 @@ def test_sides_are_seen_from_the_path(course):
         lateral = frame.middle + 0.4 * side * frame.left
         path = [[*point_at(frame, float(at), lateral), 0.0] for at in frame.stations]
         assert class_of(frame, obstacles, np.array(path)) == (side, 0)
-
-
-def test_nothing_to_drive_is_no_error():
-    for road in (BEND, OpenFloor()):
-        _, frame = frame_on(road, (Obstacle('post', (9.0, 0.0), 0.2),), goal=START[:2])
-        assert isinstance(frame, RoadFrame)
-        assert np.isfinite(frame.points).all()
-        assert np.isfinite(frame.curvature).all()

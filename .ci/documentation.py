@@ -1,23 +1,29 @@
-"""The parameter table as documentation, as a file of all defaults, and as JSON schema for editors.
+"""Pages and files that derive from code, in doc/reference/ and config/; and the JSON schema.
 
-``python -m cmpsp_ros.parameters.documentation`` prints them, or writes the table into a page.
+`.ci/documentation.py` writes topics.md, parameters.md and defaults.yaml again; with
+a folder, commands.md and the page of each package into it; with --schema, it prints the schema for
+editors of parameter files.
 """
 
-import argparse
 import itertools
 import json
 import math
 import sys
 import textwrap
-from collections.abc import Sequence
+from importlib import import_module
 from pathlib import Path
 from typing import Any, Final
 
+import typer.main
+
+from cmpsp_ros.cli import app
+from cmpsp_ros.nodes.common.topics import TOPICS, TRANSFORMS
 from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.errors import ParameterError, Problem
 from cmpsp_ros.parameters.files import dump
 from cmpsp_ros.parameters.parameter import NAME, REQUIRED, Parameter, ParameterType
 
+ROOT: Final = Path(__file__).parents[1]
+PACKAGES: Final = ('mpsp', 'robots', 'world', 'guidance')
 _HEAD: Final = (
     '| Parameter | Default | Unit | Allowed | Live | Node | Meaning |\n' + '|---' * 7 + '|'
 )
@@ -25,7 +31,7 @@ _DEFAULTS_HEAD: Final = """\
 # Every parameter of both nodes with its default. Copy what you change into a file of your own, as
 # the presets beside this file do: it needs a road, and a goal or follow.speed.
 #
-# Written by python -m cmpsp_ros.parameters.documentation --defaults
+# Written by make docs
 
 /**:
   ros__parameters:"""
@@ -37,7 +43,19 @@ _JSON_TYPE: Final = {
 }
 
 
-def markdown_table() -> str:
+def topics_table() -> str:
+    """The topics and services of all nodes."""
+    rows = ['| node | | name | type | notes |', '|---|---|---|---|---|']
+    for each in TOPICS:
+        package = each.type.__module__.partition('.')[0]
+        kind = f'{package}/{each.type.__name__}'
+        rows.append(f'| {each.node} | {each.direction} | `{each.name}` | {kind} | {each.notes} |')
+    for node, direction, name, notes in TRANSFORMS:
+        rows.append(f'| {node} | {direction} | {name} | tf2_msgs/TFMessage | {notes} |')
+    return '\n'.join(rows)
+
+
+def parameters_table() -> str:
     """The parameters under their headings."""
     parts = []
     for group, parameters in itertools.groupby(TABLE, key=lambda parameter: parameter.group):
@@ -85,37 +103,53 @@ def defaults_file() -> str:
     return '\n'.join(rows) + '\n'
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Print the table, the file or the schema, or write the table into a page."""
-    parser = argparse.ArgumentParser(description=__doc__, prog='documentation')
-    choice = parser.add_mutually_exclusive_group()
-    choice.add_argument('--write', metavar='PAGE.md', type=Path, help='replace the table in it')
-    choice.add_argument('--defaults', action='store_true', help='print the file of defaults')
-    choice.add_argument('--schema', action='store_true', help='print the JSON schema')
-    given = parser.parse_args(arguments)
-    if given.write is None:
-        schema = f'{json.dumps(json_schema(), indent=2)}\n' if given.schema else ''
-        sys.stdout.write(schema or (defaults_file() if given.defaults else f'{markdown_table()}\n'))
-        return 0
-    try:
-        text = given.write.read_text(encoding='utf-8')
-        table = with_section(text, 'parameters', markdown_table(), str(given.write))
-        given.write.write_text(table, encoding='utf-8')
-    except (OSError, ParameterError) as error:
-        sys.stderr.write(f'{error}\n')
-        return 1
-    return 0
+def commands_page() -> str:
+    """Help of every command, in Markdown."""
+    parts = ['# Commands\n\n[Exit codes](exit_codes.md) are listed apart.\n']
+    for name, command in typer.main.get_group(app).commands.items():
+        with command.make_context(f'cmpsp {name}', [], resilient_parsing=True) as context:
+            parts.append(f'## cmpsp {name}\n\n```text\n{command.get_help(context)}\n```\n')
+    return '\n'.join(parts)
 
 
-def with_section(text: str, name: str, content: str, source: str) -> str:
-    """Replace the text between `<!-- name:begin -->` and `<!-- name:end -->`; ParameterError."""
-    mark_begin, mark_end = f'<!-- {name}:begin -->', f'<!-- {name}:end -->'
-    before, begin, rest = text.partition(mark_begin)
-    _, end, after = rest.partition(mark_end)
+def package_page(name: str) -> str:
+    """Names that a package offers, as directives for mkdocstrings."""
+    package = import_module(f'cmpsp_ros.{name}')
+    homes = {each: getattr(getattr(package, each), '__module__', '') for each in package.__all__}
+    offered = [f'::: {home}.{each}' for each, home in homes.items() if home.startswith('cmpsp_ros')]
+    return '\n\n'.join([f'# cmpsp_ros.{name}', package.__doc__ or '', *offered, ''])
+
+
+def with_section(text: str, name: str, content: str) -> str:
+    """Replace the text between `<!-- name:begin -->` and `<!-- name:end -->`."""
+    before, begin, rest = text.partition(f'<!-- {name}:begin -->')
+    _, end, after = rest.partition(f'<!-- {name}:end -->')
     if not begin or not end:
-        wanted = f'{mark_begin} and after it {mark_end}, each once'
-        raise ParameterError(Problem(source, 'no place for the table', wanted))
-    return f'{before}{mark_begin}\n\n{content}\n{mark_end}{after}'
+        raise LookupError(f'no {name}:begin and {name}:end')
+    return f'{before}{begin}\n\n{content}\n{end}{after}'
+
+
+def derived() -> dict[Path, str]:
+    """Files of the repository that this script writes, as they are to be."""
+    files = {ROOT / 'config' / 'defaults.yaml': defaults_file()}
+    for name, table in {'topics': topics_table(), 'parameters': parameters_table()}.items():
+        page = ROOT / 'doc' / 'reference' / f'{name}.md'
+        files[page] = with_section(page.read_text(encoding='utf-8'), name, table)
+    return files
+
+
+def main(arguments: list[str]) -> None:
+    """Write files of the repository, or pages into a folder; or print the schema."""
+    if arguments == ['--schema']:
+        sys.stdout.write(f'{json.dumps(json_schema(), indent=2)}\n')
+        return
+    files = {} if arguments else derived()
+    for argument in arguments:
+        files[Path(argument) / 'commands.md'] = commands_page()
+        files |= {Path(argument) / f'{each}.md': package_page(each) for each in PACKAGES}
+    for path, text in files.items():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding='utf-8')
 
 
 def _row(parameter: Parameter) -> str:
@@ -191,4 +225,4 @@ def _value_schema(parameter: Parameter) -> dict[str, Any]:
 
 
 if __name__ == '__main__':
-    sys.exit(main())
+    main(sys.argv[1:])

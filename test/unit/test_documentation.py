@@ -1,16 +1,25 @@
-"""The README's table and the JSON schema say what the catalogue says."""
+"""Pages, the file of defaults and the JSON schema say what the code says."""
 
 import re
+from pathlib import Path
 
 import pytest
 
 from cmpsp_ros.parameters import TABLE, config_directory, load_parameter_file
-from cmpsp_ros.parameters.documentation import defaults_file, json_schema, main, markdown_table
 from cmpsp_ros.parameters.files import preset_names
 
-README = '# T\n<!-- parameters:begin -->\nold\n<!-- parameters:end -->\nrest\n'
-PROJECT = config_directory().parent
+PROJECT = Path(__file__).parents[2]
 TYPES = {'object': dict, 'array': list, 'string': str, 'boolean': bool, 'integer': int}
+
+
+@pytest.fixture(scope='module')
+def documentation(program):
+    return program(PROJECT / '.ci' / 'documentation.py')
+
+
+@pytest.fixture(scope='module')
+def schema(documentation):
+    return documentation.json_schema()
 
 
 def nested(flat):
@@ -60,8 +69,8 @@ def subschemas(schema, key):
 
 
 @pytest.mark.parametrize('name', preset_names())
-def test_schema_accepts_the_presets(name):
-    assert is_valid(json_schema(), nested(load_parameter_file(name)))
+def test_schema_accepts_the_presets(schema, name):
+    assert is_valid(schema, nested(load_parameter_file(name)))
 
 
 @pytest.mark.parametrize(
@@ -73,53 +82,37 @@ def test_schema_accepts_the_presets(name):
         {'obstacles.a.name': 1}, {'control_period': 11.0},
     ],
 )  # fmt: skip
-def test_schema_refuses_what_the_table_refuses(change):
-    assert not is_valid(json_schema(), nested(load_parameter_file('case2') | change))
+def test_schema_refuses_what_the_table_refuses(schema, change):
+    assert not is_valid(schema, nested(load_parameter_file('case2') | change))
 
 
-def test_schema_lets_parameters_of_ros_through():
+def test_schema_lets_parameters_of_ros_through(schema):
     change = {'use_sim_time': True, 'qos_overrides./odom.depth': 3}
-    assert is_valid(json_schema(), nested(load_parameter_file('case2') | change))
-    assert is_valid(json_schema(), {'camera': {'ros__parameters': {'gain': 1}}})
+    assert is_valid(schema, nested(load_parameter_file('case2') | change))
+    assert is_valid(schema, {'camera': {'ros__parameters': {'gain': 1}}})
 
 
-def test_table_has_one_row_for_each_parameter():
-    rows = [line for line in markdown_table().splitlines() if line.startswith('| `')]
+def test_table_has_one_row_for_each_parameter(documentation):
+    lines = documentation.parameters_table().splitlines()
+    rows = [line for line in lines if line.startswith('| `')]
     assert [row.split('`')[1] for row in rows] == [parameter.name for parameter in TABLE]
     assert {row.count('|') for row in rows} == {8}
 
 
-def test_table_is_written_into_a_page(tmp_path):
-    page = tmp_path / 'page.md'
-    page.write_text(README)
-    for _ in range(2):
-        assert main(['--write', str(page)]) == 0
-        begin, end = '# T\n<!-- parameters:begin -->\n\n', '\n<!-- parameters:end -->\nrest\n'
-        assert page.read_text() == f'{begin}{markdown_table()}{end}'
+def test_a_page_without_a_place_for_the_table_is_refused(documentation):
+    with pytest.raises(LookupError, match='topics:begin'):
+        documentation.with_section('nothing', 'topics', 'table')
 
 
-def test_a_page_without_a_place_for_the_table_is_refused(tmp_path, capsys):
-    page = tmp_path / 'page.md'
-    page.write_text('nothing')
-    assert main(['--write', str(page)]) == 1
-    assert 'found no place for the table' in capsys.readouterr().err
-    assert main(['--write', str(tmp_path / 'none.md')]) == 1
+def test_commands_and_packages_have_pages(documentation, tmp_path):
+    documentation.main([str(tmp_path)])
+    assert '## cmpsp audit\n' in (tmp_path / 'commands.md').read_text()
+    assert '::: cmpsp_ros.world.' in (tmp_path / 'world.md').read_text()
 
 
-def test_printing(capsys):
-    for arguments, expected in (
-        ([], 'frame_id'),
-        (['--schema'], '2020-12'),
-        (['--defaults'], '/**:'),
-    ):
-        assert main(arguments) == 0
-        assert expected in capsys.readouterr().out
-
-
-def test_the_page_and_the_defaults_of_the_project_are_up_to_date():
-    page = PROJECT / 'doc' / 'reference' / 'parameters.md'
-    assert f'\n\n{markdown_table()}\n' in page.read_text(encoding='utf-8')
-    assert (config_directory() / 'defaults.yaml').read_text(encoding='utf-8') == defaults_file()
+def test_what_derives_from_code_is_up_to_date(documentation):
+    for path, text in documentation.derived().items():
+        assert path.read_text(encoding='utf-8') == text, path.name
 
 
 def test_the_file_of_defaults_says_every_default_and_is_no_preset():

@@ -92,7 +92,8 @@ def test_more_random_damage_in_bounded_memory():
     [
         ('a: &x [1]\nb: [*x, *x]', 'YAML with an alias'),
         ('a: &x {b: 1}\nc: {<<: *x}', 'YAML with an alias'),
-        ('[' * 100_000, 'nested more than'),
+        # PyYAML has a limit of its own from 6.0.4 on.
+        ('[' * 100_000, 'nested more than|nesting depth'),
         ('- ' * 100, 'nested more than'),
         ('rosbag2_bagfile_information: !!python/object/apply:os.system [ls]', 'damaged'),
         ('rosbag2_bagfile_information: {a: ' + '9' * 100_000 + '}', 'damaged'),

@@ -59,12 +59,11 @@ class Supervisor:
 
     def choose(self, step: Step, selected: Candidate) -> Decision:
         """Follow the selected plan or the previous one, no faster than is safe; or stop."""
-        state, seen, estimate, context = step
-        mission, start, estimator = state.mission, context.start, state.estimator
+        state, context = step.state, step.context
+        mission, start = state.mission, context.start
         reached, mission.reaches_goal = mission.reaches_goal, False
         closed = self._closed_ahead(step, selected)
-        risk = estimator.response.risk(seen.stamp, estimator.commands)
-        under = Conditions(start, context.pending, estimate.here, risk)
+        under = self._conditions(step)
         choose = self._fall_back
         if selected.admissible or self._clears_slowly(selected, under):
             choose = self._accept
@@ -103,6 +102,11 @@ class Supervisor:
         return self.decisions.follow(
             step, level, reason + remark, slower, verdict, errors, result, phases
         )
+
+    def _conditions(self, step: Step) -> Conditions:
+        estimator = step.state.estimator
+        risk = estimator.response.risk(step.seen.stamp, estimator.commands)
+        return Conditions(step.context.start, step.context.pending, step.estimate.here, risk)
 
     def _clears_slowly(self, selected: Candidate, under: Conditions) -> bool:
         """True if a plan that something could run into is clear at a lower speed."""
@@ -230,15 +234,18 @@ class Supervisor:
         """Let the last plan go on, past its end too, where a new command comes too late."""
         # Too early a stop would cost the goal if the delay is shorter than declared, or a lag.
         state, context, clock = step.state, step.context, step.state.clock
-        shifted = self._fallback.shifted(state.following.plan, context)
+        limited, shifted = None, self._fallback.shifted(state.following.plan, context)
+        if shifted is not None:
+            limited = self._approach.limited(*shifted, None, self._conditions(step))
         is_beyond = clock.now >= state.mission.goals.final - context.delay
         beyond = clock.due - clock.now if is_beyond else 0
-        if shifted is None or (beyond and not self.may_outlast(context.start, shifted[0], beyond)):
+        if limited is None or (beyond and not self.may_outlast(context.start, limited[0], beyond)):
             return self.decisions.stand(step, 'No plan can go on until a stop takes effect.')
         assert state.following.plan is not None  # noqa: S101 (it was shifted)
-        reason = 'The plan goes on: a new command comes too late to change its end.'
+        plan, verdict, remark = limited
+        reason = f'The plan goes on: a new command comes too late to change its end.{remark}'
         errors = context.goal.errors(state.following.plan.poses[-1])
-        return self.decisions.follow(step, FallbackLevel.NOMINAL, reason, *shifted, errors)
+        return self.decisions.follow(step, FallbackLevel.NOMINAL, reason, plan, verdict, errors)
 
     def may_outlast(self, start: PlanStart, plan: Plan, nanoseconds: int) -> bool:
         """True if the first command of a plan may go on for so long."""

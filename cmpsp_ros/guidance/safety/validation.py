@@ -18,6 +18,7 @@ from cmpsp_ros.guidance.safety.plan_sweep import SWEEP, PlanSweep, sweep_plan
 from cmpsp_ros.guidance.safety.reach_check import ReachCheck
 from cmpsp_ros.guidance.safety.road_braking import brakings_on_road
 from cmpsp_ros.guidance.settings import LawSettings
+from cmpsp_ros.guidance.times import NANOSECONDS
 from cmpsp_ros.guidance.world import SEEN, World
 from cmpsp_ros.mpsp.jit import entry_for
 from cmpsp_ros.robots import placed
@@ -179,7 +180,9 @@ class Validator:
         ramp = ramp.reshape(-1, plan.controls.shape[1])
         last = here.robot.stopped(np.vstack([plan.controls[:1], ramp])[-1])
         commands = np.vstack([response.pending, plan.controls[:1], ramp, last])
-        held = [plan.horizon.durations[0], *[self._period] * len(ramp), _TO_REST * response.lag]
+        # A plan that begins ahead of the robot may end before its first command does.
+        first = min(plan.horizon.durations.item(0) + plan.delay / NANOSECONDS, self._period)
+        held = [first, *[self._period] * len(ramp), _TO_REST * response.lag]
         durations = np.append(response.durations, held)
         lasting = durations > 0.0
         effective = response.effective.copy()

@@ -145,3 +145,9 @@ def test_a_plan_begins_where_the_lag_that_is_estimated_leads():
     assert lag == pytest.approx(task.plant.wheel_lag, abs=0.0251)
     assert np.hypot(*(driven.at(10_000_000_000)[:2] - task.settings.goal)) < 0.05
     assert driven.clearance().min() > 0.0
+
+
+def test_the_last_command_before_the_end_is_clear_under_every_lag():
+    """It went on as planned, and the stop after it led this robot off the road."""
+    driven = drive_study(Study('heavy', seed=5).run(37))
+    assert driven.clearance().min() > 0.0

@@ -243,9 +243,10 @@ class Supervisor:
             return self.decisions.stand(step, 'No plan can go on until a stop takes effect.')
         assert state.following.plan is not None  # noqa: S101 (it was shifted)
         plan, verdict, remark = limited
-        reason = f'The plan goes on: a new command comes too late to change its end.{remark}'
+        reason = 'The plan goes on: a new command comes too late to change its end.'
         errors = context.goal.errors(state.following.plan.poses[-1])
-        return self.decisions.follow(step, FallbackLevel.NOMINAL, reason, plan, verdict, errors)
+        level, reason = FallbackLevel.NOMINAL, reason + remark
+        return self.decisions.follow(step, level, reason, plan, verdict, errors)
 
     def may_outlast(self, start: PlanStart, plan: Plan, nanoseconds: int) -> bool:
         """True if the first command of a plan may go on for so long."""

@@ -212,16 +212,22 @@ class Approach:
                 checked = self._validator.check(start, slower.controls, durations, pending)
             if not checked.passed or not self._sees_enough(slower, checked.ramp, start):
                 continue
-            # What is slow errs less, and must get out of where the margin is used up.
-            twist = self._settings.robot.twist(slower.controls[:1])
-            fastest = abs(float(self._settings.footprint.speeds_and_turns(twist)[0, 0]))
-            part = min(fraction, fastest / min(_SLOW, self._settings.pace))
+            asked = error * self._part_of_error(slower, fraction) if risk.responses else 0.0
             if all(
-                self._lag_validator.is_clear_with(each, here, slower, checked.ramp, part * error)
+                self._lag_validator.is_clear_with(each, here, slower, checked.ramp, asked)
                 for each in risk.responses
             ):
                 return slower, checked
         return None
+
+    def _part_of_error(self, plan: Plan, fraction: float) -> float:
+        """Part of an error to stay clear by: what is slow errs less, and must get out of gaps."""
+        slow = min(_SLOW, self._settings.pace)
+        if self._speed_of(plan) >= slow:
+            return fraction
+        twist = self._settings.robot.twist(plan.controls[:1])
+        fastest = abs(float(self._settings.footprint.speeds_and_turns(twist)[0, 0]))
+        return min(fraction, fastest / slow)
 
     def _fractions(self, plan: Plan, *, creeps: bool) -> Iterator[float]:
         """Fractions of a plan's speed that are tried, with that of creeping where it may do."""

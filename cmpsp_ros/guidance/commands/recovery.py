@@ -42,8 +42,8 @@ _SOONER: Final = 3  # part of the patience, as a divisor, after which the next r
 _SPEED: Final = 0.3  # speed of a robot that backs out, at most [m/s], and half of its pace
 _PURSUED: Final = 0.12  # distance of the point of its trail that it drives to [m]
 _EDGE: Final = 0.1  # speed with which it edges away from something [m/s]
-_RATES: Final = -0.5, -0.25, 0.0, 0.25, 0.5  # turn rates with which it does [rad/s]
-_LASTING: Final = 2.0  # time that it does at most [s]
+_RATES: Final = -0.5, -0.25, 0.0, 0.25, 0.5  # turn rates while edging away [rad/s]
+_LASTING: Final = 2.0  # longest move to edge away [s]
 _ALIGNED: Final = 0.6  # as of `Pace` [rad]
 
 

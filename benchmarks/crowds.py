@@ -1,8 +1,9 @@
 """Control steps with many plans, with many obstacles, and where a laser scanner sees them."""
 
+import itertools
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Final
@@ -20,6 +21,7 @@ from cmpsp_ros.guidance import (
     to_nanoseconds,
 )
 from cmpsp_ros.guidance.messages import Track
+from cmpsp_ros.guidance.planning import search_ahead
 from cmpsp_ros.parameters import (
     TABLE,
     guidance_settings,
@@ -28,8 +30,8 @@ from cmpsp_ros.parameters import (
     plant_settings,
     shapes_of,
 )
-from cmpsp_ros.simulator import Plant
-from cmpsp_ros.studies.monte_carlo import Eyes
+from cmpsp_ros.simulator import Plant, PlantSettings
+from cmpsp_ros.studies.monte_carlo import Eyes, Study
 from cmpsp_ros.world.grids import distance_field
 from cmpsp_ros.world.obstacles import Obstacle
 
@@ -205,50 +207,70 @@ def _obstacle_step_times(preset: Preset, count: int, *, moving: bool) -> Array:
 
 
 SENSOR_PRESETS = ('unknown', 'clutter')
+FIELDS: Final = 'fields'
+_FIELDS: Final = Study('clutter', seed=22, assignments=('goal.when=soonest',))
+_MOST_FIELDS: Final = 12
 
 
 @dataclass(frozen=True)
 class SensorsTiming:
-    """Control steps of one preset; all times [ms].
+    """Control steps of one preset, or across the fields of a study; all times [ms].
 
     Attributes:
         name: Name of the preset.
-        cells: Cells of the grid around the robot.
         step: Time from odometry to the decision, with the newest scan and the distance field of the
             grid.
         scan: To take in the newest scan, which here comes with the odometry that is decided on; in
             most steps of a robot it has come before.
         field: The distance field alone.
         search: The search of the grid, after the command.
+        after: All that is done after the command, a search in it.
     """
 
     name: str
-    cells: int
     step: Spread
     scan: Spread
     field: Spread
     search: Spread
+    after: Spread
 
 
 def measure_sensors(
     runs: int, presets: Sequence[str] = SENSOR_PRESETS, progress: Callable[[], None] = lambda: None
 ) -> list[SensorsTiming]:
-    """Drive presets whose obstacles a scanner sees, in turn."""
-    steps = {each: partial(lambda preset: list(_sensor_steps(preset)), each) for each in presets}
+    """Drive presets whose obstacles a scanner sees, and a field of the study each time, in turn."""
+    numbers = itertools.cycle(range(_MOST_FIELDS))
+    steps = {each: partial(_sensor_steps, partial(_of_preset, each)) for each in presets}
+    steps[FIELDS] = partial(_sensor_steps, lambda: _of_field(next(numbers)))
     in_turn(steps, 1, progress)
     found = []
-    for preset, runs_of in in_turn(steps, runs, progress).items():
-        *parts, cells = np.concatenate(runs_of).T
-        found.append(SensorsTiming(preset, int(cells[0]), *map(Spread.of, parts)))
+    for name, runs_of in in_turn(steps, runs, progress).items():
+        parts = np.concatenate(runs_of).T
+        found.append(SensorsTiming(name, *map(Spread.of, parts)))
     return found
 
 
-def _sensor_steps(preset: str) -> Iterator[tuple[float, ...]]:
-    """Times of each control step and its scan, field and search [ms], and the cells of the grid."""
+def _of_preset(preset: str) -> tuple[GuidanceSettings, PlantSettings, Eyes]:
     values = TABLE.resolve(load_parameter_file(preset))
     settings, of_plant = guidance_settings(values), plant_settings(values)
+    return settings, of_plant, Eyes(settings, laser_settings(values), shapes_of(values))
+
+
+def _of_field(number: int) -> tuple[GuidanceSettings, PlantSettings, Eyes]:
+    task = _FIELDS.run(number)
+    eyes = task.eyes(None)
+    if eyes is None:
+        raise BenchError('fields: found no scanner')
+    return task.settings, task.plant, eyes
+
+
+def _sensor_steps(
+    begin: Callable[[], tuple[GuidanceSettings, PlantSettings, Eyes]],
+) -> list[tuple[float, ...]]:
+    """Times of each control step and its parts, as `SensorsTiming` [ms]."""
+    settings, of_plant, eyes = begin()
     law, plant = GuidanceLaw(settings, settings.world), Plant(of_plant)
-    eyes = Eyes(settings, laser_settings(values), shapes_of(values))
+    steps: list[tuple[float, ...]] = []
     eyes.note(plant.motion)
     period = to_nanoseconds(1.0 / of_plant.odom_rate)
     with collector_off():
@@ -263,35 +285,45 @@ def _sensor_steps(preset: str) -> Iterator[tuple[float, ...]]:
                 decision = law.step(Observation(stamp, pose, tracks, sighting))
                 decided = time.thread_time_ns()
                 if decision is None or decision.finished or sighting is None:
-                    return
+                    return steps
                 law.after_step()
-                searched = time.thread_time_ns()
-                distance_field(sighting.grid, unknown_is_free=True)
                 done = time.thread_time_ns()
-                scan, step, search, field = np.diff([began, seen, decided, searched, done]) * 1e-6
-                yield scan + step, scan, field, search, sighting.grid.cells.size
+                distance_field(sighting.grid, unknown_is_free=True)
+                fielded = time.thread_time_ns()
+                world = law.world.seeing(sighting.grid)
+                search_ahead(settings, world, np.array(pose[:2]), [law.task.goals[-1].position])
+                searched = time.thread_time_ns()
+                times = np.diff([began, seen, decided, done, fielded, searched]) * 1e-6
+                scan, step, after, field, search = times.tolist()
+                steps.append((scan + step, scan, field, search, after))
                 plant.command(stamp, *decision.twist.tolist())
             eyes.note(*plant.advance(stamp + period), plant.motion)
 
 
 def sensors_table(found: Sequence[SensorsTiming]) -> Table:
-    """Median and largest times."""
+    """Median, 99th percentile and largest times."""
     rows = [
         (
             each.name,
-            str(each.cells),
-            f'{each.step.median:.2f}',
-            f'{each.step.largest:.1f}',
+            *_tail(each.step),
             f'{each.scan.median:.2f}',
             f'{each.field.median:.2f}',
-            f'{each.search.median:.1f}',
-            f'{each.search.largest:.1f}',
+            *_tail(each.search)[:2],
+            f'{each.after.median:.1f}',
+            f'{each.after.largest:.1f}',
         )
         for each in found
     ]
-    columns = ('preset', 'cells', 'step', 'max', 'scan', 'field', 'search', 'max')
+    columns = (
+        'preset', 'step', 'p99', 'max', 'scan', 'field', 'search', 'p99', 'after', 'max',
+    )  # fmt: skip
     note = (
-        'Median and largest computing times [ms]. The step has in it: to take in the newest scan, '
-        'and the distance field of the grid. The search follows the command.'
+        'Computing times [ms]. The step includes the newest scan and the distance field of the '
+        'grid; the search is one of the tasks after the command.'
     )
     return Table('Sensors', columns, rows, note)
+
+
+def _tail(spread: Spread) -> list[str]:
+    values = spread.median, spread.p99, spread.largest
+    return ['–' if each is None else f'{each:.1f}' for each in values]

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from cmpsp_ros.arrays import Array, BoolArray
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.world.free_space import FreeSpace
 from cmpsp_ros.world.grids import grid_search
 from cmpsp_ros.world.grids.distance_transform import node_points, nodes_near, signed_distances
@@ -136,19 +136,7 @@ def _lengths(search: MapSearch, goal: Point) -> tuple[Array, Array]:
         np.maximum(near, _BLOCKED, out=near, where=np.isfinite(near))
     lengths = grid_search.lengths_to(costs, nodes_near(field, np.array(goal)))
     is_near = (distances < search.margin) & (distances > search.body / 2.0)
-    return lengths, _led_out(lengths, is_near, math.ceil(search.margin / cell))
-
-
-def _led_out(lengths: Array, is_near: BoolArray, steps: int) -> Array:
-    """Lengths for one near something, by an error of what is seen: out by the shortest way."""
-    found = lengths.copy()
-    rows, columns = np.nonzero(is_near[1:-1, 1:-1])
-    rows, columns = rows + 1, columns + 1
-    found[rows, columns] = math.inf
-    for _ in range(steps):
-        beside = [
-            found[rows + i, columns + j] + step * _TOO_NEAR
-            for (i, j), step in zip(grid_search.NEIGHBOURS, grid_search.STEPS, strict=True)
-        ]
-        found[rows, columns] = np.min([found[rows, columns], *beside], axis=0)
-    return np.minimum(found, lengths)
+    # Who is near something, by an error of what is seen, is led out by the shortest way.
+    return lengths, grid_search.led_out(
+        lengths, is_near, _TOO_NEAR, math.ceil(search.margin / cell)
+    )

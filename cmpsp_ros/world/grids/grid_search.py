@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.arrays import Array, IntArray
+from cmpsp_ros.arrays import Array, BoolArray, IntArray
 from cmpsp_ros.mpsp.jit import allocation_free
 
 Links = NDArray[np.int32]
@@ -53,6 +53,17 @@ def cells_from(lengths: Array, start: IntArray) -> IntArray:
     return places[: _descend(places, lengths, NEIGHBOURS, int(start[0]), int(start[1]))]
 
 
+def led_out(lengths: Array, marked: BoolArray, cost: float, steps: int) -> Array:
+    """Lengths over at most so many marked cells more, each at a `cost`; on the rim none is."""
+    rows, columns = np.nonzero(marked[1:-1, 1:-1])
+    cells = (rows + 1) * lengths.shape[1] + columns + 1
+    offsets = NEIGHBOURS @ np.array([lengths.shape[1], 1])
+    found = lengths.copy()
+    found.reshape(-1)[cells] = math.inf
+    _lead_out(found.reshape(-1), cells, np.empty(len(cells)), offsets, STEPS * cost, steps)
+    return np.minimum(found, lengths)
+
+
 def evenly_spaced(line: Array, spacing: float, smoothings: int) -> Array:
     """A line with its corners smoothed, at even distances, not more than these [m]."""
     _smooth(line, smoothings)
@@ -90,6 +101,20 @@ def _descend(places: IntArray, lengths: Array, neighbours: IntArray, row: int, c
         places[count, 0], places[count, 1] = row, column
         count += 1
     return count
+
+
+@allocation_free
+def _lead_out(
+    lengths: Array, cells: IntArray, shorter: Array, offsets: IntArray, costs: Array, steps: int
+) -> None:
+    """Shorten the lengths of cells by those of their neighbours, all at once in each step."""
+    for _ in range(steps):
+        for c in range(cells.shape[0]):
+            shorter[c] = lengths[cells[c]]
+            for k in range(offsets.shape[0]):
+                shorter[c] = min(shorter[c], lengths[cells[c] + offsets[k]] + costs[k])
+        for c in range(cells.shape[0]):
+            lengths[cells[c]] = shorter[c]
 
 
 @allocation_free

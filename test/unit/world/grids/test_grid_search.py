@@ -8,7 +8,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
 from cmpsp_ros.world import MapSearch
-from cmpsp_ros.world.grids import GridObstacle, OccupancyGrid, cells_from, lengths_to
+from cmpsp_ros.world.grids import GridObstacle, OccupancyGrid, cells_from, grid_search, lengths_to
 from cmpsp_ros.world.obstacles import Obstacle
 
 
@@ -110,3 +110,17 @@ def test_who_stands_too_near_is_led_away():
     line = MapSearch((wall,), 0.4, 0.35, 0.3).line(np.array([-0.3, -1.0]), (-2.0, -1.0), 0.2)
 
     assert len(line)
+
+
+def test_the_way_out_of_marked_cells_is_at_most_so_many_cells_long():
+    lengths = np.full((3, 9), math.inf)
+    lengths[1, 1], lengths[1, 8] = 4.0, 0.0
+    marked = np.zeros((3, 9), dtype=bool)
+    marked[1, 2:8] = True
+
+    found = grid_search.led_out(lengths, marked, 50.0, 2)
+
+    np.testing.assert_array_equal(
+        found[1, 1:9], [4.0, 54.0, 104.0, math.inf, math.inf, 100.0, 50.0, 0.0]
+    )
+    assert np.isinf(found[[0, 2]]).all()

@@ -52,7 +52,8 @@ class Improver:
         """Grant the work of a control step, and measure its times."""
         self.begin_phases()
         self.work_left = self.work_limit >> context.halvings
-        if context.plan is None:
+        # Moves are found when the run has begun: their plan must not take longer than a step.
+        if context.plan is None and not context.moves:
             self.work_left *= _GENEROUS
 
     def begin_phases(self) -> None:
@@ -96,7 +97,7 @@ class Improver:
         first = selected.result.iterations
         left = self._settings.solver.initial_iterations - first
         may = context.at_rest and selected.feasible and first >= SCREENING
-        if not may or min(left, self.work_left) <= 0:
+        if not may or context.moves or min(left, self.work_left) <= 0:
             return selected
         polished = self.improve(planner, selected.plan.controls, context, left)
         if not polished.feasible:
@@ -239,7 +240,8 @@ class PlanSelector:
         # that begins without a plan that is at least half of the work.
         guess, first = self._guesses_of(context)
         least = improver.work_left // 2 if first is not None and len(first) > 1 else 0
-        warm = improver.improve(selection.pool.followed, guess, context, generosity=_GENEROUS)
+        generosity = 1 if context.moves else _GENEROUS
+        warm = improver.improve(selection.pool.followed, guess, context, generosity=generosity)
         improver.work_left = max(improver.work_left, least)
         if selection.limit == 1:
             return selection.only(warm, context)

@@ -12,6 +12,7 @@ from cmpsp_ros.guidance.commands.supervisor import Supervisor
 from cmpsp_ros.guidance.decision import Decision
 from cmpsp_ros.guidance.goals import Goal
 from cmpsp_ros.guidance.mission.feasibility import infeasibility_warnings
+from cmpsp_ros.guidance.mission.progress_watch import Remedy
 from cmpsp_ros.guidance.mission.return_to_goal import return_to_goal
 from cmpsp_ros.guidance.plan_ahead import PlanAhead
 from cmpsp_ros.guidance.planning.grid_path_memory import search_ahead
@@ -154,7 +155,8 @@ class GuidanceLaw:
         goals, now, note = mission.goals, clock.now, ''
         is_new = goals.update(observation.stamp, now, start)
         if settings.moves_final_time and not mission.closed_road.wait_reason:
-            by = goals.adapt(now + delay, start, may_be_later=not mission.reaches_goal)
+            tries, is_stuck = not mission.reaches_goal, mission.watch.remedy is not Remedy.NONE
+            by = goals.adapt(now + delay, start, may_be_later=tries, is_stuck=is_stuck)
             if by > 0.0:
                 mission.idle_steps = 0
                 note = f'The final time is put off by {by:.3g} s'

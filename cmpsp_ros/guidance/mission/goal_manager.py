@@ -138,13 +138,13 @@ class GoalManager:
         seconds = max(self._time_to(self.goal, start), speed / robot.braking)
         return begin + _AMPLE * max(to_nanoseconds(seconds), _FEWEST * self.period)
 
-    def adapt(self, begin: int, start: PlanStart, *, may_be_later: bool) -> float:
+    def adapt(self, begin: int, start: PlanStart, *, may_be_later: bool, is_stuck: bool) -> float:
         """Pass the present goal later, and all after it, where the path to it takes too long.
 
         Where it has become short again, they are passed earlier, but not before they were due.
 
         Returns by how much later [s], negative for earlier; 0 where the time is enough, no path is
-        known or the robot is at the goal. `begin` [ns].
+        known, unless the robot is stuck and gets itself out, or it is at the goal. `begin` [ns].
         """
         goal, settings, period = self.goal, self._settings, self.period
         if goal is None or self.given_up or settings.tolerates(*self.target.errors(start.pose)):
@@ -157,7 +157,7 @@ class GoalManager:
         search = start.world.map_search(settings)
         is_known = search is None or len(search.line(start.pose[:2], goal.position, _NEAR)) > 0
         # Who closes the only path now may have gone before long.
-        may_be_later = may_be_later and (is_known or bool(start.reachable.names))
+        may_be_later = may_be_later and (is_known or is_stuck or bool(start.reachable.names))
         needed = to_nanoseconds(self._time_to(goal, start))
         # The earliest arrival that was found is not late where the wheels can keep it.
         quicker = settings.pace / start.robot.max_speed if settings.is_soonest else 1.0

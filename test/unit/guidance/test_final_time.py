@@ -1,5 +1,7 @@
 """The goal is judged at the final time, also where odometry comes before and after it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -103,15 +105,32 @@ def test_a_goal_that_may_be_late_is_put_off_until_it_is_reached(may_be_late):
         assert put_off[0].time_left > 20.0 - put_off[0].stamp / 1e9
 
 
-@pytest.mark.parametrize('is_somebody_there', [False, True])
-def test_it_is_put_off_where_somebody_may_close_the_only_path(is_somebody_there):
-    """All around the robot something is seen, from behind which no path leads to the goal."""
+def closed_in(x, y):
+    """All around a place something is seen."""
+    cells = np.full((60, 60), Cell.OCCUPIED, np.uint8)
+    cells[10:50, 10:50] = Cell.FREE
+    return OccupancyGrid((x - 1.5, y - 1.5, 0.0), 0.05, cells)
+
+
+@pytest.mark.parametrize('is_stuck', [False, True])
+def test_it_is_put_off_while_a_robot_that_is_stuck_gets_itself_out(is_stuck):
     given = {**load_parameter_file('people'), 'final_time': 20.0}
     settings = guidance_settings(TABLE.resolve(given))
     x, y, _ = pose = np.array(given['initial_pose'])
-    cells = np.full((60, 60), Cell.OCCUPIED, np.uint8)
-    cells[10:50, 10:50] = Cell.FREE
-    grid = OccupancyGrid((x - 1.5, y - 1.5, 0.0), 0.05, cells)
+    seen = settings.world.seeing(closed_in(x, y))
+    world = replace(seen, searched=seen.searched._replace(seen=seen.seen))
+    manager = GoalManager(settings, settings.world)
+    start = PlanStart(pose, settings.robot, world)
+    by = manager.adapt(19_600_000_000, start, may_be_later=True, is_stuck=is_stuck)
+    assert (by > 0.0) is is_stuck
+
+
+@pytest.mark.parametrize('is_somebody_there', [False, True])
+def test_it_is_put_off_where_somebody_may_close_the_only_path(is_somebody_there):
+    given = {**load_parameter_file('people'), 'final_time': 20.0}
+    settings = guidance_settings(TABLE.resolve(given))
+    x, y, _ = pose = np.array(given['initial_pose'])
+    grid = closed_in(x, y)
     law = GuidanceLaw(settings, settings.world)
     for stamp in (0, 200_000_000, 19_600_000_000):
         person = Track(Track.SEEN + 1, stamp, 0.25, x + 1.0, y, 0.0, 0.2)
@@ -132,8 +151,8 @@ def test_it_comes_earlier_again_where_the_path_is_short_again_but_not_before_it_
         PlanStart(np.array([x - each, y, 0.0]), settings.robot, settings.world)
         for each in (10.0, away)
     )
-    later = manager.adapt(5_000_000_000, far, may_be_later=True)
+    later = manager.adapt(5_000_000_000, far, may_be_later=True, is_stuck=False)
     assert (later, manager.final) == (pytest.approx(15.0), 25_000_000_000)
-    earlier = manager.adapt(5_000_000_000, near, may_be_later=False)
+    earlier = manager.adapt(5_000_000_000, near, may_be_later=False, is_stuck=False)
     assert earlier == pytest.approx(-min(later, 20.0 - 2.0 * away) if is_earlier else 0.0)
     assert manager.final == manager.end == round((25.0 + earlier) * 1e9)

@@ -206,8 +206,8 @@ def _obstacle_step_times(preset: Preset, count: int, *, moving: bool) -> Array:
     return 1e3 * step_times(settings, preset.pose, time.thread_time_ns, tracks)
 
 
-SENSOR_PRESETS = ('unknown', 'clutter')
-FIELDS: Final = 'fields'
+FIELDS: Final = 'fields'  # of the study, instead of a preset
+SENSOR_PRESETS = ('unknown', 'clutter', FIELDS)
 _FIELDS: Final = Study('clutter', seed=22, assignments=('goal.when=soonest',))
 _MOST_FIELDS: Final = 12
 
@@ -238,10 +238,11 @@ class SensorsTiming:
 def measure_sensors(
     runs: int, presets: Sequence[str] = SENSOR_PRESETS, progress: Callable[[], None] = lambda: None
 ) -> list[SensorsTiming]:
-    """Drive presets whose obstacles a scanner sees, and a field of the study each time, in turn."""
+    """Drive presets whose obstacles a scanner sees, or another field each time, in turn."""
     numbers = itertools.cycle(range(_MOST_FIELDS))
     steps = {each: partial(_sensor_steps, partial(_of_preset, each)) for each in presets}
-    steps[FIELDS] = partial(_sensor_steps, lambda: _of_field(next(numbers)))
+    if FIELDS in presets:
+        steps[FIELDS] = partial(_sensor_steps, lambda: _of_field(next(numbers)))
     in_turn(steps, 1, progress)
     found = []
     for name, runs_of in in_turn(steps, runs, progress).items():

@@ -6,7 +6,7 @@ fast.
 """
 
 import gc
-from typing import Final, get_type_hints
+from typing import Any, Final, get_type_hints
 
 import typer
 import typer.core
@@ -22,17 +22,24 @@ _OBJECTS_BEFORE_COLLECTION: Final = 100_000
 vars(typer.core)['rich'] = None
 
 
-class _InOrder(typer.core.TyperGroup):
-    """Commands in the order in which they were added; typer 0.9 sorts them."""
+class _Commands(typer.core.TyperGroup):
+    """Commands in the order in which they were added, which typer 0.9 sorts; none is an error."""
+
+    # typer may bring a click of its own
+    def parse_args(self, context: Any, args: list[str]) -> list[str]:
+        # click before 8.2 exits with 0 then
+        if not args:
+            typer.echo(context.get_help(), err=True)
+            context.exit(2)
+        return super().parse_args(context, args)
 
     def list_commands(self, _context: object) -> list[str]:
         return list(self.commands)
 
 
 app = typer.Typer(
-    cls=_InOrder,
+    cls=_Commands,
     help='Guidance of a differential-drive robot by C-MPSP.',
-    no_args_is_help=True,
     rich_markup_mode=None,
     add_completion=False,
     pretty_exceptions_enable=False,

@@ -8,6 +8,7 @@ from models import assert_arrives, clearance, drive
 from scenarios import assert_is
 
 from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw
+from cmpsp_ros.guidance.planning import Planner
 from cmpsp_ros.guidance.prediction import PlanStart
 from cmpsp_ros.guidance.safety import CHANGE_ROUNDING, Validator
 
@@ -72,8 +73,18 @@ def test_into_a_bay_in_reverse_and_forward(heading):
     assert np.mean(last) * heading < 0.0
 
 
-def test_it_parks_in_a_gap_hardly_longer_than_the_car():
+def test_it_parks_in_a_gap_hardly_longer_than_the_car(monkeypatch):
+    improve, works = Planner.improve, []
+
+    def counted(self, context, *arguments):
+        result = improve(self, context, *arguments)
+        works.extend([result.work] if context.moves else [])
+        return result
+
+    monkeypatch.setattr(Planner, 'improve', counted)
     settings, decisions, motions, pose = drive('parallel_parking')
+    # The first plan of the moves, which comes when the run has begun, has the work of one step.
+    assert 0 < sum(works) <= settings.solver.work_limit(settings.control_period)
     rear, front = (np.array(each.corners)[:, 0] for each in settings.obstacles[:2])
     length = np.ptp(np.array(settings.footprint.corners)[:, 0])
     assert front.min() - rear.max() < 1.3 * length

@@ -6,12 +6,13 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
 from benchmarks.common import BenchError, Spread, Table, collector_off, in_turn
 from benchmarks.drives import Preset, step_times
+from benchmarks.tracking import PRESET, among_people
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance import (
     GuidanceLaw,
@@ -207,9 +208,10 @@ def _obstacle_step_times(preset: Preset, count: int, *, moving: bool) -> Array:
 
 
 FIELDS: Final = 'fields'  # of the study, instead of a preset
-SENSOR_PRESETS = ('unknown', 'clutter', FIELDS)
+SENSOR_PRESETS = ('unknown', 'clutter', FIELDS, PRESET)
 _FIELDS: Final = Study('clutter', seed=22, assignments=('goal.when=soonest',))
 _MOST_FIELDS: Final = 12
+_LONGEST: Final = 60 * 10**9  # time after which a drive among people ends [ns]
 
 
 @dataclass(frozen=True)
@@ -238,11 +240,16 @@ class SensorsTiming:
 def measure_sensors(
     runs: int, presets: Sequence[str] = SENSOR_PRESETS, progress: Callable[[], None] = lambda: None
 ) -> list[SensorsTiming]:
-    """Drive presets whose obstacles a scanner sees, or another field each time, in turn."""
+    """Drive presets whose obstacles a scanner sees, or another field each time, in turn.
+
+    In the preset with people there are more of them.
+    """
     numbers = itertools.cycle(range(_MOST_FIELDS))
     steps = {each: partial(_sensor_steps, partial(_of_preset, each)) for each in presets}
     if FIELDS in presets:
         steps[FIELDS] = partial(_sensor_steps, lambda: _of_field(next(numbers)))
+    if PRESET in presets:
+        steps[PRESET] = partial(_sensor_steps, among_people)
     in_turn(steps, 1, progress)
     found = []
     for name, runs_of in in_turn(steps, runs, progress).items():
@@ -265,11 +272,9 @@ def _of_field(number: int) -> tuple[GuidanceSettings, PlantSettings, Eyes]:
     return task.settings, task.plant, eyes
 
 
-def _sensor_steps(
-    begin: Callable[[], tuple[GuidanceSettings, PlantSettings, Eyes]],
-) -> list[tuple[float, ...]]:
+def _sensor_steps(begin: Callable[[], tuple[Any, ...]]) -> list[tuple[float, ...]]:
     """Times of each control step and its parts, as `SensorsTiming` [ms]."""
-    settings, of_plant, eyes = begin()
+    settings, of_plant, eyes, *people = begin()
     law, plant = GuidanceLaw(settings, settings.world), Plant(of_plant)
     steps: list[tuple[float, ...]] = []
     eyes.note(plant.motion)
@@ -277,6 +282,9 @@ def _sensor_steps(
     with collector_off():
         while True:
             stamp, pose = plant.stamp_ns, plant.motion.pose
+            for each in people:
+                each.begin(stamp)
+                each.advance(stamp, pose[None, :2], settings.robot_radius)
             eyes.look(stamp)
             began = time.thread_time_ns()
             sighting = eyes.see(stamp, pose)
@@ -285,7 +293,8 @@ def _sensor_steps(
                 tracks = () if sighting is None else sighting.tracks
                 decision = law.step(Observation(stamp, pose, tracks, sighting))
                 decided = time.thread_time_ns()
-                if decision is None or decision.finished or sighting is None:
+                is_over = stamp > _LONGEST or decision is None or decision.finished
+                if is_over or sighting is None:
                     return steps
                 law.after_step()
                 done = time.thread_time_ns()

@@ -149,7 +149,8 @@ class StandingPeople:
     """
 
     def __init__(self) -> None:
-        self._slow: dict[int, Track] = {}
+        # Who stood, or walked slowly, in the last sighting; and cells beside who stands now.
+        self._slow: dict[int, tuple[Track, Sighting]] = {}
         self._beside: dict[int, Array] = {}
         self.standing: tuple[Track, ...] = ()
 
@@ -159,19 +160,22 @@ class StandingPeople:
         They stand where they were last tracked, as uncertain as their velocity was then.
         """
         moving = {each.id: each for each in tracks if isinstance(each, Track) and each.is_seen}
-        known = {each.id: each for each in self.standing} | self._slow
+        known = {each.id: each for each in self.standing}
+        for number, (each, before) in self._slow.items():
+            if number not in moving:
+                known[number] = replace(each, vx=0.0, vy=0.0, position_stddev=0.0)
+                self._beside[number] = _occupied(each, before)
         self.standing = tuple(
             replace(each, stamp=stamp)
             for number, each in known.items()
             if number not in moving and self._is_there(each, sighting)
         )
+        self._beside = {each.id: self._beside[each.id] for each in self.standing}
         self._slow = {
-            number: replace(each, vx=0.0, vy=0.0, position_stddev=0.0)
+            number: (each, sighting)
             for number, each in moving.items()
             if math.hypot(each.vx, each.vy) <= _CERTAIN * each.velocity_stddev
         }
-        beside = {number: _occupied(each, sighting) for number, each in self._slow.items()}
-        self._beside = {each.id: self._beside[each.id] for each in self.standing} | beside
 
     def _is_there(self, person: Track, sighting: Sighting) -> bool:
         """True if a newly occupied cell touches the place of a person."""

@@ -293,8 +293,7 @@ def _sensor_steps(begin: Callable[[], tuple[Any, ...]]) -> list[tuple[float, ...
                 tracks = () if sighting is None else sighting.tracks
                 decision = law.step(Observation(stamp, pose, tracks, sighting))
                 decided = time.thread_time_ns()
-                is_over = stamp > _LONGEST or decision is None or decision.finished
-                if is_over or sighting is None:
+                if decision is None or decision.finished or sighting is None or stamp > _LONGEST:
                     return steps
                 law.after_step()
                 done = time.thread_time_ns()

@@ -16,8 +16,15 @@ from cmpsp_ros.parameters import (
     plant_settings,
     shapes_of,
 )
-from cmpsp_ros.simulator import People, PeopleSettings, Plant, PlantSettings, Walker
-from cmpsp_ros.simulator import discs_of, edges_of
+from cmpsp_ros.simulator import (
+    People,
+    PeopleSettings,
+    Plant,
+    PlantSettings,
+    Walker,
+    discs_of,
+    edges_of,
+)
 from cmpsp_ros.studies.monte_carlo import Eyes
 
 PRESET: Final = 'people'

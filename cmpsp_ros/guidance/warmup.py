@@ -17,6 +17,7 @@ from cmpsp_ros.guidance.planning.initial_trajectories import along_road
 from cmpsp_ros.guidance.planning.manoeuvre_search import ManoeuvreSearch, may_need_manoeuvres
 from cmpsp_ros.guidance.planning.planner import Planner
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
+from cmpsp_ros.guidance.planning.retreat import spread
 from cmpsp_ros.guidance.prediction.estimator import Observation, PlanStart
 from cmpsp_ros.guidance.prediction.pending_commands import PendingCommands
 from cmpsp_ros.guidance.prediction.response_estimate import ResponseEstimate
@@ -104,6 +105,8 @@ def run_kernels(settings: LawSettings) -> None:
     twists = on_road.robot.twist(controls[:1])
     space.along(pose[None], twists, durations)
     _A_DISC.along(pose[None], twists, durations, durations)
+    place = np.zeros((1, 1, 2))
+    spread(np.zeros((2, 1, 1), dtype=bool), blocked[:1], place, place, np.zeros((1, 1)))
     start = PlanStart(pose, on_road.robot, World(_A_ROAD), _A_DISC, previous_control=controls[0])
     Validator(on_road).check(start, controls, durations)
     along_road(on_road, start, on_road.target, durations)

@@ -17,6 +17,7 @@ from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.safety.unseen import looks_ahead
 from cmpsp_ros.guidance.safety.validation import TOUCHING
 from cmpsp_ros.guidance.settings import LawSettings
+from cmpsp_ros.mpsp.jit import allocation_free
 from cmpsp_ros.robots import Robot, placed
 from cmpsp_ros.world import FreeSpace
 from cmpsp_ros.world.obstacles import MovingDiscs
@@ -109,25 +110,19 @@ class RetreatPlanner:
         clear: Array = away - radii - self._settings.robot_radius
         return clear
 
-    def _layers(self, start: PlanStart, threats: MovingDiscs) -> list[BoolArray]:
-        """Cells in which the robot can be at each time, ``(G, G)``."""
+    def _layers(self, start: PlanStart, threats: MovingDiscs) -> BoolArray:
+        """Cells in which the robot can be at each time, ``(T, G, G)``."""
         places = start.pose[:2] + self._grid
         flat = places.reshape(-1, 2)
         space = FreeSpace.of(start.world.road, start.world.shapes, self._kept)
         at = np.column_stack([flat, np.full(len(flat), start.pose[2])])
         free = (space.at(at, start.progress).min(axis=1) >= 0.0).reshape(places.shape[:2])
         free[_CELLS, _CELLS] = True
-        here = np.zeros(free.shape, dtype=bool)
-        here[_CELLS, _CELLS] = True
-        layers = [here]
+        layers = np.zeros((_CELLS + 1, *free.shape), dtype=bool)
+        layers[0, _CELLS, _CELLS] = True
         times: Array = self.seconds / _CELLS * np.arange(1.0, _CELLS + 1)
         centers, radii = threats.at_times(times)
-        for k in range(_CELLS):
-            spread = _spread(layers[-1], diagonal=k % 2 == 0) & free
-            for center, radius in zip(centers[k], radii[k], strict=True):
-                away = places - center
-                spread &= (away**2).sum(axis=-1) > (radius + self._kept) ** 2
-            layers.append(spread)
+        spread(layers, free, places, centers, np.square(radii + self._kept))
         return layers
 
     def _refuge(
@@ -158,7 +153,7 @@ class RetreatPlanner:
         left: Array = np.maximum(times, 0.0).min(axis=1, initial=math.inf)
         return left
 
-    def _path(self, layers: list[BoolArray], goal: tuple[int, int]) -> Array:
+    def _path(self, layers: BoolArray, goal: tuple[int, int]) -> Array:
         """Positions on the way to a cell, relative to the robot; it waits at the end."""
         cells = [np.array(goal)]
         for k in range(len(layers) - 2, -1, -1):
@@ -235,12 +230,21 @@ def _twist_towards(
 _BESIDE: Final[IntArray] = np.argwhere(np.ones((3, 3), dtype=bool)) - 1
 
 
-def _spread(cells: BoolArray, *, diagonal: bool) -> BoolArray:
-    """Cells and those beside them."""
-    spread = cells.copy()
-    spread[1:] |= cells[:-1]
-    spread[:-1] |= cells[1:]
-    source = spread.copy() if diagonal else cells
-    spread[:, 1:] |= source[:, :-1]
-    spread[:, :-1] |= source[:, 1:]
-    return spread
+@allocation_free
+def spread(
+    layers: BoolArray, free: BoolArray, places: Array, centers: Array, squared: Array
+) -> None:
+    """Fill in free cells beside those of the time before, every other time at a corner too."""
+    steps, rows, columns = layers.shape
+    for k in range(steps - 1):
+        for i in range(rows):
+            for j in range(columns):
+                is_beside = False
+                for m in range(max(i - 1, 0), min(i + 2, rows)):
+                    for n in range(max(j - 1, 0), min(j + 2, columns)):
+                        is_beside |= layers[k, m, n] and (k % 2 == 0 or m == i or n == j)
+                is_clear = is_beside and free[i, j]
+                for d in range(squared.shape[1] if is_clear else 0):
+                    x, y = places[i, j, 0] - centers[k, d, 0], places[i, j, 1] - centers[k, d, 1]
+                    is_clear &= x * x + y * y > squared[k, d]
+                layers[k + 1, i, j] = is_clear

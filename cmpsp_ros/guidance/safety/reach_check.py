@@ -12,7 +12,6 @@ from cmpsp_ros.arrays import Array, BoolArray
 from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.robots import placed
-from cmpsp_ros.robots.motion import speeds_and_turns
 from cmpsp_ros.world.obstacles import ROUGHNESS, MovingDiscs
 
 _ROUNDING: Final = 1e-6
@@ -45,7 +44,6 @@ class ReachCheck:
         """Take the robot's discs, each of a radius [m]."""
         self._footprint, self._radius = settings.footprint, radius
         self._discs = settings.footprint.discs
-        self._extent = settings.footprint.reach + radius
         self._known: _Sets | None = None
 
     def reason(self, start: PlanStart, controls: Array, durations: Array) -> str:
@@ -67,32 +65,26 @@ class ReachCheck:
             return ''
         count = int(moves[-1]) + 1
         twists, durations = twists[:count], durations[:count]
-        seconds = float(durations.sum())
-        driven = float(np.abs(speeds_and_turns(twists)[:, 0]) @ durations)
-        near = moving.within(start.pose, driven + self._extent, seconds)
-        if not len(near):
-            return ''
         sets = self._sets(start)
-        begins, there = sets.begins[near], sets.there[near]
         poses = start.robot.roll_out(start.pose, controls[:count], durations)[:-1]
         times = np.cumsum(durations) - durations
         arcs = poses, twists, durations, times, self._discs
-        discs = sets.discs.chosen(near)
-        swept, touched = discs.along(*arcs), there < 0.0
+        begins, there, touched = sets.begins, sets.there, sets.there < 0.0
+        swept = sets.discs.along(*arcs)
         least = swept.min(axis=0)
         short = np.where(begins < 0.0, begins - ROUGHNESS, 0.0) - least
-        if sets.is_lost[near].any():
+        if sets.is_lost.any():
             at_rest = np.tile(start.pose, (count, 1)), np.zeros_like(twists), *arcs[2:]
-            nearer = (discs.along(*at_rest) - swept).max(axis=0)
-            short[sets.is_lost[near] & (nearer <= ROUGHNESS)] = 0.0
+            nearer = (sets.discs.along(*at_rest) - swept).max(axis=0)
+            short[sets.is_lost & (nearer <= ROUGHNESS)] = 0.0
         short[touched] = np.inf
         if np.abs(self._footprint.speeds_and_turns(twists)[:, 0]).max() <= CREEP:
-            kept = np.where(sets.stands[near], np.minimum(there, 0.0), there) - ROUGHNESS
-            short[sets.seen.chosen(near).along(*arcs).min(axis=0) >= kept] = 0.0
+            kept = np.where(sets.stands, np.minimum(there, 0.0), there) - ROUGHNESS
+            short[sets.seen.along(*arcs).min(axis=0) >= kept] = 0.0
         worst = int(short.argmax())
         if short[worst] <= _ROUNDING:
             return ''
-        name = moving.names[near[worst]]
+        name = moving.names[worst]
         if touched[worst]:
             return f'{name} touches the robot, which creeps at most until it has gone.'
         return f'{name} could be {-float(least[worst]):.3g} m into the robot before it is at rest.'

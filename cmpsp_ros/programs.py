@@ -9,7 +9,7 @@ from functools import partial
 from importlib import import_module
 from typing import Final, NoReturn
 
-_ROS: Final = ('rclpy', 'rmw_', 'rcl_interfaces', 'std_', 'geometry_msgs', 'nav_msgs')
+_ROS: Final = ('rclpy', 'rmw_', 'rcl_interfaces', 'builtin_interfaces', 'std_srvs')
 # Package by the module that is imported.
 _PIP: Final = {
     'PIL': 'pillow',
@@ -36,7 +36,7 @@ def _run(module: str) -> None:
         import_module(module).main()
     except ModuleNotFoundError as error:
         name = (error.name or '').partition('.')[0]
-        if name.startswith(_ROS):
+        if name.startswith(_ROS) or name.endswith('_msgs'):
             sys.exit(f'found no {name}: source a ROS 2, or `pip install cmpsp_ros[ros]`')
         if name not in _PIP:
             raise

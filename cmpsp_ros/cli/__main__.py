@@ -1,5 +1,5 @@
 """`python -m cmpsp_ros.cli` is `cmpsp`."""
 
-from cmpsp_ros.cli import main
+from cmpsp_ros.programs import cmpsp
 
-main()
+cmpsp()

@@ -19,10 +19,10 @@ from rosgraph_msgs.msg import Clock as ClockMessage
 from std_srvs.srv import Trigger
 
 from cmpsp_ros.bags import Bag, BagError, UnknownTypeError
-from cmpsp_ros.nodes.common.qos import offering
 from cmpsp_ros.nodes.common.runtime import run
 from cmpsp_ros.nodes.common.topic import message_class, steady_timer
 from cmpsp_ros.nodes.common.topics import CLOCK
+from cmpsp_ros.nodes.recording.qos import offering
 
 # Time between two messages of the clock, two looks at the bag, and two at the keyboard [s].
 _CLOCK_PERIOD, _PERIOD, _KEY_PERIOD = 0.01, 0.002, 0.05

@@ -18,7 +18,7 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from cmpsp_ros.bags import BagWriter
-from cmpsp_ros.nodes.common.qos import for_bag
+from cmpsp_ros.nodes.recording.qos import for_bag
 
 UNKNOWN = '_NODE_NAME_UNKNOWN_'
 PLAY = [sys.executable, '-m', 'cmpsp_ros.cli', 'play']

@@ -16,12 +16,12 @@ from std_srvs.srv import Trigger
 
 from cmpsp_ros.bags import BagError, BagWriter, UnknownTypeError
 from cmpsp_ros.nodes.common.health import Health, Report
-from cmpsp_ros.nodes.common.qos import for_bag, hearing_all
 from cmpsp_ros.nodes.common.runtime import StartupError, run
 from cmpsp_ros.nodes.common.topic import message_class, steady_timer
 from cmpsp_ros.nodes.common.topics import RECORDER_FLUSH
 from cmpsp_ros.nodes.recording import received
 from cmpsp_ros.nodes.recording.options import read_options, topics_of_nodes
+from cmpsp_ros.nodes.recording.qos import for_bag, hearing_all
 from cmpsp_ros.programs import quick_exit
 
 TAKE_PERIOD: Final = 0.05  # time between two rounds through the queues [s]

@@ -9,11 +9,11 @@ from nav_msgs.msg import Odometry
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from cmpsp_ros.bags import UnknownTypeError
-from cmpsp_ros.nodes.common.qos import for_bag, offering
 from cmpsp_ros.nodes.common.topic import message_class
 from cmpsp_ros.nodes.common.topics import TOPICS
 from cmpsp_ros.nodes.guidance.node import GuidanceNode
 from cmpsp_ros.nodes.recording.options import own_topics
+from cmpsp_ros.nodes.recording.qos import for_bag, offering
 from cmpsp_ros.nodes.recording.recorder import Recorder
 from cmpsp_ros.nodes.sim.node import SimNode
 

@@ -1,4 +1,4 @@
-"""Quality of service: from offers of publishers to subscriptions and bags."""
+"""Quality of service of recorded topics: of subscriptions, in bags, and when played."""
 
 from collections.abc import Sequence
 
@@ -6,16 +6,9 @@ from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosbags import interfaces as bag
 
+from cmpsp_ros.nodes.common.topic import quality
+
 _DEPTH, _MAX_DEPTH = 10, 10_000
-
-
-def quality(depth: int, *, reliable: bool, latched: bool) -> QoSProfile:
-    """Profile of a topic; late subscribers get the last messages if it is latched."""
-    return QoSProfile(
-        depth=depth,
-        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
-        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
-    )
 
 
 def hearing_all(offered: Sequence[QoSProfile], *, depth: int) -> QoSProfile:

@@ -147,12 +147,9 @@ docs: setup  ## write doc/reference/topics.md and parameters.md, config/defaults
 	$(BIN)/python .ci/documentation.py
 	$(BIN)/python -m cmpsp_ros.nodes.security_policy config/cmpsp.policy.xml
 
-# The runs on the pages; pictures of the benchmark come with it, those of a browser and films by hand.
-pictures: setup  ## draw the runs in doc/images/ again
-	rm -rf .cache/pictures
-	for each in case3 clutter corridor course parallel_parking warehouse; do \
-	    $(BIN)/cmpsp demo $$each --lockstep --output .cache/pictures/$$each > /dev/null && \
-	    cp .cache/pictures/$$each/trajectory.png doc/images/$$each.png || exit 1; done
+# Benchmark and examples draw theirs with their own pages: `make bench`, `python -m examples`.
+pictures: setup  ## draw the runs, films and pages in doc/images/ again; needs chromium
+	$(BIN)/python .ci/pictures.py
 
 # Pages are copied, because they link to files beside doc/. Commands and API are of this tree.
 site: PAGES := .cache/pages

@@ -39,13 +39,15 @@ class DifferentialDrive(Robot):
 
     def twist(self, controls: Array) -> Array:
         """Body twists ``(..., 2)`` [m/s, rad/s] of wheel speeds ``(..., 2)`` [rad/s], by (91)."""
-        right, left = controls.tolist() if controls.ndim == 1 else np.moveaxis(controls, -1, 0)
-        speed = (right + left) * (self.wheel_radius / 2.0)
-        turn_rate = (right - left) * (self.wheel_radius / (2.0 * self.half_track))
+        half, across = self.wheel_radius / 2.0, self.wheel_radius / (2.0 * self.half_track)
         if controls.ndim == 1:
             # The same operations on numbers take a fraction of the time.
-            return np.array([speed, turn_rate])
-        return np.stack([speed, turn_rate], axis=-1)
+            right, left = controls.tolist()
+            return np.array([(right + left) * half, (right - left) * across])
+        twist = np.empty(controls.shape)
+        twist[..., 0] = (controls[..., 0] + controls[..., 1]) * half
+        twist[..., 1] = (controls[..., 0] - controls[..., 1]) * across
+        return twist
 
     def controls(self, twist: Array) -> Array:
         """Wheel speeds ``(..., 2)`` [rad/s] of body twists; a speed to the side is left out."""

@@ -154,11 +154,11 @@ class GoalManager:
         may_be_earlier = may_be_earlier and not settings.is_soonest
         if not (may_be_later or may_be_earlier):
             return 0.0
-        search = start.world.map_search(settings)
-        is_known = search is None or len(search.line(start.pose[:2], goal.position, _NEAR)) > 0
+        line = self._line(goal, start)
+        is_known = line is None or len(line) > 0
         # Who closes the only path now may have gone before long.
         may_be_later = may_be_later and (is_known or is_stuck or bool(start.reachable.names))
-        needed = to_nanoseconds(self._time_to(goal, start))
+        needed = to_nanoseconds(self._time_along(line, goal, start))
         # The earliest arrival that was found is not late where the wheels can keep it.
         quicker = settings.pace / start.robot.max_speed if settings.is_soonest else 1.0
         is_late = may_be_later and left < _SCARCE * quicker * needed
@@ -177,13 +177,20 @@ class GoalManager:
         self.final = self.end = now
         self.is_last = self.given_up = True
 
+    def _line(self, goal: Goal, start: PlanStart) -> Array | None:
+        """Line to a goal across a grid, without points where none is known; None without a grid."""
+        search = start.world.map_search(self._settings)
+        return None if search is None else search.line(start.pose[:2], goal.position, _NEAR)
+
     def _time_to(self, goal: Goal, start: PlanStart) -> float:
         """Nominal time to a goal, with turns at its beginning and its end [s]."""
+        return self._time_along(self._line(goal, start), goal, start)
+
+    def _time_along(self, line: Array | None, goal: Goal, start: PlanStart) -> float:
         settings, (x, y) = self._settings, goal.position
-        world, pose, progress = start.world, start.pose, start.progress
-        road, search = world.road, world.map_search(settings)
+        road, pose, progress = start.world.road, start.pose, start.progress
         length = arc_length_to(road, pose, goal.position, goal.heading, progress)
-        if search is not None and len(line := search.line(pose[:2], goal.position, _NEAR)) > 1:
+        if line is not None and len(line) > 1:
             steps = np.diff(line, axis=0)
             length = float(np.hypot(*steps.T).sum())
             begin, end = np.arctan2(steps[[0, -1], 1], steps[[0, -1], 0]).tolist()
@@ -196,7 +203,7 @@ class GoalManager:
         if goal.heading is not None:
             turn += abs(math.remainder(goal.heading - end, math.tau))
         time = abs(length) / settings.pace
-        if settings.robot.lateral_rows and search is None and road.has_center_line:
+        if settings.robot.lateral_rows and line is None and road.has_center_line:
             time = _time_in_bends(settings, start, goal, length)
         smooth = settings.robot.max_wheel_acceleration / settings.robot.max_wheel_jerk
         return time + turn / turn_rate(settings) + (smooth if math.isfinite(smooth) else 0.0)

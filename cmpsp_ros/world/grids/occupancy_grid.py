@@ -75,13 +75,10 @@ class OccupancyGrid:
         """Outer corners of cells, or other points by their rows and columns, ``(..., 2)`` [m]."""
         cosine, sine = math.cos(self.origin[2]), math.sin(self.origin[2])
         along, across = columns * self.resolution, rows * self.resolution
-        return np.stack(
-            [
-                self.origin[0] + cosine * along - sine * across,
-                self.origin[1] + sine * along + cosine * across,
-            ],
-            axis=-1,
-        )
+        points = np.empty((*np.shape(along), 2))
+        points[..., 0] = self.origin[0] + cosine * along - sine * across
+        points[..., 1] = self.origin[1] + sine * along + cosine * across
+        return points
 
     def indices(self, points: Array) -> tuple[IntArray, IntArray]:
         """Row and column of the cells of points ``(..., 2)`` [m], beyond the grid too."""

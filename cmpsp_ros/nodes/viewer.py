@@ -27,6 +27,7 @@ from cmpsp_ros.nodes.common.topic import steady_timer
 from cmpsp_ros.sensing import grid_of
 from cmpsp_ros.view import SharedState, ViewError, ViewServer, grid_picture
 from cmpsp_ros.world.grids import GridError
+from cmpsp_ros.world.roads import FAR
 
 HOST, PORT = '127.0.0.1', 8765
 
@@ -170,6 +171,10 @@ def decision_of(message: DiagnosticArray) -> dict[str, Any]:
     status = next(iter(message.status), DiagnosticStatus())
     texts = {each.key: _short(each.value) for each in status.values}
     shown = {key: _value(each, texts.get(key)) for key, each in _SHOWN.items()}
+    for each in ('clearance', 'worst_clearance'):
+        # nothing to measure it to
+        if shown[each] is not None and shown[each] >= FAR:
+            shown[each] = None
     shown['reason'] = _short(status.message)
     two = shown['wheel_speed_right'], shown['wheel_speed_left']
     shown['wheels'] = list(shown['wheel_speeds'] or two)[:_MOST_WHEELS]

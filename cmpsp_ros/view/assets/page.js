@@ -176,6 +176,8 @@ function drawCourse() {
   drawSeen(pen, to, scale);
   for (const each of course) drawMarker(pen, each, to, scale);
   for (const each of latest.moving || []) drawMoving(pen, each, to, scale);
+  explain('seen', seen);
+  explain('moving', (latest.moving || []).length);
   drawGoal(pen, to);
   const level = LEVELS[(latest.decision || {}).level] || '#8a93a1';
   stroke(pen, known.series.path, to, '#0072b2', 3, []);
@@ -222,6 +224,11 @@ function loadSeen() {
   const image = new Image();
   image.onload = () => { seen = {...next, image}; };
   image.src = next.source;
+}
+
+// The legend keeps what was there once.
+function explain(name, there) {
+  if (there) document.getElementById(`key_${name}`).hidden = false;
 }
 
 function drawSeen(pen, to, scale) {

@@ -53,6 +53,11 @@ def test_a_decision_is_read_number_by_number():
         assert decision_of(late)['level'] == 'stop'
 
 
+def test_a_clearance_is_unknown_where_nothing_is_near():
+    decision = decision_of(status(clearance='1000000.0', worst_clearance='0.25'))
+    assert (decision['clearance'], decision['worst_clearance']) == (None, 0.25)
+
+
 def test_texts_are_shortened():
     assert len(decision_of(status('x' * 100_000, fallback_level='y' * 100_000))['reason']) == 500
 

@@ -123,12 +123,13 @@ test-oldest:  ## the same with the oldest versions, Ubuntu 24.04's: PYTHON=pytho
 
 # Environment of its own, with whatever is newest: a Python for which there may be no ROS yet.
 test-newest: NEWEST := .cache/newest
-test-newest:  ## run the tests of mpsp and of robots with the newest versions, without ROS: PYTHON=python3.13
+test-newest:  ## run the tests that need no ROS with the newest versions: PYTHON=python3.13
 	test -x $(NEWEST)/bin/python || $(PYTHON) -m venv $(NEWEST)
-	$(NEWEST)/bin/pip install --quiet -e '.[solvers,casadi]' pytest pytest-timeout pytest-xdist hypothesis
+	$(NEWEST)/bin/pip install --quiet -e '.[solvers,casadi,mujoco,parquet,report]' \
+	    pytest pytest-timeout pytest-xdist hypothesis
+	$(NEWEST)/bin/cmpsp warmup
 	$(NEWEST)/bin/python -m pytest -n 2 --dist loadgroup -m 'not slow' \
-	    test/unit/mpsp/models test/unit/mpsp/test_gradient.py test/unit/mpsp/qp/dense test/unit/robots \
-	    $(PYTEST_ARGS)
+	    $(patsubst %,test/unit/%,mpsp robots world sensing parameters guidance bags studies) $(PYTEST_ARGS)
 
 lint: check-ros $(DEVELOPMENT) $(PACKAGE)  ## ruff, mypy, who may import whom, and through which door
 	$(BIN)/ruff check .

@@ -7,7 +7,7 @@ import sys
 import zlib
 from contextlib import contextmanager
 from dataclasses import dataclass
-from importlib.util import module_from_spec, spec_from_file_location
+from importlib.util import find_spec, module_from_spec, spec_from_file_location
 from pathlib import Path
 
 import pytest
@@ -58,6 +58,8 @@ def pytest_collection_modifyitems(config, items):
             item.add_marker(pytest.mark.slow)
         elif not any(item.iter_markers('slow')) and not any(item.iter_markers('timeout')):
             item.add_marker(pytest.mark.timeout(LONGEST))
+        if any(item.iter_markers('ros')) and find_spec('rclpy') is None:
+            item.add_marker(pytest.mark.skip('there is no ROS'))
     part = config.getoption('part')
     if part is not None:
         others = [item for item in items if not _is_in(item, *part)]

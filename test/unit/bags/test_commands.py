@@ -60,6 +60,7 @@ def test_refused(bag, monkeypatch, args, reason):
     assert [each.name for each in bag.parent.iterdir()] == ['bag']
 
 
+@pytest.mark.ros
 def test_recorder_and_export_load_no_compiled_code():
     """A recorder must be small beside the nodes, and a command start at once."""
     code = 'import sys, cmpsp_ros.bags.export, cmpsp_ros.nodes.recording.recorder'
@@ -117,6 +118,7 @@ def test_a_bag_gives_a_table_a_file_and_a_picture(tmp_path):
     assert command('identify', bag, '--force').exit_code == 0
 
 
+@pytest.mark.ros
 def test_nothing_to_identify_is_exit_code_2(tmp_path):
     for arguments, words in (
         ((), 'found none, wanted a bag, or --drive'),
@@ -127,6 +129,7 @@ def test_nothing_to_identify_is_exit_code_2(tmp_path):
         assert (done.exit_code, words in done.output) == (2, True), done.output
 
 
+@pytest.mark.ros
 def test_nobody_is_driven_without_a_yes(tmp_path):
     done = command('identify', '--drive', '--output', tmp_path / 'out')
     assert done.exit_code != 0

@@ -19,6 +19,7 @@ def counts(few):
 
 
 @counts(15)
+@pytest.mark.ros
 @pytest.mark.filterwarnings('error')
 def test_any_odometry_is_refused_or_answered_safely(program, count):
     outcomes = program(UNIT / 'guidance' / 'fuzz.py').fuzz(count, 3)

@@ -108,6 +108,7 @@ print(*sorted(code() - before), sep='\\n')
 """
 
 
+@pytest.mark.ros
 def test_a_node_that_needs_no_spline_starts_without_scipy():
     """To import its interpolation takes a third of what a start takes in all."""
     code = 'import sys, cmpsp_ros.nodes.guidance.node; '

@@ -5,7 +5,6 @@ import os
 import subprocess
 import sys
 
-import mujoco
 import numpy as np
 import pytest
 from PIL import Image
@@ -16,6 +15,8 @@ from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 from cmpsp_ros.sensing import Track
 from cmpsp_ros.view import bodies, body
 from cmpsp_ros.world.obstacles import Obstacle
+
+mujoco = pytest.importorskip('mujoco')
 
 DRAW = (
     "import mujoco; model = mujoco.MjModel.from_xml_string('<mujoco/>');"

@@ -148,7 +148,15 @@ def files(folder):
 
 
 @pytest.mark.parametrize(
-    ('commands', 'kind', 'reason'), SAYS, ids=[f'{each[1]}-{each[0][0]}' for each in SAYS]
+    ('commands', 'kind', 'reason'),
+    [
+        pytest.param(
+            *each,
+            id=f'{each[1]}-{each[0][0]}',
+            marks=[pytest.mark.ros] if 'play' in each[0] else [],
+        )
+        for each in SAYS
+    ],
 )
 def test_it_says_why_and_leaves_everything_as_it_is(make, tmp_path, commands, kind, reason):
     make(kind)

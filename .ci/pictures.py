@@ -111,9 +111,9 @@ def main() -> None:
     for preset in ('case3', 'clutter', 'corridor', 'course', 'parallel_parking', 'warehouse'):
         keep(demo(preset) / 'trajectory.png', preset)
     physics = demo('case3', '--set', 'plant=mujoco', name='film')
-    # at the start, beside the first obstacle, past it, and before the goal
-    times = [each for second in (0.5, 5.5, 6.0, 9.0) for each in ('--at', str(second))]
-    for folder, frames in ((physics, times), (demo('doorway'), [])):
+    # at the start, at the first obstacle, past it, before the goal; where people pass the door
+    for folder, times in ((physics, (0.5, 5.5, 6.0, 9.0)), (demo('doorway'), (10, 15, 30.6, 36))):
+        frames = [each for second in times for each in ('--at', str(second))]
         cmpsp('film', folder / 'bag', '--output', folder / 'film.png', *frames)
         keep(folder / 'film.png', folder.name)
     cmpsp('report', RUNS / 'case3' / 'bag', '--output', RUNS / 'report.html')

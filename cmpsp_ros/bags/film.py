@@ -29,10 +29,12 @@ BELOW: Final = -10.0  # height of what is not to be seen [m]
 HEIGHT: Final = 0.12  # height of obstacles [m]
 # Height of people up to their shoulders, and of tracks of own sensors [m].
 _STATURE, _TRACK = 0.4, 0.02
+# Of an arrow.
+_TIP = '<asset><mesh name="tip" vertex="0.15 0 0  0 0.08 0  0 -0.08 0  0 0 0.03"/></asset>'
 _PURPLE: Final = '0.62 0.2 0.5 1'
 _DOUBT: Final = '0.62 0.2 0.5 0.25'
 _DARK: Final = '0.35 0.1 0.28 1'
-_BROWN: Final = '0.55 0.34 0.2 1'
+_BROWN: Final = '0.55 0.34 0.2 0.6'
 _GREEN: Final = '0.05 0.5 0.25 1'
 _LINE, _SHORTEST = 0.012, 1e-6
 # Colour, and radius of lines [m], by kind of part.
@@ -90,7 +92,7 @@ def scene(
     head, rest = robot.split('<worldbody>', 1)
     body = rest.split('/>', 1)[1]  # its floor is a bare one
     discs = ''.join((*map(_disc, moving), *map(_person, people)))
-    body = body.replace('</worldbody>', f'{discs}</worldbody>', 1)
+    body = body.replace('</worldbody>', f'{discs}</worldbody>{_TIP if moving else ""}', 1)
     return f'{head}{_LOOK}\n    {decoration}{body}'
 
 
@@ -130,6 +132,7 @@ def _disc(number: int) -> str:
         _geom('cylinder', f'1 {height / 2.0}', (0.0, 0.0, height / 2.0), _PURPLE, name),
         _geom('cylinder', f'1 {_LINE / 4.0}', (0.0, 0.0, _LINE), _DOUBT, f'{name} doubt'),
         _geom('box', f'1 {2.0 * _LINE} {_LINE}', (0.0, 0.0, height), _DARK, f'{name} way'),
+        _geom('mesh" mesh="tip', '1', (0.0, 0.0, height), _DARK, f'{name} tip'),
     )
     return f'<body name="{name}" mocap="true" pos="0 0 {BELOW}">{"".join(geoms)}</body>\n'
 
@@ -149,6 +152,7 @@ def _course(parts: Iterable[Part]) -> Iterator[str]:
             yield _geom('cylinder', f'{size} {HEIGHT / 2.0}', place, color)
         for line in part.outlines if color else ():
             yield from _line(line, radius, color)
+            yield from _walls(line, color) if part.kind != 'edge' else ()
 
 
 def _way(way: Array) -> Iterator[str]:
@@ -165,6 +169,16 @@ def _line(corners: Array, radius: float, color: str, height: float = 0.0) -> Ite
                 f'<geom type="capsule" fromto="{ends}" size="{radius}" rgba="{color}" '
                 'contype="0" conaffinity="0"/>'
             )
+
+
+def _walls(corners: Array, color: str) -> Iterator[str]:
+    """Sides of an obstacle along its outline."""
+    for (x0, y0), (x1, y1) in pairwise(corners.tolist()):
+        x, y, length = x1 - x0, y1 - y0, math.dist((x0, y0), (x1, y1))
+        if length > _SHORTEST:
+            place = (x0 + x1) / 2.0, (y0 + y1) / 2.0, HEIGHT / 2.0
+            size = f'{length / 2.0} {_LINE / 2.0} {HEIGHT / 2.0}" xyaxes="{x} {y} 0 {-y} {x} 0'
+            yield _geom('box', size, place, color)
 
 
 def _geom(
@@ -304,6 +318,7 @@ def _arrange(world: Any, state: Any, moment: _Moment) -> None:
                 world.geom(f'{name} doubt').size[0] = reach
                 way, half = world.geom(f'{name} way'), math.hypot(each.vx, each.vy) / 2.0
                 way.size[0] = way.pos[0] = max(half, _LINE)
+                world.geom(f'{name} tip').pos[0] = 2.0 * half
     names = [world.geom(index).name for index in range(world.ngeom)]
     for index, name in enumerate(names):
         if name.startswith('goal '):

@@ -1,1 +1,1 @@
-"""Real-time guidance of a differential-drive robot by C-MPSP, for ROS 2."""
+"""Real-time guidance of wheeled robots by C-MPSP, for ROS 2."""

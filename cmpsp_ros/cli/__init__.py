@@ -39,7 +39,7 @@ class _Commands(typer.core.TyperGroup):
 
 app = typer.Typer(
     cls=_Commands,
-    help='Guidance of a differential-drive robot by C-MPSP.',
+    help='Guidance of wheeled robots by C-MPSP.',
     rich_markup_mode=None,
     add_completion=False,
     pretty_exceptions_enable=False,

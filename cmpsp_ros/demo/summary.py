@@ -202,5 +202,6 @@ def _reason(run: runs.Run, steps: Sequence[DecisionRecord]) -> str:
     if why := next(filter(None, (each.why_given_up for each in run.decisions)), ''):
         return why
     levels = [level.name.lower() for level in FallbackLevel]
-    worst = max(steps, key=lambda each: levels.index(each.level), default=None)
+    # The first step may be a stop by design, while the first plan is made.
+    worst = max(steps[1:] or steps, key=lambda each: levels.index(each.level), default=None)
     return '' if worst is None or worst.level == levels[0] else worst.reason

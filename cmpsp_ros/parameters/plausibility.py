@@ -41,12 +41,13 @@ def plausibility_warnings(values: Values) -> Iterator[str]:
             f'robot.max_wheel_acceleration = {acceleration:g} looks like m/s^2, it is in rad/s^2:'
             f' from full speed the robot would brake for {limit / acceleration:.3g} s.'
         )
-    headings = [each for each in values if each.endswith('.heading') and each not in _ANGLES]
-    for key in (*_ANGLES, *headings):
+    headings = [each for each in values if each.endswith(('.heading', '.pose'))]
+    for key in dict.fromkeys((*_ANGLES, *headings)):
         value = values[key]
         angle = (value[-1] if value else 0.0) if isinstance(value, list) else value
         if abs(angle) > math.tau:
-            yield f'{key} = {angle:g} looks like degrees: it is in radians.'
+            radians = f'{math.radians(angle):.6g}'
+            yield f'{key} = {angle:g} looks like degrees: it is in radians ({radians}).'
     timeout, period = values['cmd_vel_timeout'], values['control_period']
     if 0.0 < timeout <= period:
         yield (

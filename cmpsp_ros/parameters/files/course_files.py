@@ -141,7 +141,11 @@ def with_map_file(values: Mapping[str, Any], folder: Path | None = None) -> dict
     if not isinstance(name, str) or Path(name).suffix.lower() not in {'.yaml', '.yml'}:
         raise ParameterError(Problem(MAP, describe(name), 'a file named *.yaml'))
     beside = (folder or Path()) / name
-    grid = read_map(beside if beside.is_file() else Path(name))
+    path = beside if beside.is_file() else Path(name)
+    if not path.is_file():
+        places = ' or '.join(dict.fromkeys(str(each.absolute()) for each in (beside, path)))
+        raise ParameterError(Problem(MAP, f'no file {places}', 'the YAML file of a map'))
+    grid = read_map(path)
     replaced = (MAP, 'map.origin', 'map.resolution', 'map.cells')
     given = {key: value for key, value in values.items() if key not in replaced}
     return given | {
@@ -222,7 +226,8 @@ def _read_picture(path: Path) -> tuple[Array, BoolArray]:
     except UnidentifiedImageError as error:
         raise ParameterError(Problem(str(path), 'no picture', 'PGM or PNG')) from error
     except FileNotFoundError as error:
-        raise ParameterError(Problem(str(path), 'no file', 'the picture of a map')) from error
+        problem = Problem(str(path), 'no file', 'the picture that image names in the map')
+        raise ParameterError(problem) from error
     except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
         wanted = 'a whole picture'
         raise ParameterError(Problem(str(path), describe(str(error)), wanted)) from error

@@ -18,7 +18,7 @@ from cmpsp_ros.parameters import (
     text_of,
 )
 from cmpsp_ros.parameters.files import with_files
-from cmpsp_ros.parameters.files.course_files import read_map, with_road_file
+from cmpsp_ros.parameters.files.course_files import read_map, with_map_file, with_road_file
 from cmpsp_ros.parameters.obstacles import map_of
 from cmpsp_ros.parameters.roads import road_of
 from cmpsp_ros.world.grids import Cell, OccupancyGrid
@@ -302,3 +302,11 @@ def test_a_parameter_file_may_name_one_and_nothing_else_may(tmp_path):
     # What a bag says goes straight to the table.
     with pytest.raises(ParameterError, match=r'road\.file: found an unknown'):
         TABLE.resolve({'road.file': str(tmp_path / 'line.csv')})
+
+
+def test_a_map_that_is_not_there_is_named_with_its_parameter_and_where_it_was_looked_for(tmp_path):
+    with pytest.raises(ParameterError) as refused:
+        with_map_file({'map.file': 'none.yaml'}, tmp_path)
+    said = str(refused.value)
+    assert said.startswith('map.file: found no file ')
+    assert str(tmp_path / 'none.yaml') in said

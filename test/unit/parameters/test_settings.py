@@ -183,6 +183,7 @@ def test_presets_and_robots_are_in_metres_and_radians(name):
         ('goal.heading', [90.0], 'degrees'),
         ('start.pose', [0.0, -9.25, 180.0], 'degrees'),
         ('initial_pose', [0.0, -9.25, -90.0], 'degrees'),
+        ('sim.scan.pose', [0.0, 0.0, 90.0], 'degrees'),
     ],
 )
 def test_what_looks_like_another_unit_is_named(key, value, unit):

@@ -20,7 +20,7 @@ from rclpy.task import Future
 from sensor_msgs.msg import JointState
 from visualization_msgs.msg import Marker, MarkerArray
 
-from cmpsp_ros.guidance import DECISION_KEYS, Key
+from cmpsp_ros.guidance import DECISION_KEYS, NANOSECONDS, Key
 from cmpsp_ros.nodes.common import topics
 from cmpsp_ros.nodes.common.runtime import StartupError, run
 from cmpsp_ros.nodes.common.topic import steady_timer
@@ -60,6 +60,7 @@ class Viewer(Node):
         self._server = self._serve(host, port)
         self._place: tuple[float, float, float] | None = None
         self._number: tuple[str, float | None] = '', None
+        self._begun: float | None = None  # time 0 of the run, or when it was first seen [s]
         self._robot: Future | None = None
         self._listen()
         # Of a node's services for parameters the only one that changes nothing and is needed.
@@ -118,7 +119,12 @@ class Viewer(Node):
         number = decision['run'], decision['step']
         if number != self._number and (number[0] != self._number[0] or number[1] == 0):
             self._state.begin()
+            self._begun = None
         self._number = number
+        # The node may have to wait before: time 0 is that of the first step.
+        if self._begun is None and not decision['halted']:
+            self._begun = decision['stamp']
+        decision['time'] = None if self._begun is None else decision['stamp'] - self._begun
         self._state.alive()
         self._state.show('decision', decision)
         self._state.add('steps', step_of(decision))
@@ -176,6 +182,7 @@ def decision_of(message: DiagnosticArray) -> dict[str, Any]:
         if shown[each] is not None and shown[each] >= FAR:
             shown[each] = None
     shown['reason'] = _short(status.message)
+    shown['stamp'] = message.header.stamp.sec + message.header.stamp.nanosec / NANOSECONDS
     two = shown['wheel_speed_right'], shown['wheel_speed_left']
     shown['wheels'] = list(shown['wheel_speeds'] or two)[:_MOST_WHEELS]
     missed = shown['missed'] or shown['halted']
@@ -191,10 +198,10 @@ def _value(key: Key, text: str | None) -> Any:
 
 
 def step_of(decision: dict[str, Any]) -> list[Any]:
-    """Time left, wheel speeds and the steering angle of a car, clearance and level."""
+    """Time in the run, wheel speeds and the steering angle of a car, clearance and level."""
     angle = decision['steering_angle']
     controls = [*decision['wheels'], *(() if angle is None else (angle,))]
-    return [decision['time_left'], *controls, decision['clearance'], decision['level']]
+    return [decision['time'], *controls, decision['clearance'], decision['level']]
 
 
 def plan_of(message: Path) -> list[list[float]]:

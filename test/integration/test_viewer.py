@@ -135,6 +135,24 @@ def test_another_run_begins_on_an_empty_page(start_view, start_robot, wait_until
     wait_until(lambda: page.updates()['run'] > before and page.updates()['series']['steps'])
 
 
+def test_time_runs_on_where_the_final_time_moves(start_view, wait_until, ros):
+    _, page = start_view()
+    decisions = ros.node.create_publisher(DECISION.type, '/guidance/decision', DECISION.qos)
+
+    def steps(second, **values):
+        pairs = [KeyValue(key=key, value=value) for key, value in {'run': 'a', **values}.items()]
+        message = DiagnosticArray(status=[DiagnosticStatus(values=pairs)])
+        message.header.stamp.sec = second
+        decisions.publish(message)
+        return page.updates()['series']['steps']
+
+    wait_until(lambda: steps(5, step='0', halted='true'))
+    for step, left in enumerate((9.0, 4.0, 6.0)):
+        steps(8 + step, step=str(step), halted='false', time_left=str(left))
+    wait_until(lambda: page.decision().get('step') == 2)
+    assert [row[0] for row in page.updates()['series']['steps']][-3:] == [0.0, 1.0, 2.0]
+
+
 def test_an_address_of_another_machine_is_exit_code_2(spawn):
     elsewhere = ['--host', '203.0.113.1', '--port', '8765']
     running = spawn([sys.executable, '-m', 'cmpsp_ros.cli', 'view', *elsewhere])

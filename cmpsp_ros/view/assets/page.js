@@ -92,10 +92,8 @@ function show() {
   say('namespace', latest.namespace === '/' ? '' : String(latest.namespace || ''));
   say('reason', (level === 'arrived' && arrival) || decision.reason || '');
   say('goal', goalOf(decision));
-  const {final_time: whole} = latest.robot || {};
-  const left = decision.time_left;
-  say('time', fixed(isNumber(whole) && isNumber(left) && whole - left, 1, 's'));
-  say('time_left', fixed(left, 1, 's'));
+  say('time', fixed(decision.time, 1, 's'));
+  say('time_left', fixed(decision.time_left, 1, 's'));
   say('clearance_now', signed(decision.clearance));
   say('worst_clearance', signed(decision.worst_clearance));
   say('terminal_error', fixed(decision.terminal_error, 3, 'm'));
@@ -333,7 +331,7 @@ function drawRobot(pen, place, to, scale) {
 
 const WHEELS = ['#0072b2', '#d55e00', '#009e73', '#cc79a7'];
 
-// A step is (time left, wheel speeds, clearance, fallback level): its last two places count from
+// A step is (time, wheel speeds, clearance, fallback level): its last two places count from
 // its end.
 function drawStrips() {
   const steps = known.series.steps;
@@ -343,7 +341,7 @@ function drawStrips() {
   document.querySelector('.wheels').hidden = wheels.length !== 2 || isCar();
   // Speed and steering angle have units of their own: parts of their limits have none.
   const parts = isCar() && limit && angle ? [limit, angle] : [];
-  const scaled = (row, k) => row.map(([left, value]) => [left, value / (parts[k] || 1)]);
+  const scaled = (row, k) => row.map(([time, value]) => [time, value / (parts[k] || 1)]);
   const lines = wheels.map((_, k) => [scaled(column(k + 1), k), WHEELS[k % WHEELS.length]]);
   const marks = limit ? [limit] : [];
   drawStrip('wheels', lines, parts.length ? [1, -1] : marks);
@@ -360,10 +358,12 @@ function drawStrip(id, lines, marks) {
   const values = [...rows.map((row) => row[1]), ...marks];
   const low = Math.min(...values);
   const high = Math.max(...values);
-  const whole = Math.max((latest.robot || {}).final_time || 0, ...rows.map((row) => row[0])) || 1;
-  const to = ([left, value]) => [
-    40 + (width - 48) * (1 - left / whole), 8 + (height - 30) * (high - value) / (high - low || 1)];
-  for (const mark of marks) stroke(pen, [[whole, mark], [0, mark]], to, '#a63d40', 1, [4, 4]);
+  const {time, time_left: left} = latest.decision || {};
+  const end = isNumber(time) && isNumber(left) ? time + left : 0;
+  const whole = Math.max(end, ...rows.map((row) => row[0])) || 1;
+  const to = ([at, value]) => [
+    40 + (width - 48) * at / whole, 8 + (height - 30) * (high - value) / (high - low || 1)];
+  for (const mark of marks) stroke(pen, [[0, mark], [whole, mark]], to, '#a63d40', 1, [4, 4]);
   for (const [row, color] of lines) stroke(pen, row, to, color, 1.5, []);
   pen.fillStyle = '#5a6372';
   pen.font = '12px system-ui, sans-serif';
@@ -371,8 +371,7 @@ function drawStrip(id, lines, marks) {
   pen.textBaseline = 'middle';
   const digits = high - low < 10 ? 2 : 0;
   for (const value of new Set([low, high])) pen.fillText(value.toFixed(digits), 36, to([0, value])[1]);
-  // Time runs to the right.
-  for (const left of [whole, 0]) pen.fillText(`${(whole - left).toFixed(0)} s`, Math.max(to([left, 0])[0], 56), height - 6);
+  for (const at of [0, whole]) pen.fillText(`${at.toFixed(0)} s`, Math.max(to([at, 0])[0], 56), height - 6);
 }
 
 // A picture is as large as the window was: it would be stretched, the last one for good.

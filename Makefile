@@ -149,8 +149,9 @@ docs: setup  ## write doc/reference/topics.md and parameters.md, config/defaults
 	$(BIN)/python -m cmpsp_ros.nodes.security_policy config/cmpsp.policy.xml
 
 # Benchmark and examples draw theirs with their own pages: `make bench`, `python -m examples`.
-pictures: setup  ## draw the runs, films and pages in doc/images/ again; needs chromium
+pictures: setup  ## draw doc/images/ and run the table of doc/user/presets.md again; needs chromium
 	$(BIN)/python .ci/pictures.py
+	$(BIN)/python .ci/presets.py
 
 # Pages are copied, because they link to files beside doc/. Commands and API are of this tree.
 site: PAGES := .cache/pages

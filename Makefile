@@ -151,7 +151,6 @@ docs: setup  ## write doc/reference/topics.md and parameters.md, config/defaults
 # Benchmark and examples draw theirs with their own pages: `make bench`, `python -m examples`.
 pictures: setup  ## draw doc/images/ and run the table of doc/user/presets.md again; needs chromium
 	$(BIN)/python .ci/pictures.py
-	$(BIN)/python .ci/presets.py
 
 # Pages are copied, because they link to files beside doc/. Commands and API are of this tree.
 site: PAGES := .cache/pages

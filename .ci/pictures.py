@@ -1,4 +1,4 @@
-"""Pictures of the pages, drawn again: those of runs, films, a browser and an identification.
+"""Pictures and the table of presets for the pages, from runs that are driven again.
 
 The examples and the benchmark write their pictures with their own pages: `python -m examples` and
 `make bench`.
@@ -15,11 +15,9 @@ from pathlib import Path
 from typing import Any, Final
 
 from PIL import Image
+from presets import CMPSP, ROOT, RUNS, drive, drive_table
 
-ROOT: Final = Path(__file__).parents[1]
 IMAGES: Final = ROOT / 'doc' / 'images'
-RUNS: Final = ROOT / '.cache' / 'pictures'
-CMPSP: Final = [sys.executable, '-m', 'cmpsp_ros.cli']
 BROWSERS: Final = ('chromium', 'chromium-browser', 'google-chrome')
 WIDTH: Final = 1600
 PORT, STEPS = 8794, 37  # of the live page, and decisions on it when it is photographed
@@ -28,13 +26,6 @@ PORT, STEPS = 8794, 37  # of the live page, and decisions on it when it is photo
 def cmpsp(*arguments: str | Path) -> None:
     """Run a verb of `cmpsp`; CalledProcessError if it fails."""
     subprocess.run([*CMPSP, *map(str, arguments)], check=True, stdout=subprocess.DEVNULL)
-
-
-def demo(preset: str, *more: str, name: str = '') -> Path:
-    """Drive a preset in lockstep; return the folder of the run."""
-    folder = RUNS / (name or preset)
-    cmpsp('demo', preset, '--lockstep', '--output', folder, *more)
-    return folder
 
 
 def keep(picture: Path, name: str) -> None:
@@ -58,24 +49,18 @@ def photograph(page: str, name: str, width: int, height: int, wait: int) -> None
 
 def live_page() -> None:
     """Draw the live page of a run at a quarter of real time."""
-    command = [
-        *CMPSP,
-        'demo',
-        'case3',
-        '--view',
-        '--port',
-        str(PORT),
-        '--output',
-        str(RUNS / 'view'),
-    ]
-    command += ['--set', 'real_time_factor=0.25', '--set', 'odom_timeout=3.0']
+    options = f'--view --port {PORT} --set real_time_factor=0.25 --set odom_timeout=3.0'
+    command = [*CMPSP, 'demo', 'case3', *options.split(), '--output', str(RUNS / 'view')]
     driving = subprocess.Popen(command, stdout=subprocess.DEVNULL)
-    while decisions() < STEPS:
-        if driving.poll() is not None:
-            raise SystemExit(f'pictures: the run ended before it had {STEPS} decisions')
-        time.sleep(0.3)
-    photograph(f'http://127.0.0.1:{PORT}/', 'view', 1200, 760, 2500)
-    driving.wait()
+    try:
+        while decisions() < STEPS:
+            if driving.poll() is not None:
+                raise SystemExit(f'pictures: the run ended before it had {STEPS} decisions')
+            time.sleep(0.3)
+        photograph(f'http://127.0.0.1:{PORT}/', 'view', 1200, 760, 2500)
+    finally:
+        driving.send_signal(signal.SIGINT)
+        driving.wait()
 
 
 def decisions() -> int:
@@ -108,11 +93,12 @@ def main() -> None:
     """Draw them all; a run that fails ends it."""
     shutil.rmtree(RUNS, ignore_errors=True)
     RUNS.mkdir(parents=True)
+    drive_table()
     for preset in ('case3', 'clutter', 'corridor', 'course', 'parallel_parking', 'warehouse'):
-        keep(demo(preset) / 'trajectory.png', preset)
-    physics = demo('case3', '--set', 'plant=mujoco', name='film')
-    # at the start, at the first obstacle, past it, before the goal; where people pass the door
-    for folder, times in ((physics, (0.5, 5.5, 6.0, 9.0)), (demo('doorway'), (10, 15, 30.6, 36))):
+        keep(RUNS / preset / 'trajectory.png', preset)
+    physics = drive('case3', '--set', 'plant=mujoco', name='film')
+    # at the start, at the first obstacle, past it, before the goal; people at the door
+    for folder, times in ((physics, (0.5, 5.5, 6.0, 9.0)), (RUNS / 'doorway', (3, 9, 12, 27))):
         frames = [each for second in times for each in ('--at', str(second))]
         cmpsp('film', folder / 'bag', '--output', folder / 'film.png', *frames)
         keep(folder / 'film.png', folder.name)

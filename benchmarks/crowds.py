@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, Final
+from typing import Final, TypeAlias
 
 import numpy as np
 
@@ -31,7 +31,7 @@ from cmpsp_ros.parameters import (
     plant_settings,
     shapes_of,
 )
-from cmpsp_ros.simulator import Plant, PlantSettings
+from cmpsp_ros.simulator import People, Plant, PlantSettings
 from cmpsp_ros.studies.monte_carlo import Eyes, Study
 from cmpsp_ros.world.grids import distance_field
 from cmpsp_ros.world.obstacles import Obstacle
@@ -211,6 +211,7 @@ FIELDS: Final = 'fields'  # of the study, instead of a preset
 SENSOR_PRESETS = ('unknown', 'clutter', FIELDS, PRESET)
 _FIELDS: Final = Study('clutter', seed=22, assignments=('goal.when=soonest',))
 _MOST_FIELDS: Final = 12
+_Drive: TypeAlias = tuple[GuidanceSettings, PlantSettings, Eyes, People | None]
 _LONGEST: Final = 60 * 10**9  # time after which a drive among people ends [ns]
 
 
@@ -258,23 +259,23 @@ def measure_sensors(
     return found
 
 
-def _of_preset(preset: str) -> tuple[GuidanceSettings, PlantSettings, Eyes]:
+def _of_preset(preset: str) -> _Drive:
     values = TABLE.resolve(load_parameter_file(preset))
     settings, of_plant = guidance_settings(values), plant_settings(values)
-    return settings, of_plant, Eyes(settings, laser_settings(values), shapes_of(values))
+    return settings, of_plant, Eyes(settings, laser_settings(values), shapes_of(values)), None
 
 
-def _of_field(number: int) -> tuple[GuidanceSettings, PlantSettings, Eyes]:
+def _of_field(number: int) -> _Drive:
     task = _FIELDS.run(number)
     eyes = task.eyes(None)
     if eyes is None:
         raise BenchError('fields: found no scanner')
-    return task.settings, task.plant, eyes
+    return task.settings, task.plant, eyes, None
 
 
-def _sensor_steps(begin: Callable[[], tuple[Any, ...]]) -> list[tuple[float, ...]]:
+def _sensor_steps(begin: Callable[[], _Drive]) -> list[tuple[float, ...]]:
     """Times of each control step and its parts, as `SensorsTiming` [ms]."""
-    settings, of_plant, eyes, *people = begin()
+    settings, of_plant, eyes, people = begin()
     law, plant = GuidanceLaw(settings, settings.world), Plant(of_plant)
     steps: list[tuple[float, ...]] = []
     eyes.note(plant.motion)
@@ -282,9 +283,9 @@ def _sensor_steps(begin: Callable[[], tuple[Any, ...]]) -> list[tuple[float, ...
     with collector_off():
         while True:
             stamp, pose = plant.stamp_ns, plant.motion.pose
-            for each in people:
-                each.begin(stamp)
-                each.advance(stamp, pose[None, :2], settings.robot_radius)
+            if people is not None:
+                people.begin(stamp)
+                people.advance(stamp, pose[None, :2], settings.robot_radius)
             eyes.look(stamp)
             began = time.thread_time_ns()
             sighting = eyes.see(stamp, pose)

@@ -132,7 +132,7 @@ def _disc(number: int) -> str:
         _geom('cylinder', f'1 {height / 2.0}', (0.0, 0.0, height / 2.0), _PURPLE, name),
         _geom('cylinder', f'1 {_LINE / 4.0}', (0.0, 0.0, _LINE), _DOUBT, f'{name} doubt'),
         _geom('box', f'1 {2.0 * _LINE} {_LINE}', (0.0, 0.0, height), _DARK, f'{name} way'),
-        _geom('mesh" mesh="tip', '1', (0.0, 0.0, height), _DARK, f'{name} tip'),
+        _geom('mesh', '1', (0.0, 0.0, height), _DARK, f'{name} tip', 'mesh="tip" '),
     )
     return f'<body name="{name}" mocap="true" pos="0 0 {BELOW}">{"".join(geoms)}</body>\n'
 
@@ -177,16 +177,21 @@ def _walls(corners: Array, color: str) -> Iterator[str]:
         x, y, length = x1 - x0, y1 - y0, math.dist((x0, y0), (x1, y1))
         if length > _SHORTEST:
             place = (x0 + x1) / 2.0, (y0 + y1) / 2.0, HEIGHT / 2.0
-            size = f'{length / 2.0} {_LINE / 2.0} {HEIGHT / 2.0}" xyaxes="{x} {y} 0 {-y} {x} 0'
-            yield _geom('box', size, place, color)
+            size = f'{length / 2.0} {_LINE / 2.0} {HEIGHT / 2.0}'
+            yield _geom('box', size, place, color, more=f'xyaxes="{x} {y} 0 {-y} {x} 0" ')
 
 
 def _geom(
-    kind: str, size: str, place: tuple[float, float, float], color: str, name: str = ''
+    kind: str,
+    size: str,
+    place: tuple[float, float, float],
+    color: str,
+    name: str = '',
+    more: str = '',
 ) -> str:
     position, named = ' '.join(map(str, place)), f'name="{name}" ' if name else ''
     return (
-        f'<geom {named}type="{kind}" size="{size}" pos="{position}" rgba="{color}" '
+        f'<geom {named}{more}type="{kind}" size="{size}" pos="{position}" rgba="{color}" '
         'contype="0" conaffinity="0"/>'
     )
 

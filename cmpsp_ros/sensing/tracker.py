@@ -165,12 +165,12 @@ class Tracker:
         elapsed, is_cut = each.stamp - each.seen, any(segment.is_cut)
         radius = each.radius if is_cut else max(segment.radius, _LEGS if segment.legs else _BODY)
         each.see(*segment.center(origin, each.radius), radius, _variance(segment))
+        has_left = view.is_through(*each.origin)
         is_fast = each.speed**2 > _SIGNIFICANT * each.velocity_variance
-        moves = segment.has_entered or (is_fast and segment.entered >= _FEW)
-        moves = moves or ((is_fast or each.is_moving) and view.is_through(*each.origin))
+        moves = segment.has_entered or (is_fast and (has_left or segment.entered >= _FEW))
         if each.is_moving:
-            each.origin = segment.front if moves else each.origin
-            each.settle(elapsed, moves=moves)
+            each.origin = segment.front if moves or has_left else each.origin
+            each.settle(elapsed, moves=moves or has_left)
             return False
         each.evidence = each.evidence + 1 if moves else max(each.evidence - 1, 0)
         each.sightings += 1
@@ -197,7 +197,7 @@ class Tracker:
         for each in self._objects:
             age = view.stamp - each.seen
             each.gone += age > 0 and view.is_through(each.x, each.y)
-            is_late = age > _LOST and (age > _FORGOTTEN or not view.is_blind(each.x, each.y))
+            is_late = age > (_FORGOTTEN if view.is_blind(each.x, each.y) else _LOST)
             is_double = each.is_moving and any(
                 math.hypot(each.x - x, each.y - y) < _SAME for x, y in movers
             )

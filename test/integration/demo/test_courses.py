@@ -180,3 +180,14 @@ def test_the_fork_lift_of_the_page_in_lockstep(start_demo, judge, tmp_path, monk
     assert summary['miss_m'] < 1e-3
     assert summary['clearance_m'] > 0.0
     judge(folder / 'bag')
+
+
+@pytest.mark.xfail(strict=True, reason='he has no track where he stands against the robot')
+def test_who_looks_at_nobody_touches_no_robot_that_drives(start_demo, tmp_path):
+    text = (ROOT / 'config' / 'doorway.yaml').read_text(encoding='utf-8')
+    course, folder = tmp_path / 'doorway.yaml', tmp_path / 'run'
+    course.write_text(text.rstrip() + '\n          gives_way: false\n', encoding='utf-8')
+    running = start_demo(course, '--lockstep', '--output', folder)
+    assert running.wait() in (0, 1), running.stderr
+    summary = json.loads((folder / 'summary.json').read_text(encoding='utf-8'))
+    assert summary['clearance_m'] >= 0.0

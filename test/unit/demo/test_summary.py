@@ -79,6 +79,17 @@ def test_an_obstacle_on_the_arc_between_two_samples_is_seen(summary_of):
     assert min(math.dist((x, y), on_circle(k)[:2]) for k in range(5)) > 0.3 + 0.15
 
 
+def test_a_failure_is_not_put_down_to_the_wait_for_the_first_plan(summary_of):
+    levels = ['stop', 'nominal', 'elastic']
+    decisions = [
+        {'stamp': k * 200_000_000, 'level': level, 'step_ms': 5.0} for k, level in enumerate(levels)
+    ]
+    x, y, _ = on_circle(1.5)
+    chosen = settings([((x, y), 0.3)])
+    summary = summary_of(chosen, driven(0, 1, 2, 3, 4), decisions=decisions)
+    assert 'guidance said: It is elastic.' in summary.failure
+
+
 def test_a_hole_in_the_true_path_is_not_judged(summary_of):
     x, y, _ = on_circle(2.0)
     seconds = np.arange(0.0, 4.01, 0.05)

@@ -125,7 +125,7 @@ test-oldest:  ## the same with the oldest versions, Ubuntu 24.04's: PYTHON=pytho
 test-newest: NEWEST := .cache/newest
 test-newest:  ## run the tests that need no ROS with the newest versions: PYTHON=python3.13
 	test -x $(NEWEST)/bin/python || $(PYTHON) -m venv $(NEWEST)
-	$(NEWEST)/bin/pip install --quiet -e '.[solvers,casadi,mujoco,parquet,report]' \
+	$(NEWEST)/bin/pip install --quiet -e '.[solvers,casadi,dask,mujoco,parquet,report]' \
 	    pytest pytest-timeout pytest-xdist hypothesis
 	$(NEWEST)/bin/cmpsp warmup
 	$(NEWEST)/bin/python -m pytest -n 2 --dist loadgroup -m 'not slow' \

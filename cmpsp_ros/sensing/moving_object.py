@@ -100,6 +100,12 @@ class MovingObject(MotionFilter):
         """Squared Mahalanobis distance of the place of another, at the same time."""
         return self.surprise(other.x, other.y, other.position_variance + _ASIDE * _ASIDE)
 
+    def moves_like(self, other: MovingObject) -> bool:
+        """True if both may have the same velocity; two who meet do not."""
+        off_x, off_y = self.vx - other.vx, self.vy - other.vy
+        variance = self.velocity_variance + other.velocity_variance
+        return off_x * off_x + off_y * off_y <= _SURPRISING * variance
+
     @property
     def speed(self) -> float:
         """Speed [m/s]."""

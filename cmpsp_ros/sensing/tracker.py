@@ -44,6 +44,8 @@ _EDGE: Final = 10.0
 """Angle that a view all around may lack, in steps."""
 _SAME: Final = 0.2
 """Distance of two tracks of the same object [m]."""
+_WELL_KNOWN: Final = (0.5 / 3.0) ** 2
+"""Variance up to which a mover is where it is expected [m^2]."""
 
 
 class Tracker:
@@ -76,7 +78,7 @@ class Tracker:
         labels = history.labels(points, beams.stamp)
         for each in self._objects:
             each.predict(beams.stamp)
-        found = segments_of(origin, points, labels, self._movers(), _view(beams))
+        found = segments_of(origin, points, labels, self._movers(well_known=True), _view(beams))
         if found is None:
             self._histories, found = {sensor: (history := ScanHistory())}, []
             self._objects = [each for each in self._objects if each.is_moving]
@@ -103,9 +105,15 @@ class Tracker:
         """Objects that are where they are predicted; the others may come back anywhere."""
         return [each for each in self._objects if not each.is_lost]
 
-    def _movers(self, around: float = 0.0) -> Array:
-        """Discs of moving obstacles, enlarged (x, y, radius), ``(M, 3)`` [m]."""
+    def _movers(self, around: float = 0.0, *, well_known: bool = False) -> Array:
+        """Discs of moving obstacles, enlarged (x, y, radius), ``(M, 3)`` [m].
+
+        Those that are not well known may be anywhere near: a wall that comes into view there would
+        be taken for them.
+        """
         movers = [each for each in self._expected if each.is_moving]
+        if well_known:
+            movers = [each for each in movers if each.position_variance <= _WELL_KNOWN]
         discs = [(each.x, each.y, each.radius + around) for each in movers]
         return np.array(discs).reshape(-1, 3)
 
@@ -193,17 +201,18 @@ class Tracker:
 
     def _drop(self, view: View) -> None:
         """Drop what is gone, was not seen for too long, or is there twice."""
-        kept, movers = list[MovingObject](), list[tuple[float, float]]()
+        kept, movers = list[MovingObject](), list[MovingObject]()
         for each in self._objects:
             age = view.stamp - each.seen
             each.gone += age > 0 and view.is_through(each.x, each.y)
             is_late = age > (_FORGOTTEN if view.is_blind(each.x, each.y) else _LOST)
             is_double = each.is_moving and any(
-                math.hypot(each.x - x, each.y - y) < _SAME for x, y in movers
+                math.hypot(each.x - other.x, each.y - other.y) < _SAME and each.moves_like(other)
+                for other in movers
             )
             each.is_lost = each.is_lost or is_late or is_double or each.gone >= _GONE
             if each.is_moving and not each.is_lost:
-                movers.append((each.x, each.y))
+                movers.append(each)
             if age <= (_FORGOTTEN if each.name else _BRIEF) and (each.name or not each.is_lost):
                 kept.append(each)
         self._objects = kept

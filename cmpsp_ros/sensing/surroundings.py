@@ -63,7 +63,7 @@ class Surroundings:
         self._grid.center_on(float(pose[0]), float(pose[1]))
         for each in sorted(come, key=lambda each: (each.stamp, each.sensor.name)):
             if self._is_usable(each):
-                self._see(each.sensor.name, each.projected(self._poses.at(each.stamps)))
+                self._see(each.sensor.name, each.projected(self._poses.at(each.stamps)), pose)
                 self._seen[each.sensor.name] = each.stamp
                 self._is_stale = True
 
@@ -91,12 +91,14 @@ class Surroundings:
                 return f'Sensor {each.name} has shown nothing for {age:.3f} s (sight.timeout).'
         return ''
 
-    def _see(self, sensor: str, beams: Beams) -> None:
+    def _see(self, sensor: str, beams: Beams, pose: Array) -> None:
         """Enter static obstacles into the grid, and track moving ones."""
         if self._tracker is None:
             self._grid.see(beams)
             return
-        owners, begun = self._tracker.update(sensor, beams)
+        discs = placed(self._footprint.discs, pose)
+        robot = np.column_stack([discs, np.full(len(discs), self._robot_radius)])
+        owners, begun = self._tracker.update(sensor, beams, robot)
         for each in begun:
             self._grid.release(each)
         self._grid.see(beams, owners)

@@ -44,6 +44,8 @@ _EDGE: Final = 10.0
 """Angle that a view all around may lack, in steps."""
 _SAME: Final = 0.2
 """Distance of two tracks of the same object [m]."""
+_BESIDE: Final = 0.1
+"""Distance from the robot at which who stands still does not count as static [m]."""
 _WELL_KNOWN: Final = (0.5 / 3.0) ** 2
 """Variance up to which a mover is where it is expected [m^2]."""
 
@@ -60,8 +62,10 @@ class Tracker:
         self._objects: list[MovingObject] = []
         self._number, self._name = 0, 0
 
-    def update(self, sensor: str, beams: Beams) -> tuple[IntArray, list[int]]:
-        """Follow all objects through a scan.
+    def update(
+        self, sensor: str, beams: Beams, robot: Array | None = None
+    ) -> tuple[IntArray, list[int]]:
+        """Follow all objects through a scan, seen by a robot of some discs (x, y, radius) ``(D, 3)``.
 
         Returns:
             The owner of each beam, shape ``(B,)``: `MOVING`, the number of an object that stands
@@ -86,6 +90,8 @@ class Tracker:
         for known, segment in self._associated(found, origin):
             if known is not None and self._follow(known, segment, origin, view):
                 begun.append(known.number)
+            if known is not None and known.is_moving and _is_beside(robot, segment):
+                known.still = known.unproved = 0
             owner = known or self._begin(segment, origin, beams.stamp)
             if owner is not None:
                 owners[hits[segment.members]] = MOVING if owner.is_moving else owner.number
@@ -216,6 +222,14 @@ class Tracker:
             if age <= (_FORGOTTEN if each.name else _BRIEF) and (each.name or not each.is_lost):
                 kept.append(each)
         self._objects = kept
+
+
+def _is_beside(robot: Array | None, segment: Segment) -> bool:
+    """True if a segment is so near the robot that it hardly moves if it follows it."""
+    if robot is None:
+        return False
+    away = np.hypot(*(robot[:, :2] - segment.front).T) - robot[:, 2]
+    return bool(away.min() <= _BESIDE)
 
 
 def _hits(beams: Beams) -> IntArray:

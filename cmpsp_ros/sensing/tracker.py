@@ -137,6 +137,9 @@ class Tracker:
             costs = away / variances
             # Minus twice the logarithm of the likelihood: who is in doubt claims nothing.
             is_near = (costs <= _GATE) | (away <= _CLOSE * _CLOSE)
+            # Part of a wall is near somebody who may be anywhere.
+            is_plain = [each.has_entered or not any(each.is_cut) for each in found]
+            is_near &= (known[:, 2:] <= _WELL_KNOWN) | np.array(is_plain)
             costs = np.where(is_near, costs + 2.0 * np.log(variances), _NEVER)
             for i, j in zip(*self._assign(costs), strict=True):
                 if costs[i, j] < _NEVER:

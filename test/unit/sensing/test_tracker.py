@@ -136,7 +136,7 @@ def test_who_stands_at_the_edge_of_view_is_not_lost():
     """One side of him is out of view, and what is seen has stood there for a second."""
 
     def walker(time):
-        away = max(3.0 - time, 0.5)
+        away = max(3.0 - time, 0.65)
         return 4.0 - 0.5 * away, 3.0 - 0.87 * away
 
     room = ScannedRoom(walkers=[walker], robot=lambda _time: (4.0, 3.0, 0.0))
@@ -151,7 +151,11 @@ def turning_its_back(time):
     return 1.0, 3.0, 0.0 if time < 2.0 else math.pi
 
 
-@pytest.mark.parametrize(('walker', 'until'), [(TOWARD, 7.9), (AWAY, 9.0)], ids=['toward', 'away'])
+@pytest.mark.parametrize(
+    ('walker', 'until'),
+    [(straight(10.0, 3.2, -1.0, 0.0), 7.9), (AWAY, 9.0)],
+    ids=['toward', 'away'],
+)
 def test_who_is_where_the_scanner_does_not_look_is_expected_for_longer(walker, until):
     lasting = [
         (time, each)
@@ -163,6 +167,45 @@ def test_who_is_where_the_scanner_does_not_look_is_expected_for_longer(walker, u
     assert last == pytest.approx(1.9 + 6.0, abs=0.11)
     assert math.dist((track.x, track.y), walker(last)) < 3.0 * track.position_stddev
     assert {each.name for _, each in lasting} == {'person 1'}
+
+
+@pytest.mark.parametrize('y', [4.5, 5.2, 5.6])
+@pytest.mark.parametrize('speed', [0.6, 1.0])
+@pytest.mark.parametrize('back', [4.0, 6.0])
+def test_a_wall_that_comes_into_view_is_not_who_was_lost(y, speed, back):
+    def robot(time):
+        return 1.0, 3.0, math.pi if 2.0 <= time <= back else 0.0
+
+    def walker(time):
+        return (3.0 + speed * time, y) if time < 2.2 else (100.0, 100.0)
+
+    room = ScannedRoom(walkers=[walker], robot=robot)
+    tracks = [each for time, seen in room.run(back + 2.0) for each in seen.tracks if time > back]
+    # For two scans he may still be where he is expected.
+    assert len(tracks) <= 2
+
+
+@pytest.mark.parametrize('speed', [0.6, 0.9, 1.2])
+@pytest.mark.parametrize('apart', [0.0, 0.3])
+def test_two_who_meet_are_two(speed, apart):
+    walkers = [straight(3.0, 3.0, speed, 0.0), straight(9.0, 3.0 + apart, -speed, 0.0)]
+    room = ScannedRoom(walkers=walkers, robot=lambda _time: (6.0, 0.6, math.pi / 2.0))
+    score = Score(room, 6.0 / speed)
+    assert score.missed == 0
+    assert not score.false
+
+
+def test_who_stands_against_the_robot_does_not_become_static():
+    """Whoever pushes a robot that gives way is hardly seen to move."""
+
+    def walker(time):
+        return 1.55 + max(2.5 - 0.8 * time, 0.0), 3.0
+
+    room = ScannedRoom(walkers=[walker])
+    tracks = [seen.tracks for time, seen in room.run(9.0) if time > 1.0]
+    assert [len(each) for each in tracks] == [1] * len(tracks)
+    x, y = occupied(room.known.at(0, np.zeros(3))).T
+    assert not (np.hypot(x - 1.55, y - 3.0) < 0.3).any()
 
 
 def test_a_jump_of_odometry_moves_nothing():

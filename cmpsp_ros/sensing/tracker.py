@@ -46,6 +46,8 @@ _SAME: Final = 0.2
 """Distance of two tracks of the same object [m]."""
 _BESIDE: Final = 0.1
 """Distance from the robot at which who stands still does not count as static [m]."""
+_WALKS: Final = 0.3
+"""Speed of somebody who is not where something has long stood [m/s]."""
 _WELL_KNOWN: Final = (0.5 / 3.0) ** 2
 """Variance up to which a mover is where it is expected [m^2]."""
 
@@ -140,6 +142,8 @@ class Tracker:
             # Part of a wall is near somebody who may be anywhere.
             is_plain = [each.has_entered or not any(each.is_cut) for each in found]
             is_near &= (known[:, 2:] <= _WELL_KNOWN) | np.array(is_plain)
+            walks = np.array([each.speed > _WALKS for each in expected])
+            is_near &= ~(walks[:, None] & np.array([each.is_static for each in found]))
             costs = np.where(is_near, costs + 2.0 * np.log(variances), _NEVER)
             for i, j in zip(*self._assign(costs), strict=True):
                 if costs[i, j] < _NEVER:

@@ -5,7 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from cmpsp_ros.arrays import Array, IntArray
+from cmpsp_ros.arrays import Array, BoolArray, IntArray
 from cmpsp_ros.sensing.beams import Beams
 from cmpsp_ros.sensing.moving_object import MovingObject
 from cmpsp_ros.sensing.scan_history import N_DIRECTIONS, Label, ScanHistory, View
@@ -48,7 +48,7 @@ _BESIDE: Final = 0.1
 """Distance from the robot at which who stands still does not count as static [m]."""
 _WALKS: Final = 0.3
 """Speed of somebody who is not where something has long stood [m/s]."""
-_WELL_KNOWN: Final = (0.5 / 3.0) ** 2
+_DOUBT: Final = (0.5 / 3.0) ** 2
 """Variance up to which a mover is where it is expected [m^2]."""
 
 
@@ -84,7 +84,7 @@ class Tracker:
         labels = history.labels(points, beams.stamp)
         for each in self._objects:
             each.predict(beams.stamp)
-        found = segments_of(origin, points, labels, self._movers(well_known=True), _view(beams))
+        found = segments_of(origin, points, labels, self._movers(doubt=_DOUBT), _view(beams))
         if found is None:
             self._histories, found = {sensor: (history := ScanHistory())}, []
             self._objects = [each for each in self._objects if each.is_moving]
@@ -113,15 +113,14 @@ class Tracker:
         """Objects that are where they are predicted; the others may come back anywhere."""
         return [each for each in self._objects if not each.is_lost]
 
-    def _movers(self, around: float = 0.0, *, well_known: bool = False) -> Array:
-        """Discs of moving obstacles, enlarged (x, y, radius), ``(M, 3)`` [m].
+    def _movers(self, around: float = 0.0, doubt: float = math.inf) -> Array:
+        """Discs of moving obstacles, enlarged (x, y, radius), of a variance at most ``(M, 3)`` [m].
 
-        Those that are not well known may be anywhere near: a wall that comes into view there would
-        be taken for them.
+        A wall that comes into view would be divided where somebody in doubt is expected.
         """
-        movers = [each for each in self._expected if each.is_moving]
-        if well_known:
-            movers = [each for each in movers if each.position_variance <= _WELL_KNOWN]
+        movers = [
+            each for each in self._expected if each.is_moving and each.position_variance <= doubt
+        ]
         discs = [(each.x, each.y, each.radius + around) for each in movers]
         return np.array(discs).reshape(-1, 3)
 
@@ -139,11 +138,7 @@ class Tracker:
             costs = away / variances
             # Minus twice the logarithm of the likelihood: who is in doubt claims nothing.
             is_near = (costs <= _GATE) | (away <= _CLOSE * _CLOSE)
-            # Part of a wall is near somebody who may be anywhere.
-            is_plain = [each.has_entered or not any(each.is_cut) for each in found]
-            is_near &= (known[:, 2:] <= _WELL_KNOWN) | np.array(is_plain)
-            walks = np.array([each.speed > _WALKS for each in expected])
-            is_near &= ~(walks[:, None] & np.array([each.is_static for each in found]))
+            is_near &= ~_is_wall(expected, found)
             costs = np.where(is_near, costs + 2.0 * np.log(variances), _NEVER)
             for i, j in zip(*self._assign(costs), strict=True):
                 if costs[i, j] < _NEVER:
@@ -229,6 +224,18 @@ class Tracker:
             if age <= (_FORGOTTEN if each.name else _BRIEF) and (each.name or not each.is_lost):
                 kept.append(each)
         self._objects = kept
+
+
+def _is_wall(objects: list[MovingObject], segments: list[Segment]) -> BoolArray:
+    """True where a segment is rather part of a wall than an object ``(O, S)``.
+
+    One in doubt is seen whole or where nothing was; one that walks is not where something stood.
+    """
+    is_in_doubt = np.array([[each.position_variance > _DOUBT] for each in objects])
+    walks = np.array([[each.speed > _WALKS] for each in objects])
+    is_part = np.array([any(each.is_cut) and not each.has_entered for each in segments])
+    is_static = np.array([each.is_static for each in segments])
+    return np.asarray((is_in_doubt & is_part) | (walks & is_static))
 
 
 def _is_beside(robot: Array | None, segment: Segment) -> bool:

@@ -182,12 +182,13 @@ def test_the_fork_lift_of_the_page_in_lockstep(start_demo, judge, tmp_path, monk
     judge(folder / 'bag')
 
 
-@pytest.mark.xfail(strict=True, reason='he has no track where he stands against the robot')
-def test_who_looks_at_nobody_touches_no_robot_that_drives(start_demo, tmp_path):
+def test_who_looks_at_nobody_touches_no_robot_that_drives(start_demo, judge, tmp_path):
+    """He walks up to the robot, and stands against it until it has given way."""
     text = (ROOT / 'config' / 'doorway.yaml').read_text(encoding='utf-8')
     course, folder = tmp_path / 'doorway.yaml', tmp_path / 'run'
     course.write_text(text.rstrip() + '\n          gives_way: false\n', encoding='utf-8')
     running = start_demo(course, '--lockstep', '--output', folder)
-    assert running.wait() in (0, 1), running.stderr
+    assert running.wait() == 0, running.stderr
     summary = json.loads((folder / 'summary.json').read_text(encoding='utf-8'))
-    assert summary['clearance_m'] >= 0.0
+    assert summary['clearance_m'] > 0.0
+    judge(folder / 'bag')

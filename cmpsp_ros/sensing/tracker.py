@@ -67,7 +67,7 @@ class Tracker:
     def update(
         self, sensor: str, beams: Beams, robot: Array | None = None
     ) -> tuple[IntArray, list[int]]:
-        """Follow all objects through a scan, seen by a robot of some discs (x, y, radius) ``(D, 3)``.
+        """Follow all objects through a scan by a robot of some discs (x, y, radius), ``(D, 3)`` [m].
 
         Returns:
             The owner of each beam, shape ``(B,)``: `MOVING`, the number of an object that stands
@@ -114,9 +114,9 @@ class Tracker:
         return [each for each in self._objects if not each.is_lost]
 
     def _movers(self, around: float = 0.0, doubt: float = math.inf) -> Array:
-        """Discs of moving obstacles, enlarged (x, y, radius), of a variance at most ``(M, 3)`` [m].
+        """Discs of moving obstacles, enlarged (x, y, radius), ``(M, 3)`` [m].
 
-        A wall that comes into view would be divided where somebody in doubt is expected.
+        Those in more `doubt` [m^2] are left out: a wall that comes into view is no part of them.
         """
         movers = [
             each for each in self._expected if each.is_moving and each.position_variance <= doubt

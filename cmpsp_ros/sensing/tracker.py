@@ -67,7 +67,7 @@ class Tracker:
     def update(
         self, sensor: str, beams: Beams, robot: Array | None = None
     ) -> tuple[IntArray, list[int]]:
-        """Follow all objects through a scan by a robot of some discs (x, y, radius), ``(D, 3)`` [m].
+        """Follow all objects through a scan by a robot of discs (x, y, radius), ``(D, 3)`` [m].
 
         Returns:
             The owner of each beam, shape ``(B,)``: `MOVING`, the number of an object that stands

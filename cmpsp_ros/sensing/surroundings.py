@@ -85,7 +85,8 @@ class Surroundings:
         for each in self._settings.sensors:
             seen = self._seen.get(each.name)
             if seen is None:
-                return f'Waiting for the first usable message of sensor {each.name}.'
+                wanted = f'sensor {each.name} on {each.topic}'
+                return f'Waiting for the first usable message of {wanted}.'
             if stamp - seen > timeout * _NS:
                 age = (stamp - seen) / _NS
                 return f'Sensor {each.name} has shown nothing for {age:.3f} s (sight.timeout).'

@@ -42,7 +42,10 @@ _CLEAR: Final = {'unit': 'm', 'of_reach': True, 'good': _clear_in_words, 'bad': 
 
 
 def _clear(record: AuditRecord, columns: slice, wanted: float) -> Iterator[Sample]:
-    """Minimum clearance by each source; a contact proven by one is not disproven by another."""
+    """Minimum clearance by each source; a contact proven by one is not disproven by another.
+
+    The limit is lower by what the source may be off.
+    """
     yield Sample(math.inf, wanted, None, -math.inf)
     for each in record.evidence:
         part = np.nan_to_num(each.clearance[:, columns], nan=-math.inf)
@@ -52,7 +55,7 @@ def _clear(record: AuditRecord, columns: slice, wanted: float) -> Iterator[Sampl
             words = {'source': each, 'nearest': each.names[int(column) + (columns.start or 0)]}
             short = wanted - least
             excess = short - (_ROUNDING + each.tolerance)
-            yield Sample(least, wanted, at, excess, rank=short, words=words)
+            yield Sample(least, wanted - each.tolerance, at, excess, rank=short, words=words)
 
 
 @check('road', 'Path: inside the road', needs=_ROAD, gaps=(path_gap,), **_CLEAR)

@@ -65,9 +65,10 @@ def _state(state: str, refusal: str, loop: GuidanceLoop | None) -> tuple[bytes, 
         return DiagnosticStatus.ERROR, refusal
     if loop is None or state != ACTIVE:
         return DiagnosticStatus.OK, f'The node is {state}.'
-    if loop.decision is not None and not loop.waiting:
-        return level_of(loop.decision), loop.decision.reason
-    return DiagnosticStatus.WARN, loop.waiting or 'Waiting for odometry.'
+    lacking = loop.lacking
+    if lacking or loop.decision is None:
+        return DiagnosticStatus.WARN, lacking
+    return level_of(loop.decision), loop.decision.reason
 
 
 class StepTimes:

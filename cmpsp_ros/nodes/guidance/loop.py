@@ -155,6 +155,13 @@ class GuidanceLoop:
             return 'Waiting for a road on the topic road.'
         return self.map.waiting or ('' if self._begun else self._outputs.listeners.lacking())
 
+    @property
+    def lacking(self) -> str:
+        """What the next decision waits for, in a sentence; '' if nothing but time."""
+        if self.waiting or self.decision is not None:
+            return self.waiting
+        return f'Waiting for odometry on {self._odometry.topic}.'
+
     def _on_odometry(self, data: bytes) -> None:
         self.map.try_again()
         if not self.active or self.waiting:

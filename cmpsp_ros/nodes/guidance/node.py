@@ -60,6 +60,7 @@ class GuidanceNode(LifecycleNode):
         self._state = UNCONFIGURED
         self._garbage = GarbageCollection()
         self._late = LateCompilations()
+        self._said = ''
         self._bond = LifecycleBond(self)
         self._given = set(overrides(self))
         try:
@@ -239,9 +240,16 @@ class GuidanceNode(LifecycleNode):
             return report_on(self._state, self._refusal, None)
         if self._state == INACTIVE:
             return report_on(self._state, self._refusal, self._loop, self._remarks())
+        self._say(self._loop.lacking)
         warnings = [*self._arbiter.warnings(), *plausibility_warnings(self._values or {})]
         errors = self._late.errors()
         return report_on(self._state, self._refusal, self._loop, warnings, errors)
+
+    def _say(self, lacking: str) -> None:
+        """Log what the node waits for, once."""
+        if lacking and lacking != self._said:
+            self.get_logger().info(lacking)
+        self._said = lacking
 
     @property
     def _is_configured(self) -> bool:

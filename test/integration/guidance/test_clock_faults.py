@@ -109,8 +109,8 @@ def test_a_node_that_uses_simulated_time_lives_before_there_is_any(fault, start_
     start_node('guidance_node', {'use_sim_time': True})
     health = client.until_health(state='active', said='Waiting for odometry')
     # Heard late it says as well that the clock stands still.
-    assert health['said'].startswith('Waiting for odometry.')
-    fault.assert_said('—', health['level'][0], 'Waiting for odometry.')
+    assert health['said'].startswith('Waiting for odometry on /odom.')
+    fault.assert_said('—', health['level'][0], 'Waiting for odometry on /odom.')
     client.connect()
     clock = client.node.create_publisher(Clock, '/clock', 10)
     client.until(clock.get_subscription_count)

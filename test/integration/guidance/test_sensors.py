@@ -57,7 +57,7 @@ def test_scans_that_come_are_used_and_those_that_do_not_stop_the_robot(
                 return decision, command
         raise AssertionError(decision['reason'])
 
-    waiting = 'Waiting for the first usable message of sensor front.'
+    waiting = 'Waiting for the first usable message of sensor front on scan.'
     assert decide(waiting, scanned=False)[1] == (0.0, 0.0)
     decision, command = decide('The plan meets every constraint.', scanned=True)
     assert command[0] > 0.5

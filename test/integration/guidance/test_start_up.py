@@ -198,7 +198,7 @@ def test_what_cannot_be_done_is_foretold_by_the_node(start_active, client, make_
 
 def test_without_a_listener_of_its_type_the_time_does_not_run(fault, start_node, make_client):
     client = make_client(kind=TwistStamped)
-    start_node()
+    guidance = start_node()
     client.until(client.odometry.get_subscription_count)
     client.drive()
     health = client.until_health(state='active', said='enable_stamped_cmd_vel')
@@ -208,6 +208,7 @@ def test_without_a_listener_of_its_type_the_time_does_not_run(fault, start_node,
         ' Another listener wants geometry_msgs/msg/TwistStamped: enable_stamped_cmd_vel.'
     )
     fault.assert_told(health)
+    client.until(lambda: guidance.stderr.count(health['said']) == 1)
     assert not client.decisions
     client.park()
     driver = start_node('sim_node')

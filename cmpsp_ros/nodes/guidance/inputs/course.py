@@ -54,7 +54,6 @@ class RoadInput(CourseInput):
         self.waits = values['road.source'] == 'topic'
         if self.waits:
             self._subscriptions.append(GUIDANCE_ROAD.listen_on(node, self._hear))
-            node.get_logger().info('waiting for a road on the topic road')
 
     def drive_along(self, path: Path) -> tuple[float, float]:
         """Take the path of an action for the road; its end is the goal. ValueError if refused."""
@@ -98,7 +97,6 @@ class MapInput(CourseInput):
             name, qos = f'{self._topic}_updates', QoSProfile(depth=10)
             listen = node.create_subscription(OccupancyGridUpdate, name, self._hear, qos)
             self._subscriptions.append(listen)
-        node.get_logger().info(self.waiting)
 
     @property
     def waiting(self) -> str:

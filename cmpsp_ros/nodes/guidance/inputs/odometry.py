@@ -64,6 +64,11 @@ class OdometryInput(Listener):
         return read_odometry(newest), newest
 
     @property
+    def topic(self) -> str:
+        """Full name of the topic."""
+        return str(self._subscription.topic_name)
+
+    @property
     def publishers(self) -> int:
         """Number of matched publishers."""
         return int(self._subscription.get_publisher_count())
@@ -72,9 +77,8 @@ class OdometryInput(Listener):
         """Names of the publishers, in a sentence, if there are several, else ''."""
         if self.publishers < 2:
             return ''
-        topic = self._subscription.topic_name
-        names = publisher_names(self._node, topic)
-        return f'{len(names)} publishers on {topic}: {", ".join(names)}.'
+        names = publisher_names(self._node, self.topic)
+        return f'{len(names)} publishers on {self.topic}: {", ".join(names)}.'
 
 
 class OdometryWatchdog:

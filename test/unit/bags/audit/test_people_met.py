@@ -10,7 +10,7 @@ from drives import SECOND, START, drive_settings
 from test_promise import SCANNER
 
 from cmpsp_ros.bags.audit import CheckOutcome
-from cmpsp_ros.bags.runs.sensor_clearance import Encounter, driven_into
+from cmpsp_ros.bags.runs.sensor_clearance import EXACT, Encounter, driven_into
 from cmpsp_ros.parameters import TABLE, laser_settings
 from cmpsp_ros.simulator import Laser, Motion, discs_of, edges_of
 from cmpsp_ros.world.obstacles import Obstacle
@@ -137,3 +137,11 @@ def test_a_time_without_scans_leaves_it_open(drive, outcomes):
     begin, end = START + 3 * SECOND, START + 6 * SECOND
     drive.scans = [each for each in drive.scans if not begin < each[0] < end]
     assert outcomes(drive)['obstacles'].outcome is not FAILED
+
+
+def test_limits_are_lower_by_what_scans_may_be_off(drive, outcomes):
+    x, y, heading = drive.odometry[len(drive.odometry) // 3].pose
+    crate = Obstacle('crate', (x - 0.15 * math.sin(heading), y + 0.15 * math.cos(heading)), 0.1)
+    found = outcomes(scanned(drive, crate))['obstacles']
+    assert found.outcome is NOT_JUDGED
+    assert found.limit == -EXACT

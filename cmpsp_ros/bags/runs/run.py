@@ -12,7 +12,6 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.bags.decision_record import DecisionRecord, read_decisions
-from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.guidance import NANOSECONDS, Goal, GuidanceSettings
 from cmpsp_ros.guidance.messages import Track, TrackError, heading_of, tracks_of
@@ -35,7 +34,7 @@ def read_tracks(bag: Bag, topic: str, frame_id: str | None) -> tuple[Track, ...]
         except TrackError:
             continue
         except (AttributeError, TypeError, ValueError) as error:
-            raise BagError(f'{bag.path}: {topic}: found no obstacles there: {error}') from error
+            raise bag.error(f'{topic}: found no obstacles there: {error}') from error
     return tuple(found[key] for key in sorted(found))
 
 
@@ -162,7 +161,7 @@ def driven_in(bag: Bag, namespace: str) -> DrivenPath:
         place = [pose.position.x, pose.position.y, heading_of(pose.orientation)]
         rows[stamp_of(message)] = place, [twist.linear.x, twist.linear.y, twist.angular.z]
     if len(rows) < 2:
-        raise BagError(f'{bag.path}: found {len(rows)} messages in {topic}, wanted at least 2')
+        raise bag.error(f'found {len(rows)} messages in {topic}, wanted at least 2')
     ordered = sorted(rows.items())
     return DrivenPath(
         np.array([stamp for stamp, _ in ordered], dtype=np.int64),

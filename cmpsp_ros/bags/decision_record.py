@@ -37,11 +37,6 @@ def status_of(message: Any) -> Any:
     return message.status[0] if hasattr(message, 'status') else message
 
 
-def entries_of(status: Any) -> dict[str, str]:
-    """Key values of a status."""
-    return {str(each.key): str(each.value) for each in status.values}
-
-
 @dataclass(frozen=True)
 class DecisionRecord:
     """One decision, with everything that was published on it.
@@ -64,7 +59,8 @@ class DecisionRecord:
         """A message of `~/decision`, without command and path."""
         try:
             status = status_of(message)
-            return cls(source, received, str(status.message), entries_of(status))
+            entries = {str(each.key): str(each.value) for each in status.values}
+            return cls(source, received, str(status.message), entries)
         except (AttributeError, TypeError, LookupError) as error:
             raise BagError(
                 f'{source}: found a message that is none of its type, wanted a decision'

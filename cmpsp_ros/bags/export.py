@@ -7,7 +7,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Any, Literal
 
-from cmpsp_ros.bags.decision_record import DecisionRecord, entries_of, status_of
+from cmpsp_ros.bags.decision_record import DecisionRecord
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.guidance import DECISION_KEYS, Key, truth
@@ -177,10 +177,10 @@ def _decisions(bag: Bag, topics: list[str]) -> Layout:
             raise bag.error(f'over {_MAX_KEYS} keys in {" and ".join(topics)}, wanted decisions')
 
     def rows(message: Any) -> Iterator[Row]:
-        status = status_of(message)
-        texts = entries_of(status)
+        found = DecisionRecord.of('', 0, message)
+        texts = found.entries
         cells = (parse(texts[key]) if key in texts else None for key, (_, parse) in entries.items())
-        yield status.message, *cells
+        yield found.reason, *cells
 
     columns = (column for column, _ in entries.values())
     return (*_WHERE[:2], Column('reason', 'text'), *columns), rows

@@ -10,6 +10,7 @@ from typing import Any
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.bags.custom_data import plain_values
 from cmpsp_ros.bags.decision_record import DecisionRecord, Waypoint
+from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.names import Names
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.guidance import Goal, GoalError, messages
@@ -33,7 +34,7 @@ class NodeParameters:
             foreign = f'{node}/decision' not in bag.topics
             hint = ', and no decisions: --params-file makes some' if foreign else ''
             text = f'no parameters of {node}; there are those of {there}{hint}'
-            raise bag.error(f'{text}')
+            raise bag.error(text)
         self._take(bag.parameters[node])
 
     def restart(self, until: int) -> int | None:
@@ -140,10 +141,8 @@ class Recording:
                 try:
                     self._read[topic](received, message)
                 except (AttributeError, TypeError, ValueError) as error:
-                    raise self._bag.error(
-                        f'{topic}: found a message that is none of its type at'
-                        f' {received} ns: {error}'
-                    ) from error
+                    said = f'found a message that is none of its type at {received} ns: {error}'
+                    raise self._bag.error(f'{topic}: {said}') from error
             if max(len(pending), len(self._paths), len(self.changes)) > _MAX_MESSAGES:
                 raise self._bag.error(f'found over {_MAX_MESSAGES} decisions within a second')
         while pending:
@@ -159,10 +158,7 @@ class Recording:
                 if isinstance(number, str):
                     what = f'the plan that {number} made'
                     topic = messages.PeerTrajectory.topic(number)
-                raise self._bag.error(
-                    f'found a decision (stamp {decision.stamp}) on {what} at'
-                    f' {stamp} ns, wanted that in {topic}'
-                )
+                raise self._lacks(decision, what, stamp, topic)
         return tuple(self._tracks[key] for key in decision.tracks)
 
     def sighting(self, decision: DecisionRecord) -> Sighting | None:
@@ -173,11 +169,12 @@ class Recording:
         for older in [each for each in self._sightings if each < stamp]:
             del self._sightings[older]
         if stamp not in self._sightings:
-            raise self._bag.error(
-                f'found a decision (stamp {decision.stamp}) on what was seen at'
-                f' {stamp} ns, wanted that in {self._names.sighting}'
-            )
+            raise self._lacks(decision, 'what was seen', stamp, self._names.sighting)
         return self._sightings[stamp]
+
+    def _lacks(self, decision: DecisionRecord, what: str, stamp: int, topic: str) -> BagError:
+        found = f'found a decision (stamp {decision.stamp}) on {what} at {stamp} ns'
+        return self._bag.error(f'{found}, wanted that in {topic}')
 
     def _read_odometry(self, received: int, message: Any) -> None:
         try:

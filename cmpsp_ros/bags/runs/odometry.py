@@ -62,9 +62,7 @@ def pieces(path: DrivenPath, begin: int, end: int, longest: int) -> Iterator[Dri
     for part in np.split(np.arange(len(path.stamps)), _long(path.stamps, longest) + 1):
         first, last = max(begin, int(path.stamps[part[0]])), min(end, int(path.stamps[part[-1]]))
         if first < last:
-            yield DrivenPath(path.stamps[part], path.poses[part], path.twists[part]).between(
-                first, last
-            )
+            yield path.chosen(part).between(first, last)
         elif first == last:
             # A pose alone, as an arc of no length.
             poses, twists = np.repeat(path.at(first)[None], 2, axis=0), np.zeros((2, 2))

@@ -9,6 +9,7 @@ from itertools import groupby, pairwise
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.bags.decision_record import DecisionRecord, read_decisions
@@ -100,6 +101,10 @@ class DrivenPath:
         index = np.searchsorted(self.stamps, stamps, side='right') - 1
         since = (stamps - self.stamps[index]) / NANOSECONDS
         return np.asarray(arc_ends(self.poses[index], self.twists[index], since))
+
+    def chosen(self, index: NDArray[np.intp]) -> DrivenPath:
+        """Some of the arcs."""
+        return DrivenPath(self.stamps[index], self.poses[index], self.twists[index])
 
     def between(self, first: int, last: int) -> DrivenPath:
         """The part of the path between two instants."""

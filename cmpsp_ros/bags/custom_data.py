@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from cmpsp_ros.bags.definitions import jazzy
+
 # Key in the bag's custom data: JSON text `{node: {parameter: value}}`.
 PARAMETERS_KEY = 'cmpsp_ros.parameters'
 # Key in the bag's custom data: version of this package that wrote the bag.
@@ -19,27 +21,14 @@ SOFTWARE_KEY = 'cmpsp_ros.software'  # key in the bag's custom data: JSON text `
 _PACKAGES = ('numpy', 'scipy', 'numba', 'llvmlite', 'clarabel', 'rosbags', 'rclpy')
 
 
-# Fields of `rcl_interfaces/msg/ParameterValue` by its type, from 1.
-_VALUE_FIELDS = (
-    'bool_value',
-    'integer_value',
-    'double_value',
-    'string_value',
-    'byte_array_value',
-    'bool_array_value',
-    'integer_array_value',
-    'double_array_value',
-    'string_array_value',
-)
-
-
 def plain_values(parameters: Iterable[Any]) -> dict[str, Any]:
     """Values by name from messages `rcl_interfaces/msg/Parameter`; None if not set."""
     values = {}
+    # By its type, from 1; before them, its type.
+    _, fields = jazzy().fielddefs['rcl_interfaces/msg/ParameterValue']
     for each in parameters:
         kind = each.value.type
-        is_set = 1 <= kind <= len(_VALUE_FIELDS)
-        found = getattr(each.value, _VALUE_FIELDS[kind - 1]) if is_set else None
+        found = getattr(each.value, fields[kind][0]) if 1 <= kind < len(fields) else None
         values[each.name] = found.tolist() if isinstance(found, np.ndarray) else found
     return values
 
@@ -51,10 +40,9 @@ def own_version() -> str:
 
 def software_versions() -> dict[str, str]:
     """Versions of the software installed here, by name; `unknown` if it is not installed."""
-    machine = f'{platform.machine()}, {platform.system()} {platform.release()}'
     return {
         'python': platform.python_version(),
-        'machine': machine,
+        'machine': f'{platform.machine()}, {platform.system()} {platform.release()}',
         **{name: _version(name) for name in _PACKAGES},
     }
 

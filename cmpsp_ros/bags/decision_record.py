@@ -26,6 +26,7 @@ from cmpsp_ros.guidance import (
     waypoints,
 )
 from cmpsp_ros.guidance.messages import Track
+from cmpsp_ros.robots.motion import with_side
 
 Waypoint = tuple[float, float, float, float]
 
@@ -35,11 +36,6 @@ _LATEST = 1 << 62  # in the year 2116 [ns]; later times fit no array of stamps
 def status_of(message: Any) -> Any:
     """The status in a message of `~/decision`; raises `LookupError` for an empty array."""
     return message.status[0] if hasattr(message, 'status') else message
-
-
-def entries_of(status: Any) -> dict[str, str]:
-    """Key values of a status."""
-    return {str(each.key): str(each.value) for each in status.values}
 
 
 @dataclass(frozen=True)
@@ -64,7 +60,8 @@ class DecisionRecord:
         """A message of `~/decision`, without command and path."""
         try:
             status = status_of(message)
-            return cls(source, received, str(status.message), entries_of(status))
+            entries = {str(each.key): str(each.value) for each in status.values}
+            return cls(source, received, str(status.message), entries)
         except (AttributeError, TypeError, LookupError) as error:
             raise BagError(
                 f'{source}: found a message that is none of its type, wanted a decision'
@@ -191,8 +188,7 @@ def decision_message(decision: Decision, name: str) -> bytes:
 
 def command_message(decision: Decision) -> bytes:
     """The command of a decision, serialised as a `TWIST`."""
-    forward, *across, rate = decision.twist.tolist()
-    left = across[0] if across else 0.0
+    forward, left, rate = with_side(decision.twist).tolist()
     vector = jazzy().types['geometry_msgs/msg/Vector3']
     return _raw(_make(TWIST, vector(forward, left, 0.0), vector(0.0, 0.0, rate)), TWIST)
 

@@ -7,7 +7,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Any, Literal
 
-from cmpsp_ros.bags.decision_record import DecisionRecord, entries_of, status_of
+from cmpsp_ros.bags.decision_record import DecisionRecord
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.guidance import DECISION_KEYS, Key, truth
@@ -72,11 +72,8 @@ def export(bag_path: Path, folder: Path, form: Format = 'csv') -> dict[Path, int
         chosen = tables(bag)
         try:
             folder.mkdir(parents=True)
-            return {
-                path: write(table, path)
-                for table in chosen
-                for path in [folder / f'{table.name}.{form}']
-            }
+            paths = [folder / f'{table.name}.{form}' for table in chosen]
+            return {path: write(table, path) for path, table in zip(paths, chosen, strict=True)}
         except FileExistsError as error:
             msg = f'{folder}: exists already, tables need a folder that does not exist'
             raise BagError(msg) from error
@@ -111,7 +108,7 @@ def _read(bag: Bag, topics: list[str], rows: Callable[[Any], Iterator[Row]]) -> 
             for row in rows(message):
                 yield received, topic, *row
         except (ValueError, LookupError) as error:
-            raise BagError(f'{bag.path}: message of {topic} at {received} ns: {error}') from error
+            raise bag.error(f'message of {topic} at {received} ns: {error}') from error
 
 
 def _odometry(message: Any) -> Iterator[Row]:
@@ -177,14 +174,13 @@ def _decisions(bag: Bag, topics: list[str]) -> Layout:
         for key in DecisionRecord.of(topic, received, message).entries:
             entries.setdefault(key, _entry(key))
         if len(entries) > _MAX_KEYS:
-            msg = f'{bag.path}: over {_MAX_KEYS} keys in {" and ".join(topics)}, wanted decisions'
-            raise BagError(msg)
+            raise bag.error(f'over {_MAX_KEYS} keys in {" and ".join(topics)}, wanted decisions')
 
     def rows(message: Any) -> Iterator[Row]:
-        status = status_of(message)
-        texts = entries_of(status)
+        found = DecisionRecord.of('', 0, message)
+        texts = found.entries
         cells = (parse(texts[key]) if key in texts else None for key, (_, parse) in entries.items())
-        yield status.message, *cells
+        yield found.reason, *cells
 
     columns = (column for column, _ in entries.values())
     return (*_WHERE[:2], Column('reason', 'text'), *columns), rows
@@ -206,8 +202,7 @@ def _pose(pose: Any) -> tuple[float, float, float]:
 def _write_csv(table: Table, path: Path) -> int:
     with path.open('x', newline='', encoding='utf-8') as file:
         writer = csv.writer(file)
-        titles = (f'{each.name} [{each.unit}]'.removesuffix(' []') for each in table.columns)
-        writer.writerow(titles)
+        writer.writerow(f'{each.name} [{each.unit}]'.removesuffix(' []') for each in table.columns)
         count = 0
         for count, row in enumerate(table.rows, 1):  # noqa: B007 (the last counts)
             writer.writerow(row)

@@ -4,7 +4,7 @@ import math
 import os
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import chain, pairwise
 from pathlib import Path
 from typing import Any, Final
 
@@ -86,8 +86,10 @@ def scene(
         )
     ]
     parts = course([settings.road], settings.obstacles, hidden)
-    drawn = (*_way(way), *(each for line in ends for each in _way(line)))
-    decoration = '\n    '.join((*_course(parts), *drawn, *posts))
+    # On the floor, not in it: two surfaces at one height take turns from pixel to pixel.
+    half, blue = _LINE / 2.0, '0.1 0.35 0.8 1'
+    drawn = (_line(each, half, blue, height=half) for each in (way, *ends))
+    decoration = '\n    '.join((*_course(parts), *chain.from_iterable(drawn), *posts))
     robot = mjcf(settings.robot, Physics(), 0.0) if has_wheels(settings) else _shaped(settings)
     head, rest = robot.split('<worldbody>', 1)
     body = rest.split('/>', 1)[1]  # its floor is a bare one
@@ -134,14 +136,17 @@ def _disc(number: int) -> str:
         _geom('box', f'1 {2.0 * _LINE} {_LINE}', (0.0, 0.0, height), _DARK, f'{name} way'),
         _geom('mesh', '1', (0.0, 0.0, height), _DARK, f'{name} tip', 'mesh="tip" '),
     )
-    return f'<body name="{name}" mocap="true" pos="0 0 {BELOW}">{"".join(geoms)}</body>\n'
+    return _hidden_body(name, *geoms)
 
 
 def _person(number: int) -> str:
     """A person of the simulator, below the floor until there is one."""
     name, size = f'person {number}', f'1 {_STATURE / 2.0}'
-    geom = _geom('capsule', size, (0.0, 0.0, _STATURE / 2.0), _BROWN, name)
-    return f'<body name="{name}" mocap="true" pos="0 0 {BELOW}">{geom}</body>\n'
+    return _hidden_body(name, _geom('capsule', size, (0.0, 0.0, _STATURE / 2.0), _BROWN, name))
+
+
+def _hidden_body(name: str, *geoms: str) -> str:
+    return f'<body name="{name}" mocap="true" pos="0 0 {BELOW}">{"".join(geoms)}</body>\n'
 
 
 def _course(parts: Iterable[Part]) -> Iterator[str]:
@@ -153,11 +158,6 @@ def _course(parts: Iterable[Part]) -> Iterator[str]:
         for line in part.outlines if color else ():
             yield from _line(line, radius, color)
             yield from _walls(line, color) if part.kind != 'edge' else ()
-
-
-def _way(way: Array) -> Iterator[str]:
-    # On the floor, not in it: two surfaces at one height take turns from pixel to pixel.
-    yield from _line(way, _LINE / 2.0, '0.1 0.35 0.8 1', height=_LINE / 2.0)
 
 
 def _line(corners: Array, radius: float, color: str, height: float = 0.0) -> Iterator[str]:
@@ -268,7 +268,7 @@ class _Moment:
     pose: Array
     moving: list[Track]
     goal: int
-    people: Sequence[Track] = ()
+    people: list[Track]
 
 
 def _frames(
@@ -324,8 +324,8 @@ def _arrange(world: Any, state: Any, moment: _Moment) -> None:
                 way, half = world.geom(f'{name} way'), math.hypot(each.vx, each.vy) / 2.0
                 way.size[0] = way.pos[0] = max(half, _LINE)
                 world.geom(f'{name} tip').pos[0] = 2.0 * half
-    names = [world.geom(index).name for index in range(world.ngeom)]
-    for index, name in enumerate(names):
+    for index in range(world.ngeom):
+        name = world.geom(index).name
         if name.startswith('goal '):
             world.geom_rgba[index, 3] = 1.0 if name == f'goal {moment.goal}' else _FAINT
 

@@ -62,10 +62,14 @@ class Bag:
             self.close()
             raise
 
+    def error(self, what: str) -> BagError:
+        """Error that names the bag."""
+        return BagError(f'{self.path}: {what}')
+
     def lacks(self, what: str) -> BagError:
         """Error that says what was not found, and which topics there are."""
         there = ', '.join(sorted(self.topics)) or 'no topic at all'
-        return BagError(f'{self.path}: {what}; there is {there}')
+        return self.error(f'{what}; there is {there}')
 
     def as_decided_on(self, node: str, name: str) -> str:
         """Topic that a node received; its own one of that name if it published it transformed."""
@@ -112,7 +116,7 @@ class Bag:
 
     def _records(self, *topics: str) -> Iterator[tuple[Connection, int, bytes]]:
         if not self._open:
-            raise BagError(f'{self.path}: the bag is closed')
+            raise self.error('the bag is closed')
         for topic in topics:
             if topic not in self.topics:
                 raise self.lacks(f'no topic {topic}')
@@ -187,7 +191,7 @@ class Bag:
             raise
         except Exception as error:
             text = ' '.join(str(error).split()) or type(error).__name__
-            raise BagError(f'{self.path}: {what}: {text[:_MAX_REASON]}') from error
+            raise self.error(f'{what}: {text[:_MAX_REASON]}') from error
 
 
 def _check_path(path: Path) -> None:

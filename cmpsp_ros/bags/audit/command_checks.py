@@ -254,14 +254,12 @@ def _steering_angles(record: AuditRecord) -> Array:
     said = [robot.steering_of(each) or 0.0 for each in robot.controls(record.commands.twists)]
     known = record.commands.twists[:, 0] != 0.0
     pairs = record.pairs
-    if record.decisions:
-        decided = [each.steering_angle for each in record.decisions[pairs.decisions :]]
-        for index, angle in enumerate(decided[: pairs.count], pairs.commands):
-            if angle is not None and not known[index]:
-                said[index], known[index] = angle, True
-    for index, each in enumerate(known):
-        if not each:
-            said[index] = said[index - 1] if index else 0.0
+    answered = record.decisions[pairs.decisions :][: pairs.count]
+    for index, each in enumerate(answered, pairs.commands):
+        if each.steering_angle is not None and not known[index]:
+            said[index], known[index] = each.steering_angle, True
+    for index in np.flatnonzero(~known).tolist():
+        said[index] = said[index - 1] if index else 0.0
     return np.array(said)
 
 

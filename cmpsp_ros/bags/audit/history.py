@@ -48,11 +48,6 @@ class History:
     has_traffic: bool = False  # true if the simulator moves obstacles
     has_people: bool = False  # true if people walk in it
 
-    @property
-    def starts(self) -> list[int]:
-        """Beginning of each epoch [ns]."""
-        return [each.since for each in self.epochs]
-
     def at(self, stamp: int) -> GuidanceSettings:
         """Settings in force at an instant [ns]."""
         return self.epoch_at(stamp).settings

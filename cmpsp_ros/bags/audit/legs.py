@@ -12,7 +12,6 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array, BoolArray, IntArray
 from cmpsp_ros.bags.decision_record import DecisionRecord
-from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.runs.odometry import (
     Hole,
@@ -71,9 +70,7 @@ def read_commands(bag: Bag, topic: str) -> Commands:
     """Commands of a topic, with the stamps that they carry or else the times of reception."""
     found = bag.topics[topic].msgtype
     if found not in {_TWIST, _STAMPED}:
-        raise BagError(
-            f'{bag.path}: found {found} in {topic}, wanted {_TWIST} or {_STAMPED} (--cmd-vel)'
-        )
+        raise bag.error(f'found {found} in {topic}, wanted {_TWIST} or {_STAMPED} (--cmd-vel)')
     rows = []
     for received, message in bag.messages(topic):
         stamp, twist = received, message
@@ -81,7 +78,7 @@ def read_commands(bag: Bag, topic: str) -> Commands:
             stamp, twist = stamp_of(message), message.twist
         rows.append((received, stamp, (twist.linear.x, twist.linear.y, twist.angular.z)))
     if not rows:
-        raise BagError(f'{bag.path}: found no message in {topic}, wanted commands (--cmd-vel)')
+        raise bag.error(f'found no message in {topic}, wanted commands (--cmd-vel)')
     received_all, stamps, twists = zip(*rows, strict=True)
     return Commands(
         np.array(received_all, dtype=np.int64),

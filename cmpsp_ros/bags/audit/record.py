@@ -7,13 +7,15 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from itertools import chain
+from operator import attrgetter
 from pathlib import Path
 
 import numpy as np
 
 from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.bags.audit.history import History
-from cmpsp_ros.bags.audit.legs import Commands, KnownPath, Leg, Pairs
+from cmpsp_ros.bags.audit.legs import Commands, Leg, Pairs
 from cmpsp_ros.bags.decision_record import DecisionRecord
 from cmpsp_ros.bags.names import Names
 from cmpsp_ros.bags.reader import Bag
@@ -40,6 +42,7 @@ from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.world.roads import FAR
 
 _NEAR = 3.0  # distance from the robot within which people are judged [m]
+_stamp = attrgetter('stamp')
 EDGES = 2  # the first columns of a clearance are the road's edges
 
 
@@ -68,7 +71,7 @@ def sweep(
 ) -> Iterator[Sweep]:
     """Arcs of a path by the parameters in force; hidden obstacles count `off` farther away [m]."""
     begins = path.stamps[:-1]
-    edges = np.searchsorted(begins, history.starts[1:])
+    edges = np.searchsorted(begins, [each.since for each in history.epochs[1:]])
     for epoch, index in zip(history.epochs, np.split(np.arange(len(begins)), edges), strict=True):
         if len(index):
             arcs = path.poses[index], path.twists[index], path.durations[index]
@@ -116,8 +119,12 @@ class AuditRecord:
     def evidence(self) -> tuple[Sweep, ...]:
         """The path by all sources, without holes, and its clearance from all that is known."""
         known = (each for leg in self.legs for each in reversed(leg.known))
+        driven = ((path, each) for each in known for path in each.pieces)
+        swept = (
+            sweep(path, self.history, each.by, each.tolerance, each.off) for path, each in driven
+        )
         seen = (Sweep.of_seen(self.settings, one) for each in self.seen for one in each)
-        return (*self._sweeps(known), *seen)
+        return (*chain.from_iterable(swept), *seen)
 
     @cached_property
     def seen(self) -> tuple[tuple[SensorClearance, ...], ...]:
@@ -209,11 +216,6 @@ class AuditRecord:
             words += [f'that of {name} not {in_words(found, self.start)}'] if found else []
         return f'Of the paths of others {" and ".join(words)}.' if words else ''
 
-    def _sweeps(self, known: Iterable[KnownPath]) -> Iterator[Sweep]:
-        for each in known:
-            for path in each.pieces:
-                yield from sweep(path, self.history, each.by, each.tolerance, each.off)
-
     def _met(self, found_along: Callable[[DrivenPath], Iterable[Encounter]]) -> Iterator[Encounter]:
         for known in (each for leg in self.legs for each in leg.known):
             for each in (one for path in known.pieces for one in found_along(path)):
@@ -264,7 +266,3 @@ def path_gap(record: AuditRecord, _worst: object = None) -> str:
     """When no source knows the path, in a sentence; empty if one always does."""
     found = [hole for leg in record.legs for hole in leg.holes]
     return f'The path is not recorded {in_words(found, record.start)}.' if found else ''
-
-
-def _stamp(track: Track) -> int:
-    return track.stamp

@@ -64,9 +64,8 @@ def _record(bag: Bag, sources: Sources) -> AuditRecord:
     truth = read_odometry(bag, truth_on, frame_id) if truth_on else None
     legs = tuple(split(odometry, truth, commands, decisions, settings))
     if not legs:
-        raise BagError(
-            f'{bag.path}: found no two messages of {places.odom} around any of {places.cmd_vel},'
-            ' wanted a drive'
+        raise bag.error(
+            f'found no two messages of {places.odom} around any of {places.cmd_vel}, wanted a drive'
         )
     moving = bag.as_decided_on(places.node, 'moving_obstacles')
     tracks = tuple(
@@ -95,24 +94,22 @@ def _node(bag: Bag, sources: Sources) -> str:
         wanted = f'{sources.namespace.rstrip("/")}/{_NODE}'
         if wanted not in nodes and sources.params_file is None:
             there = ', '.join(nodes) or 'none'
-            raise BagError(
-                f'{bag.path}: found no parameters of {wanted}; there are those of {there}'
-            )
+            raise bag.error(f'found no parameters of {wanted}; there are those of {there}')
         return wanted
     if sources.odom is not None:
         # The odometry's namespace says which robot is meant.
         beside = f'{sources.odom.rpartition("/")[0]}/{_NODE}'
         nodes = [beside] if beside in nodes else nodes
     if len(nodes) > 1:
-        raise BagError(
-            f'{bag.path}: found parameters of {", ".join(nodes)}, wanted one of them:'
+        raise bag.error(
+            f'found parameters of {", ".join(nodes)}, wanted one of them:'
             f' choose a robot by its odometry, as in --odom {nodes[0].rpartition("/")[0]}/odom'
         )
     if nodes:
         return nodes[0]
     if sources.params_file is None:
-        raise BagError(
-            f'{bag.path}: found no parameters of a guidance node, wanted them in the bag'
+        raise bag.error(
+            'found no parameters of a guidance node, wanted them in the bag'
             ' or in a file (--params-file)'
         )
     return ''
@@ -124,4 +121,4 @@ def _topic(bag: Bag, name: str, option: str) -> str:
     found = 'no message in' if name in bag.topics else 'no topic'
     there = ', '.join(sorted(topic for topic, each in bag.topics.items() if each.count))
     wanted = f'wanted one of {there}' if there else 'nor in any other, wanted a drive'
-    raise BagError(f'{bag.path}: found {found} {name}, {wanted} ({option})')
+    raise bag.error(f'found {found} {name}, {wanted} ({option})')

@@ -14,7 +14,7 @@ from cmpsp_ros.bags.audit.legs import Leg, RunSpan
 from cmpsp_ros.bags.audit.record import AuditRecord
 from cmpsp_ros.bags.decision_record import DecisionRecord
 from cmpsp_ros.bags.runs import in_words
-from cmpsp_ros.bags.runs.odometry import Hole
+from cmpsp_ros.bags.runs.odometry import Hole, holes
 from cmpsp_ros.bags.runs.run import Passing
 from cmpsp_ros.guidance import (
     GOAL,
@@ -50,6 +50,8 @@ def _odometry_gap(record: AuditRecord, _worst: Sample) -> str:
 def rate(record: AuditRecord) -> Iterator[Sample]:
     """Time from each command of a run to the next, but without odometry and after a stop."""
     limit = LATE * record.settings.control_period
+    # For so long odometry must be missing to make a command late [ns].
+    longest = (1.0 - 1.0 / LATE) * limit * NANOSECONDS
     worst = 0.0
     yield Sample.upper(worst, limit, record.start)
     for leg in record.legs:
@@ -61,10 +63,11 @@ def rate(record: AuditRecord) -> Iterator[Sample]:
             times = np.concatenate([[run.start], stamps, [end]])
             is_expected = np.concatenate([[True], moving])
             gaps = np.diff(times) / NANOSECONDS
-            for begin, gap in zip(times[:-1][is_expected], gaps[is_expected], strict=True):
-                if gap > worst and not _drops_out(leg, int(begin), gap, limit):
+            for begin, gap in zip(times[:-1][is_expected].tolist(), gaps[is_expected], strict=True):
+                until = begin + round(gap * NANOSECONDS)
+                if gap > worst and not holes(leg.odometry.stamps, begin, until, longest):
                     worst = float(gap)
-                    yield Sample.upper(worst, limit, int(begin))
+                    yield Sample.upper(worst, limit, begin)
 
 
 @check(
@@ -289,12 +292,3 @@ def _lost(record: AuditRecord, leg: Leg) -> list[Hole]:
         if heard or not ((alive > hole.begin) & (alive < hole.end)).any():
             lost.append(hole)
     return lost
-
-
-def _drops_out(leg: Leg, begin: int, gap: float, limit: float) -> bool:
-    """True if odometry is missing in a gap for as long as makes a command late."""
-    end = begin + round(gap * NANOSECONDS)
-    stamps = leg.odometry.stamps
-    inside = stamps[(stamps > begin) & (stamps < end)]
-    times = np.concatenate([[begin], inside, [end]])
-    return bool(np.diff(times).max() > (1.0 - 1.0 / LATE) * limit * NANOSECONDS)

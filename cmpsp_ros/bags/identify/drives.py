@@ -12,10 +12,9 @@ from cmpsp_ros.arrays import Array, BoolArray, IntArray
 from cmpsp_ros.bags.audit.legs import Commands, read_commands
 from cmpsp_ros.bags.audit.sources import Sources
 from cmpsp_ros.bags.decision_record import read_decisions
-from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.names import Names
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.runs.odometry import OdometrySeries, read_odometry
+from cmpsp_ros.bags.runs.odometry import OdometrySeries, arc_steps, read_odometry
 from cmpsp_ros.guidance import NANOSECONDS
 from cmpsp_ros.robots.motion import with_side
 
@@ -108,8 +107,8 @@ def read_drives(path: Path, sources: Sources) -> tuple[list[Drive], dict[str, An
         stamped = bag.topics[cmd_vel].msgtype == _STAMPED
         drives = list(_drives(label, stamped, odometry, commands, answered))
         if not drives:
-            raise BagError(
-                f'{path}: found {np.ptp(odometry.stamps) / NANOSECONDS:.1f} s of {odom} and'
+            raise bag.error(
+                f'found {np.ptp(odometry.stamps) / NANOSECONDS:.1f} s of {odom} and'
                 f' {len(commands.stamps)} commands of {cmd_vel}, wanted {_SHORTEST:g} s or more,'
                 ' with two commands or more'
             )
@@ -132,13 +131,13 @@ def _topic(
             return str(name)
         found = f'in {name}' if name else 'in any topic'
         wanted = f'wanted one of {", ".join(there)}' if there else 'wanted a drive'
-        raise BagError(f'{bag.path}: found no {kinds} {found}, {wanted} ({option})')
+        raise bag.error(f'found no {kinds} {found}, {wanted} ({option})')
     exact = [each for each in there if space is not None and each == f'{space.rstrip("/")}/{usual}']
     alike = [each for each in there if each.rpartition('/')[2] == usual]
     for candidates in (exact, alike, there):
         if len(candidates) == 1:
             return candidates[0]
-    raise BagError(f'{bag.path}: found {", ".join(there)}, wanted those of one robot ({option})')
+    raise bag.error(f'found {", ".join(there)}, wanted those of one robot ({option})')
 
 
 def _answered(
@@ -177,18 +176,9 @@ def _drives(
             label,
             stamped,
             (stamps - stamps[0]) / NANOSECONDS,
-            _steps(poses),
+            arc_steps(poses[:-1], poses[1:])[:, [0, 2]],
             ages / NANOSECONDS,
             (received - stamps[0]) / NANOSECONDS,
             with_side(commands.twists[inside])[:, [0, 2]],
             None if answer is None else answer / NANOSECONDS,
         )
-
-
-def _steps(poses: Array) -> Array:
-    """Distance ahead and turn between poses, along arcs, ``(N, 2)`` [m, rad]."""
-    dx, dy, turn = np.diff(poses, axis=0).T
-    turn = np.remainder(turn + np.pi, 2.0 * np.pi) - np.pi
-    along = poses[:-1, 2] + turn / 2.0
-    chord = dx * np.cos(along) + dy * np.sin(along)
-    return np.column_stack([chord / np.sinc(turn / (2.0 * np.pi)), turn])

@@ -171,12 +171,6 @@ def log_determinant(factor: Array) -> float:
     return 2.0 * float(np.log(factor[0]).sum())
 
 
-def jumps_in(factor: Array) -> BoolArray:
-    """Flags of the steps that count as jumps in a covariance."""
-    jumps: BoolArray = factor[0] ** 2 > _JUMP / 2.0
-    return jumps
-
-
 # Places of parameters: delay with lag, lag, ratio, two scales, and limits that were found.
 SUM, LAG, RATIO, SCALE, LIMIT = 0, 1, 2, 3, 5
 
@@ -282,7 +276,7 @@ class Fit:
             self.series, self.step_residuals(), self.factors, strict=True
         ):
             if each.axis == axis:
-                jumps = jumps_in(factor)
+                jumps = factor[0] ** 2 > _JUMP / 2.0
                 off = np.abs(whitened(factor, residuals)) > _FAR_OFF
                 # Samples after a jump look like jumps too as long as the jump counts.
                 jumps[off.argmax()] |= off.any()

@@ -69,19 +69,15 @@ class WhatIf:
     left_out: list[str] = field(default_factory=list)  # topics not copied
 
     def __str__(self) -> str:
+        levels = {
+            'recorded': Counter(each.level for each in self.recorded),
+            'changed': Counter(each.level.name.lower() for _, each in self.decisions),
+        }
         return '\n'.join(
-            f'{who}: {sum(counts.values())} decisions, '
+            f'{who}: {counts.total()} decisions, '
             + ', '.join(f'{count} {level}' for level, count in sorted(counts.items()))
-            for who, counts in zip(('recorded', 'changed'), self.levels, strict=True)
+            for who, counts in levels.items()
             if counts
-        )
-
-    @property
-    def levels(self) -> tuple[dict[str, int], dict[str, int]]:
-        """Decisions of each fallback level: recorded, and of the changed law."""
-        return (
-            dict(Counter(each.level for each in self.recorded)),
-            dict(Counter(each.level.name.lower() for _, each in self.decisions)),
         )
 
 

@@ -15,7 +15,6 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.bags.decision_record import DecisionRecord
-from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.names import Names
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.replay.recording import NodeParameters, OdometrySample, Recording
@@ -135,7 +134,7 @@ class Inputs:
             goals = self._goals(None if begins else before, decision)
             if odometry is None and not decision.halted:
                 if not recording.odometry and recording.unusable:
-                    raise BagError(f'{self._bag.path}: no usable odometry: {recording.unusable}')
+                    raise self._bag.error(f'no usable odometry: {recording.unusable}')
                 yield OdometryMissing(decision)
             else:
                 yield from goals
@@ -146,8 +145,8 @@ class Inputs:
                 yield OdometryReceived(odometry, decision, tracks=tracks, sighting=sighting)
             before, received_all = decision, not decision.halted and not decision.late
         if before is None:
-            raise BagError(
-                f'{self._bag.path}: found {self.skipped} decisions of {self._node}, wanted one'
+            raise self._bag.error(
+                f'found {self.skipped} decisions of {self._node}, wanted one'
                 ' that begins a run (step 0): what a law knew before cannot be replayed'
             )
 
@@ -181,8 +180,8 @@ class Inputs:
     def _changes_between(self, before: DecisionRecord, decision: DecisionRecord) -> Iterator[Input]:
         for _ in range(decision.revision - before.revision):
             if not self._has_change():
-                raise BagError(
-                    f'{self._bag.path}: found a decision (stamp {decision.stamp}) after live'
+                raise self._bag.error(
+                    f'found a decision (stamp {decision.stamp}) after live'
                     f' change {decision.revision} of the parameters of {self._node}, wanted'
                     ' that change in /parameter_events'
                 )
@@ -202,8 +201,8 @@ class Inputs:
             for _ in range(come - count):
                 waiting.popleft()
         if count > len(waiting):
-            raise BagError(
-                f'{self._bag.path}: found a decision (stamp {decision.stamp}) after'
+            raise self._bag.error(
+                f'found a decision (stamp {decision.stamp}) after'
                 f' {decision.goals_received} goals, wanted all of them on goal_pose'
             )
         return [

@@ -27,14 +27,14 @@ class NodeParameters:
     given: frozenset[str]  # keys that were recorded; the others are defaults
 
     def __init__(self, bag: Bag, node: str) -> None:
-        self._path, self._node = bag.path, node
+        self._bag, self._node = bag, node
         self._restarts = list(bag.restarts.get(node, ()))
         if node not in bag.parameters:
             there = ', '.join(sorted(bag.parameters)) or 'no node'
             foreign = f'{node}/decision' not in bag.topics
             hint = ', and no decisions: --params-file makes some' if foreign else ''
             text = f'no parameters of {node}; there are those of {there}{hint}'
-            raise BagError(f'{bag.path}: {text}')
+            raise bag.error(text)
         self._take(bag.parameters[node])
 
     def restart(self, until: int) -> int | None:
@@ -49,25 +49,23 @@ class NodeParameters:
         """Apply a change received at a time [ns]; previous values that were used must be known."""
         unknown = sorted(changes.keys() - self.given)
         if used and unknown:
-            raise BagError(
-                f'{self._path}: found a change of {unknown[0]} of {self._node} at {received} ns,'
+            raise self._bag.error(
+                f'found a change of {unknown[0]} of {self._node} at {received} ns,'
                 ' before the recorder could learn what it was; wanted its value from the beginning'
             )
         try:
             self.values = TABLE.reconfigure(self.values, changes)
         except ParameterError as error:
-            raise BagError(
-                f'{self._path}: change of parameters at {received} ns: {error.problems[0]}'
-            ) from error
+            said = f'change of parameters at {received} ns: {error.problems[0]}'
+            raise self._bag.error(said) from error
         self.given = self.given.union(changes)
 
     def _take(self, given: Mapping[str, Any]) -> None:
         try:
             self.values = TABLE.resolve(given)
         except ParameterError as error:
-            raise BagError(
-                f'{self._path}: parameters of {self._node}: {error.problems[0]}'
-            ) from error
+            said = f'parameters of {self._node}: {error.problems[0]}'
+            raise self._bag.error(said) from error
         self.given = frozenset(given)
 
 
@@ -114,11 +112,9 @@ class Recording:
             names.tracks: self._read_tracks,
             names.sighting: self._read_sighting,
             goal_pose: self._read_goal,
-            **{
-                topic: partial(self._read_peer, namespace)
-                for topic, namespace in names.others(others).items()
-            },
         }
+        for topic, namespace in names.others(others).items():
+            self._read[topic] = partial(self._read_tracks, peer=namespace)
         there = [topic for topic in self._read if topic in bag.topics and topic != names.odom]
         self._topics = [names.odom, names.decision, *there]
         self.odometry: deque[OdometrySample] = deque(maxlen=_MAX_MESSAGES)
@@ -145,14 +141,10 @@ class Recording:
                 try:
                     self._read[topic](received, message)
                 except (AttributeError, TypeError, ValueError) as error:
-                    raise BagError(
-                        f'{self._bag.path}: {topic}: found a message that is none of its type at'
-                        f' {received} ns: {error}'
-                    ) from error
+                    said = f'found a message that is none of its type at {received} ns: {error}'
+                    raise self._bag.error(f'{topic}: {said}') from error
             if max(len(pending), len(self._paths), len(self.changes)) > _MAX_MESSAGES:
-                raise BagError(
-                    f'{self._bag.path}: found over {_MAX_MESSAGES} decisions within a second'
-                )
+                raise self._bag.error(f'found over {_MAX_MESSAGES} decisions within a second')
         while pending:
             yield self._complete(pending.popleft())
 
@@ -164,14 +156,9 @@ class Recording:
                 if isinstance(number, int) and number >= messages.Track.SEEN:
                     topic = self._names.tracks
                 if isinstance(number, str):
-                    what, topic = (
-                        f'the plan that {number} made',
-                        messages.PeerTrajectory.topic(number),
-                    )
-                raise BagError(
-                    f'{self._bag.path}: found a decision (stamp {decision.stamp}) on {what} at'
-                    f' {stamp} ns, wanted that in {topic}'
-                )
+                    what = f'the plan that {number} made'
+                    topic = messages.PeerTrajectory.topic(number)
+                raise self._lacks(decision, what, stamp, topic)
         return tuple(self._tracks[key] for key in decision.tracks)
 
     def sighting(self, decision: DecisionRecord) -> Sighting | None:
@@ -182,11 +169,12 @@ class Recording:
         for older in [each for each in self._sightings if each < stamp]:
             del self._sightings[older]
         if stamp not in self._sightings:
-            raise BagError(
-                f'{self._bag.path}: found a decision (stamp {decision.stamp}) on what was seen at'
-                f' {stamp} ns, wanted that in {self._names.sighting}'
-            )
+            raise self._lacks(decision, 'what was seen', stamp, self._names.sighting)
         return self._sightings[stamp]
+
+    def _lacks(self, decision: DecisionRecord, what: str, stamp: int, topic: str) -> BagError:
+        found = f'found a decision (stamp {decision.stamp}) on {what} at {stamp} ns'
+        return self._bag.error(f'{found}, wanted that in {topic}')
 
     def _read_odometry(self, received: int, message: Any) -> None:
         try:
@@ -200,14 +188,13 @@ class Recording:
         twist = getattr(message, 'twist', message)
         self._commands.append((received, (twist.linear.x, twist.linear.y, twist.angular.z)))
 
-    def _read_tracks(self, _received: int, message: Any) -> None:
+    def _read_tracks(self, _received: int, message: Any, peer: str | None = None) -> None:
         # The node refused invalid ones, too.
         with suppress(messages.TrackError):
-            self._note(messages.tracks_of(message, self._frame_id))
-
-    def _read_peer(self, namespace: str, _received: int, message: Any) -> None:
-        with suppress(messages.TrackError):
-            self._note([messages.PeerTrajectory.of(message, namespace, self._frame_id)])
+            if peer is None:
+                self._note(messages.tracks_of(message, self._frame_id))
+            else:
+                self._note([messages.PeerTrajectory.of(message, peer, self._frame_id)])
 
     def _read_sighting(self, _received: int, message: Any) -> None:
         stamp = stamp_of(message)

@@ -52,31 +52,25 @@ class Difference:
         )
 
 
-class Comparison:
-    """Comparison bit by bit, or of floats within a tolerance, which is absolute below 1."""
+def differences(
+    number: int, recorded: DecisionRecord, decision: Decision, tolerance: float | None = None
+) -> Iterator[Difference]:
+    """Fields that differ in a bit, computing times excepted.
 
-    def __init__(self, tolerance: float | None = None) -> None:
-        self._tolerance = tolerance
+    With a tolerance, which is absolute below 1: floats that differ by more.
+    """
+    for field, one, other in _pairs(recorded, decision):
+        if one != other and not _close(one, other, tolerance):
+            yield Difference(number, recorded.stamp, field, one or 'nothing', other or 'nothing')
 
-    def differences(
-        self, number: int, recorded: DecisionRecord, decision: Decision
-    ) -> Iterator[Difference]:
-        """Iterate over the fields that differ, computing times excepted."""
-        for field, one, other in _pairs(recorded, decision):
-            if one != other and not self._close(one, other):
-                yield Difference(
-                    number, recorded.stamp, field, one or 'nothing', other or 'nothing'
-                )
 
-    def _close(self, recorded: str | None, replayed: str | None) -> bool:
-        if self._tolerance is None or recorded is None or replayed is None:
-            return False
-        if _FRACTION.fullmatch(recorded) and _FRACTION.fullmatch(replayed):
-            one, other = float(recorded), float(replayed)
-            return math.isclose(one, other, rel_tol=self._tolerance, abs_tol=self._tolerance)
-        if ' ' in recorded:
-            return _NUMBER.sub('#', recorded) == _NUMBER.sub('#', replayed)
+def _close(recorded: str | None, replayed: str | None, tolerance: float | None) -> bool:
+    if tolerance is None or recorded is None or replayed is None:
         return False
+    if _FRACTION.fullmatch(recorded) and _FRACTION.fullmatch(replayed):
+        one, other = float(recorded), float(replayed)
+        return math.isclose(one, other, rel_tol=tolerance, abs_tol=tolerance)
+    return ' ' in recorded and _NUMBER.sub('#', recorded) == _NUMBER.sub('#', replayed)
 
 
 def _pairs(recorded: DecisionRecord, decision: Decision) -> Pairs:
@@ -154,39 +148,40 @@ class ReplayOutcome:
 
 
 def replay(path: Path, names: Names, tolerance: float | None = None) -> ReplayOutcome:
-    """Replay a bag and compare, with a tolerance as in `Comparison`; raises BagError."""
+    """Replay a bag and compare, with a tolerance as in `differences`; raises BagError."""
 
     def settings_of(values: Values) -> GuidanceSettings:
         try:
             return guidance_settings(values)
         except ParameterError as error:
-            raise BagError(f'{path}: parameters of {names.node}: {error.problems[0]}') from error
+            raise bag.error(f'parameters of {names.node}: {error.problems[0]}') from error
 
     with Bag(path) as bag:
         inputs = Inputs(bag, names)
         settings_of(inputs.values)
         # A law without these parameters decided differently.
         if missing := [key for key in _OF_THIS_LAW if key not in inputs.given]:
-            raise BagError(
-                f'{path}: found no {missing[0]} among the parameters of {names.node}, wanted a'
+            raise bag.error(
+                f'found no {missing[0]} among the parameters of {names.node}, wanted a'
                 ' recording of a law that has it: the one before decided otherwise'
             )
         outcome = ReplayOutcome({'cmpsp_ros': bag.version or 'unknown', **bag.software})
-        follower, comparison = Follower(settings_of), Comparison(tolerance)
+        follower = Follower(settings_of)
         for event in inputs:
             try:
-                _take(event, follower, comparison, outcome)
+                _take(event, follower, tolerance, outcome)
             except BagError:
                 raise
             except Exception as error:
-                raise BagError(
-                    f'{path}: the parameters make no guidance law: {type(error).__name__}: {error}'
-                ) from error
+                said = f'the parameters make no guidance law: {type(error).__name__}: {error}'
+                raise bag.error(said) from error
         outcome.skipped = inputs.skipped
         return outcome
 
 
-def _take(event: Input, follower: Follower, comparison: Comparison, outcome: ReplayOutcome) -> None:
+def _take(
+    event: Input, follower: Follower, tolerance: float | None, outcome: ReplayOutcome
+) -> None:
     number = outcome.decisions + 1
     match event:
         case OdometryReceived(odometry, None):
@@ -205,9 +200,9 @@ def _take(event: Input, follower: Follower, comparison: Comparison, outcome: Rep
             except Exception as error:
                 decision = f'{type(error).__name__}: {error}'
             if isinstance(decision, Decision):
-                differences = list(comparison.differences(number, recorded, decision))
+                found = list(differences(number, recorded, decision, tolerance))
             else:
-                differences = [Difference(number, recorded.stamp, 'decision', 'one', decision)]
-            outcome.add(recorded, differences)
+                found = [Difference(number, recorded.stamp, 'decision', 'one', decision)]
+            outcome.add(recorded, found)
         case _:
             follower.follow(event)

@@ -3,7 +3,6 @@
 from collections.abc import Iterator
 from typing import Any
 
-from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.names import Names
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.replay.inputs import Input, OdometryReceived, RunStarted
@@ -68,7 +67,7 @@ class SensorInputs:
         if not is_used:
             why = '; '.join(f'{topic}: {why}' for topic, why in self._refused.items())
             why = why or 'the sensors show nothing at the times of odometry'
-            raise BagError(f'{self._bag.path}: found nothing to decide on: {why}')
+            raise self._bag.error(f'found nothing to decide on: {why}')
 
     def _odometry(self, received: int, message: Any) -> OdometrySample | None:
         """Odometry in the frame of the law; None if it is no newer than the last."""

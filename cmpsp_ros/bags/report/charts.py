@@ -1,8 +1,8 @@
 """The charts of a report, as plotly figures in plain data."""
 
-import html
 import math
 from collections.abc import Sequence
+from html import escape
 from itertools import cycle
 from textwrap import shorten
 from typing import Any
@@ -28,13 +28,13 @@ def levels(views: Sequence[View]) -> Figure:
             continue
         texts = [
             f'{each.begin:.2f} to {each.end:.2f} s, {each.steps} steps'
-            f'<br>{escaped(shorten(each.reason, 90, placeholder="…"))}'
+            f'<br>{escape(shorten(each.reason, 90, placeholder="…"))}'
             for _, each in bands
         ]
         look = {'type': 'bar', 'orientation': 'h', 'width': 0.6, 'textposition': 'none'}
         content = {
             'name': level,
-            'y': [escaped(view.label) for view, _ in bands],
+            'y': [escape(view.label) for view, _ in bands],
             'base': [number(each.begin) for _, each in bands],
             'x': [number(each.end - each.begin) for _, each in bands],
             'text': texts,
@@ -67,7 +67,7 @@ def controls(views: Sequence[View]) -> Figure:
                     'shape': 'hv',
                     'width': 1.6 if kind == 'commanded' else 1.0,
                 }
-                name = _named(views, view, f'{escaped(each.name)}, {kind}')
+                name = _named(views, view, f'{escape(each.name)}, {kind}')
                 trace = _line(name, times, each.values, line) | {'visible': shown}
                 traces.append(trace | {'yaxis': f'y{suffix(titles.index(each.axis))}'})
     figure = _stacked(views, traces, titles)
@@ -151,7 +151,7 @@ def step_histogram(views: Sequence[View]) -> Figure:
         traces.append(
             {
                 'type': 'bar',
-                'name': escaped(view.label),
+                'name': escape(view.label),
                 'x': numbers(np.sqrt(edges[:-1] * edges[1:])),
                 'width': numbers(np.diff(edges)),
                 'y': counts.tolist(),
@@ -167,11 +167,6 @@ def step_histogram(views: Sequence[View]) -> Figure:
         'showlegend': len(views) > 1,
     }
     return {'data': traces, 'layout': shape}
-
-
-def escaped(text: str) -> str:
-    """Text from a bag as plotly, which knows some HTML, will show it."""
-    return html.escape(text, quote=True)
 
 
 def layout() -> Figure:
@@ -244,4 +239,4 @@ def _mark(figure: Figure, value: float, text: str, *, axis: str = 'y', log: bool
 
 
 def _named(views: Sequence[View], view: View, name: str) -> str:
-    return name if len(views) == 1 else f'{escaped(view.label)}: {name}'
+    return name if len(views) == 1 else f'{escape(view.label)}: {name}'

@@ -9,7 +9,7 @@ import gzip
 import hashlib
 import json
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from html import escape
 from importlib.resources import files
 from string import Template
@@ -89,9 +89,8 @@ def parameters(views: Sequence[View]) -> str:
     return _table(head, rows, marks)
 
 
-def sections(views: Sequence[View], table: str) -> str:
+def sections(views: Sequence[View], build: Callable[[View], str]) -> str:
     """One table per bag, under its name if there are several."""
-    build = {'findings': findings, 'levels': levels}[table]
     if len(views) == 1:
         return build(views[0])
     return ''.join(f'<h3>{_swatched(views, view)}</h3>{build(view)}' for view in views)
@@ -170,8 +169,8 @@ def page(views: Sequence[View]) -> str:
         style=_asset('page.css'),
         verdicts=verdicts(views),
         summary=summary(views),
-        levels=sections(views, 'levels'),
-        audit=sections(views, 'findings'),
+        levels=sections(views, levels),
+        audit=sections(views, findings),
         parameters=parameters(views),
         end=f'{max(view.end for view in views):.3f}',
         data=_json(_data(views)),
@@ -215,9 +214,7 @@ def _policy(*scripts: str) -> str:
 def _json(value: Any) -> str:
     """JSON that ends no element of HTML."""
     text = json.dumps(value, allow_nan=False, separators=(',', ':'), ensure_ascii=True)
-    for character in '<>&':
-        text = text.replace(character, f'\\u{ord(character):04x}')
-    return text
+    return text.translate({ord(each): f'\\u{ord(each):04x}' for each in '<>&'})
 
 
 def _plotly() -> str:

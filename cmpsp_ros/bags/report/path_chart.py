@@ -1,13 +1,14 @@
 """Chart of the path, and the data that its slider moves."""
 
 from collections.abc import Iterator, Sequence
+from html import escape
 from typing import Any
 
 import numpy as np
 
 from cmpsp_ros import view as drawing
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.bags.report.charts import Figure, axis, escaped, layout, suffix
+from cmpsp_ros.bags.report.charts import Figure, axis, layout, suffix
 from cmpsp_ros.bags.report.view import MOST_PLANS, View, thinned
 from cmpsp_ros.bags.runs.run import DrivenPath, goals_driven_to, lifetime
 from cmpsp_ros.guidance import Goal
@@ -170,7 +171,7 @@ def _panel(views: Sequence[View], members: Sequence[int]) -> Iterator[Figure]:
         driven |= drawing.hover([f'{each:.2f} s' for each in views[number].times])
         driven |= {'line': {'color': drawing.bag_color(number), 'width': 2.6}} | named
         if len(views) > 1:
-            driven |= {'showlegend': True, 'name': escaped(views[number].label)}
+            driven |= {'showlegend': True, 'name': escape(views[number].label)}
         yield driven
 
 

@@ -114,9 +114,7 @@ class View:
         for name, each in self.record.others.items():
             chosen = thinned(np.flatnonzero(each.stamps >= self.record.start), MOST_POINTS)
             if len(chosen):
-                found[name] = DrivenPath(
-                    each.stamps[chosen], each.poses[chosen], each.twists[chosen]
-                )
+                found[name] = each.chosen(chosen)
         return found
 
     @property
@@ -189,7 +187,9 @@ class View:
             'other robots': robots,
         }
         finite = {name: values for name, values in named.items() if np.isfinite(values).any()}
-        return _least(times, finite)
+        begins = np.arange(0, len(times), -(-len(times) // MOST_POINTS))
+        least = {name: np.minimum.reduceat(each, begins) for name, each in finite.items()}
+        return times[begins], least
 
     @cached_property
     def steps(self) -> tuple[Array, Array]:
@@ -271,12 +271,6 @@ def labels(paths: Sequence[Path]) -> list[str]:
     if len(set(short)) == len(short):
         return short
     return [f'{name} ({number})' for number, name in enumerate(short, 1)]
-
-
-def _least(times: Array, values: dict[str, Array]) -> tuple[Array, dict[str, Array]]:
-    width = -(-len(times) // MOST_POINTS)
-    begins = np.arange(0, len(times), width)
-    return times[begins], {name: np.minimum.reduceat(each, begins) for name, each in values.items()}
 
 
 def _by_id(tracks: Sequence[Track]) -> tuple[tuple[Track, ...], ...]:

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.arrays import Array, IntArray
-from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.runs.run import DrivenPath
 from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings
@@ -41,7 +40,7 @@ def longest_interval(stamps: IntArray, settings: GuidanceSettings) -> int:
     return round(max(_LOST * median, held + 0.5 * min(median, held)))
 
 
-def holes(stamps: IntArray, begin: int, end: int, longest: int) -> tuple[Hole, ...]:
+def holes(stamps: IntArray, begin: int, end: int, longest: float) -> tuple[Hole, ...]:
     """Holes between two instants [ns], by ascending stamps of a path."""
     inside = stamps[(stamps > begin) & (stamps < end)]
     edges = np.concatenate([[begin], inside, [end]])
@@ -63,9 +62,7 @@ def pieces(path: DrivenPath, begin: int, end: int, longest: int) -> Iterator[Dri
     for part in np.split(np.arange(len(path.stamps)), _long(path.stamps, longest) + 1):
         first, last = max(begin, int(path.stamps[part[0]])), min(end, int(path.stamps[part[-1]]))
         if first < last:
-            yield DrivenPath(path.stamps[part], path.poses[part], path.twists[part]).between(
-                first, last
-            )
+            yield path.chosen(part).between(first, last)
         elif first == last:
             # A pose alone, as an arc of no length.
             poses, twists = np.repeat(path.at(first)[None], 2, axis=0), np.zeros((2, 2))
@@ -86,7 +83,7 @@ def in_words(found: Sequence[Hole], start: int) -> str:
 _MOST_NAMED: Final = 3
 
 
-def _long(stamps: IntArray, longest: int) -> NDArray[np.intp]:
+def _long(stamps: IntArray, longest: float) -> NDArray[np.intp]:
     return np.flatnonzero(np.diff(stamps) > longest)
 
 
@@ -127,10 +124,10 @@ def read_odometry(bag: Bag, topic: str, frame_id: str | None) -> OdometrySeries:
     """Odometry of a topic, in a frame or in any."""
     found = bag.topics[topic].msgtype
     if found != _TYPE:
-        raise BagError(f'{bag.path}: found {found} in {topic}, wanted {_TYPE} (--odom)')
+        raise bag.error(f'found {found} in {topic}, wanted {_TYPE} (--odom)')
     rows = list(_rows(bag, topic, frame_id))
     if not rows:
-        raise BagError(f'{bag.path}: found no message in {topic}, wanted odometry (--odom)')
+        raise bag.error(f'found no message in {topic}, wanted odometry (--odom)')
     received, stamps, figures = zip(*rows, strict=True)
     table = np.array(figures)
     return OdometrySeries(
@@ -176,14 +173,18 @@ def interpolated(odometry: OdometrySeries, stamps: IntArray) -> Array:
 
 def mean_twists(odometry: OdometrySeries, begins: IntArray, ends: IntArray) -> Array:
     """Twists ``(M, 3)`` of arcs from the poses at `begins` to those at `ends` ``(M,)`` [ns]."""
-    first, last = (interpolated(odometry, each) for each in (begins, ends))
+    steps = arc_steps(interpolated(odometry, begins), interpolated(odometry, ends))
+    return np.asarray(steps * NANOSECONDS / (ends - begins)[:, None])
+
+
+def arc_steps(first: Array, last: Array) -> Array:
+    """Ways ahead and to the left, and turns, ``(M, 3)`` [m, m, rad], of arcs between poses."""
     chords, turns = last[:, :2] - first[:, :2], wrapped(last[:, 2] - first[:, 2])
     middles = first[:, 2] + turns / 2.0
     cosines, sines, curved = np.cos(middles), np.sin(middles), np.sinc(turns / (2.0 * np.pi))
     ahead = (chords[:, 0] * cosines + chords[:, 1] * sines) / curved
     aside = (chords[:, 1] * cosines - chords[:, 0] * sines) / curved
-    twists: Array = np.column_stack([ahead, aside, turns]) * NANOSECONDS / (ends - begins)[:, None]
-    return twists
+    return np.column_stack([ahead, aside, turns])
 
 
 def wrapped(angles: Array) -> Array:
@@ -197,7 +198,7 @@ def _rows(bag: Bag, topic: str, frame_id: str | None) -> Iterator[tuple[int, int
         try:
             pose = OdometryReading.of(message).pose_in(frame if frame_id is None else frame_id)
         except OdometryError as error:
-            raise BagError(f'{bag.path}: {topic}, received at {received} ns: {error}') from error
+            raise bag.error(f'{topic}, received at {received} ns: {error}') from error
         variances = np.nan_to_num(message.pose.covariance[[0, 7, 35]]).clip(min=0.0)
         spread = np.sqrt([variances[:2].max(), variances[2]])
         yield received, stamp_of(message), [*pose.tolist(), *spread.tolist()]

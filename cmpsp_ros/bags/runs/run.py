@@ -9,10 +9,10 @@ from itertools import groupby, pairwise
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.bags.decision_record import DecisionRecord, read_decisions
-from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.guidance import NANOSECONDS, Goal, GuidanceSettings
 from cmpsp_ros.guidance.messages import Track, TrackError, heading_of, tracks_of
@@ -35,7 +35,7 @@ def read_tracks(bag: Bag, topic: str, frame_id: str | None) -> tuple[Track, ...]
         except TrackError:
             continue
         except (AttributeError, TypeError, ValueError) as error:
-            raise BagError(f'{bag.path}: {topic}: found no obstacles there: {error}') from error
+            raise bag.error(f'{topic}: found no obstacles there: {error}') from error
     return tuple(found[key] for key in sorted(found))
 
 
@@ -102,6 +102,10 @@ class DrivenPath:
         since = (stamps - self.stamps[index]) / NANOSECONDS
         return np.asarray(arc_ends(self.poses[index], self.twists[index], since))
 
+    def chosen(self, index: NDArray[np.intp]) -> DrivenPath:
+        """Some of the arcs."""
+        return DrivenPath(self.stamps[index], self.poses[index], self.twists[index])
+
     def between(self, first: int, last: int) -> DrivenPath:
         """The part of the path between two instants."""
         inside = (self.stamps > first) & (self.stamps < last)
@@ -162,7 +166,7 @@ def driven_in(bag: Bag, namespace: str) -> DrivenPath:
         place = [pose.position.x, pose.position.y, heading_of(pose.orientation)]
         rows[stamp_of(message)] = place, [twist.linear.x, twist.linear.y, twist.angular.z]
     if len(rows) < 2:
-        raise BagError(f'{bag.path}: found {len(rows)} messages in {topic}, wanted at least 2')
+        raise bag.error(f'found {len(rows)} messages in {topic}, wanted at least 2')
     ordered = sorted(rows.items())
     return DrivenPath(
         np.array([stamp for stamp, _ in ordered], dtype=np.int64),

@@ -30,7 +30,7 @@ _MESSAGE = struct.Struct('<HIQQ')
 _CHUNK = struct.Struct('<QQQI')
 _INDEX = struct.Struct('<QQQQ')
 _SIZES = struct.Struct('<QQ')
-_UINT16, _UINT64 = struct.Struct('<H'), struct.Struct('<Q')
+_UINT16, _UINT64 = 2, 8  # sizes of numbers [bytes]
 
 _END_SIZE = 37
 _MAX_RECORD = limits.MAX_CHUNK + 4096
@@ -110,9 +110,8 @@ def _check_head(head: ChunkHead) -> None:
         raise ReaderError(f'chunk of {head.size} bytes that takes {head.compressed} uncompressed')
 
 
-def _number(body: BytesIO, form: struct.Struct) -> int:
-    number: int = form.unpack(read_exact(body, form.size))[0]
-    return number
+def _number(body: BytesIO, size: int) -> int:
+    return int.from_bytes(read_exact(body, size), 'little')
 
 
 def _channel(body: BytesIO) -> tuple[int, int, str, str, str]:

@@ -114,21 +114,13 @@ def _process(pid: int | None) -> psutil.Process:
 
 @dataclass(frozen=True)
 class Spread:
-    """Statistics of a sample, in its own unit.
+    """Statistics of a sample, in its own unit."""
 
-    Attributes:
-        count: Size.
-        median: Median.
-        p99: 99th percentile; None below 100 values, where it would be the maximum.
-        p999: 99.9th percentile; None below 1000 values.
-        largest: Maximum.
-    """
-
-    count: int
+    count: int  # size
     median: float
-    p99: float | None
-    p999: float | None
-    largest: float
+    p99: float | None  # 99th percentile; None below 100 values, where it would be the maximum
+    p999: float | None  # 99.9th percentile; None below 1000 values
+    largest: float  # maximum
 
     @classmethod
     def of(cls, values: ArrayLike) -> Spread:
@@ -145,21 +137,13 @@ class Spread:
 
 @dataclass(frozen=True)
 class Table:
-    """A part of the results.
+    """A part of the results."""
 
-    Attributes:
-        title: Heading.
-        columns: Names of the columns.
-        rows: Cells as text.
-        note: Note to the reader.
-        words: Number of leading columns that hold words and not numbers.
-    """
-
-    title: str
-    columns: Sequence[str]
-    rows: Sequence[Sequence[str]]
-    note: str = ''
-    words: int = 1
+    title: str  # heading
+    columns: Sequence[str]  # names of the columns
+    rows: Sequence[Sequence[str]]  # cells as text
+    note: str = ''  # note to the reader
+    words: int = 1  # number of leading columns that hold words and not numbers
 
     def markdown(self) -> str:
         """With its title as a heading and its note before it."""

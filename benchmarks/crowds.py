@@ -107,13 +107,12 @@ def _two_steps(law: GuidanceLaw, preset: Preset, count: int) -> tuple[float, flo
 
 OBSTACLE_COUNTS = (0, 1, 2, 4, 8, 16, 32, 64)
 
-_ASIDE = 0.75
-"""Offset of each from the centre line, to either side in turn [m]."""
+_ASIDE = 0.75  # offset of each from the centre line, to either side in turn [m]
 
 _RADIUS = 0.2
 _SPEED = 0.1
+# Bearings of the first and the last from the road's centre; case 3 goes from -90 to 0 degrees.
 _BEARINGS = (math.radians(-72.0), math.radians(-6.0))
-"""Bearings of the first and the last from the road's centre; case 3 goes from -90 to 0 degrees."""
 
 
 @dataclass(frozen=True)
@@ -217,25 +216,17 @@ _LONGEST: Final = 60 * 10**9  # time after which a drive among people ends [ns]
 
 @dataclass(frozen=True)
 class SensorsTiming:
-    """Control steps of one preset, or across the fields of a study; all times [ms].
+    """Control steps of one preset, or across the fields of a study; all times [ms]."""
 
-    Attributes:
-        name: Name of the preset.
-        step: Time from odometry to the decision, with the newest scan and the distance field of the
-            grid.
-        scan: To take in the newest scan, which here comes with the odometry that is decided on; in
-            most steps of a robot it has come before.
-        field: The distance field alone.
-        search: The search of the grid, after the command.
-        after: All that is done after the command, a search in it.
-    """
-
-    name: str
+    name: str  # name of the preset
+    # Time from odometry to the decision, with the newest scan and the distance field of the grid.
     step: Spread
+    # To take in the newest scan, which here comes with the odometry that is decided on; in most
+    # steps of a robot it has come before.
     scan: Spread
-    field: Spread
-    search: Spread
-    after: Spread
+    field: Spread  # the distance field alone
+    search: Spread  # the search of the grid, after the command
+    after: Spread  # all that is done after the command, a search in it
 
 
 def measure_sensors(

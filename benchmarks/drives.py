@@ -129,19 +129,18 @@ def drive(
             yield took, decision, pose
 
 
-COURSE = 'case3_wide'
-"""The course; its final time is made longer for slow robots."""
+COURSE = 'case3_wide'  # the course; its final time is made longer for slow robots
 
 
 MODELS: Final = 'differential drive', 'car'
+# Part of the name of a model whose wheels, and steering, change no faster than they can.
 LIMITED: Final = ', limited acceleration'
-"""Part of the name of a model whose wheels, and steering, change no faster than they can."""
 
+# As fast as the robot of case 3.
 _CAR: Final = (
     'robot.model=ackermann', 'robot.wheel_base=0.2', 'robot.max_steering_angle=0.6',
     'robot.wheel_radius=1.0', 'robot.max_wheel_speed=1.785', 'robot.joint_names=[rear]',
 )  # fmt: skip
-"""As fast as the robot of case 3."""
 
 _LIMITS: Final = (
     ('robot.max_wheel_acceleration=57.0',),
@@ -151,21 +150,13 @@ _LIMITS: Final = (
 
 @dataclass(frozen=True)
 class RobotDrive:
-    """Runs of one robot from start to goal.
+    """Runs of one robot from start to goal."""
 
-    Attributes:
-        name: Name of the robot.
-        times: Computing time of every control step, shape ``(runs, N)`` [ms].
-        work: Visits of a stage in every control step, shape ``(N,)``; they repeat exactly.
-        levels: Steps at each fallback level, by its name.
-        terminal_error: Distance of the robot from the goal at the final time [m].
-    """
-
-    name: str
-    times: Array
-    work: IntArray
-    levels: dict[str, int]
-    terminal_error: float
+    name: str  # name of the robot
+    times: Array  # computing time of every control step, shape ``(runs, N)`` [ms]
+    work: IntArray  # visits of a stage in every control step, shape ``(N,)``; they repeat exactly
+    levels: dict[str, int]  # steps at each fallback level, by its name
+    terminal_error: float  # distance of the robot from the goal at the final time [m]
 
 
 def robots_that_fit() -> list[str]:

@@ -9,11 +9,9 @@ from benchmarks.common import BenchError, collector_off, timed
 from cmpsp_ros.mpsp import Linearisation
 from cmpsp_ros.mpsp.qp import RICCATI_ACTIVE_SET, QPStatus, Subproblem, solve, solve_qp
 
-SIZES = ((3, 2), (6, 2), (12, 4))
-"""States and controls; the first are the robot's."""
+SIZES = ((3, 2), (6, 2), (12, 4))  # states and controls; the first are the robot's
 
-PROGRAMS = 8
-"""Random programs of each size."""
+PROGRAMS = 8  # random programs of each size
 
 _STEPS, _OUTPUTS, _PATH = 50, 2, 4
 _RADIUS = 0.95
@@ -22,23 +20,14 @@ _ROOM = 3.0
 
 @dataclass(frozen=True)
 class GeneralTiming:
-    """Programs of one size.
+    """Programs of one size."""
 
-    Attributes:
-        states: ``n``.
-        controls: ``r``.
-        iterations: Median of the iterations, each of which adds one row.
-        active: Median of the rows that are active at the solution.
-        time: Time of one program: the mean of their medians over all runs [us].
-        flops: Mean for one program, as counted by `flops`.
-    """
-
-    states: int
-    controls: int
-    iterations: float
-    active: float
-    time: float
-    flops: float
+    states: int  # ``n``
+    controls: int  # ``r``
+    iterations: float  # median of the iterations, each of which adds one row
+    active: float  # median of the rows that are active at the solution
+    time: float  # time of one program: the mean of their medians over all runs [us]
+    flops: float  # mean for one program, as counted by `flops`
 
 
 def time_programs(runs: int, progress: Callable[[], None] = lambda: None) -> list[GeneralTiming]:

@@ -21,8 +21,8 @@ from cmpsp_ros.guidance.planning import Planner, PlanningContext
 
 HORIZONS = (10, 25, 50, 100, 200, 400)
 
+# Steps from which on the growth is fitted: below, what does not grow counts too much.
 _ASYMPTOTIC = 100
-"""Steps from which on the growth is fitted: below, what does not grow counts too much."""
 
 
 @dataclass(frozen=True)
@@ -96,41 +96,32 @@ def _first_step_time(task: Task, method: Method, steps: int) -> float:
 
 LONG_HORIZONS = (50, 100, 200, 400)
 
+# Wheel-speed limit of Case 3 with which the outer wheel turns at it nearly all the way [rad/s].
 LIMIT = 45.5
-"""Wheel-speed limit of Case 3 with which the outer wheel turns at it nearly all the way [rad/s]."""
 
 WARM, COLD = 'warm', 'cold'
+# Those that solve the same quadratic programs, and can do so on long horizons.
 QP_PEERS = ('sqpmethod + piqp', 'sqpmethod + hpipm')
-"""Those that solve the same quadratic programs, and can do so on long horizons."""
 
 _FIRST_ITERATIONS = 36
-_SAMPLES = 5
-"""Steps for each run."""
+_SAMPLES = 5  # steps for each run
 
-_BESIDE = 5e-3
-"""Standard deviation of where the robot is from where the plan has it [m, m, rad]."""
+_BESIDE = 5e-3  # standard deviation of where the robot is from where the plan has it [m, m, rad]
 
 
 @dataclass(frozen=True)
 class LongStep:
-    """Control steps at one horizon; times are medians.
+    """Control steps at one horizon; times are medians."""
 
-    Attributes:
-        steps: ``N``.
-        active: Fraction of the wheel-speed bounds with a multiplier, of two for each step.
-        qp_iterations: Iterations in the last quadratic program of a warm step.
-        work: Visits of a stage in a warm step.
-        times: Of two iterations that begin with the plan's active constraints (`WARM`), without
-            them (`COLD`), and of other solvers, by name [us].
-        ratios: By other solver, median quotients of a warm step by its step, and by the time of
-            its quadratic programs alone.
-    """
-
-    steps: int
-    active: float
-    qp_iterations: float
-    work: float
+    steps: int  # ``N``
+    active: float  # fraction of the wheel-speed bounds with a multiplier, of two for each step
+    qp_iterations: float  # iterations in the last quadratic program of a warm step
+    work: float  # visits of a stage in a warm step
+    # Of two iterations that begin with the plan's active constraints (`WARM`), without them
+    # (`COLD`), and of other solvers, by name [us].
     times: dict[str, float]
+    # By other solver, median quotients of a warm step by its step, and by the time of its quadratic
+    # programs alone.
     ratios: dict[str, tuple[float, float]]
 
 

@@ -19,8 +19,7 @@ from cmpsp_ros.guidance import NANOSECONDS, Decision, GuidanceLaw, GuidanceSetti
 from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 from cmpsp_ros.studies.paper import Path, reference_solution
 
-_LIMIT: Final = 1.03
-"""Ratio of the times that is to be kept."""
+_LIMIT: Final = 1.03  # ratio of the times that is to be kept
 _PATIENCE: Final = 300
 _ROBOT: Final = {
     'goal.when': 'soonest',
@@ -49,6 +48,7 @@ def _floor(x: float, y: float, heading: float = 0.0, **changes: Any) -> dict[str
     return {**place, **changes}
 
 
+# Parameters of every course that differ from the defaults.
 COURSES: Final[Mapping[str, dict[str, Any]]] = {
     'floor, straight ahead': _floor(6.0, 0.0),
     'floor, to the left': _floor(5.0, 4.0),
@@ -64,7 +64,6 @@ COURSES: Final[Mapping[str, dict[str, Any]]] = {
     'past a disc, smooth': _floor(6.0, 0.0, **_POST, **_SMOOTH),
     'slalom, smooth': {**_SLALOM, **_SMOOTH},
 }  # fmt: skip
-"""Parameters of every course that differ from the defaults."""
 
 
 def drive(settings: GuidanceSettings, pose: Array) -> tuple[list[Decision], Path, float]:

@@ -32,8 +32,8 @@ COUNTS: Final = (4, 8, 12)
 TWISTS: Final = {'stands': (0.0, 0.0), 'circles': (0.3, 0.5)}
 MISSED: Final = (0.0, 0.3)
 
+# Scans of a run, time between two [ns], and steps of people in it.
 _SCANS, _PERIOD, _STEPS = 600, 100_000_000, 5
-"""Scans of a run, time between two [ns], and steps of people in it."""
 _REACH: Final = 12.0
 _SENSOR: Final = Sensor('front', reach=_REACH)
 _ANGLES: Final = np.linspace(-0.75 * math.pi, 0.75 * math.pi, 541)
@@ -41,35 +41,22 @@ _STDDEV: Final = 0.01
 _ODOMETRY: Final = np.array([0.005, 0.005, math.radians(0.3)])
 _ROBOT, _BODY, _FROM_WALL = 0.35, 0.25, 0.1
 _SPEEDS: Final = 0.3, 1.6
-_TURN: Final = 1.0
-"""Rate at which the robot turns into a new direction [rad/s]."""
-_MOVES: Final = 0.2
-"""Speed from which somebody has to be tracked [m/s]."""
-_BRIEFLY: Final = 20
-"""Scans out of sight after which somebody may be taken for somebody else."""
-_SHOWN: Final = 5
-"""Beams on somebody who is visible."""
-_NEAR: Final = 0.6
-"""Distance of a track and the person whom it shows [m]."""
-_FAR: Final = 1.0
-"""Distance of a track that shows nobody from everybody [m]."""
+_TURN: Final = 1.0  # rate at which the robot turns into a new direction [rad/s]
+_MOVES: Final = 0.2  # speed from which somebody has to be tracked [m/s]
+_BRIEFLY: Final = 20  # scans out of sight after which somebody may be taken for somebody else
+_SHOWN: Final = 5  # beams on somebody who is visible
+_NEAR: Final = 0.6  # distance of a track and the person whom it shows [m]
+_FAR: Final = 1.0  # distance of a track that shows nobody from everybody [m]
 _CERTAIN: Final = 3.0
 
 
 class Seen(NamedTuple):
-    """One scan, and what is true then.
+    """One scan, and what is true then."""
 
-    Attributes:
-        sight: The scan.
-        pose: Pose of the robot by odometry, shape ``(3,)`` [m, m, rad].
-        people: Centre, velocity and radius of each, shape ``(P, 5)`` [m, m/s, m].
-        beams: Beams that have hit each, shape ``(P,)``.
-    """
-
-    sight: Sight
-    pose: Array
-    people: Array
-    beams: IntArray
+    sight: Sight  # the scan
+    pose: Array  # pose of the robot by odometry, shape ``(3,)`` [m, m, rad]
+    people: Array  # centre, velocity and radius of each, shape ``(P, 5)`` [m, m/s, m]
+    beams: IntArray  # beams that have hit each, shape ``(P,)``
 
 
 def crowd(

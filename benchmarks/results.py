@@ -21,37 +21,26 @@ from benchmarks.methods.ours import CondensedDaqp, FullStep, Law, RiccatiActiveS
 if TYPE_CHECKING:
     from benchmarks.over_dds.latency import Latency
 
-COMPARED_STEPS = 50
-"""Steps of Case 3."""
+COMPARED_STEPS = 50  # steps of Case 3
 
 
 @dataclass(frozen=True)
 class Order:
-    """Measurements to make, and their output.
+    """Measurements to make, and their output."""
 
-    Attributes:
-        presets: Presets or parameter files whose control steps are timed; none for all presets and
-            the runs of the paper's tables.
-        runs: Runs of each of them, and of each method.
-        tail: Number of control steps for tail latency.
-        peers: True to compare with third-party solvers.
-        latency: True to time the node over DDS.
-        output: A file that ends in `.json`, or a folder; None to write nothing.
-        steps: Steps of the full horizon for comparing methods.
-        horizons: Horizons [steps] for the growth of methods.
-        robots: Robots that drive on long horizons.
-        long_horizons: Horizons [steps] for the control step of one plan.
-    """
-
+    # Presets or parameter files whose control steps are timed; none for all presets and the runs of
+    # the paper's tables.
     presets: Sequence[str]
-    runs: int
-    tail: int
-    peers: bool = False
-    latency: bool = False
-    output: Path | None = None
-    steps: int = COMPARED_STEPS
-    horizons: Sequence[int] = HORIZONS
+    runs: int  # runs of each of them, and of each method
+    tail: int  # number of control steps for tail latency
+    peers: bool = False  # true to compare with third-party solvers
+    latency: bool = False  # true to time the node over DDS
+    output: Path | None = None  # a file that ends in `.json`, or a folder; None to write nothing
+    steps: int = COMPARED_STEPS  # steps of the full horizon for comparing methods
+    horizons: Sequence[int] = HORIZONS  # horizons [steps] for the growth of methods
+    # Robots that drive on long horizons.
     robots: Sequence[str] = field(default_factory=robots_that_fit)
+    # Horizons [steps] for the control step of one plan.
     long_horizons: Sequence[int] = LONG_HORIZONS
 
     @property
@@ -98,11 +87,10 @@ class Results:
     resident: float
 
 
-PIQP = 'sqpmethod + piqp'
-"""Method by which machines are compared."""
+PIQP = 'sqpmethod + piqp'  # method by which machines are compared
 
+# PIQP's median of all steps of Case 3 on the machine of the targets, with `_STEPS_THERE` [ms].
 PIQP_THERE = 1.12
-"""PIQP's median of all steps of Case 3 on the machine of the targets, with `_STEPS_THERE` [ms]."""
 
 _STEPS_THERE = 50
 

@@ -20,14 +20,12 @@ from benchmarks.task import Task
 if TYPE_CHECKING:
     from benchmarks.over_dds.latency import Latency
 
-_LATENCY_RUNS = 3
-"""Runs in real time, ten seconds each: enough for a 99th percentile."""
+_LATENCY_RUNS = 3  # runs in real time, ten seconds each: enough for a 99th percentile
 
-_PLAN_RUNS = 10
-"""Runs of two steps each, for every run of a preset."""
+_PLAN_RUNS = 10  # runs of two steps each, for every run of a preset
 
+# Called with a part of the work and its number of pieces; its result is called after each.
 Progress = Callable[[str, int], Callable[[], None]]
-"""Called with a part of the work and its number of pieces; its result is called after each."""
 
 
 def run(order: Order, progress: Progress = lambda _part, _pieces: lambda: None) -> Results:

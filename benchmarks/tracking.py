@@ -31,8 +31,7 @@ PRESET: Final = 'people'
 PEOPLE: Final = 12
 BEAMS: Final = 720
 _SCANS: Final = 300
-_FIRST: Final = 20
-"""Scans until the people walk and are seen to."""
+_FIRST: Final = 20  # scans until the people walk and are seen to
 _PERIOD: Final = 100_000_000
 _PLACE: Final = (5.0, 1.8, 0.0)
 

@@ -15,8 +15,7 @@ from cmpsp_ros.arrays import Array
 from cmpsp_ros.studies.paper import motion
 
 STATES, CONTROLS = 3, 2
-STAGE = STATES + CONTROLS
-"""Length of one stage in the vector of variables."""
+STAGE = STATES + CONTROLS  # length of one stage in the vector of variables
 
 
 @dataclass(frozen=True)
@@ -27,26 +26,16 @@ class Program:
     that closes to the next stage and then the stage's own constraints: at first that the pose is
     the given one, later distances from the road's centre and from the obstacles, at last the
     goal. ``p`` holds the first pose, the lengths of the steps and the wheel speeds ``U_prev``.
-
-    Attributes:
-        w: Variables, ``5 N + 3`` of them.
-        p: Parameters.
-        cost: First term of (95).
-        proximal: Second term of (95), on the change from ``U_prev``.
-        g: Constraints.
-        hessian: Gauss-Newton Hessian of both terms, which is that of `mpsp`.
-        limits: The four vectors of bounds, by the names that CasADi has for them.
-        equality: True for each constraint that is an equation.
     """
 
-    w: Any
-    p: Any
-    cost: Any
-    proximal: Any
-    g: Any
-    hessian: Any
-    limits: dict[str, Array]
-    equality: list[bool]
+    w: Any  # variables, ``5 N + 3`` of them
+    p: Any  # parameters
+    cost: Any  # first term of (95)
+    proximal: Any  # second term of (95), on the change from ``U_prev``
+    g: Any  # constraints
+    hessian: Any  # Gauss-Newton Hessian of both terms, which is that of `mpsp`
+    limits: dict[str, Array]  # the four vectors of bounds, by the names that CasADi has for them
+    equality: list[bool]  # true for each constraint that is an equation
 
 
 @cache

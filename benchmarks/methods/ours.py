@@ -25,23 +25,16 @@ from cmpsp_ros.mpsp import SLACK_TOLERANCE, Options
 from cmpsp_ros.mpsp.qp.riccati import Outcome
 from cmpsp_ros.mpsp.sqp import CMPSP, Driver
 
-ITERATIONS = 2
-"""Iterations of a control step."""
+ITERATIONS = 2  # iterations of a control step
 
-PENALTY = 1e4
-"""Largest multiplier of a row that is relaxed because no point meets all of them."""
+PENALTY = 1e4  # largest multiplier of a row that is relaxed because no point meets all of them
 
 
 class Method(Protocol):
-    """One way to do a control step.
+    """One way to do a control step."""
 
-    Attributes:
-        name: For tables and pictures.
-        largest: Longest horizon that it is worth being asked for [steps].
-    """
-
-    name: str
-    largest: int
+    name: str  # for tables and pictures
+    largest: int  # longest horizon that it is worth being asked for [steps]
 
     def prepare(self, steps: int) -> None:
         """Do the offline work for horizons of that many steps."""
@@ -255,5 +248,5 @@ class Law:
         return decision.plan.controls
 
 
+# The first of them is what all others are compared with; the rest are what is driven with.
 OURS: tuple[Callable[[Task], Method], ...] = (CondensedDaqp, RiccatiActiveSet, FullStep, Law)
-"""The first of them is what all others are compared with; the rest are what is driven with."""

@@ -26,32 +26,23 @@ _OVERTIME = 20.0
 
 @dataclass(frozen=True)
 class Latency:
-    """Measurements of some runs of one preset.
+    """Measurements of some runs of one preset."""
 
-    Attributes:
-        runs: Number of runs.
-        total: Time from just before odometry is published to the callback with its command, of
-            every control step [ms].
-        own: Part of it from the guidance node's callback to its publishing, by its own clock [ms].
-        first: True for the first step of each run, at rest and without a previous plan, shape of
-            `total`.
-        jitter: Change of the total from one control step of a run to the next [ms].
-        miss: Maximum distance from the goal at the final time, of all runs [m].
-        starts: Time from the start of the guidance node's process to its activation, of each run;
-            it is configured and activated from outside as soon as it answers [s].
-        resident_active: Resident set of the guidance node when it becomes active [MB].
-        resident_end: The same at the end of the last run [MB].
-    """
-
-    runs: int
+    runs: int  # number of runs
+    # Time from just before odometry is published to the callback with its command, of every control
+    # step [ms].
     total: Array
+    # Part of it from the guidance node's callback to its publishing, by its own clock [ms].
     own: Array
+    # True for the first step of each run, at rest and without a previous plan, shape of `total`.
     first: BoolArray
-    jitter: Array
-    miss: float
+    jitter: Array  # change of the total from one control step of a run to the next [ms]
+    miss: float  # maximum distance from the goal at the final time, of all runs [m]
+    # Time from the start of the guidance node's process to its activation, of each run; it is
+    # configured and activated from outside as soon as it answers [s].
     starts: Array
-    resident_active: float
-    resident_end: float
+    resident_active: float  # resident set of the guidance node when it becomes active [MB]
+    resident_end: float  # the same at the end of the last run [MB]
 
     @property
     def under_way(self) -> Spread:

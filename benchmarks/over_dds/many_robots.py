@@ -18,58 +18,40 @@ from cmpsp_ros.nodes import GuidanceStatus
 from cmpsp_ros.parameters.files import write_fleet_file
 
 _PRESET: Final = 'case3'
+# Less odometry than by default: what costs time here is to send and hear messages.
 _CHANGES: Final = ('odom_rate=20.0', 'final_time=15.0')
-"""Less odometry than by default: what costs time here is to send and hear messages."""
 
+# Time between two that set out [s]: a first step, and what goes before it, takes the longest.
 _APART: Final = 0.5
-"""Time between two that set out [s]: a first step, and what goes before it, takes the longest."""
 
 _KINDS: Final = ('guidance_node', 'sim_node')
 
 
 @dataclass(frozen=True)
 class ProcessKind:
-    """The processes of one kind.
+    """The processes of one kind."""
 
-    Attributes:
-        name: Their module.
-        memory: Resident set of the largest [MB].
-        cpu: Mean load of a core while the robots drove.
-    """
-
-    name: str
-    memory: float
-    cpu: float
+    name: str  # their module
+    memory: float  # resident set of the largest [MB]
+    cpu: float  # mean load of a core while the robots drove
 
 
 @dataclass(frozen=True)
 class Crowd:
-    """A number of robots, each alone on its road, on one machine at once.
+    """A number of robots, each alone on its road, on one machine at once."""
 
-    Attributes:
-        robots: Number of robots.
-        start_up: Time from the first process to the last node that is configured [s].
-        instants: Control instants of all robots.
-        skipped: Number of them without a decision.
-        late: Missed deadlines, as in doc/user/behaviour.md.
-        stops: Number of stops by a node for lack of odometry.
-        delays: Time from the stamp of odometry to the arrival of its decision ``(D,)`` [s]: by
-            the one process that listens to all.
-        own: Time that each took in its node ``(D,)`` [s].
-        miss: Greatest distance from the goal at the final time [m].
-        kinds: The processes.
-    """
-
-    robots: int
-    start_up: float
-    instants: int
-    skipped: int
-    late: int
-    stops: int
+    robots: int  # number of robots
+    start_up: float  # time from the first process to the last node that is configured [s]
+    instants: int  # control instants of all robots
+    skipped: int  # number of them without a decision
+    late: int  # missed deadlines, as in doc/user/behaviour.md
+    stops: int  # number of stops by a node for lack of odometry
+    # Time from the stamp of odometry to the arrival of its decision ``(D,)`` [s]: by the one
+    # process that listens to all.
     delays: Array
-    own: Array
-    miss: float
-    kinds: tuple[ProcessKind, ...]
+    own: Array  # time that each took in its node ``(D,)`` [s]
+    miss: float  # greatest distance from the goal at the final time [m]
+    kinds: tuple[ProcessKind, ...]  # the processes
 
 
 def measure(count: int, progress: Callable[[float], None] = lambda _: None) -> Crowd:

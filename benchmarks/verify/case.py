@@ -23,17 +23,11 @@ Rng = np.random.Generator
 
 
 class Origin(NamedTuple):
-    """Origin of a program; written ``family/seed/number``.
+    """Origin of a program; written ``family/seed/number``."""
 
-    Attributes:
-        family: Name of its family.
-        seed: Seed of the family's generator.
-        number: Index among the programs of that seed, from 0.
-    """
-
-    family: str
-    seed: int
-    number: int
+    family: str  # name of its family
+    seed: int  # seed of the family's generator
+    number: int  # index among the programs of that seed, from 0
 
     def __str__(self) -> str:
         return f'{self.family}/{self.seed}/{self.number}'
@@ -49,29 +43,19 @@ class Origin(NamedTuple):
 
 @dataclass(frozen=True)
 class Program:
-    """A subproblem, and how to solve it.
+    """A subproblem, and how to solve it."""
 
-    Attributes:
-        subproblem: The program.
-        penalties: Weights of the exact L1 relaxation; None where its rows are hard.
-    """
-
-    subproblem: Subproblem
+    subproblem: Subproblem  # the program
+    # Weights of the exact L1 relaxation; None where its rows are hard.
     penalties: Penalties | None = None
 
 
 class Draft(NamedTuple):
-    """A program as a family makes it.
+    """A program as a family makes it."""
 
-    Attributes:
-        about: Description.
-        program: The program.
-        before: One of the same sizes, whose solution is the warm start; it may be a bad one.
-    """
-
-    about: str
-    program: Program
-    before: Program
+    about: str  # description
+    program: Program  # the program
+    before: Program  # one of the same sizes, whose solution is the warm start; it may be a bad one
 
 
 class Case(NamedTuple):
@@ -85,17 +69,12 @@ class Case(NamedTuple):
 
 @dataclass(frozen=True)
 class Contestant:
-    """A back end, without the check of its answers that users of it get.
-
-    Attributes:
-        name: Name.
-        cold: Solves a program from nothing.
-        warm: Solves a program after the one that is given second, whose solution is the warm start;
-            None for back ends without warm starts.
-    """
+    """A back end, without the check of its answers that users of it get."""
 
     name: str
-    cold: Callable[[Program], QPSolution]
+    cold: Callable[[Program], QPSolution]  # solves a program from nothing
+    # Solves a program after the one that is given second, whose solution is the warm start; None
+    # for back ends without warm starts.
     warm: Callable[[Program, Program], QPSolution] | None = None
 
 

@@ -23,14 +23,12 @@ from benchmarks.verify.references import (
 )
 from cmpsp_ros.mpsp.qp import QPSolution, QPStatus
 
-RESIDUAL = 1e-8
-"""Largest violation of the optimality conditions of an answer that is right."""
+RESIDUAL = 1e-8  # largest violation of the optimality conditions of an answer that is right
 
-GAP = 1e-7
-"""Largest duality gap of an answer that is right."""
+GAP = 1e-7  # largest duality gap of an answer that is right
 
+# Largest difference of the objective from a reference's, relative to the size of its terms.
 DIFFERENCE = 1e-7
-"""Largest difference of the objective from a reference's, relative to the size of its terms."""
 
 _WARM_DIFFERENCE = 1e-6
 # Part of a residual that must come from the last bit of the controls to call it rounding.
@@ -38,44 +36,30 @@ _MOSTLY = 0.3
 
 
 class Finding(NamedTuple):
-    """An unexpected result.
+    """An unexpected result."""
 
-    Attributes:
-        check: Check made: ``status``, ``residual``, ``gap``, ``objective``, ``conflict`` (the rows
-            named as contradicting) or ``warm start``.
-        found: Finding, in a sentence.
-        explanation: Reason why the back end is not at fault; '' if it is.
-    """
-
+    # Check made: ``status``, ``residual``, ``gap``, ``objective``, ``conflict`` (the rows named as
+    # contradicting) or ``warm start``.
     check: str
-    found: str
-    explanation: str
+    found: str  # finding, in a sentence
+    explanation: str  # reason why the back end is not at fault; '' if it is
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """Result of one case.
+    """Result of one case."""
 
-    Attributes:
-        origin: Name of the case.
-        about: Description.
-        verdict: Verdict of the references.
-        status: Status of the back end, cold.
-        accuracy: Accuracy of its answer; ``inf`` if it claims no solution.
-        difference: Relative difference of the objective from that of the best reference; 0 unless
-            there are two to compare.
-        iterations: Iterations of the back end, cold and with a warm start (0 if there is none).
-        findings: Unexpected results.
-    """
-
-    origin: Origin
-    about: str
-    verdict: ReferenceVerdict
-    status: QPStatus
-    accuracy: Accuracy
+    origin: Origin  # name of the case
+    about: str  # description
+    verdict: ReferenceVerdict  # verdict of the references
+    status: QPStatus  # status of the back end, cold
+    accuracy: Accuracy  # accuracy of its answer; ``inf`` if it claims no solution
+    # Relative difference of the objective from that of the best reference; 0 unless there are two
+    # to compare.
     difference: float
+    # Iterations of the back end, cold and with a warm start (0 if there is none).
     iterations: tuple[int, int]
-    findings: tuple[Finding, ...]
+    findings: tuple[Finding, ...]  # unexpected results
 
     @property
     def is_mismatch(self) -> bool:

@@ -19,27 +19,17 @@ _BITS_CHANGED = 5
 
 
 class Cost(NamedTuple):
-    """Objective of a program at a point.
+    """Objective of a program at a point."""
 
-    Attributes:
-        value: Value with the penalties of violated rows.
-        size: 1 plus the sum of the magnitudes of its terms: the scale of rounding.
-    """
-
-    value: float
-    size: float
+    value: float  # value with the penalties of violated rows
+    size: float  # 1 plus the sum of the magnitudes of its terms: the scale of rounding
 
 
 class Accuracy(NamedTuple):
-    """Accuracy of an answer, measured without any other; both ``inf`` without a solution.
+    """Accuracy of an answer, measured without any other; both ``inf`` without a solution."""
 
-    Attributes:
-        residual: Maximum violation of the optimality conditions, relative to the data.
-        gap: Its `duality_gap`.
-    """
-
-    residual: float
-    gap: float
+    residual: float  # maximum violation of the optimality conditions, relative to the data
+    gap: float  # its `duality_gap`
 
 
 def accuracy(program: Program, solution: QPSolution) -> Accuracy:
@@ -153,8 +143,7 @@ def least_violation(program: Program) -> float:
     return float(cones.price @ answer.x[len(answer.x) - len(cones.price) :])
 
 
-ROUNDING = 1e-7
-"""Change of the limits that is taken for rounding."""
+ROUNDING = 1e-7  # change of the limits that is taken for rounding
 
 _NOTICED = 0.1
 
@@ -221,17 +210,11 @@ class ReferenceVerdict(Enum):
 
 
 class Reference(NamedTuple):
-    """An answer.
+    """An answer."""
 
-    Attributes:
-        name: Name of the solver.
-        solution: The answer.
-        accuracy: Accuracy of the answer.
-    """
-
-    name: str
-    solution: QPSolution
-    accuracy: Accuracy
+    name: str  # name of the solver
+    solution: QPSolution  # the answer
+    accuracy: Accuracy  # accuracy of the answer
 
 
 def references(program: Program) -> list[Reference]:

@@ -29,6 +29,7 @@ FAMILIES: Final[Mapping[str, Callable[[Rng], Iterator[Draft]]]] = {
     'general': general,
 }
 
+# Part of all programs that is of each family.
 SHARES: Final[Mapping[str, float]] = {
     'loop': 0.4,
     'degenerate': 0.15,
@@ -37,7 +38,6 @@ SHARES: Final[Mapping[str, float]] = {
     'flat': 0.1,
     'general': 0.15,
 }
-"""Part of all programs that is of each family."""
 
 
 def cases(family: str, seed: int) -> Iterator[Case]:

@@ -6,8 +6,7 @@ import math
 import signal
 from contextlib import contextmanager
 from pathlib import Path
-from types import FrameType
-from typing import TYPE_CHECKING, Annotated, NoReturn, Optional
+from typing import TYPE_CHECKING, Annotated, Optional
 
 import typer
 
@@ -112,7 +111,7 @@ def _drive(fleet: Sequence[Scenario], folder: Path, view_port: int | None) -> Se
 def _progress(name: str, total: float, view_port: int | None) -> Iterator[Callable[[float], None]]:
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn  # noqa: PLC0415 (`--help` is quicker without)
 
-    signal.signal(signal.SIGTERM, _interrupt)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     if view_port is not None:
         remark(f'http://127.0.0.1:{view_port}/ shows the run')
     columns = TextColumn('{task.description}'), BarColumn(), TextColumn('{task.fields[time]}')
@@ -123,10 +122,6 @@ def _progress(name: str, total: float, view_port: int | None) -> Iterator[Callab
             bar.update(task, completed=seconds, time=f'{seconds:.1f} of {total:.1f} s')
 
         yield progress
-
-
-def _interrupt(_number: int, _frame: FrameType | None) -> NoReturn:
-    raise KeyboardInterrupt
 
 
 def _table(summary: Summary, scenario: Scenario) -> Table:

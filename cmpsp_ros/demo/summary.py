@@ -11,7 +11,7 @@ import numpy as np
 
 from cmpsp_ros.bags import BagError, DecisionRecord, runs
 from cmpsp_ros.demo.scenario import Scenario
-from cmpsp_ros.guidance import FallbackLevel, Goal, GuidanceSettings, to_nanoseconds
+from cmpsp_ros.guidance import FallbackLevel, GuidanceSettings, to_nanoseconds
 
 # Part of the speed along a road by which its mean may be off.
 _SPEED_TOLERANCE = 0.02
@@ -105,12 +105,6 @@ def final_time(run: runs.Run, settings: GuidanceSettings) -> float:
     return goals[-1].time if settings.moves_final_time and goals else settings.final_time
 
 
-def _goals_passed(run: runs.Run, settings: GuidanceSettings) -> Sequence[Goal]:
-    """Goals at their times; where these are not those of the settings, of the last decisions."""
-    led = runs.goals_driven_to(run.decisions, settings) if settings.is_soonest else []
-    return list({goal.name: goal for _, goal in led}.values()) or settings.goals
-
-
 def window(run: runs.Run, settings: GuidanceSettings) -> tuple[int, int]:
     """First odometry that was decided on, and the final time, as stamps [ns]."""
     # Before it the node may have had to wait, for a sensor perhaps.
@@ -147,7 +141,9 @@ def summarise(run: runs.Run, settings: GuidanceSettings, preset: str) -> Summary
             met += runs.encounters(part, tracks, settings.bodies, lifetime_of)
     nearest += [float(clearance.min()) for _, clearance in runs.driven_into(met)]
     passings = []
-    for goal in _goals_passed(run, settings):
+    # Goals at their times; where these are not those of the settings, of the last decisions.
+    led = runs.goals_driven_to(run.decisions, settings) if settings.is_soonest else []
+    for goal in list({goal.name: goal for _, goal in led}.values()) or settings.goals:
         stamp = first + to_nanoseconds(goal.time)
         if not runs.is_within(stamp, unknown):
             passings.append(runs.Passing.of(settings, goal, stamp, run.driven.at(stamp)))

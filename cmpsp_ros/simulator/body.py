@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
@@ -21,28 +20,6 @@ class Motion:
     pose: Array
     wheel_speeds: Array
     twist: Array
-
-
-class Body(Protocol):
-    """A robot's mechanics. Times are in integer nanoseconds and never go back."""
-
-    def place(self, stamp_ns: int, pose: Array) -> None:
-        """Put the robot at a pose, shape ``(3,)`` [m, m, rad], at rest."""
-
-    def reconfigure(self, stamp_ns: int, /, robot: Robot, wheel_lag: float) -> None:
-        """Go on as another robot, or with another lag of its wheels [s]."""
-
-    def follow(self, stamp_ns: int, control: Array, grip: Array, /) -> None:
-        """Obey a control ``(r,)`` from an instant reached by `drive`, with grip right and left."""
-
-    def drive(self, stamp_ns: int) -> list[Motion]:
-        """Let time pass, and return the motion at each change of wheel speeds on the way."""
-
-    def motion(self, stamp_ns: int) -> Motion:
-        """Pose and speeds at the instant reached by `drive`, or right after it."""
-
-    def odometry(self, stamp_ns: int) -> Array:
-        """The pose that a perfect measurement would give, shape ``(3,)`` [m, m, rad]."""
 
 
 SLICE_NS = 5_000_000  # length of a slice [ns]
@@ -89,7 +66,10 @@ _NS = 1_000_000_000
 
 
 class ArcBody:
-    """Wheels that follow a command with a lag, and move the robot less than they turn."""
+    """Wheels that follow a command with a lag, and move the robot less than they turn.
+
+    Times are in integer nanoseconds and never go back.
+    """
 
     def __init__(self, robot: Robot, wheel_lag: float) -> None:
         """A robot that has not been placed yet; the lag of its wheels is 0 for none [s]."""
@@ -97,7 +77,7 @@ class ArcBody:
         self._slice = 0
 
     def place(self, stamp_ns: int, pose: Array) -> None:
-        """Put the robot at a pose, at rest."""
+        """Put the robot at a pose, shape ``(3,)`` [m, m, rad], at rest."""
         self._from_pose, self._from_ns = pose, stamp_ns
         self._grip = np.ones(2)
         self._turn(self._robot.at_rest, self._robot.at_rest)
@@ -110,13 +90,13 @@ class ArcBody:
         self._turn(controls, self._lagged.target)
 
     def follow(self, stamp_ns: int, control: Array, grip: Array) -> None:
-        """Begin to follow another control at an instant."""
+        """Obey a control ``(r,)`` from an instant reached by `drive`, with grip right and left."""
         self._begin_arc(stamp_ns)
         controls, self._grip = self._controls(stamp_ns), grip
         self._turn(controls, control)
 
     def drive(self, stamp_ns: int) -> list[Motion]:
-        """Drive all slices that end up to an instant, and note the beginning of each next one."""
+        """Drive all slices that end up to an instant; the motion at the beginning of each next."""
         passed = (stamp_ns - self._followed_ns) // SLICE_NS
         first, last = self._slice, min(passed, self._lagged.slices)
         if last <= first:
@@ -133,13 +113,13 @@ class ArcBody:
         return list(map(Motion, stamps, poses[1:], speeds[1:], twists[1:]))
 
     def motion(self, stamp_ns: int) -> Motion:
-        """Pose and speeds on the arc under way."""
+        """Pose and speeds at the instant reached by `drive`, or right after it."""
         twist = self._robot.twist(self._robot.with_slip(self._control, self._grip))
         speeds = self._robot.speeds_of(self._control.copy())
         return Motion(stamp_ns, self._pose(stamp_ns), speeds, twist)
 
     def odometry(self, stamp_ns: int) -> Array:
-        """The true pose."""
+        """The pose that a perfect measurement would give, shape ``(3,)`` [m, m, rad]."""
         return self._pose(stamp_ns)
 
     def _begin_arc(self, stamp_ns: int) -> None:

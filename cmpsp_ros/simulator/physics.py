@@ -135,8 +135,12 @@ class PhysicsBody:
             before = self._angles()
             self._mujoco.mj_step(self._model, self._data)
             self._steps += 1
-            self._note_heading()
-            self._integrate_encoders(self._angles() - before)
+            w, x, y, z = self._data.qpos[3:7].tolist()
+            heading = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+            self._heading += math.remainder(heading - self._heading, math.tau)
+            # Dead reckoning by the turns of the wheels in this step [rad].
+            turned = (self._angles() - before)[None]
+            self._by_encoders = self._robot.roll_out(self._by_encoders, turned, np.ones(1))[1]
             if self._steps % _EVERY == 0:
                 told.append(self.motion(self._reached_ns))
         return told
@@ -144,7 +148,10 @@ class PhysicsBody:
     def motion(self, stamp_ns: int) -> Motion:
         """Pose and speeds, the pose carried on along an arc since the last step."""
         x, y = self._data.qpos[:2].tolist()
-        pose, twist = np.array([x, y, self._heading]), self._twist()
+        vx, vy, _, _, _, yaw_rate = self._data.qvel[:6].tolist()
+        # Without sideways slip.
+        ahead = vx * math.cos(self._heading) + vy * math.sin(self._heading)
+        pose, twist = np.array([x, y, self._heading]), np.array([ahead, yaw_rate])
         since = (stamp_ns - self._reached_ns) / _NS
         if since > 0.0:
             pose = arc_ends(pose[None], twist[None], np.array([since]))[0]
@@ -174,18 +181,3 @@ class PhysicsBody:
 
     def _angles(self) -> Array:
         return np.asarray(self._data.qpos[7:9].copy())
-
-    def _twist(self) -> Array:
-        """Speed ahead and yaw rate, without sideways slip."""
-        vx, vy = self._data.qvel[:2].tolist()
-        ahead = vx * math.cos(self._heading) + vy * math.sin(self._heading)
-        return np.array([ahead, float(self._data.qvel[5])])
-
-    def _note_heading(self) -> None:
-        w, x, y, z = self._data.qpos[3:7].tolist()
-        heading = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-        self._heading += math.remainder(heading - self._heading, math.tau)
-
-    def _integrate_encoders(self, turned: Array) -> None:
-        """Update dead reckoning by the turns of the wheels in one step [rad]."""
-        self._by_encoders = self._robot.roll_out(self._by_encoders, turned[None], np.ones(1))[1]

@@ -7,12 +7,12 @@ they turn where they slip; all off by default.
 
 import math
 from collections import deque
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.simulator.body import ArcBody, Body, Motion
+from cmpsp_ros.simulator.body import ArcBody, Motion
 from cmpsp_ros.simulator.measurement import Measurement, Stream, generator
 from cmpsp_ros.simulator.physics import PhysicsBody
 from cmpsp_ros.simulator.settings import PlantSettings
@@ -24,8 +24,7 @@ class TwistError(ValueError):
     """A commanded twist that no wheel can follow: not finite, or too large."""
 
 
-@dataclass(frozen=True)
-class _Command:
+class _Command(NamedTuple):
     """A command under way."""
 
     effect_ns: int
@@ -41,7 +40,7 @@ class Plant:
         self._settings = settings
         self._now_ns = self._heard_ns = start_ns
         wheels = settings.robot, settings.wheel_lag
-        self._body: Body = (
+        self._body = (
             ArcBody(*wheels) if settings.physics is None else PhysicsBody(*wheels, settings.physics)
         )
         self.reset()
@@ -115,7 +114,7 @@ class Plant:
         if not is_possible:
             raise TwistError(f'{said}: too large for any wheel')
         self._heard_ns, self._latest = stamp_ns, robot.limited(control)
-        effect_ns = self._taken_ns(stamp_ns + self._delay_ns())
+        effect_ns = self._effect_ns(stamp_ns)
         if self._pending:
             effect_ns = max(effect_ns, self._pending[-1].effect_ns)
         self._pending.append(_Command(effect_ns, self._latest, self._next_grip()))
@@ -139,7 +138,8 @@ class Plant:
                 command = self._pending.popleft()
                 self._grip = command.grip
                 self._body.follow(next_ns, command.control, command.grip)
-                self._expires_ns = self._expiry(next_ns)
+                lasts = self._settings.cmd_vel_timeout
+                self._expires_ns = next_ns + round(lasts * _NS) if 0.0 < lasts < math.inf else None
             elif self._expires_ns == next_ns < stamp_ns:
                 self._body.follow(next_ns, self._settings.robot.stopped(self._latest), self._grip)
                 self._expires_ns = None
@@ -155,12 +155,11 @@ class Plant:
         pose = self._body.odometry(self._now_ns)
         return self._measurement.measure(self._settings.odometry, elapsed, pose)
 
-    def _delay_ns(self) -> int:
+    def _effect_ns(self, stamp_ns: int) -> int:
+        """When the controller takes a command of an instant, after its delay [ns]."""
         delay, jitter = self._settings.actuation_delay, self._settings.actuation_jitter
-        return round((delay + jitter * self._jitter.random() if jitter else delay) * _NS)
-
-    def _taken_ns(self, arrival_ns: int) -> int:
-        """When the controller takes a command that has arrived at an instant [ns]."""
+        delay += jitter * self._jitter.random() if jitter else 0.0
+        arrival_ns = stamp_ns + round(delay * _NS)
         period_ns = round(self._settings.actuation_period * _NS)
         wait_ns = -(arrival_ns - self._start_ns) % period_ns if period_ns else 0
         return arrival_ns + wait_ns
@@ -170,7 +169,3 @@ class Plant:
         stddev = self._settings.wheel_slip_stddev
         # A wheel may lose its grip altogether, but it does not push the robot the other way.
         return np.maximum(grip - stddev * self._slip.standard_normal(2), 0.0) if stddev else grip
-
-    def _expiry(self, stamp_ns: int) -> int | None:
-        lasts = self._settings.cmd_vel_timeout
-        return stamp_ns + round(lasts * _NS) if 0.0 < lasts < math.inf else None

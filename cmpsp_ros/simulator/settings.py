@@ -131,10 +131,7 @@ class LaserSettings:
     def angle_increment(self) -> float:
         """Angle between two beams [rad]."""
         return (self.angle_max - self.angle_min) / (self.count - 1)
-# fmt: on
 
-
-# fmt: off
 @dataclass(frozen=True)
 class Walker:
     """A person, or a group that walks together."""

@@ -17,17 +17,11 @@ _UNRELATED_START = 0.2
 
 
 class Known(NamedTuple):
-    """A subproblem and controls that are known to be feasible, or nearly so.
+    """A subproblem and controls that are known to be feasible, or nearly so."""
 
-    Attributes:
-        about: Description.
-        subproblem: The program.
-        dU: The controls, shape ``(N + 1, r)``.
-    """
-
-    about: str
-    subproblem: Subproblem
-    dU: Array
+    about: str  # description
+    subproblem: Subproblem  # the program
+    dU: Array  # the controls, shape ``(N + 1, r)``
 
 
 def general(rng: Rng) -> Iterator[Draft]:

@@ -17,8 +17,8 @@ from cmpsp_ros.mpsp import OptimalControlProblem
 from cmpsp_ros.mpsp.models import ControlRateProblem
 from cmpsp_ros.mpsp.qp import Penalties, QPStatus, Subproblem
 
+# Kind of a subproblem, the subproblem, and the one before it.
 Visit = tuple[str, Subproblem, Subproblem]
-"""Kind of a subproblem, the subproblem, and the one before it."""
 
 _ITERATIONS = 2
 _VISITS = 3
@@ -34,11 +34,10 @@ class Weights:
     obstacle: float
 
 
+# Weights as large as the guidance law's: a relaxed program gives way only where it must.
 LARGE = Weights(1e3, 3e3, 1e4)
-"""Weights as large as the guidance law's: a relaxed program gives way only where it must."""
 
-SMALL = (Weights(100.0, 1e3, 1e3), Weights(10.0, 30.0, 100.0))
-"""So small that many rows give way."""
+SMALL = (Weights(100.0, 1e3, 1e3), Weights(10.0, 30.0, 100.0))  # so small that many rows give way
 
 
 def loops(make: Maker, rng: Rng) -> Iterator[Draft]:

@@ -23,17 +23,11 @@ _HORIZONS: Final = ((0.55, 1, 30), (0.35, 30, 60), (0.1, 60, 200))
 
 @dataclass(frozen=True)
 class RobotScenario:
-    """A task and the pose of the robot.
+    """A task and the pose of the robot."""
 
-    Attributes:
-        name: Description.
-        settings: The task.
-        pose: Pose of the robot, shape ``(3,)`` [m, m, rad].
-    """
-
-    name: str
-    settings: GuidanceSettings
-    pose: Array
+    name: str  # description
+    settings: GuidanceSettings  # the task
+    pose: Array  # pose of the robot, shape ``(3,)`` [m, m, rad]
 
 
 Maker = Callable[[Rng], RobotScenario]

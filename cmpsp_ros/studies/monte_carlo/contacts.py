@@ -60,13 +60,19 @@ class Contact:
 
 
 @dataclass(frozen=True)
-class CrowdOutcome:
-    """Figures of a run among people."""
+class Crowd:
+    """Circumstances of a run among people."""
 
     scene: str  # name of its scene
     robot: str  # name of its robot
     is_noisy: bool  # true with missed returns and noise of odometry
-    told: bool  # true if people were known exactly instead of seen
+    told: bool  # true if people are known exactly instead of seen
+
+
+@dataclass(frozen=True)
+class CrowdOutcome(Crowd):
+    """Figures of a run among people."""
+
     people: int  # number of people
     contacts: tuple[Contact, ...]  # all contacts, by time
     # Arrival of the same run with people known exactly [s]; None if it does not arrive without

@@ -21,6 +21,7 @@ from cmpsp_ros.parameters import (
 from cmpsp_ros.parameters.files import load_robot, parse_assignment
 from cmpsp_ros.simulator import LaserSettings, People, PlantSettings, discs_of, edges_of
 from cmpsp_ros.studies.common import StudyError
+from cmpsp_ros.studies.monte_carlo.contacts import Crowd
 from cmpsp_ros.studies.monte_carlo.courses.crowds import SCENES, crowd_scenario
 from cmpsp_ros.studies.monte_carlo.courses.ring_courses import (
     FROM_EDGE,
@@ -186,16 +187,6 @@ class Study:
             *(f'--set {each}' for each in self.assignments),
         )
         return ' '.join(words)
-
-
-@dataclass(frozen=True)
-class Crowd:
-    """Circumstances of a run among people."""
-
-    scene: str
-    robot: str
-    is_noisy: bool  # with missed returns, and noise of odometry
-    told: bool  # True if people are known exactly, or else seen
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 import json
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -28,26 +28,16 @@ _WITHIN = 0.05  # part of the least cost that a run may cost more
 _QUANTILES = {'least': 0.0, '1 %': 0.01, 'median': 0.5, '99 %': 0.99, 'largest': 1.0}
 
 
-@dataclass(frozen=True)
-class Share:
-    """Number of runs counted under a name, and of those that could be."""
-
-    name: str
-    count: int
-    total: int
-
-    @property
-    def interval(self) -> tuple[float, float]:
-        """Wilson's interval for 95 %; from 0 to 1 without any runs."""
-        if not self.total:
-            return 0.0, 1.0
-        found = binomtest(self.count, self.total).proportion_ci(0.95, method='wilson')
-        return float(found.low), float(found.high)
+def wilson_interval(count: int, total: int) -> tuple[float, float]:
+    """Wilson's interval for 95 % of the share of so many runs; from 0 to 1 without any runs."""
+    if not total:
+        return 0.0, 1.0
+    found = binomtest(count, total).proportion_ci(0.95, method='wilson')
+    return float(found.low), float(found.high)
 
 
-def shares(outcomes: Sequence[StudyOutcome]) -> list[Share]:
-    """All counts of runs."""
-    total = len(outcomes)
+def shares(outcomes: Sequence[StudyOutcome]) -> dict[str, dict[str, Any]]:
+    """All counts of runs by name, each `of` so many, with Wilson's interval for 95 %."""
     reachable = [each for each in outcomes if not each.out_of_reach]
     told = [each for each in outcomes if each.told_error is not None]
     nearly_right = [each for each in told if abs(each.told_error or 0.0) <= _NEARLY]
@@ -70,8 +60,11 @@ def shares(outcomes: Sequence[StudyOutcome]) -> list[Share]:
         'elastic at some step': lambda each: each.elastic > 0,
         'previous plan at some step': lambda each: each.previous_plan > 0,
     }
-    found = [Share(name, sum(map(holds, group)), len(group)) for name, group, holds in counted]
-    return found + [Share(name, sum(map(holds, outcomes)), total) for name, holds in runs.items()]
+    found = {}
+    for name, group, holds in counted + [(name, outcomes, holds) for name, holds in runs.items()]:
+        count, total = sum(map(holds, group)), len(group)
+        found[name] = {'count': count, 'of': total, 'wilson_95': wilson_interval(count, total)}
+    return found
 
 
 def figures(
@@ -97,10 +90,7 @@ def figures(
         'runs': len(outcomes),
         'tolerance_m': study.tolerance,
         'verdicts': {each.value: verdicts[each] for each in RunVerdict},
-        'shares': {
-            each.name: {'count': each.count, 'of': each.total, 'wilson_95': each.interval}
-            for each in shares(outcomes)
-        },
+        'shares': shares(outcomes),
         # Without an interval: the steps of a run hang together.
         'control_steps': {
             level: sum(getattr(each, level) for each in outcomes) for level in _LEVELS

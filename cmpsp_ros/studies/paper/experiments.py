@@ -27,10 +27,7 @@ TABLE1_GUESSES: Final = (
 # Initial heading [deg], colour; from (0, -9.25) m, with `TABLE2_GUESS`.
 TABLE2_HEADINGS: Final = ((60.0, 'black'), (0.0, 'blue'), (-60.0, 'green'))
 TABLE2_GUESS: Final = (36.0, 36.0)  # right and left wheel [rad/s]
-_CASES: Final = (('case1', 'Case 1', 'black'), ('case2', 'Case 2', 'blue'))
 _CASE3: Final = ('case3', 'Case 3', 'red')
-_FEW: Final = (('zero', 'black'), ('one', 'red'), ('two', 'green'))
-_MANY: Final = (('three', 'blue'), ('four', 'magenta'), ('five', 'cyan'))
 
 
 @dataclass(frozen=True)
@@ -51,7 +48,8 @@ class Experiment:
 
 def cases() -> tuple[Experiment, ...]:
     """Cases 1 to 3, the last with the 51 rad/s of (94)."""
-    return tuple(_preset(*each) for each in (*_CASES, _CASE3))
+    first = _preset('case1', 'Case 1', 'black'), _preset('case2', 'Case 2', 'blue')
+    return (*first, _preset(*_CASE3))
 
 
 def case3_at_45() -> Experiment:
@@ -91,12 +89,12 @@ def table2(*, as_printed: bool = False) -> tuple[Experiment, ...]:
 
 def few_obstacles() -> tuple[Experiment, ...]:
     """Zero, one and two obstacles, sparsely placed."""
-    return tuple(_obstacle_file(count, color) for count, color in _FEW)
+    return tuple(map(_obstacle_file, ('zero', 'one', 'two'), ('black', 'red', 'green')))
 
 
 def many_obstacles() -> tuple[Experiment, ...]:
     """Three, four and five obstacles, densely packed."""
-    return tuple(_obstacle_file(count, color) for count, color in _MANY)
+    return tuple(map(_obstacle_file, ('three', 'four', 'five'), ('blue', 'magenta', 'cyan')))
 
 
 def _case3(key: str, label: str, color: str, guess: tuple[float, float] | None) -> Experiment:

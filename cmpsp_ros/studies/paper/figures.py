@@ -15,7 +15,6 @@ from cmpsp_ros.studies.paper.drives import (
     ARRIVED,
     TOUCHED,
     Panels,
-    Path,
     apart,
     guessed_path,
     least_clearance,
@@ -47,11 +46,12 @@ def fig2(sheet: Sheet) -> None:
     later = float(np.abs(case1.off_center[case1.times >= arrival]).max())
     sheet.claim('fig2_center', later < 2.0 * _NEAR, arrival=arrival, later=later * 1e3)
     compared = case2, case3, slow
+    outside = [path.off_center > 0.0 for path in compared]
     sheet.claim(
         'fig2_return',
         ClaimVerdict.DEPENDS,
         means=', '.join(f'{np.abs(path.off_center).mean() * 1e3:.0f}' for path in compared),
-        crossings=', '.join(str(_crossings(path)) for path in compared),
+        crossings=', '.join(str(np.count_nonzero(np.diff(each))) for each in outside),
         gap=float(apart([case2, case3])[0]) * 1e3,
     )
     at = least_clearance(plain, between_samples=False)
@@ -282,11 +282,6 @@ def _miss_and_clearance(key: str, *recipes: dict[str, dict[str, Any]]) -> Iterat
     for runs in recipes:
         yield f'{runs[key]["miss_m"]:.1e}'
         yield millimetres(runs[key]['clearance_at_samples_m'])
-
-
-def _crossings(path: Path) -> int:
-    outside = path.off_center > 0.0
-    return int(np.count_nonzero(outside[1:] != outside[:-1]))
 
 
 def _pairs(values: Array) -> str:

@@ -71,7 +71,20 @@ class Table(NamedTuple):
     @classmethod
     def of_runs(cls, heading: str, drives: Sequence[Drive]) -> Table:
         """The figures of runs, one row each."""
-        return cls(heading, _RUN_COLUMNS, [_run_row(drive) for drive in drives])
+        rows = [
+            (
+                drive.experiment.label,
+                'between samples too' if drive.between_samples else 'at samples',
+                f'{found["miss_m"]:.1e}',
+                millimetres(found['clearance_at_samples_m']),
+                millimetres(found['clearance_between_samples_m']),
+                f'{found["max_right_rad_s"]:.2f} / {found["max_left_rad_s"]:.2f}',
+                f'{found["cost"]:.2f}',
+                str(drive.steps_with_slack),
+            )
+            for drive, found in ((drive, drive.measures()) for drive in drives)
+        ]
+        return cls(heading, _RUN_COLUMNS, rows)
 
     def markdown(self) -> str:
         """Rows in Markdown, without the heading."""
@@ -139,17 +152,3 @@ def millimetres(metres: float) -> str:
 @cache
 def _claims() -> dict[str, dict[str, str]]:
     return tomllib.loads(Path(__file__).with_name('claims.toml').read_text(encoding='utf-8'))
-
-
-def _run_row(drive: Drive) -> tuple[str, ...]:
-    measures = drive.measures()
-    return (
-        drive.experiment.label,
-        'between samples too' if drive.between_samples else 'at samples',
-        f'{measures["miss_m"]:.1e}',
-        millimetres(measures['clearance_at_samples_m']),
-        millimetres(measures['clearance_between_samples_m']),
-        f'{measures["max_right_rad_s"]:.2f} / {measures["max_left_rad_s"]:.2f}',
-        f'{measures["cost"]:.2f}',
-        str(drive.steps_with_slack),
-    )

@@ -7,7 +7,6 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance import GuidanceSettings
 from cmpsp_ros.studies.monte_carlo.courses.ring_courses import (
     GAP,
@@ -93,14 +92,11 @@ def floor_scenario(settings: GuidanceSettings, random: Random, most_obstacles: i
     whole = _Course(OpenFloor(), pose, goal, obstacles, distance + _DETOUR)
     made = _scenario(settings, random, whole)
     # Several together may leave no way, for a robot that keeps a little beside its margin.
-    while not len(_way_through(settings, made)):
+    while True:
+        given = replace(settings, obstacles=made.obstacles, **made.changes)
+        if len(grid_path(given, np.array(pose), GAP / 2.0 - settings.safety.margin)):
+            return made
         made = replace(made, obstacles=made.obstacles[:-1])
-    return made
-
-
-def _way_through(settings: GuidanceSettings, drawn: Scenario) -> Array:
-    given = replace(settings, obstacles=drawn.obstacles, **drawn.changes)
-    return grid_path(given, np.array(drawn.pose), GAP / 2.0 - settings.safety.margin)
 
 
 def _scenario(settings: GuidanceSettings, random: Random, course: _Course) -> Scenario:

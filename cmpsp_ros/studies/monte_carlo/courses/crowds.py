@@ -10,12 +10,11 @@ import numpy as np
 from cmpsp_ros.guidance import GuidanceSettings
 from cmpsp_ros.simulator import PeopleSettings, Walker
 from cmpsp_ros.studies.monte_carlo.courses.ring_courses import Point, Random, Scenario
-from cmpsp_ros.studies.monte_carlo.courses.rooms import outer_walls, room_scenario
+from cmpsp_ros.studies.monte_carlo.courses.rooms import THIN, outer_walls, room_scenario
 from cmpsp_ros.world import FreeSpace
 from cmpsp_ros.world.obstacles import Capsule, Shape
 from cmpsp_ros.world.roads import OpenFloor
 
-_THIN: Final = 0.05
 _SPEEDS, _HALL_SPEEDS = (0.3, 1.6), (0.3, 1.2)
 _RADIUS: Final = 0.25
 _FROM_START: Final = 2.0  # least distance of people from the robot's start [m]
@@ -98,7 +97,7 @@ def _crossing(random: Random, settings: GuidanceSettings, *_run: int) -> _Place:
         ((0.0, low), (0.0, high)), ((size, low), (size, high)),
         ((left, 0.0), (right, 0.0)), ((left, size), (right, size)),
     ]  # fmt: skip
-    walls = tuple(Capsule(f'w{k}', *ends, _THIN) for k, ends in enumerate(lines))
+    walls = tuple(Capsule(f'w{k}', *ends, THIN) for k, ends in enumerate(lines))
     start, goal = ((x, low + _within(random, wide, 0.7)) for x in (0.8, size - 0.8))
     walkers = []
     for index in range(int(random.integers(1, 9))):
@@ -124,8 +123,8 @@ def _door(random: Random, settings: GuidanceSettings, *_run: int) -> _Place:
     x = length / 2.0
     walls = [
         *outer_walls(length, width),
-        Capsule('low', (x, 0.0), (x, middle - door / 2.0), _THIN),
-        Capsule('high', (x, middle + door / 2.0), (x, width), _THIN),
+        Capsule('low', (x, 0.0), (x, middle - door / 2.0), THIN),
+        Capsule('high', (x, middle + door / 2.0), (x, width), THIN),
     ]
     start, goal = ((each, _within(random, width, 1.0)) for each in (0.8, length - 0.8))
     walkers = []
@@ -134,9 +133,8 @@ def _door(random: Random, settings: GuidanceSettings, *_run: int) -> _Place:
         if random.uniform() < 0.7 or math.dist(ends[0], start) < _FROM_START:
             ends.reverse()
         through = middle + float(random.uniform(-0.5, 0.5)) * (door - 1.0)
-        path = [ends[0], (x - 0.8, through), (x + 0.8, through), ends[1]]
-        if ends[0][0] > x:
-            path = [ends[0], (x + 0.8, through), (x - 0.8, through), ends[1]]
+        before = 0.8 if ends[0][0] > x else -0.8
+        path = [ends[0], (x + before, through), (x - before, through), ends[1]]
         walkers.append(_wanderer(random, f'p{index + 1}', path))
     return _Place(tuple(walls), start, goal, tuple(walkers))
 

@@ -157,7 +157,7 @@ class GuidanceLoop:
 
     @property
     def lacking(self) -> str:
-        """What the next decision waits for, in a sentence; '' if nothing but time."""
+        """Sentence on the input that the next decision waits for; '' if none is missing."""
         if self.waiting or self.decision is not None:
             return self.waiting
         return f'Waiting for odometry on {self._odometry.topic}.'

@@ -99,10 +99,11 @@ def test_the_robot_stands_on_free_ground_and_sensors_agree():
 
 def test_a_sensor_that_shows_nothing():
     known = surroundings()
-    assert known.blindness(0) == 'Waiting for the first usable message of sensor front on scan.'
+    waiting = 'Waiting for the first usable message of sensor {} on scan.'
+    assert known.blindness(0) == waiting.format('front')
     known.add(seen(FRONT, 0, (1.0, 0.0)))
     drive(known, 20)
-    assert known.blindness(20 * MS) == 'Waiting for the first usable message of sensor rear on scan.'
+    assert known.blindness(20 * MS) == waiting.format('rear')
     known.add(seen(REAR, 20, (1.0, 0.0)))
     drive(known, 40)
     assert known.blindness(500 * MS) == ''

@@ -26,7 +26,6 @@ from cmpsp_ros.guidance import (
     waypoints,
 )
 from cmpsp_ros.guidance.messages import Track
-from cmpsp_ros.robots.motion import with_side
 
 Waypoint = tuple[float, float, float, float]
 
@@ -188,7 +187,8 @@ def decision_message(decision: Decision, name: str) -> bytes:
 
 def command_message(decision: Decision) -> bytes:
     """The command of a decision, serialised as a `TWIST`."""
-    forward, left, rate = with_side(decision.twist).tolist()
+    forward, *across, rate = decision.twist.tolist()
+    left = across[0] if across else 0.0
     vector = jazzy().types['geometry_msgs/msg/Vector3']
     return _raw(_make(TWIST, vector(forward, left, 0.0), vector(0.0, 0.0, rate)), TWIST)
 

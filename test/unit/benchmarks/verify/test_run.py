@@ -1,6 +1,7 @@
 """Runs over all families, on one process and two, their report, and the command."""
 
 import json
+import re
 from itertools import islice
 
 import pytest
@@ -53,10 +54,10 @@ def test_right_answers_give_a_table_a_file_and_exit_code_0(tmp_path):
 
 
 def test_wrong_answers_are_named_and_exit_code_1():
-    # Hildreth's procedure does not converge on the first of them.
+    # Hildreth's procedure does not converge on some of them; on which, depends on the processor.
     result = bench('--verify', 2, '--qp', 'hildreth')
     assert result.exit_code == 1
-    assert f'{next(cases("loop", 0)).origin}: ' in result.output
+    assert re.search(r'^\w+/\d+/\d+: ', result.output, re.MULTILINE)
     assert 'status: ' in result.output
 
 

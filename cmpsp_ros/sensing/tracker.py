@@ -210,7 +210,8 @@ class Tracker:
     def _drop(self, view: View) -> None:
         """Drop what is gone, was not seen for too long, or is there twice."""
         kept, movers = list[MovingObject](), list[MovingObject]()
-        for each in self._objects:
+        # Of two at one place the one in more doubt is dropped.
+        for each in sorted(self._objects, key=lambda each: each.position_variance):
             age = view.stamp - each.seen
             each.gone += age > 0 and view.is_through(each.x, each.y)
             is_late = age > (_FORGOTTEN if view.is_blind(each.x, each.y) else _LOST)
@@ -223,7 +224,7 @@ class Tracker:
                 movers.append(each)
             if age <= (_FORGOTTEN if each.name else _BRIEF) and (each.name or not each.is_lost):
                 kept.append(each)
-        self._objects = kept
+        self._objects = sorted(kept, key=lambda each: each.number)
 
 
 def _is_wall(objects: list[MovingObject], segments: list[Segment]) -> BoolArray:

@@ -195,6 +195,25 @@ def test_two_who_meet_are_two(speed, apart):
     assert not score.false
 
 
+def test_who_comes_to_where_another_was_lost_is_kept():
+    """Of two tracks at one place the one in doubt goes."""
+
+    def robot(time):
+        return 4.0, 3.0, math.pi if time < 2.0 else math.radians(40.0)
+
+    def stops(time):
+        return (2.5, 3.0 - 0.8 * max(1.2 - time, 0.0)) if time < 2.0 else (100.0, 100.0)
+
+    def comes(time):
+        return (2.5, max(3.0 + 0.8 * (3.7 - time), 3.1)) if time > 1.8 else (100.0, 100.0)
+
+    for time, seen in ScannedRoom(walkers=[stops, comes], robot=robot).run(3.7):
+        known = [each for each in seen.tracks if each.position_stddev < 0.17]
+        near = [math.dist((each.x, each.y), comes(time)) for each in known]
+        if time > 3.0:
+            assert min(near, default=math.inf) < 0.3
+
+
 def test_who_stands_against_the_robot_does_not_become_static():
     """Whoever pushes a robot that gives way is hardly seen to move."""
 

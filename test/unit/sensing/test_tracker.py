@@ -196,7 +196,7 @@ def test_two_who_meet_are_two(speed, apart):
 
 
 def test_who_comes_to_where_another_was_lost_is_kept():
-    """Of two tracks at one place the one in doubt goes."""
+    """The track in doubt goes where two are at one place."""
 
     def robot(time):
         return 4.0, 3.0, math.pi if time < 2.0 else math.radians(40.0)

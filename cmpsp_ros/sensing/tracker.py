@@ -64,9 +64,7 @@ class Tracker:
         self._objects: list[MovingObject] = []
         self._number, self._name = 0, 0
 
-    def update(
-        self, sensor: str, beams: Beams, robot: Array | None = None
-    ) -> tuple[IntArray, list[int]]:
+    def update(self, sensor: str, beams: Beams, robot: Array) -> tuple[IntArray, list[int]]:
         """Follow all objects through a scan by a robot of discs (x, y, radius), ``(D, 3)`` [m].
 
         Returns:
@@ -239,10 +237,8 @@ def _is_wall(objects: list[MovingObject], segments: list[Segment]) -> BoolArray:
     return np.asarray((is_in_doubt & is_part) | (walks & is_static))
 
 
-def _is_beside(robot: Array | None, segment: Segment) -> bool:
-    """True if a segment is so near the robot that it hardly moves if it follows it."""
-    if robot is None:
-        return False
+def _is_beside(robot: Array, segment: Segment) -> bool:
+    """True if a segment is so near the robot that it may push it, too slowly to be seen moving."""
     away = np.hypot(*(robot[:, :2] - segment.front).T) - robot[:, 2]
     return bool(away.min() <= _BESIDE)
 

@@ -215,7 +215,7 @@ def test_who_comes_to_where_another_was_lost_is_kept():
 
 
 def test_who_stands_against_the_robot_does_not_become_static():
-    """Whoever pushes a robot that gives way is hardly seen to move."""
+    """A person who pushes the robot moves too slowly to be seen moving."""
 
     def walker(time):
         return 1.55 + max(2.5 - 0.8 * time, 0.0), 3.0

@@ -104,9 +104,11 @@ def test_a_first_plan_that_runs_out_of_work_is_a_stop_with_its_reason(candidates
 
 
 def assert_alike(compiled, general, spare_rows=0):
-    # Wheel speeds are about 50 rad/s.
-    np.testing.assert_allclose(compiled.plan.controls, general.plan.controls, rtol=0.0, atol=5e-8)
-    np.testing.assert_allclose(compiled.plan.poses, general.plan.poses, rtol=0.0, atol=1e-9)
+    # Wheel speeds are about 50 rad/s. With slack, rows at their bound to rounding may be active or
+    # not (one of 215 with the versions of Ubuntu 24.04): plans then differ by a solver's tolerance.
+    atol = 1e-5 if general.elastic else 5e-8
+    np.testing.assert_allclose(compiled.plan.controls, general.plan.controls, rtol=0.0, atol=atol)
+    np.testing.assert_allclose(compiled.plan.poses, general.plan.poses, rtol=0.0, atol=0.02 * atol)
     for name in ('solved', 'elastic', 'slack_where', 'slack_terminal', 'iterations'):
         assert getattr(compiled, name) == getattr(general, name), name
     assert abs(compiled.active_rows - general.active_rows) <= spare_rows

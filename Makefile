@@ -121,15 +121,14 @@ test-oldest:  ## the same with the oldest versions, Ubuntu 24.04's: PYTHON=pytho
 	$(OLDEST)/bin/cmpsp warmup
 	$(OLDEST)/bin/python -m pytest -n 2 --dist loadgroup -m 'not slow' $(PYTEST_ARGS)
 
-# Environment of its own, with whatever is newest: a Python for which there may be no ROS yet.
+# Its own environment too, with whatever is newest.
+test-newest: export ROS_PYTHON_CHECK_FIELDS := 1
 test-newest: NEWEST := .cache/newest
-test-newest:  ## run the tests that need no ROS with the newest versions: PYTHON=python3.13
+test-newest:  ## the same with the newest versions of everything: PYTHON=python3.14
 	test -x $(NEWEST)/bin/python || $(PYTHON) -m venv $(NEWEST)
-	$(NEWEST)/bin/pip install --quiet -e '.[solvers,casadi,dask,mujoco,parquet,report]' \
-	    pytest pytest-timeout pytest-xdist hypothesis
+	$(NEWEST)/bin/pip install --quiet -e '.[ros,solvers,casadi,dask,mujoco,parquet,report,test]'
 	$(NEWEST)/bin/cmpsp warmup
-	$(NEWEST)/bin/python -m pytest -n 2 --dist loadgroup -m 'not slow' \
-	    $(patsubst %,test/unit/%,mpsp robots world sensing parameters guidance bags studies) $(PYTEST_ARGS)
+	$(NEWEST)/bin/python -m pytest -n 2 --dist loadgroup -m 'not slow' $(PYTEST_ARGS)
 
 lint: check-ros $(DEVELOPMENT) $(PACKAGE)  ## ruff, mypy, who may import whom, and through which door
 	$(BIN)/ruff check .

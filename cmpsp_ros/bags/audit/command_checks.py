@@ -114,9 +114,9 @@ def jerk(record: AuditRecord) -> Iterator[Sample]:
     pairs = record.pairs
     wheels = record.settings.robot.wheel_speeds(record.commands.twists)
     changes = np.diff(wheels, axis=0, prepend=0.0 * wheels[:1])
-    answered = record.decisions[pairs.decisions :][: pairs.count]
+    answered = record.decisions[pairs.decisions]
     stops = np.ones(len(wheels), dtype=bool)
-    stops[pairs.commands :][: len(answered)] = [each.level == 'stop' for each in answered]
+    stops[pairs.commands] = [each.level == 'stop' for each in answered]
     gaps = _unplanned(record) & ~stops
     before = np.where(stops[:-1, None], 0.0, changes[:-1])
     found = np.abs(changes - np.vstack([0.0 * wheels[:1], before])).max(axis=1)
@@ -167,7 +167,7 @@ def steering(record: AuditRecord) -> Iterator[Sample]:
 
 def _undecided(record: AuditRecord, worst: Sample) -> str:
     alone = record.commands.moving.copy()
-    alone[record.pairs.commands :][: record.pairs.count] = False
+    alone[record.pairs.commands] = False
     is_gap = worst.passes and alone.any()
     return f'{alone.sum()} others have no decision in the bag.' if is_gap else ''
 
@@ -188,8 +188,8 @@ def as_decided(record: AuditRecord) -> Iterator[Sample]:
         yield Sample.count(0, None, total=pairs.count)
         return
     first = int(wrong.argmax())
-    sent, wanted = record.commands.twists[pairs.commands + first], decided[pairs.decisions + first]
-    at = int(record.commands.stamps[pairs.commands + first])
+    sent, wanted = record.commands.twists[pairs.commands][first], decided[pairs.decisions][first]
+    at = int(record.commands.stamps[pairs.commands][first])
     words = {'total': pairs.count, 'sent': _in_words(sent), 'wanted': _in_words(wanted)}
     yield Sample.count(int(wrong.sum()), at, **words)
 
@@ -242,9 +242,9 @@ def _changing(record: AuditRecord) -> Array:
     """
     robot, pairs = record.settings.robot, record.pairs
     wheels = robot.wheel_speeds(record.commands.twists)
-    decided = wheel_speeds(record.decisions[pairs.decisions :][: pairs.count])
-    at_rest = ~record.commands.moving[pairs.commands :][: len(decided)]
-    wheels[pairs.commands :][: len(decided)][at_rest] = decided[at_rest, : wheels.shape[1]]
+    decided = wheel_speeds(record.decisions[pairs.decisions])
+    at_rest = ~record.commands.moving[pairs.commands]
+    wheels[pairs.commands][at_rest] = decided[at_rest, : wheels.shape[1]]
     return robot.rates(wheels)
 
 
@@ -254,8 +254,8 @@ def _steering_angles(record: AuditRecord) -> Array:
     said = [robot.steering_of(each) or 0.0 for each in robot.controls(record.commands.twists)]
     known = record.commands.twists[:, 0] != 0.0
     pairs = record.pairs
-    answered = record.decisions[pairs.decisions :][: pairs.count]
-    for index, each in enumerate(answered, pairs.commands):
+    answered = record.decisions[pairs.decisions]
+    for index, each in enumerate(answered, pairs.commands.start):
         if each.steering_angle is not None and not known[index]:
             said[index], known[index] = each.steering_angle, True
     for index in np.flatnonzero(~known).tolist():
@@ -271,9 +271,9 @@ def _unplanned(record: AuditRecord) -> BoolArray:
         return unplanned
     unplanned = np.zeros(len(record.commands.stamps), dtype=bool)
     pairs, decisions = record.pairs, record.decisions
-    unplanned[: pairs.commands + 1] = decisions[pairs.decisions].step > 0
-    answered = decisions[pairs.decisions :][: pairs.count]
-    for index, (before, after) in enumerate(pairwise(answered), pairs.commands + 1):
+    first, answered = pairs.commands.start, decisions[pairs.decisions]
+    unplanned[: first + 1] = answered[0].step > 0
+    for index, (before, after) in enumerate(pairwise(answered), first + 1):
         is_next = after.run == before.run and after.step <= before.step + 1
         unplanned[index] = after.halted or not is_next
     return unplanned

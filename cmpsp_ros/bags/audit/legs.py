@@ -59,11 +59,15 @@ class Commands:
 
 @dataclass(frozen=True)
 class Pairs:
-    """Consecutive pairs: index of the first command and of its decision, and their number."""
+    """Consecutive commands, and the decisions that they were sent for."""
 
-    commands: int
-    decisions: int
-    count: int
+    commands: slice
+    decisions: slice
+
+    @property
+    def count(self) -> int:
+        """Number of pairs."""
+        return int(self.commands.stop - self.commands.start)
 
 
 def read_commands(bag: Bag, topic: str) -> Commands:
@@ -95,18 +99,19 @@ def pair(commands: Commands, decided: Array) -> Pairs:
     If there are more of one kind, the recording missed some of the other at one end: at that
     where more then agree.
     """
-    surplus = len(commands.twists) - len(decided)
+    sent, wanted = len(commands.twists), len(decided)
+    count = min(sent, wanted)
     ends = [
-        Pairs(max(skipped, 0), max(-skipped, 0), min(len(decided), len(commands.twists)))
-        for skipped in (0, surplus)
+        Pairs(slice(0, count), slice(0, count)),
+        Pairs(slice(sent - count, sent), slice(wanted - count, wanted)),
     ]
     return max(ends, key=lambda each: agreeing(commands, decided, each).sum())
 
 
 def agreeing(commands: Commands, decided: Array, pairs: Pairs) -> BoolArray:
     """True for commands that equal those of their decisions, shape ``(count,)``."""
-    sent = with_side(commands.twists)[pairs.commands :][: pairs.count]
-    wanted = with_side(decided)[pairs.decisions :][: pairs.count]
+    sent = with_side(commands.twists)[pairs.commands]
+    wanted = with_side(decided)[pairs.decisions]
     agree: BoolArray = np.all(np.abs(sent - wanted) <= _SAME, axis=1)
     return agree
 
@@ -122,8 +127,8 @@ def timed(
         return commands
     latest = np.searchsorted(odometry.received, commands.received, side='right') - 1
     stamps = odometry.stamps[np.maximum(latest, 0)]
-    answered = decisions[pairs.decisions :][: pairs.count]
-    stamps[pairs.commands :][: pairs.count] = [each.stamp for each in answered]
+    answered = decisions[pairs.decisions]
+    stamps[pairs.commands] = [each.stamp for each in answered]
     return replace(commands, stamps=stamps)
 
 

@@ -6,66 +6,18 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
+from cmpsp_ros.sensing.motion_filter import InteractingFilters
 from cmpsp_ros.sensing.track import Track
 
 _NS: Final = 1_000_000_000
 _ASIDE: Final = 0.3  # distance from where it is expected of one that was lost (one sigma) [m]
-_SURPRISING: Final = 4.0  # squared Mahalanobis distance of an unexpected motion
+_DIFFERENT: Final = 4.0  # squared Mahalanobis distance of velocities that differ
 _RISE, _FALL = 0.5, 0.1  # fractions by which the radius follows greater and smaller ones
 _STILL_SPEED, _STILL_AFTER = 0.15, _NS  # of what stands still [m/s], and until it is static [ns]
-_FIRST_VELOCITY: Final = 1.0  # standard deviation of one not known yet [m/s]
-
-
-@dataclass
-class MotionFilter:
-    """Place and velocity of an object; both axes have the same covariance."""
-
-    stamp: int  # time of the state [ns]
-    x: float  # centre [m]
-    y: float  # centre [m]
-    position_variance: float
-    vx: float = 0.0
-    vy: float = 0.0
-    covariance: float = 0.0
-    velocity_variance: float = _FIRST_VELOCITY**2
-    agility: float = 0.2  # power spectral density of accelerations, white noise [m^2/s^3]
-
-    @property
-    def stddevs(self) -> tuple[float, float]:
-        """Standard deviations of centre and velocity [m, m/s]."""
-        return math.sqrt(self.position_variance), math.sqrt(self.velocity_variance)
-
-    def predict(self, stamp: int) -> None:
-        """Go on to a time [ns]."""
-        if stamp <= self.stamp:
-            return
-        h, self.stamp = (stamp - self.stamp) / _NS, stamp
-        self.x, self.y = self.x + h * self.vx, self.y + h * self.vy
-        added = self.agility * h
-        self.position_variance += h * (2.0 * self.covariance + h * self.velocity_variance)
-        self.position_variance += added * h * h / 3.0
-        self.covariance += h * self.velocity_variance + added * h / 2.0
-        self.velocity_variance += added
-
-    def surprise(self, x: float, y: float, variance: float) -> float:
-        """Squared Mahalanobis distance of a place [m] that was seen with a variance [m^2]."""
-        off_x, off_y = x - self.x, y - self.y
-        return (off_x * off_x + off_y * off_y) / (self.position_variance + variance)
-
-    def correct(self, x: float, y: float, variance: float) -> None:
-        """Take in a centre [m] that was seen with a variance [m^2]."""
-        off_x, off_y = x - self.x, y - self.y
-        total = self.position_variance + variance
-        gain, velocity_gain = self.position_variance / total, self.covariance / total
-        self.x, self.y = self.x + gain * off_x, self.y + gain * off_y
-        self.vx, self.vy = self.vx + velocity_gain * off_x, self.vy + velocity_gain * off_y
-        self.velocity_variance -= velocity_gain * self.covariance
-        self.position_variance *= 1.0 - gain
-        self.covariance *= 1.0 - gain
 
 
 @dataclass(kw_only=True)
-class MovingObject(MotionFilter):
+class MovingObject(InteractingFilters):
     """State of an object."""
 
     number: int  # unique in a run; cells that it has marked in the grid bear it
@@ -84,13 +36,6 @@ class MovingObject(MotionFilter):
 
     def see(self, x: float, y: float, radius: float, variance: float) -> None:
         """Take in a centre [m] that was seen with a variance [m^2], and how large it looked."""
-        surprise = self.surprise(x, y, variance)
-        if surprise > _SURPRISING:
-            # Somebody has stopped or turned: less is known than it seemed.
-            factor = surprise / _SURPRISING
-            self.position_variance *= factor
-            self.covariance *= factor
-            self.velocity_variance *= factor
         self.correct(x, y, variance)
         change = radius - self.radius
         self.radius += (_RISE if change > 0.0 else _FALL) * change
@@ -104,7 +49,7 @@ class MovingObject(MotionFilter):
         """True if both may have the same velocity; two who meet do not."""
         off_x, off_y = self.vx - other.vx, self.vy - other.vy
         variance = self.velocity_variance + other.velocity_variance
-        return off_x * off_x + off_y * off_y <= _SURPRISING * variance
+        return off_x * off_x + off_y * off_y <= _DIFFERENT * variance
 
     @property
     def speed(self) -> float:

@@ -130,7 +130,7 @@ class Tracker:
         if found and (expected := self._expected):
             known = np.array([(each.x, each.y, each.position_variance) for each in expected])
             seen = np.array([each.center(origin, max(each.radius, _BODY)) for each in found])
-            noise = np.array([_variance(each) for each in found])
+            noise = np.array([[_variance(each, of.radius) for each in found] for of in expected])
             away = np.square(known[:, None, :2] - seen).sum(axis=2)
             variances = known[:, 2:] + noise
             costs = away / variances
@@ -156,7 +156,7 @@ class Tracker:
         if segment.is_static:
             return None
         self._number += 1
-        variance = _variance(segment)
+        variance = _variance(segment, radius)
         new = MovingObject(
             stamp,
             x,
@@ -178,7 +178,7 @@ class Tracker:
         """Take in what is seen of an object; True if it has begun to move."""
         elapsed, is_cut = each.stamp - each.seen, any(segment.is_cut)
         radius = each.radius if is_cut else max(segment.radius, _LEGS if segment.legs else _BODY)
-        each.see(*segment.center(origin, each.radius), radius, _variance(segment))
+        each.see(*segment.center(origin, each.radius), radius, _variance(segment, each.radius))
         has_left = view.is_through(*each.origin)
         is_fast = each.speed**2 > _SIGNIFICANT * each.velocity_variance
         moves = segment.has_entered or (is_fast and (has_left or segment.entered >= _FEW))
@@ -271,8 +271,12 @@ def _view(beams: Beams) -> tuple[float, float, float]:
     return step, *((right, left) if is_sector else nowhere)
 
 
-def _variance(segment: Segment) -> float:
-    """Variance of the centre of a segment [m^2]."""
+def _variance(segment: Segment, radius: float) -> float:
+    """Variance of the centre of an object of some radius [m] in a segment [m^2].
+
+    A larger one shows more than the object.
+    """
     stddev = _NOISE + _NOISE_BY_RANGE * segment.near + _CUT_NOISE[sum(segment.is_cut)]
     stddev += _LEG_NOISE / len(segment.legs) if segment.legs else 0.0
+    stddev += max(segment.radius - max(radius, _BODY), 0.0)
     return stddev * stddev

@@ -1,12 +1,12 @@
-"""A study and a replay on an emulated aarch64, compared with this machine.
+"""`cmpsp warmup`, a study, a replay and examples on an emulated aarch64, beside this machine.
 
-``.venv/bin/python .ci/aarch64.py FOLDER``, with ``apt install debootstrap qemu-user-static``. It
-takes an hour, most of it to compile; the same command continues what was interrupted.
+``.venv/bin/python .ci/aarch64.py FOLDER``, with ``apt install debootstrap proot qemu-user-static``.
+It takes an hour, most of it to compile; the same command continues what was interrupted.
 """
 
 import json
 import math
-import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -15,6 +15,7 @@ SOURCE = Path(__file__).resolve().parents[1]
 DEBIAN = 'http://deb.debian.org/debian'
 NO_WHEEL = ('empy',)  # which only ROS needs
 CLI = ('-m', 'cmpsp_ros.cli')
+PAGES = ('first_problem', 'regulator', 'tracking')  # whose code is run, in doc/method/
 STUDY = (*CLI, 'study', 'nominal', '--runs', '20', '--seed', '1', '--output')
 
 
@@ -44,19 +45,41 @@ def add_wheels(folder: Path) -> None:
     subprocess.run([*pip, '--target', folder, *choice, *wanted], check=True)
 
 
-def here(*arguments: str | Path) -> None:
-    """Run Python on this machine."""
-    subprocess.run([sys.executable, *arguments], cwd=SOURCE, check=False)
+def here(*arguments: str | Path) -> str:
+    """Run Python on this machine; what it prints."""
+    done = subprocess.run(
+        [sys.executable, *arguments], cwd=SOURCE, stdout=subprocess.PIPE, text=True, check=True
+    )
+    return done.stdout
 
 
-def there(folder: Path, *arguments: str | Path) -> int:
-    """Exit code of Python on aarch64; files are those of the root, then those of this machine."""
-    root = folder / 'root'
-    paths = f'{SOURCE}{os.pathsep}{root / "wheels"}'
-    kept = {'PATH': '/usr/bin:/bin', 'HOME': str(folder), 'PYTHONPATH': paths}
+def there(folder: Path, *arguments: str | Path) -> str:
+    """Run Python on aarch64, in a root of its own; what it prints."""
+    kept = {'PATH': '/usr/bin:/bin', 'HOME': str(folder), 'PYTHONPATH': f'{SOURCE}:/wheels'}
     kept |= {'XDG_CACHE_HOME': str(folder / 'cache'), 'PYTHONDONTWRITEBYTECODE': '1'}
-    emulator = ['qemu-aarch64-static', '-L', root, root / 'usr/bin/python3']
-    return subprocess.run([*emulator, *arguments], cwd=SOURCE, env=kept, check=False).returncode
+    seen = [word for each in ('/dev', SOURCE, folder) for word in ('-b', each)]
+    emulator = ['proot', '-q', 'qemu-aarch64-static', '-r', folder / 'root', *seen, '-w', SOURCE]
+    done = subprocess.run(
+        [*emulator, '/usr/bin/python3', *arguments],
+        cwd=SOURCE,
+        env=kept,
+        stdout=subprocess.PIPE,
+        text=True,
+        check=True,
+    )
+    return done.stdout
+
+
+def tell(text: str) -> None:
+    """Print a text at once."""
+    sys.stdout.write(f'{text}\n')
+    sys.stdout.flush()
+
+
+def code_of(page: str) -> str:
+    """Python of a page."""
+    text = (SOURCE / 'doc/method' / f'{page}.md').read_text(encoding='utf-8')
+    return '\n'.join(re.findall(r'```python\n(.*?)```', text, re.DOTALL))
 
 
 def difference(one: object, other: object) -> float:
@@ -88,16 +111,20 @@ def compared(folder: Path) -> str:
     return '\n'.join([f'{len(both)} runs', *(f'{k}: {v:.1e}' for k, v in differences.items())])
 
 
-def main(folder: Path) -> int:
-    """Study and replay on both; 1 if the replay differs."""
+def main(folder: Path) -> None:
+    """Run everything on both; CalledProcessError where a run fails or the replay differs."""
     make_root(folder / 'root')
     add_wheels(folder / 'root/wheels')
+    tell(there(folder, *CLI, 'warmup'))
+    for page in PAGES:
+        same = here('-c', code_of(page)) == there(folder, '-c', code_of(page))
+        tell(f'{page}: {"the same" if same else "other"} output')
+    here(*CLI, 'demo', 'case3', '--lockstep', '--force', '--output', folder / 'case3')
+    tell(there(folder, *CLI, 'replay', '--tolerance', '1e-9', folder / 'case3/bag'))
     here(*STUDY, folder / 'here')
     there(folder, *STUDY, folder / 'there')
-    print(compared(folder))  # noqa: T201 (a program's output)
-    here(*CLI, 'demo', 'case3', '--lockstep', '--force', '--output', folder / 'case3')
-    return there(folder, *CLI, 'replay', '--tolerance', '1e-9', folder / 'case3/bag')
+    tell(compared(folder))
 
 
 if __name__ == '__main__':
-    sys.exit(main(Path(sys.argv[1]).resolve()))
+    main(Path(sys.argv[1]).resolve())

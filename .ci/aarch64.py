@@ -1,7 +1,7 @@
 """`cmpsp warmup`, a study, a replay and examples on an emulated aarch64, beside this machine.
 
 ``.venv/bin/python .ci/aarch64.py FOLDER``, with ``apt install debootstrap proot qemu-user-static``.
-It takes an hour, most of it to compile; the same command continues what was interrupted.
+It takes half an hour, most of it to compile; the same command continues what was interrupted.
 """
 
 import json
@@ -34,11 +34,15 @@ def make_root(root: Path) -> None:
 
 
 def add_wheels(folder: Path) -> None:
-    """Unpack the wheels of requirements/runtime.txt for aarch64 and Debian's Python."""
+    """Unpack wheels for aarch64 and Debian's Python: requirements/runtime.txt, and CasADi."""
     if folder.exists():
         return
-    lines = (SOURCE / 'requirements/runtime.txt').read_text(encoding='utf-8').splitlines()
-    wanted = [each for each in lines if '==' in each and not each.startswith(NO_WHEEL)]
+    runtime, development = (
+        (SOURCE / f'requirements/{each}.txt').read_text(encoding='utf-8').splitlines()
+        for each in ('runtime', 'development')
+    )
+    wanted = [each for each in runtime if '==' in each and not each.startswith(NO_WHEEL)]
+    wanted += [each for each in development if each.startswith('casadi==')]
     platforms = [f'--platform=manylinux_2_{each}_aarch64' for each in (17, 24, 26, 27, 28)]
     choice = ['--python-version=3.11', '--only-binary=:all:', *platforms]
     pip = [sys.executable, '-m', 'pip', 'install', '--no-deps', '--no-compile', '--quiet']

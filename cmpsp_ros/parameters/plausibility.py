@@ -25,11 +25,15 @@ _ANGLES: Final = (
 """Angles [rad], or lists of which the last is one."""
 
 
+def millimetres(values: Values) -> list[str]:
+    """Keys of lengths that look like millimetres."""
+    return [key for key, largest in _LARGEST_LENGTHS.items() if values[key] > largest]
+
+
 def plausibility_warnings(values: Values) -> Iterator[str]:
     """Warnings about values that look like millimetres or degrees, or cannot fit together."""
-    for key, largest in _LARGEST_LENGTHS.items():
-        if values[key] > largest:
-            yield f'{key} = {values[key]:g} looks like millimetres: it is in metres.'
+    for key in millimetres(values):
+        yield f'{key} = {values[key]:g} looks like millimetres: it is in metres.'
     corners = footprint_of(values)[0].corners
     if any(abs(each) > _LARGEST_LENGTHS['robot.radius'] for corner in corners for each in corner):
         yield 'robot.footprint looks like millimetres: it is in metres.'

@@ -24,6 +24,7 @@ from cmpsp_ros.parameters.course import (
 from cmpsp_ros.parameters.errors import ParameterError, Problem, Problems, describe
 from cmpsp_ros.parameters.obstacles import obstacles_of, shapes_of
 from cmpsp_ros.parameters.parameter import build
+from cmpsp_ros.parameters.plausibility import millimetres
 from cmpsp_ros.parameters.roads import road_of
 from cmpsp_ros.parameters.robots import footprint_of, robot_of, robot_problems
 from cmpsp_ros.parameters.table import Values
@@ -55,6 +56,10 @@ def guidance_settings(values: Values) -> guidance.GuidanceSettings:
     problems += _namespace_problems(values)
     if len(pose := values['start.pose']) not in (0, 3):
         problems.append(Problem('start.pose', describe(pose), 'x, y and heading, or none of them'))
+    if problems:
+        # Too large for the road, and no wonder.
+        in_metres = 'metres: it looks like millimetres'
+        problems[:0] = [Problem(k, describe(values[k]), in_metres) for k in millimetres(values)]
     problems.check()
     assert robot is not None  # noqa: S101 (its absence is a problem)
     sensors = tuple(

@@ -192,6 +192,13 @@ def test_what_looks_like_another_unit_is_named(key, value, unit):
     assert f'looks like {unit}' in said
 
 
+def test_a_robot_in_millimetres_that_fits_on_no_road_is_told_first():
+    with pytest.raises(ParameterError) as refused:
+        guidance_settings(TABLE.resolve({'robot.radius': 220.0}))
+    wanted = 'robot.radius: found 220.0, wanted metres: it looks like millimetres'
+    assert str(refused.value).splitlines()[0] == wanted
+
+
 def test_headings_of_waypoints_too():
     waypoint = {'waypoints.names': ['a'], 'waypoints.a.time': 2.0}
     given = {**waypoint, 'waypoints.a.position': [1.0, 2.0], 'waypoints.a.heading': [45.0]}

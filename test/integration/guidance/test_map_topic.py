@@ -247,7 +247,8 @@ def test_a_map_that_is_not_there_is_refused_with_its_name(spawn, client):
 
     client.until_health(state='unconfigured', level=DiagnosticStatus.ERROR)
 
-    assert 'cannot configure: none.yaml: found No such file or directory' in node.stderr
+    assert 'cannot configure: map.file: found no file' in node.stderr
+    assert 'none.yaml' in node.stderr
 
 
 BESIDE_THE_MAP = {

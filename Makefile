@@ -100,10 +100,10 @@ help:  ## say what can be made
 demo: check-ros $(PACKAGE) $(DEMO_KERNELS)  ## watch the robot drive: PRESET=case3
 	$(BIN)/cmpsp demo $(PRESET)
 
-test test-all: export ROS_PYTHON_CHECK_FIELDS := 1
+test test-all test-oldest test-newest: export ROS_PYTHON_CHECK_FIELDS := 1
 # Rewritten assertions are kept, else each worker and each program that tests start makes them again.
-test test-all: export PYTHONDONTWRITEBYTECODE :=
-test: WHICH := -m 'not slow'
+test test-all test-oldest test-newest: export PYTHONDONTWRITEBYTECODE :=
+test test-oldest test-newest: WHICH := -m 'not slow'
 test: setup  ## run the tests that take minutes together; more options for pytest in PYTEST_ARGS
 	$(RUN_TESTS)
 
@@ -111,24 +111,17 @@ test-all: WHICH :=
 test-all: setup  ## run all tests: studies, fuzzers, all real nodes, colcon (doc/reference/testing.md)
 	$(RUN_TESTS)
 
-# Its own environment; matplotlib 3.6 has no wheel for Python 3.12, and is built.
-test-oldest: export ROS_PYTHON_CHECK_FIELDS := 1
+# Environments of their own; matplotlib 3.6 has no wheel for Python 3.12, and is built.
 test-oldest: export MPLSETUPCFG := $(CURDIR)/requirements/matplotlib.cfg
-test-oldest: OLDEST := .cache/oldest
+test-oldest: CONSTRAINT := -c requirements/oldest.txt
 test-oldest:  ## the same with the oldest versions, Ubuntu 24.04's: PYTHON=python3.12 (requirements/README.md)
-	test -x $(OLDEST)/bin/python || $(PYTHON) -m venv $(OLDEST)
-	$(OLDEST)/bin/pip install --quiet -c requirements/oldest.txt -e '.[ros,solvers,report,test]'
-	$(OLDEST)/bin/cmpsp warmup
-	$(OLDEST)/bin/python -m pytest -n 2 --dist loadgroup -m 'not slow' $(PYTEST_ARGS)
-
-# Its own environment too, with whatever is newest.
-test-newest: export ROS_PYTHON_CHECK_FIELDS := 1
-test-newest: NEWEST := .cache/newest
 test-newest:  ## the same with the newest versions of everything: PYTHON=python3.14
-	test -x $(NEWEST)/bin/python || $(PYTHON) -m venv $(NEWEST)
-	$(NEWEST)/bin/pip install --quiet -e '.[ros,solvers,casadi,dask,mujoco,parquet,report,test]'
-	$(NEWEST)/bin/cmpsp warmup
-	$(NEWEST)/bin/python -m pytest -n 2 --dist loadgroup -m 'not slow' $(PYTEST_ARGS)
+test-oldest test-newest: VENV = .cache/$(@:test-%=%)
+test-oldest test-newest: BIN = $(VENV)/bin
+test-oldest test-newest:
+	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	$(BIN)/pip install --quiet $(CONSTRAINT) -e '.[ros,solvers,report,test]'
+	$(RUN_TESTS)
 
 lint: check-ros $(DEVELOPMENT) $(PACKAGE)  ## ruff, mypy, who may import whom, and through which door
 	$(BIN)/ruff check .

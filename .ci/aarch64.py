@@ -49,29 +49,23 @@ def add_wheels(folder: Path) -> None:
     subprocess.run([*pip, '--target', folder, *choice, *wanted], check=True)
 
 
+def printed(*command: str | Path, env: dict[str, str] | None = None) -> str:
+    """Run a command, and return what it prints; CalledProcessError if it fails."""
+    return subprocess.check_output(command, cwd=SOURCE, env=env, text=True)
+
+
 def here(*arguments: str | Path) -> str:
-    """Run Python on this machine; what it prints."""
-    done = subprocess.run(
-        [sys.executable, *arguments], cwd=SOURCE, stdout=subprocess.PIPE, text=True, check=True
-    )
-    return done.stdout
+    """Run Python on this machine, and return what it prints."""
+    return printed(sys.executable, *arguments)
 
 
 def there(folder: Path, *arguments: str | Path) -> str:
-    """Run Python on aarch64, in a root of its own; what it prints."""
+    """Run Python on aarch64, in a root of its own, and return what it prints."""
     kept = {'PATH': '/usr/bin:/bin', 'HOME': str(folder), 'PYTHONPATH': f'{SOURCE}:/wheels'}
     kept |= {'XDG_CACHE_HOME': str(folder / 'cache'), 'PYTHONDONTWRITEBYTECODE': '1'}
     seen = [word for each in ('/dev', SOURCE, folder) for word in ('-b', each)]
     emulator = ['proot', '-q', 'qemu-aarch64-static', '-r', folder / 'root', *seen, '-w', SOURCE]
-    done = subprocess.run(
-        [*emulator, '/usr/bin/python3', *arguments],
-        cwd=SOURCE,
-        env=kept,
-        stdout=subprocess.PIPE,
-        text=True,
-        check=True,
-    )
-    return done.stdout
+    return printed(*emulator, '/usr/bin/python3', *arguments, env=kept)
 
 
 def tell(text: str) -> None:
@@ -115,20 +109,23 @@ def compared(folder: Path) -> str:
     return '\n'.join([f'{len(both)} runs', *(f'{k}: {v:.1e}' for k, v in differences.items())])
 
 
-def main(folder: Path) -> None:
-    """Run everything on both; CalledProcessError where a run fails or the replay differs."""
+def main(folder: Path) -> int:
+    """Run everything on both; 1 if a page prints something else, or CalledProcessError."""
     make_root(folder / 'root')
     add_wheels(folder / 'root/wheels')
     tell(there(folder, *CLI, 'warmup'))
+    others = []
     for page in PAGES:
-        same = here('-c', code_of(page)) == there(folder, '-c', code_of(page))
-        tell(f'{page}: {"the same" if same else "other"} output')
+        is_same = here('-c', code_of(page)) == there(folder, '-c', code_of(page))
+        tell(f'{page}: {"the same" if is_same else "other"} output')
+        others += [page] * (not is_same)
     here(*CLI, 'demo', 'case3', '--lockstep', '--force', '--output', folder / 'case3')
     tell(there(folder, *CLI, 'replay', '--tolerance', '1e-9', folder / 'case3/bag'))
     here(*STUDY, folder / 'here')
     there(folder, *STUDY, folder / 'there')
     tell(compared(folder))
+    return int(bool(others))
 
 
 if __name__ == '__main__':
-    main(Path(sys.argv[1]).resolve())
+    sys.exit(main(Path(sys.argv[1]).resolve()))

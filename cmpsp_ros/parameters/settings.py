@@ -57,7 +57,7 @@ def guidance_settings(values: Values) -> guidance.GuidanceSettings:
     if len(pose := values['start.pose']) not in (0, 3):
         problems.append(Problem('start.pose', describe(pose), 'x, y and heading, or none of them'))
     if problems:
-        # Too large for the road, and no wonder.
+        # A robot in millimetres fits on no road: the cause comes first.
         in_metres = 'metres: it looks like millimetres'
         problems[:0] = [Problem(k, describe(values[k]), in_metres) for k in millimetres(values)]
     problems.check()

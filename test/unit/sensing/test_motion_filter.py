@@ -86,7 +86,7 @@ def test_two_sensors_at_one_time_and_a_place_that_cannot_be(off):
     assert all(math.isfinite(each) for each in (known.x, known.vx, *known.stddevs))
 
 
-def test_doubt_about_who_is_out_of_sight_grows_as_before():
+def test_doubt_about_who_is_out_of_sight_grows_as_with_one_model():
     one, two = MotionFilter(0, 0.0, 0.0, 1e-4), InteractingFilters(0, 0.0, 0.0, 1e-4)
     for known in (one, two):
         for k in range(30):

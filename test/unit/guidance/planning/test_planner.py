@@ -103,10 +103,8 @@ def test_a_first_plan_that_runs_out_of_work_is_a_stop_with_its_reason(candidates
         assert not decision.twist.any()
 
 
-def assert_alike(compiled, general, spare_rows=0):
-    # Wheel speeds are about 50 rad/s. With slack, rows at their bound to rounding may be active or
-    # not (one of 215 with the versions of Ubuntu 24.04): plans then differ by a solver's tolerance.
-    atol = 1e-5 if general.elastic else 5e-8
+def assert_alike(compiled, general, spare_rows=0, atol=5e-8):
+    # Wheel speeds are about 50 rad/s.
     np.testing.assert_allclose(compiled.plan.controls, general.plan.controls, rtol=0.0, atol=atol)
     np.testing.assert_allclose(compiled.plan.poses, general.plan.poses, rtol=0.0, atol=0.02 * atol)
     for name in ('solved', 'elastic', 'slack_where', 'slack_terminal', 'iterations'):
@@ -116,7 +114,7 @@ def assert_alike(compiled, general, spare_rows=0):
     assert compiled.reason == general.reason
 
 
-def side_by_side(given, start, steps=8, late=0, spare_rows=0):
+def side_by_side(given, start, steps=8, late=0, **tolerances):
     """Drive by the compiled plans, and compare each of them with the other kind."""
     compiled = Planner(OcpFormulation(given, given.world))
     period, final = to_nanoseconds(given.control_period), to_nanoseconds(given.final_time)
@@ -126,7 +124,7 @@ def side_by_side(given, start, steps=8, late=0, spare_rows=0):
     for step in range(steps):
         one = compiled.improve(context_of(given, pose, horizon, held), guess)
         other = improve_generally(given, pose, held, guess, horizon)
-        assert_alike(one, other, spare_rows)
+        assert_alike(one, other, **tolerances)
         seen.append(other)
         now = (step + 1) * period + late * (step % 3)
         driven = np.array([(now - horizon.edges[0]) / 1e9])
@@ -140,9 +138,12 @@ def side_by_side(given, start, steps=8, late=0, spare_rows=0):
 def test_presets(preset):
     values = TABLE.resolve(load_parameter_file(preset))
     # Of hundreds of rows, one with a multiplier of zero is active to rounding.
-    spare_rows = int(preset == 'parallel_parking')
+    tolerances = {'spare_rows': 1} if preset == 'parallel_parking' else {}
+    if preset == 'lane_change':
+        # With slack, and the versions of Ubuntu 24.04, plans differ by 3e-6 rad/s in one step.
+        tolerances = {'atol': 1e-5}
     given = guidance_settings(values)
-    seen = side_by_side(given, values['initial_pose'], spare_rows=spare_rows)
+    seen = side_by_side(given, values['initial_pose'], **tolerances)
     assert all(result.solved for result in seen)
 
 

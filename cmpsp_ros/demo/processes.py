@@ -9,15 +9,15 @@ import signal
 import socket
 import subprocess
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime
 from importlib.metadata import version
 from itertools import groupby
 from pathlib import Path
 
-from cmpsp_ros.nodes import MODULES
+from cmpsp_ros.nodes import MODULES, interruptions_held
 
 
 class DemoError(RuntimeError):
@@ -100,7 +100,7 @@ class Child:
         command = [sys.executable, '-m', MODULES.get(name, name), '--ros-args', *ros_arguments]
         if namespace:
             command += ['-r', f'__ns:={namespace}']
-        with log.open('wb') as output, _interruptions_held():
+        with log.open('wb') as output, interruptions_held():
             process = subprocess.Popen(
                 command,
                 stdin=subprocess.DEVNULL,
@@ -179,21 +179,6 @@ def stop_all(children: Iterable[Child]) -> None:
             each.interrupt()
         for each in kind:
             each.stop()
-
-
-@contextmanager
-def _interruptions_held() -> Iterator[None]:
-    """Defer interruptions: one that comes while Python forks is printed and lost."""
-    held: list[int] = []
-    numbers = (signal.SIGINT, signal.SIGTERM)
-    before = {each: signal.signal(each, lambda number, _: held.append(number)) for each in numbers}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-        for each in held[:1]:
-            signal.raise_signal(each)
 
 
 def _die_with_parent() -> None:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from cmpsp_ros.front_door import lazy_exports
 
 if TYPE_CHECKING:
+    from cmpsp_ros.nodes.common.interruptions import interruptions_held
     from cmpsp_ros.nodes.lifecycle_client import GuidanceStatus, LifecycleClient
 
 __getattr__, __all__ = lazy_exports(__name__, __file__)

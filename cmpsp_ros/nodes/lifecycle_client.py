@@ -14,6 +14,7 @@ from rclpy.context import Context
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 
+from cmpsp_ros.nodes.common.interruptions import interruptions_held
 from cmpsp_ros.nodes.common.topics import RECORDER_FLUSH
 from cmpsp_ros.nodes.recording.received import ByTopic, from_values
 
@@ -85,7 +86,8 @@ class LifecycleClient:
         while not condition():
             if time.monotonic() > end:
                 return False
-            self._executor.spin_once(timeout_sec=_WAKE_PERIOD)
+            with interruptions_held():
+                self._executor.spin_once(timeout_sec=_WAKE_PERIOD)
         return True
 
     def recorded(self, timeout: float, check: Callable[[], None] = lambda: None) -> ByTopic:

@@ -1,6 +1,9 @@
 """The observer of a run, alone on its domain."""
 
+import signal
+
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
 from cmpsp_ros.nodes import LifecycleClient
 
@@ -11,3 +14,21 @@ def test_a_node_that_does_not_answer_may_be_compiling(ros_domain):
         pytest.raises(TimeoutError, match='within 1 s; if it was compiling, run `cmpsp warmup`'),
     ):
         observer.configure(1.0)
+
+
+def test_an_interruption_waits_until_a_message_is_heard(ros, ros_domain):
+    """Inside of rclpy it would be lost, or become a RuntimeError."""
+    heard = []
+
+    def hear(namespace, seen):
+        signal.raise_signal(signal.SIGINT)
+        heard.append((namespace, seen.decisions))
+
+    with LifecycleClient(ros_domain) as observer:
+        observer.on_decision = hear
+        publisher = ros.node.create_publisher(DiagnosticArray, '/guidance/decision', 10)
+        ros.spin_until(publisher.get_subscription_count)
+        publisher.publish(DiagnosticArray(status=[DiagnosticStatus()]))
+        with pytest.raises(KeyboardInterrupt):
+            observer.wait_until(lambda: False, 20.0)
+    assert heard == [('', 1)]

@@ -24,7 +24,7 @@ from rclpy.logging import get_logger
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-SIGNALS = (signal.SIGINT, signal.SIGTERM)
+from cmpsp_ros.nodes.common.interruptions import SIGNALS
 
 # Longest wait for work [s]: an executor does not notice signals, so this bounds the answer.
 WAKE_PERIOD = 0.05

@@ -60,7 +60,7 @@ def test_a_road_is_waited_for_and_a_bad_one_refused(fault, start_node, client, m
     client.connect()
     health = client.until_health(state='active', said='Waiting for a road on the topic road')
     fault.assert_told(health)
-    assert 'waiting for a road' in running.stderr
+    client.until(lambda: 'Waiting for a road on the topic road.' in running.stderr)
     stamp = client.now()
     for message, reason in REFUSED:
         tell(message)

@@ -77,7 +77,8 @@ OWN_ODOM = Topic('guidance', 'out', '~/odom', Odometry,
     'odometry as used for decisions: of `robot_frame`, in the frame `frame_id`; only if it was '
     'transformed, and with a subscriber', depth=OF_A_RUN)
 OWN_GOAL_POSE = Topic('guidance', 'out', '~/goal_pose', PoseStamped,
-    'every goal received, in the frame `frame_id`')
+    'every goal received, in the frame `frame_id`; latched, so that a bag that begins later has '
+    'it', latched=True)
 OWN_MOVING = Topic('guidance', 'out', '~/moving_obstacles', PointCloud2,
     'those received in another frame, in the frame `frame_id`', depth=OF_A_RUN)
 OWN_TRACKS = Topic('guidance', 'out', '~/tracks', PointCloud2,

@@ -153,6 +153,7 @@ def test_old_odometry_between_new_is_ignored(fault, start_driving, repeat, clien
     client.until(lambda: int(client.latest('odometry_out_of_order', '0')) > 20)
     assert client.latest('odometry_refused') == '0'
     assert not any(each['halted'] == 'true' for each in client.decisions[count:])
+    client.until(lambda: client.decisions[-1]['reason'].startswith('The plan meets'))
     fault.assert_said('nominal', client.decisions[-1]['level'][0], client.decisions[-1]['reason'])
 
 

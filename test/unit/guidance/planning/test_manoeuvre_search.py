@@ -176,8 +176,10 @@ def test_a_field_with_a_dead_end_costs_no_more_than_twice_the_time():
 
 
 @pytest.mark.slow
-def test_a_robot_among_cylinders_that_leave_hardly_a_way_arrives():
-    driven = drive(Study('clutter', seed=21, assignments=('goal.when=soonest',)).run(394))
+def test_fields_of_cylinders_that_leave_hardly_a_way_are_passed():
+    """In the narrowest, last bits decide whether the noise of odometry leaves a clear move."""
+    study = Study('clutter', seed=21, assignments=('goal.when=soonest',))
+    found = [outcome(drive(study.run(number))) for number in range(388, 398)]
 
-    assert outcome(driven).miss < 0.1
-    assert outcome(driven).obstacle_clearance > 0.02
+    assert sum(each.miss < 0.1 for each in found) >= 9
+    assert min(each.obstacle_clearance for each in found) > 0.02

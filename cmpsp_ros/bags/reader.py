@@ -174,13 +174,20 @@ class Bag:
                 if message.node not in self.parameters:
                     values = plain_values(message.new_parameters)
                     since = message.stamp.sec * 10**9 + message.stamp.nanosec
-                    # Parameters changed since the recording began had other values before.
-                    for each in message.changed_parameters if since >= self.start else ():
+                    # Parameters changed since the recording began had other values before. Those do
+                    # not matter to a node that decides later: the recorder may have missed them.
+                    decided = self._first(topic.removesuffix('parameters') + 'decision')
+                    is_used = since >= self.start and decided < received
+                    for each in message.changed_parameters if is_used else ():
                         values.pop(each.name, None)
                     self.parameters[message.node] = values
                 elif not message.changed_parameters:
                     lives = self.restarts.setdefault(message.node, [])
                     lives.append((received, plain_values(message.new_parameters)))
+
+    def _first(self, topic: str) -> int:
+        """Time of a topic's first message [ns]; 0 if there is none."""
+        return next((at for at, _ in self.raw(topic)), 0) if topic in self.topics else 0
 
     @contextmanager
     def _readable(self, what: str) -> Iterator[None]:

@@ -60,12 +60,14 @@ def actions(interfaces, client):
 
 @pytest.fixture
 def drive(spawn, client):
-    """A simulator, and a guidance node that is active: `drive(parameters)`."""
+    """A simulator, recorded first, and a guidance node that is active: `drive(parameters)`."""
 
-    def start(parameters, files=(CASE3,)):
+    def start(parameters, files=(CASE3,), *, recorded=True):
         flags = [part for each in files for part in ('--params-file', each)]
         given = [part for key, value in parameters.items() for part in ('-p', f'{key}:={value}')]
         spawn([sys.executable, '-m', MODULES['sim_node'], '--ros-args', *flags, *given])
+        # Else the recorder may miss the odometry of the first decision.
+        client.until(lambda: not recorded or '/odom messages' in client.recorded)
         command = [sys.executable, '-m', MODULES['guidance_node'], '--ros-args', *flags, *given]
         guidance = spawn([*command, '-p', 'autostart:=true'])
         client.until_health(state='active')
@@ -243,7 +245,7 @@ def test_a_path_that_is_closed_is_aborted_with_the_reason(drive, actions, client
     road |= {'road.points': '[0.0,0.0,5.0,0.0]', 'goal.position': '[5.,0.]', 'robot.radius': 0.1}
     crate = {'obstacles.names': '[crate]', 'obstacles.crate.center': '[3.0,0.0]'}
     given = {**road, **crate, 'obstacles.crate.radius': 0.6, 'initial_pose': '[0.,0.,0.]'}
-    drive(given, files=())
+    drive(given, files=(), recorded=False)
     points = {'road.points': [-0.5, 0.0, 2.0, 0.0, 5.0, 0.0], 'road.closed': False}
 
     goal = actions('FollowPath', 'follow_path', path=path_of({**points, 'frame_id': 'odom'}))

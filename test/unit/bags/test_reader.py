@@ -63,8 +63,18 @@ def test_empty_bag(tmp_path):
         assert (bag.topics, bag.start, bag.end, bag.parameters) == ({}, 0, 0, {})
 
 
-@pytest.mark.parametrize(('changed_at', 'known'), [(5, {'a': 1.0, 'b': 2.0}), (15, {'a': 1.0})])
-def test_what_was_changed_before_the_parameters_came_is_unknown(tmp_path, changed_at, known):
+@pytest.mark.parametrize(
+    ('changed_at', 'decided_at', 'known'),
+    [
+        (5, None, {'a': 1.0, 'b': 2.0}),
+        (15, None, {'a': 1.0}),
+        (15, 18, {'a': 1.0}),
+        (15, 30, {'a': 1.0, 'b': 2.0}),
+    ],
+)
+def test_what_was_changed_before_the_parameters_came_is_unknown_if_used(
+    tmp_path, changed_at, decided_at, known
+):
     everything = parameter_event('/guidance', {'a': 1.0, 'b': 2.0}).changed_parameters
     changed = [each for each in everything if each.name == 'b']
     told = make(EVENT, time(changed_at), '/guidance', everything, changed, [])
@@ -72,6 +82,9 @@ def test_what_was_changed_before_the_parameters_came_is_unknown(tmp_path, change
         bag.topic('/cmd_vel', TWIST)
         bag.topic('/guidance/parameters', EVENT)
         bag.write('/cmd_vel', 10, moving(1.0))
+        if decided_at:
+            bag.topic('/guidance/decision', TWIST)
+            bag.write('/guidance/decision', decided_at, moving(1.0))
         bag.write('/guidance/parameters', 20, raw(told))
     with Bag(tmp_path / 'bag') as bag:
         assert bag.parameters == {'/guidance': known}

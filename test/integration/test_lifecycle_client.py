@@ -16,7 +16,15 @@ def test_a_node_that_does_not_answer_may_be_compiling(ros_domain):
         observer.configure(1.0)
 
 
-def test_an_interruption_waits_until_a_message_is_heard(ros, ros_domain):
+@pytest.fixture
+def interruptible():
+    """Answer SIGINT as Python does; parallel tests ignore it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+def test_an_interruption_waits_until_a_message_is_heard(ros, ros_domain, interruptible):
     """Inside of rclpy it would be lost, or become a RuntimeError."""
     heard = []
 

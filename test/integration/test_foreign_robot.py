@@ -20,8 +20,6 @@ from cmpsp_ros.world import FreeSpace
 HERE = Path(__file__).parent
 CONFIG = HERE.parents[1] / 'config'
 PAGE = HERE.parents[1] / 'doc' / 'user' / 'robots.md'
-# A first command that is sent 0.1 s late keeps the wrong delay in use (doc/user/reliability.md).
-LATE = pytest.mark.xfail(reason='the first command is sent 0.1 s late', strict=False)
 # Its first start may compile for minutes.
 LIMIT = 280.0
 
@@ -40,7 +38,7 @@ def test_it_comes_within_5_cm_of_the_goal_and_touches_nothing(spawn, ros, tmp_pa
 
 
 @pytest.mark.timeout(600)
-@pytest.mark.parametrize('told', [0.0, pytest.param(0.2, marks=LATE)])
+@pytest.mark.parametrize('told', [0.0, 0.2])
 def test_a_delay_that_is_told_wrong_is_corrected(spawn, ros, tmp_path, told):
     """Told 0.2 s, without correction it misses the goal by metres, or touches an obstacle."""
     mine = tmp_path / 'my_robot.yaml'

@@ -172,7 +172,8 @@ def test_a_sensor_that_says_nothing_ends_the_run_and_is_named(
 ):
     running = start_demo('unknown', '--set', assignment, '--output', tmp_path / 'run')
     assert running.wait() == 1
-    sentence = 'Waiting for the first usable message of sensor front on '
+    topic = 'abc' if assignment.endswith('abc') else 'scan'
+    sentence = f'Waiting for the first usable message of sensor front on {topic}.'
     said = ' '.join(running.stderr.split())
     for words in ('the run has not begun yet', 'the run did not begin within 15 s'):
         assert f'{words}: {sentence}' in said

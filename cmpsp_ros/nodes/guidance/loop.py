@@ -169,7 +169,9 @@ class GuidanceLoop:
         began, now = time.perf_counter_ns(), self._now()
         try:
             period = self._settings.control_period
-            reading, newest = self._odometry.newest(data, now, period, self._law.is_due)
+            # A first command that is late looks like a longer delay.
+            oldest = period if self._begun else 0.0
+            reading, newest = self._odometry.newest(data, now, oldest, self._law.is_due)
             pose, is_transformed = self._transforms.pose_of(reading, newest)
             stamp, before = reading.stamp, self.gate.newest
             arrival = self.gate.take(stamp, pose, now, self._settings)

@@ -2,6 +2,7 @@
 
 import os
 import shutil
+import signal
 import sys
 from pathlib import Path
 
@@ -194,6 +195,19 @@ def test_what_cannot_be_done_is_foretold_by_the_node(start_active, client, make_
     health = client.until_health(said='The goal is out of reach by ')
     assert 'control_period = 0.2 s is not shorter than cmd_vel_timeout = 0.1 s' in health['said']
     assert health['level'] != b'\x00'
+
+
+def test_a_run_begins_with_the_newest_odometry(start_active, client):
+    """With one that came while the node was busy, the first command would be late."""
+    running = start_active(PATIENT)
+    running.signal(signal.SIGSTOP)
+    stamps = [client.now() - age * MS for age in (150, 100, 50, 0)]
+    for each in stamps:
+        client.send(each)
+    running.signal(signal.SIGCONT)
+    client.until(lambda: client.decisions)
+    first = client.decisions[0]
+    assert (first['step'], int(first['stamp'])) == ('0', stamps[-1])
 
 
 def test_without_a_listener_of_its_type_the_time_does_not_run(fault, start_node, make_client):

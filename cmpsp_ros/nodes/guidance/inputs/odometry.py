@@ -50,15 +50,15 @@ class OdometryInput(Listener):
         self._subscriptions.append(self._subscription)
 
     def newest(
-        self, data: bytes, now: int, period: float, is_due: Callable[[int], bool]
+        self, data: bytes, now: int, oldest: float, is_due: Callable[[int], bool]
     ) -> tuple[OdometryReading, bytes]:
         """Odometry of a message, or of the newest waiting one if it is outdated, with its bytes.
 
-        It is outdated where a decision `is_due` and it is older than a `period` [s]. Raises
+        It is outdated where a decision `is_due` and it is older than `oldest` [s]. Raises
         OdometryError.
         """
         reading = read_odometry(data)
-        if (now - reading.stamp) / NANOSECONDS <= period or not is_due(reading.stamp):
+        if (now - reading.stamp) / NANOSECONDS <= oldest or not is_due(reading.stamp):
             return reading, data
         newest = [data, *waiting(self._subscription)][-1]
         return read_odometry(newest), newest

@@ -9,7 +9,8 @@ its misfit ``S``. With ``n`` periods and errors of ``sigma`` each, a response is
 
 a likelihood-ratio interval of five standard deviations. The likeliest replaces the settings when
 they are beyond three and it leaves at most a tenth of their misfit: slip, a push, or wheels that
-speed up slowly are no delay. The jitter is taken from the periods one by one.
+speed up slowly are no delay. Where the last few periods contradict the settings by the same
+measure, those before are forgotten. The jitter is taken from the periods one by one.
 """
 
 import math
@@ -33,6 +34,7 @@ _POSSIBLE: Final = 5.0  # standard deviations up to which a response is possible
 _EXPLAINED: Final = 2.0  # standard deviations up to which a response explains one period
 _IN_USE: Final = 3.0  # standard deviations up to which the response in use stays
 _FORGETTING: Final = 0.95  # weight that a period keeps when the next one with information comes
+_RECENT: Final = 0.6  # the same, to notice that the response is another one than before
 _DECAY: Final = 0.9  # part of the error bound that is left after a period without such error
 _FADING: Final = 0.98  # the same of the jitter, without such a deviation
 _STEP: Final = 0.01  # distance of the delays that are tried [s]
@@ -70,6 +72,7 @@ class ResponseEstimate:
         self._delays, self._lags = np.maximum(delays[chosen], 0.0), grid_lags[chosen].copy()
         self._as_told = np.abs(grid_offsets[chosen]) < _STEP / 2.0
         self._misfits, self._periods = np.zeros(len(self._delays)), 0.0
+        self._recent, self._recent_periods = self._misfits, 0.0
         self._found = np.zeros(len(self._delays))
         self._told = int(np.flatnonzero(self._as_told & (self._lags == 0.0))[0])
         self._use(self._told)
@@ -220,12 +223,28 @@ class ResponseEstimate:
         if float(found.max() - found.min()) > _UNNOTICED**2:
             self._misfits = _FORGETTING * self._misfits + found
             self._periods = _FORGETTING * self._periods + 1.0
+            self._recent = _RECENT * self._recent + found
+            self._recent_periods = _RECENT * self._recent_periods + 1.0
             if self._periods > 1.0:
-                least = max(float(self._misfits.min()), self._periods * _UNNOTICED**2)
-                variance = least / (self._periods - 1.0)
+                variance = _variance(self._misfits, self._periods)
                 self._jitter = max(self._deviation(found, variance), _FADING * self._jitter)
                 self._choose(variance)
+                if self._recent_contradicts():
+                    self._misfits, self._periods = self._recent.copy(), self._recent_periods
+                    self._choose(_variance(self._misfits, self._periods))
         return math.sqrt(float(found[self._nearest()]))
+
+    def _recent_contradicts(self) -> bool:
+        """True where the last periods rule out the delay as told, and those before kept it in use.
+
+        So a command that was lost, or a push, does not spoil the whole run.
+        """
+        used = self._nearest()
+        if self._with_lag or not self._as_told[used] or self._recent_periods <= 1.0:
+            return False
+        misfit, least = float(self._recent[used]), float(self._recent.min())
+        variance = _variance(self._recent, self._recent_periods)
+        return least <= _EXPLAINS * misfit and misfit - least > _IN_USE**2 * variance
 
     def _choose(self, variance: float) -> None:
         """Replace the response in use by the likeliest one where odometry contradicts it."""
@@ -264,3 +283,8 @@ class ResponseEstimate:
         """Instant before which a command has had its full effect [ns], for any response."""
         longest = float(self._delays.max()) + _SETTLED * float(self._lags.max())
         return began - to_nanoseconds(longest)
+
+
+def _variance(misfits: Array, periods: float) -> float:
+    """Variance of the errors of the likeliest response in so many periods [m^2]."""
+    return max(float(misfits.min()), periods * _UNNOTICED**2) / (periods - 1.0)

@@ -92,6 +92,17 @@ def test_a_delay_that_is_told_wrong_is_corrected(told, delay, lag, noise):
         assert least - 0.011 <= delay + lag <= longest + 0.011
 
 
+@pytest.mark.parametrize(
+    ('told', 'lag', 'delay'), [(0.2, 0.1, 0.0), (0.0, 0.1, 0.0), (0.2, 0.0, 0.1)]
+)
+def test_a_push_spoils_no_correction(told, lag, delay):
+    """Or a command that was lost: what no response explains is forgotten."""
+    given = replace(CASES['case 3'], command_delay=told)
+    estimate = estimated(lag, push=0.1, given=given, delay=delay, times=3)
+    assert estimate.is_corrected
+    assert estimate.delay / 1e9 + estimate.lag == pytest.approx(0.1, abs=0.015)
+
+
 def test_beyond_its_bounds_nothing_is_corrected():
     given = replace(CASES['case 3'], command_delay=0.0)
     estimate = estimated(0.0, given=given, delay=0.11, times=3)

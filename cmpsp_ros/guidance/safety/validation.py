@@ -1,4 +1,4 @@
-"""The check before any command leaves, which does not trust the solver or share its code."""
+"""The check before any command leaves, which does not trust the solver's result."""
 
 from __future__ import annotations
 

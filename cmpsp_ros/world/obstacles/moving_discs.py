@@ -161,12 +161,27 @@ class MovingDiscs:
     ) -> Array:
         """Least clearance ``(K, M)`` [m], or less, of arcs that are driven while they move.
 
-        They are those of `FreeSpace.along`, at times from now on [s]; of points the nearest counts.
+        They are those of `FreeSpace.along`, one after the other, at times from now on [s]; of
+        points the nearest counts.
         """
         clearance = np.empty((len(poses), len(self)))
+        states = self._states_on_arcs(times, durations) if self.ways else self.states[None]
         arrays = (np.ascontiguousarray(each) for each in (poses, twists, durations, times))
-        _along(clearance, points, self.states, *arrays)
+        _along(clearance, points, states, *arrays)
         return clearance
+
+    def _states_on_arcs(self, times: Array, durations: Array) -> Array:
+        """States ``(K, M, 7)`` from which each disc drives straight on in the time of each arc."""
+        states = np.tile(self.states, (len(times), 1, 1))
+        instants = np.append(times, times[-1:] + durations[-1:])
+        for index, way in self.ways.items():
+            places = _on(way, instants)
+            held = np.where(durations > 0.0, durations, math.inf)[:, None]
+            velocities = np.diff(places, axis=0) / held
+            states[:, index, _PLACE] = places[:-1] - times[:, None] * velocities
+            states[:, index, _VELOCITY] = velocities
+            states[:, index, _RADIUS] += _astray(way, instants, places)
+        return states
 
     def _between(self, times: Array) -> tuple[Array, Array]:
         """Greatest radius and speed of each disc between two times, both ``(N, M)``."""
@@ -209,10 +224,11 @@ def _along(
 ) -> None:
     for k in range(durations.shape[0]):
         whole = arc_under(poses, twists, k, durations[k])
+        of_arc = states[min(k, states.shape[0] - 1)]
         for i in range(points.shape[0]):
             arc = arc_of_point(whole, poses[k, 2], points, i)
-            for j in range(states.shape[0]):
-                x, y, u, v, radius, growth = disc_after(states, j, times[k], durations[k])
+            for j in range(states.shape[1]):
+                x, y, u, v, radius, growth = disc_after(of_arc, j, times[k], durations[k])
                 bound = np.inf if i == 0 else clearance[k, j] + radius
                 least = sweep_moving(arc, durations[k], x, y, u, v, growth, bound) - radius
                 if i == 0 or least < clearance[k, j] or np.isnan(least):

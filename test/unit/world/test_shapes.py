@@ -11,7 +11,7 @@ from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
 from cmpsp_ros.robots import DifferentialDrive
-from cmpsp_ros.robots.motion import arc_from
+from cmpsp_ros.robots.motion import arc_ends, arc_from
 from cmpsp_ros.world import FreeSpace
 from cmpsp_ros.world.obstacles import Capsule, MovingDiscs, Obstacle, ShapeError, away_from, convex
 from cmpsp_ros.world.obstacles.shapes import Polygon
@@ -179,6 +179,20 @@ def test_the_straight_legs_of_a_bent_way_cover_it(knots, durations, growth):
         away = np.linalg.norm(there - places_on(way, begin + since), axis=1)
         assert (away + 0.2 + growth * begin <= leg[4] + 1e-9).all()
         begin += duration
+
+
+@given(KNOTS, st.lists(st.floats(0.01, 0.4), min_size=1, max_size=6), st.floats(0.0, 0.3))
+def test_a_robot_driven_past_a_known_way_is_no_nearer_than_found(knots, durations, growth):
+    discs, way = on_a_way(knots, point=(1.0, 0.3), growth=growth)
+    held, twist = np.array(durations), np.array([[0.8, 0.5]])
+    begins = np.append(0.0, np.cumsum(held))[:-1]
+    starts = arc_ends(np.zeros((1, 3)), twist, begins)
+    found = discs.along(starts, np.tile(twist, (len(held), 1)), held, begins)[:, 0]
+    for begin, duration, least in zip(begins, durations, found, strict=True):
+        times = begin + np.linspace(0.0, duration, 50)
+        path = arc_ends(np.zeros((1, 3)), twist, times)[:, :2]
+        away = np.linalg.norm(path - places_on(way, times), axis=1) - 0.2 - growth * times
+        assert least <= away.min() + 1e-9
 
 
 @given(KNOTS, st.floats(0.1, 1.0))

@@ -1,5 +1,8 @@
 """Speeds of a robot that somebody could reach before it is at rest."""
 
+import math
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,7 +10,7 @@ from cmpsp_ros.guidance import GuidanceSettings, MovingObstacles, Observation, S
 from cmpsp_ros.guidance.commands.looking import turn_to_look
 from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.goals import Target
-from cmpsp_ros.guidance.messages import Track
+from cmpsp_ros.guidance.messages import PeerTrajectory, Track
 from cmpsp_ros.guidance.planning import PlanningContext
 from cmpsp_ros.guidance.planning.retreat import RetreatPlanner
 from cmpsp_ros.guidance.prediction.estimator import Estimator, PlanStart
@@ -15,9 +18,9 @@ from cmpsp_ros.guidance.safety.reach_check import ReachCheck
 from cmpsp_ros.guidance.safety.unseen import is_clear_of_unseen, watches_unseen
 from cmpsp_ros.guidance.safety.validation import Validator
 from cmpsp_ros.guidance.times import Horizon
-from cmpsp_ros.guidance.world import World
-from cmpsp_ros.robots import DifferentialDrive
-from cmpsp_ros.world.grids import Cell, OccupancyGrid
+from cmpsp_ros.guidance.world import MAP, World
+from cmpsp_ros.robots import DifferentialDrive, Omnidirectional
+from cmpsp_ros.world.grids import Cell, GridObstacle, OccupancyGrid
 from cmpsp_ros.world.obstacles import MovingDiscs
 from cmpsp_ros.world.roads import OpenFloor
 
@@ -77,6 +80,22 @@ def test_who_is_out_of_sight_does_not_fill_the_room_of_plans(number, stddev, pla
     assert start.reachable.states[0, 4] == pytest.approx(0.25 + 3.0 * stddev)
 
 
+@pytest.mark.parametrize(
+    ('place', 'speed', 'said'), [(1.0, -0.8, 'robot /b could be'), (0.5, 0.8, '')]
+)
+def test_another_robot_goes_the_way_that_it_has_told(place, speed, said):
+    stamps = tuple(k * 200_000_000 for k in range(11))
+    peer = PeerTrajectory('/b', 0, stamps, tuple((place + speed * t / 1e9, 0.0) for t in stamps))
+    room = MovingObstacles(others=('/b',), others_radius=0.175)
+    given = replace(SETTINGS, moving_obstacles=room)
+    seen = Observation(0, np.zeros(3), (peer,))
+    start = Estimator(given).update(seen, World(OpenFloor()), ROBOT.at_rest).start
+    ahead = ROBOT.controls(np.array([0.3, 0.0]))[None]
+    found = ReachCheck(given, given.robot_radius).reason(start, ahead, np.array([1.0]))
+    assert found.startswith(said)
+    assert bool(found) is bool(said)
+
+
 def settings(sight='stationary'):
     return GuidanceSettings(
         robot=DifferentialDrive(wheel_radius=0.05, half_track=0.15, max_wheel_speed=20.0),
@@ -110,6 +129,44 @@ def test_it_backs_no_faster_than_it_creeps_where_it_does_not_look(speed, behind,
     controls = given.robot.controls(np.array([speed, 0.0]))[None]
     held = np.array([given.control_period])
     assert is_clear_of_unseen(given, start(behind=behind), controls, held) is clear
+
+
+SLOWING = np.array([0.6, 0.4, 0.2, 0.1])
+
+
+def is_clear_in(ground, side, *, heading=0.0, sideways=False, known=None):
+    """Whether a robot in the middle of some ground may drive to the left, and then stop."""
+    world, given = World(OpenFloor()), settings('moving')
+    if known is not None:
+        grid = OccupancyGrid((-4.0, -4.0, 0.0), 0.1, np.full((80, 80), known, np.uint8))
+        world = replace(world, obstacles=(GridObstacle(MAP, grid),))
+    world = world.seeing(OccupancyGrid((-side, -side, 0.0), 0.1, ground))
+    robot = Omnidirectional.mecanum(0.15, 0.15, wheel_radius=0.05, max_wheel_speed=40.0)
+    ahead = [0.0, 1.0, 0.0] if sideways else [1.0, 0.0, 0.0]
+    controls = np.array([robot.controls(speed * np.array(ahead)) for speed in SLOWING])
+    here = PlanStart(np.array([0.0, 0.0, heading]), robot, world, among_people=True)
+    return is_clear_of_unseen(replace(given, robot=robot), here, controls, np.full(4, 0.2))
+
+
+@pytest.mark.parametrize('sideways', [False, True])
+def test_to_the_side_and_ahead_it_is_as_slow_before_a_corner(sideways):
+    ground = np.zeros((80, 80), np.uint8)
+    heading = 0.0 if sideways else math.pi / 2.0
+    assert is_clear_in(ground, 4.0, heading=heading, sideways=sideways)
+    ground[44:, :39] = Cell.UNKNOWN
+    assert not is_clear_in(ground, 4.0, heading=heading, sideways=sideways)
+
+
+def test_somebody_may_come_from_beyond_the_grid():
+    assert is_clear_in(np.zeros((80, 80), np.uint8), 4.0, heading=math.pi / 2.0)
+    assert not is_clear_in(np.zeros((20, 20), np.uint8), 1.0, heading=math.pi / 2.0)
+
+
+@pytest.mark.parametrize(('known', 'clear'), [(Cell.FREE, False), (Cell.OCCUPIED, True)])
+def test_where_a_map_has_free_space_somebody_may_be_all_the_same(known, clear):
+    ground = np.zeros((80, 80), np.uint8)
+    ground[44:] = Cell.UNKNOWN
+    assert is_clear_in(ground, 4.0, heading=math.pi / 2.0, known=known) is clear
 
 
 @pytest.mark.parametrize(

@@ -49,8 +49,8 @@ def is_clear_of_unseen(
     reach = float(speeds @ durations) + settings.circumscribed_radius + speed * seconds
     edge = _edge(start, reach)
     x, y, heading = start.pose
-    sense = np.sign(twists[0, 0]) or 1.0
-    ahead = (edge - [x, y]) @ [np.cos(heading), np.sin(heading)] * sense > 0.0
+    course = heading + _bearing(twists[0])
+    ahead = (edge - [x, y]) @ [math.cos(course), math.sin(course)] > 0.0
     if not ahead.any():
         return True
     for pose, time in zip(poses[1:], np.cumsum(durations).tolist(), strict=True):
@@ -80,23 +80,33 @@ def looks_ahead(settings: LawSettings, start: PlanStart, poses: Array, twist: Ar
     seen = start.world.seen
     if seen is None:
         return True
-    u, v = (*twist[:2].tolist(),) if len(twist) > 2 else (float(twist[0]), 0.0)
     away = settings.circumscribed_radius + _BESIDE
-    courses = poses[:, 2] + math.atan2(v, u)
+    courses = poses[:, 2] + _bearing(twist)
     ahead = poses[:, :2] + away * np.column_stack([np.cos(courses), np.sin(courses)])
     return not (seen.grid.at(ahead) == Cell.REMEMBERED).any()
 
 
+def _bearing(twist: Array) -> float:
+    """Direction in which a robot drives under a twist, from its heading [rad]."""
+    u, v = (*twist[:2].tolist(),) if len(twist) > 2 else (float(twist[0]), 0.0)
+    return math.atan2(v, u)
+
+
 def _edge(start: PlanStart, reach: float) -> Array:
-    """Centres of cells out of sight beside free ones, up to `reach` [m] away, ``(K, 2)`` [m]."""
+    """Centres of cells out of sight beside ones in sight, up to `reach` [m] away, ``(K, 2)`` [m].
+
+    A cell that the map knows as free is out of sight all the same, and so is all beyond the grid.
+    """
     world = start.world
     if world.seen is None:
         return np.empty((0, 2))
     near = world.seen.grid.around(start.pose[None, :2], reach)
-    if world.map is not None:
-        near = near.completed_by(world.map.grid)
-    cells = np.pad(near.cells, 1, constant_values=Cell.OCCUPIED)
-    free = cells == Cell.FREE
+    cells = np.pad(near.cells, 2, constant_values=Cell.UNKNOWN)
+    free, inner = cells == Cell.FREE, cells[1:-1, 1:-1]
     beside = free[:-2, 1:-1] | free[2:, 1:-1] | free[1:-1, :-2] | free[1:-1, 2:]
-    hidden = (near.cells == Cell.UNKNOWN) | (near.cells == Cell.REMEMBERED)
-    return near.centers(*np.nonzero(hidden & beside))
+    hidden = (inner == Cell.UNKNOWN) | (inner == Cell.REMEMBERED)
+    rows, columns = np.nonzero(hidden & beside)
+    places = near.centers(rows - 1, columns - 1)
+    if world.map is None:
+        return places
+    return np.asarray(places[world.map.grid.at(places) != Cell.OCCUPIED])

@@ -135,7 +135,7 @@ SLOWING = np.array([0.6, 0.4, 0.2, 0.1])
 
 
 def is_clear_in(ground, side, *, heading=0.0, sideways=False, known=None):
-    """Whether a robot in the middle of some ground may drive to the left, and then stop."""
+    """Verdict on a robot in the middle of some ground that drives to the left and then stops."""
     world, given = World(OpenFloor()), settings('moving')
     if known is not None:
         grid = OccupancyGrid((-4.0, -4.0, 0.0), 0.1, np.full((80, 80), known, np.uint8))

@@ -135,7 +135,7 @@ class Estimator:
             touchable = as_seen(stamp, tracks, moving, known)
         self.among_people |= any(isinstance(each, Track) for each in seen.tracks)
         if seen.sighting is not None:
-            self.people.update(stamp, seen.tracks, seen.sighting)
+            self.people.update(stamp, seen.tracks, seen.sighting, self._settings.tracked)
         if standing := self.people.standing:
             known = self._settings.tracked
             planned = ObstacleTracker().update(stamp, pose, standing, known)

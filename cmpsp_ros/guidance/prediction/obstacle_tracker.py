@@ -18,6 +18,10 @@ from cmpsp_ros.world.obstacles import NOTHING_MOVES, MovingDiscs
 _AHEAD: Final = 10.0  # time after which no encounter is predicted [s]
 _CERTAIN: Final = 3.0  # standard deviations that a reachable set covers
 _ROUNDING: Final = 1e-9
+_ASIDE: Final = 0.1  # distance up to which somebody who sets off is not seen to [m]
+_SLOWEST: Final = 0.1  # least acceleration with which somebody sets off [m/s^2]
+_TRACKED: Final = 1_000_000_000  # time in which somebody who sets off is tracked again [ns]
+_AROUND: Final = 0.3  # distance up to which they are looked for meanwhile [m]
 _BESIDE: Final = 1.5  # distance from a cell occupied before in which another is not new [cells]
 
 
@@ -29,8 +33,9 @@ def within_reach(
         each
         for each in tracks
         if isinstance(each, PeerTrajectory)
-        or math.hypot(each.x - pose[0], each.y - pose[1]) - each.radius
-        <= (math.hypot(each.vx, each.vy) + speed) * _AHEAD
+        or math.hypot(each.x - pose[0], each.y - pose[1])
+        - (each.radius + _CERTAIN * each.position_stddev)
+        <= (math.hypot(each.vx, each.vy) + _CERTAIN * each.velocity_stddev + speed) * _AHEAD
     )
 
 
@@ -145,16 +150,25 @@ def _velocities(seen: Track, top: float) -> tuple[float, float, float]:
 class StandingPeople:
     """Remembers seen people whose tracks end where the grid has somebody stand from then on.
 
-    Moving obstacles mark no cell: occupied cells beside a track belong to something else.
+    Moving obstacles mark no cell: occupied cells beside a track belong to something else. Until
+    they are tracked again, people may have set off as far as the grid does not show it.
     """
 
     def __init__(self) -> None:
-        # Who stood, or walked slowly, in the last sighting; and cells beside who stands now.
+        # Who stood, or walked slowly, in the last sighting; and cells about who stands now: beside
+        # them when they were tracked, and all that were there when they stood first.
         self._slow: dict[int, tuple[Track, Sighting]] = {}
         self._beside: dict[int, Array] = {}
+        self._around: dict[int, Array] = {}
         self.standing: tuple[Track, ...] = ()
 
-    def update(self, stamp: int, tracks: Sequence[MovingObject], sighting: Sighting) -> None:
+    def update(
+        self,
+        stamp: int,
+        tracks: Sequence[MovingObject],
+        sighting: Sighting,
+        settings: MovingObstacles,
+    ) -> None:
         """Note who moves and who has stopped at a time [ns].
 
         They stand where they were last tracked, as uncertain as their velocity was then.
@@ -165,12 +179,24 @@ class StandingPeople:
             if number not in moving:
                 known[number] = replace(each, vx=0.0, vy=0.0, position_stddev=0.0)
                 self._beside[number] = _occupied(each, before)
-        self.standing = tuple(
-            replace(each, stamp=stamp)
-            for number, each in known.items()
-            if number not in moving and self._is_there(each, sighting)
-        )
+                self._around[number] = _occupied(each, sighting, _AROUND)
+        unseen = math.sqrt(2.0 * _ASIDE / max(settings.max_acceleration, _SLOWEST))
+        rested = stamp - round(unseen * NANOSECONDS)
+        standing = []
+        for number, each in known.items():
+            if number in moving:
+                continue
+            leaves = self._leaves(each, sighting)
+            if leaves and rested - each.stamp <= _TRACKED:
+                standing.append(each)
+            elif self._is_there(each, sighting):
+                if leaves:
+                    # They would be tracked again by now: something else came into view.
+                    self._around[number] = _occupied(each, sighting, _AROUND)
+                standing.append(replace(each, stamp=rested))
+        self.standing = tuple(standing)
         self._beside = {each.id: self._beside[each.id] for each in self.standing}
+        self._around = {each.id: self._around[each.id] for each in self.standing}
         self._slow = {
             number: (each, sighting)
             for number, each in moving.items()
@@ -179,16 +205,23 @@ class StandingPeople:
 
     def _is_there(self, person: Track, sighting: Sighting) -> bool:
         """True if a newly occupied cell touches the place of a person."""
-        occupied = _occupied(person, sighting)
-        apart = np.linalg.norm(occupied[:, None] - self._beside[person.id], axis=-1)
-        is_new = apart.min(axis=1, initial=math.inf) > _BESIDE * sighting.grid.resolution
-        return bool(is_new.any())
+        return _has_new(_occupied(person, sighting), self._beside[person.id], sighting)
+
+    def _leaves(self, person: Track, sighting: Sighting) -> bool:
+        """True if a cell just outside the place of a person is newly occupied."""
+        return _has_new(_occupied(person, sighting, _AROUND), self._around[person.id], sighting)
 
 
-def _occupied(person: Track, sighting: Sighting) -> Array:
-    """Occupied cells that touch the place of a person, ``(K, 2)`` [m]."""
+def _has_new(occupied: Array, before: Array, sighting: Sighting) -> bool:
+    apart = np.linalg.norm(occupied[:, None] - before, axis=-1).min(axis=1, initial=math.inf)
+    return bool((apart > _BESIDE * sighting.grid.resolution).any())
+
+
+def _occupied(person: Track, sighting: Sighting, beyond: float = 0.0) -> Array:
+    """Occupied cells that touch the place of a person, or so far beyond [m], ``(K, 2)`` [m]."""
     center, grid = np.array([[person.x, person.y]]), sighting.grid
-    near = grid.around(center, person.radius)
+    radius = person.radius + beyond
+    near = grid.around(center, radius)
     occupied = near.centers(*np.nonzero(near.cells == Cell.OCCUPIED))
-    touching: Array = occupied[np.hypot(*(occupied - center).T) <= person.radius]
+    touching: Array = occupied[np.hypot(*(occupied - center).T) <= radius]
     return touching

@@ -59,6 +59,28 @@ def test_one_who_has_stopped_may_set_off_again(before):
     assert (x, y, vx, vy) == (0.0, 0.45, 0.0, 0.0)
 
 
+@pytest.mark.parametrize('direction', [(1.0, 0.0), (-0.6, -0.8), (0.0, -1.0)])
+def test_who_sets_off_is_where_they_may_be_before_they_are_tracked_again(direction):
+    estimator, world, rest = Estimator(SETTINGS), World(OpenFloor()), ROBOT.at_rest
+    bearings = np.linspace(-np.pi, 0.0, 40)
+    facing = 0.23 * np.column_stack([np.cos(bearings), np.sin(bearings)])
+    person = replace(PERSON, y=1.2, vx=0.0)
+
+    def place(seconds):
+        return np.array([0.0, 1.2]) + 0.5 * max(seconds, 0.0) ** 2 * np.array(direction)
+
+    # After 0.8 s they are tracked again.
+    for step in range(19):
+        now, tracks = 0.2 * step - 3.0, (person,) if step == 0 else ()
+        seen = sighting(*(place(now) + facing)) if step else sighting()
+        here = Observation(step * STEP, np.zeros(3), tracks, seen)
+        start = estimator.update(here, world, rest).start
+        for later in (0.2, 0.5, 1.0):
+            centers, radii = start.reachable.at_times(np.array([later]))
+            away = np.hypot(*(place(now + later) - centers[0, 0])) + person.radius
+            assert away <= radii[0, 0] + 1e-9
+
+
 @pytest.mark.parametrize(
     ('before', 'tracks', 'there'),
     [
@@ -94,6 +116,6 @@ def test_beside_somebody_who_stands_the_robot_creeps_until_it_could_stop_in_time
         controls = ROBOT.controls(np.array([speed, 0.0]))[None]
         return check.reason(start, controls, np.array([seconds]))
 
-    assert reason(0.2) == 'person 1 could be 0.0712 m into the robot before it is at rest.'
+    assert reason(0.2) == 'person 1 could be 0.435 m into the robot before it is at rest.'
     assert reason(0.05) == ''
     assert check.reason(start, ROBOT.at_rest[None], np.array([1.0])) == ''

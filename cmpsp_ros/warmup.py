@@ -211,7 +211,7 @@ def _scans() -> None:
     people.advance(1, np.zeros((1, 2)), 0.1)
     ends = np.zeros((1, 2))
     grid = LocalGrid(1.0, 0.1, 1.0)
-    grid.see(Beams(0, ends, ends, np.ones(1, dtype=bool), is_sweep=True))
+    grid.see(Beams(0, ends[0], ends, ends, np.ones(1, dtype=bool), is_sweep=True))
     _ = GridObstacle('seen', grid.at(0)).islands
 
 

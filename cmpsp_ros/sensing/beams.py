@@ -104,7 +104,9 @@ class Sight:
         places = poses[:, :2] + _turned(np.array([ahead, left]), *_axes(poses[:, 2]))
         axes = _axes(poses[:, 2] + turned)
         starts, ends = (places + _turned(each, *axes) for each in (self.begins, self.ends))
-        return Beams(self.stamp, starts, ends, self.hits, self.is_sweep)
+        # An empty cloud has no beams.
+        origin = places.mean(axis=0) if len(places) else np.zeros(2)
+        return Beams(self.stamp, origin, starts, ends, self.hits, self.is_sweep)
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,6 +114,9 @@ class Beams:
     """Beams in the frame of odometry; attributes as of `Sight`."""
 
     stamp: int
+    # Place of the sensor, on average while it measured, shape ``(2,)`` [m]. The beams of a cloud
+    # may all start far from it, where they come to heights that count.
+    origin: Array
     starts: Array
     ends: Array
     hits: BoolArray

@@ -76,7 +76,7 @@ class Tracker:
         hits = _hits(beams)
         if not len(hits):
             return owners, []
-        origin, points = beams.starts.mean(axis=0), beams.ends[hits]
+        origin, points = beams.origin, beams.ends[hits]
         shown = hits if not beams.is_sweep else slice(None)
         view = View.of(beams.stamp, origin, beams.ends[shown], beams.hits[shown])
         labels = history.labels(points, beams.stamp)
@@ -248,7 +248,7 @@ def _hits(beams: Beams) -> IntArray:
     hits = np.flatnonzero(beams.hits & np.isfinite(beams.ends[:, 0] + beams.ends[:, 1]))
     if beams.is_sweep or not len(hits):
         return hits
-    away = beams.ends[hits] - beams.starts.mean(axis=0)
+    away = beams.ends[hits] - beams.origin
     place = np.floor(np.arctan2(away[:, 1], away[:, 0]) / math.tau * N_DIRECTIONS)
     order = np.lexsort((np.hypot(away[:, 0], away[:, 1]), place))
     first = np.unique(place[order], return_index=True)[1]

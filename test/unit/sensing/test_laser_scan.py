@@ -200,6 +200,18 @@ def test_of_beams_that_end_side_by_side_one_frees_the_cells():
     assert sight_of(cloud([*floor, *wall]), DEPTH_CAMERA).hits.tolist() == [True] * 10 + [False]
 
 
+def test_the_origin_of_beams_is_the_place_of_the_sensor():
+    """They begin farther on, where they come down to the heights that count."""
+    camera = replace(DEPTH_CAMERA, pose=(0.3, -0.1, 0.5), heights=(-1.4, -0.3))
+    sight = sight_of(cloud([(1.0, 0.5, -1.0), (2.0, 0.0, -1.5)]), camera)
+    driven = np.array([[1.0, 2.0, math.pi / 2.0], [1.2, 2.0, math.pi / 2.0]])
+    beams = sight.projected(driven)
+    assert beams.origin == pytest.approx([1.2, 2.3])
+    assert np.hypot(*(beams.starts - beams.origin).T).min() > 0.2
+    nothing = sight_of(cloud([]), camera).projected(np.empty((0, 3)))
+    assert nothing.origin.tolist() == [0.0, 0.0]
+
+
 def test_where_no_point_is_nothing_is_known():
     points = [(math.nan, math.nan, math.nan), (math.inf, 0.0, 0.0), (2.0, 0.0, 0.0)] * 2
     sight = sight_of(cloud(points), DEPTH_CAMERA)

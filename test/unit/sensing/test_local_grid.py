@@ -13,7 +13,8 @@ SECOND = 1_000_000_000
 def beams(ends, hits=True, start=(0.02, 0.02), stamp=0, *, is_sweep=True):
     ends = np.array(ends, dtype=float).reshape(-1, 2)
     hits = np.broadcast_to(np.array(hits), (len(ends),)).copy()
-    return Beams(stamp, np.broadcast_to(start, ends.shape).astype(float), ends, hits, is_sweep)
+    starts = np.broadcast_to(start, ends.shape).astype(float)
+    return Beams(stamp, np.array(start), starts, ends, hits, is_sweep)
 
 
 def grid(size=4.0, resolution=0.1, memory=100.0):

@@ -1,6 +1,7 @@
 """Tracks of walkers among walls and posts, by a scanner with noise of 1 cm."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -63,6 +64,24 @@ def test_each_walker_is_one_track(name, faults):
 def test_nothing_moves_where_all_stands(edges, robot, faults):
     score = Score(ScannedRoom(edges, POSTS, robot=robot, faults=faults), 15.0)
     assert not score.false
+
+
+class HighCamera(ScannedRoom):
+    """A depth camera whose beams begin where they come down to the heights that count."""
+
+    def sight(self, time):
+        sight = super().sight(time)
+        return replace(sight, begins=0.4 * sight.ends, is_sweep=False)
+
+
+@pytest.mark.parametrize('name', ['across', 'two that cross'])
+def test_a_camera_above_the_heights_that_count_tracks_each_walker(name):
+    room, until, latest = CASES[name]
+    score = Score(HighCamera(**room), until)
+    assert [len(each) for each in score.ids] == [1] * len(room['walkers'])
+    assert max(score.first) <= latest
+    assert not score.false
+    assert not score.missed
 
 
 def occupied(sighting):

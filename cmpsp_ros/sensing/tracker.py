@@ -74,8 +74,6 @@ class Tracker:
         owners = np.zeros(len(beams.ends), np.int64)
         history = self._histories.setdefault(sensor, ScanHistory())
         hits = _hits(beams)
-        if not len(hits):
-            return owners, []
         origin, points = beams.origin, beams.ends[hits]
         shown = hits if not beams.is_sweep else slice(None)
         view = View.of(beams.stamp, origin, beams.ends[shown], beams.hits[shown])
@@ -99,7 +97,8 @@ class Tracker:
         keep_within(on_movers, points, self._movers(_AROUND))
         owners[hits[on_movers]] = MOVING
         self._drop(view)
-        history.add(view)
+        if len(beams.ends):  # an empty cloud shows no place
+            history.add(view)
         return owners, begun
 
     def tracks(self, stamp: int) -> tuple[Track, ...]:

@@ -5,8 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scanned_rooms import DOOR, ROOM, Faults, ScannedRoom, Score, straight
+from scanned_rooms import DOOR, ROOM, SENSOR, Faults, ScannedRoom, Score, straight
 
+from cmpsp_ros.sensing import Sight
 from cmpsp_ros.sensing.segments import segments_of
 from cmpsp_ros.world.grids import Cell
 
@@ -175,10 +176,12 @@ def turning_its_back(time):
     [(straight(10.0, 3.2, -1.0, 0.0), 7.9), (AWAY, 9.0)],
     ids=['toward', 'away'],
 )
-def test_who_is_where_the_scanner_does_not_look_is_expected_for_longer(walker, until):
+@pytest.mark.parametrize('edges', [ROOM, []], ids=['room', 'open hall'])
+def test_who_is_where_the_scanner_does_not_look_is_expected_for_longer(edges, walker, until):
+    room = ScannedRoom(edges, walkers=[walker], robot=turning_its_back)
     lasting = [
         (time, each)
-        for time, sighting in ScannedRoom(walkers=[walker], robot=turning_its_back).run(until)
+        for time, sighting in room.run(until)
         for each in sighting.tracks
         if time >= 2.0
     ]
@@ -186,6 +189,19 @@ def test_who_is_where_the_scanner_does_not_look_is_expected_for_longer(walker, u
     assert last == pytest.approx(1.9 + 6.0, abs=0.11)
     assert math.dist((track.x, track.y), walker(last)) < 3.0 * track.position_stddev
     assert {each.name for _, each in lasting} == {'person 1'}
+    assert track.position_stddev > 1.0
+
+
+def test_doubt_grows_and_ends_a_track_where_clouds_have_no_points():
+    room = HighCamera(walkers=[AWAY])
+    assert len(Score(room, 2.0).sighting.tracks) == 1
+    pose, none, nothing, tracks = np.array(room.robot(0)), np.empty(0, int), np.empty((0, 2)), []
+    for stamp in range(2_100_000_000, 9_000_000_000, 100_000_000):
+        room.known.add(Sight(SENSOR, stamp, none, nothing, nothing, none > 0, is_sweep=False))
+        room.known.update(stamp, pose)
+        tracks += room.known.at(stamp, pose).tracks
+    assert tracks[-1].stamp == 8_000_000_000
+    assert tracks[-1].position_stddev > 1.0
 
 
 @pytest.mark.parametrize('y', [4.5, 5.2, 5.6])

@@ -62,7 +62,9 @@ class LocalGrid:
             self._column, self._row = column, row
 
     def see(self, beams: Beams, owners: IntArray | None = None) -> None:
-        """Clear cells along the beams of one message, and mark their ends; in the order of time.
+        """Clear cells along the beams of one message, and mark their ends.
+
+        Where a mark is newer, as with sensors whose messages come late, it stays as it is.
 
         `owners` ``(B,)`` are the objects hit: 0 for none, negative for a moving one, which marks
         nothing.
@@ -195,7 +197,9 @@ def mark(
     for i in range(ends.shape[0]):
         column, row = math.floor(ends[i, 0]), math.floor(ends[i, 1])
         is_inside = 0 <= row < cells.shape[0] and 0 <= column < cells.shape[1]
-        if is_hit[i] and owners[i] >= 0 and is_inside:
+        if not (is_hit[i] and owners[i] >= 0 and is_inside):
+            continue
+        if cells[row, column] != _OCCUPIED or seen[row, column] <= stamp:
             cells[row, column], seen[row, column] = _OCCUPIED, stamp
             owned[row, column] = owners[i]
             hits[row, column, 0] = ends[i, 0] - column
@@ -236,7 +240,7 @@ def _clear_one(
             return
         if cells[row, column] != _OCCUPIED:
             cells[row, column], seen[row, column] = _FREE, stamp
-        elif sees_gone:
+        elif sees_gone and seen[row, column] <= stamp:
             to_x = column + hits[row, column, 0] - x
             to_y = row + hits[row, column, 1] - y
             beside = abs(along_x * to_y - along_y * to_x) / length

@@ -86,6 +86,26 @@ def test_what_a_later_beam_passes_through_is_gone_and_a_cloud_shows_nothing_to_b
     assert known(local, [(1.05, 0.05), (1.85, 0.05)], 1) == [first, OCCUPIED]
 
 
+def test_a_late_message_takes_no_newer_mark_away():
+    """Messages of one sensor may come later than those of another one."""
+    local = grid()
+    local.see(beams([(1.05, 0.02), (1.05, 0.45)], stamp=2 * SECOND))
+    marks = local.hits(2 * SECOND)
+    local.see(beams([(1.85, 0.02), (1.02, 0.42)], hits=[False, True], stamp=SECOND))
+    assert local.hits(2 * SECOND).tolist() == marks.tolist()
+    assert known(local, [(1.45, 0.05)], 2 * SECOND) == [FREE]
+
+
+def test_a_late_mark_counts_where_nothing_has_been_hit_since():
+    """A scanner sees through below what a camera has seen, whose messages come later."""
+    local = grid(memory=5.0)
+    local.see(beams([(1.85, 0.02)], stamp=2 * SECOND))
+    local.stand_at(0.02, 0.02, 0.25, 2 * SECOND)
+    local.see(beams([(1.05, 0.02), (0.02, 0.35)], stamp=SECOND, is_sweep=False))
+    assert known(local, [(1.05, 0.05), (0.05, 0.35)], 2 * SECOND) == [OCCUPIED] * 2
+    assert known(local, [(1.05, 0.05)], 6 * SECOND + 1) == [UNKNOWN]
+
+
 def test_beams_that_graze_a_wall_do_not_open_it():
     """Along a wall, with few beams and noise: where it has been seen once it stays."""
     random = np.random.default_rng(1)

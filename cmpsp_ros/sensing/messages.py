@@ -102,8 +102,11 @@ def _check_scan(message: Any, name: str) -> None:
     if (count - 1) * increment > math.tau + increment:
         found = f'{first:.9g} to {last:.9g} rad'
         raise ScanError(f'{name}: angle_max', found, 'a full turn at most')
-    if np.isnan(np.asarray(message.ranges, dtype=float)).all():
-        raise ScanError(f'{name}: ranges', f'{count} times NaN', 'a range')
+    ranges = np.asarray(message.ranges, dtype=float)
+    is_range = (ranges >= message.range_min) & (ranges <= message.range_max)
+    if not (is_range | np.isinf(ranges)).any():
+        found = f'{count}, none of them valid, the first {ranges[0]:.9g}'
+        raise ScanError(f'{name}: ranges', found, f'one of {message.range_min:.9g} m or more')
     duration = (count - 1) * float(message.time_increment)
     if duration > _LONGEST_SCAN:
         found = f'{message.time_increment:.9g} s, {duration:.3g} s in all'

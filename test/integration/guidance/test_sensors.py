@@ -69,7 +69,8 @@ def test_scans_that_come_are_used_and_those_that_do_not_stop_the_robot(
     for changes, reason in (
         ({'frame_id': 'odom'}, "front: frame_id: found 'odom', wanted 'base_scan'"),
         ({'angle_increment': 0.1}, 'front: ranges: found 601, wanted 61'),
-        ({'ranges': [math.nan] * 601}, 'front: ranges: found 601 times NaN'),
+        ({'ranges': [math.nan] * 601}, 'front: ranges: found 601, none of them valid'),
+        ({'ranges': [0.0] * 601}, 'front: ranges: found 601, none of them valid, the first 0'),
     ):
         show(stamp, **changes)
         client.decide(make_odometry(stamp := stamp + PERIOD_NS, POSE))

@@ -73,7 +73,9 @@ def test_beams_have_the_times_at_which_they_were_measured():
         (scan((1.0,) * 7), 'ranges: found 7, wanted 5 from'),
         (scan(angle_min=1.0, angle_max=-1.0), 'ranges: found 5, wanted 1 from'),
         (scan((1.0,) * 41, angle_max=19.0), 'angle_max: found -1 to 19 rad, wanted a full turn'),
-        (scan((math.nan,) * 5), 'ranges: found 5 times NaN, wanted a range'),
+        (scan((math.nan,) * 5), 'found 5, none of them valid, the first nan, wanted one of'),
+        (scan((0.0,) * 5), 'ranges: found 5, none of them valid, the first 0, wanted'),
+        (scan((math.nan, 0.0, 99.0, 0.0, math.nan)), 'ranges: found 5, none of them valid'),
     ],
 )
 def test_a_scan_that_is_refused(message, reason):

@@ -198,31 +198,48 @@ def _worst(
     moved = np.linalg.norm(np.diff(points, axis=0), axis=-1).max(axis=1)
     creeps = (moved / np.maximum(np.diff(times), 1e-9)).max(initial=0.0) <= _CREEP
     worst, name, moving = math.inf, '', settings.moving_obstacles
+
+    def away(places: Array, centers: Array) -> Array:
+        apart = np.linalg.norm(places - centers[..., None, :], axis=-1)
+        return np.asarray(apart.min(axis=-1) - radius)
+
     for each in seen:
-        speed = math.hypot(each.vx, each.vy)
-        if speed > moving.max_speed and each.velocity_stddev > 0.0:
-            # Either it was seen wrong, or nothing was promised.
-            continue
-        since = (begin - each.stamp) / NANOSECONDS + times
-        ball = 3.0 * each.velocity_stddev * since
+        place, since = np.array([each.x, each.y]), (begin - each.stamp) / NANOSECONDS + times
+        velocity, growth = _velocities(each, moving.max_speed)
         certain = each.radius + 3.0 * each.position_stddev
-        reach = certain + ball + 0.5 * moving.max_acceleration * since**2
-        center = np.array([each.x, each.y]) + since[:, None] * np.array([each.vx, each.vy])
-        away = np.linalg.norm(points - center[:, None], axis=-1).min(axis=1) - radius
-        clear = away - reach
-        still = np.linalg.norm(points - np.array([each.x, each.y]), axis=-1).min(axis=1) - radius
+        reach = certain + growth * since + 0.5 * moving.max_acceleration * since**2
+        centers = place + since[:, None] * velocity
+        apart = away(points, centers)
+        clear = apart - reach
         # No faster than anything is, it is not out of this disc either.
-        if speed <= moving.max_speed:
+        if math.hypot(*velocity) - growth <= moving.max_speed:
+            still = away(points, place)
             clear = np.maximum(clear, still - certain - moving.max_speed * since)
-        touched = away[0] < each.radius
+        there = away(points, place + since[0] * np.array([each.vx, each.vy])) - each.radius
+        touched = there[0] < 0.0
         spare = float(clear.min()) - (0.0 if touched else min(float(clear[0]), 0.0))
-        if reach[0] - each.radius > _LOST and away[0] - each.radius > _APART:
-            at_rest = np.linalg.norm(points[0] - center[:, None], axis=-1).min(axis=1) - radius
-            spare = max(spare, float((away - at_rest).min()))
+        if reach[0] - each.radius > _LOST and there[0] > _APART:
+            spare = max(spare, float((apart - away(points[0], centers)).min()))
         if creeps:
-            there = np.linalg.norm(points - center[0], axis=-1).min(axis=1) - radius - each.radius
-            kept = float(there[0]) if speed > _CREEP else min(float(there[0]), 0.0)
+            stands = math.hypot(each.vx, each.vy) <= _CREEP
+            kept = min(float(there[0]), 0.0) if stands else float(there[0])
             spare = max(spare, float(there.min()) - kept)
         if spare < worst:
             worst, name = spare, each.name
     return worst, name
+
+
+def _velocities(seen: Track, top: float) -> tuple[Array, float]:
+    """Centre ``(2,)`` and radius of a disc of the velocities that the promise allows [m/s].
+
+    They are those within three standard deviations and up to `top`; one that was seen to be faster
+    keeps its speed.
+    """
+    velocity, spread = np.array([seen.vx, seen.vy]), 3.0 * seen.velocity_stddev
+    speed = math.hypot(seen.vx, seen.vy)
+    # The chord on which the circles of both limits cross.
+    along = (speed**2 + top**2 - spread**2) / max(2.0 * speed, 1e-12)
+    if speed - spread > top or along >= speed:
+        return velocity, spread
+    along = max(along, 0.0)
+    return along * velocity / max(speed, 1e-12), math.sqrt(max(top**2 - along**2, 0.0))

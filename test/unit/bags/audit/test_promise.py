@@ -37,14 +37,36 @@ def test_what_could_reach_the_robot_before_the_next_command_is_caught(drive, out
     assert 'moving obstacle 7 could be' in found.sentence
 
 
+def ahead(drive, seconds, distance):
+    """Stamp of a time, and a place and direction ahead of the robot then."""
+    stamp = START + round(seconds * SECOND)
+    x, y, heading = next(each.pose for each in drive.odometry if each.stamp == stamp)
+    direction = np.array([math.cos(heading), math.sin(heading)])
+    return stamp, np.array([x, y]) + distance * direction, direction
+
+
+@pytest.mark.parametrize(
+    ('speed', 'stddev', 'outcome'),
+    [(2.5, 0.1, FAILED), (1.7, 0.2, PASSED)],
+    ids=['faster than the limit', 'perhaps no faster'],
+)
+def test_one_that_was_seen_to_be_faster_than_the_limit_keeps_its_speed(
+    drive, outcomes, speed, stddev, outcome
+):
+    stamp, place, direction = ahead(drive, 4.0, 1.05)
+    comes = 7, *place, *(-speed * direction), 0.3, 0.0, stddev
+    drive.obstacles = [(stamp, [comes]), (stamp + 1, [(7, 50.0, 50.0, 0.0, 0.0, 0.3)])]
+    found = outcomes(drive)['promise']
+    assert found.outcome is outcome
+    assert 'moving obstacle 7' in found.sentence
+
+
 @pytest.mark.parametrize(
     ('distance', 'outcome'), [(-1.5, PASSED), (1.5, FAILED)], ids=['behind', 'ahead']
 )
 def test_a_robot_may_leave_somebody_out_of_sight(drive, outcomes, distance, outcome):
-    stamp = START + 4 * SECOND
-    x, y, heading = next(each.pose for each in drive.odometry if each.stamp == stamp)
-    ahead = np.array([math.cos(heading), math.sin(heading)])
-    place, velocity = np.array([x, y]) + distance * ahead, -1.5 * np.sign(distance) * ahead
+    stamp, place, direction = ahead(drive, 4.0, distance)
+    velocity = -1.5 * np.sign(distance) * direction
     drive.obstacles = [(stamp, [(7, *place, *velocity, 0.3, 0.3, 0.3)])]
     assert outcomes(drive)['promise'].outcome is outcome
 

@@ -5,7 +5,7 @@ are computed here once more, from the tracks and the parameters.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Final
 
 import numpy as np
@@ -15,7 +15,6 @@ from cmpsp_ros.bags.audit.finding import NotJudgedError, Sample, SkippedError, c
 from cmpsp_ros.bags.audit.legs import Commands
 from cmpsp_ros.bags.audit.path_checks import in_effect
 from cmpsp_ros.bags.audit.record import AuditRecord, path_gap
-from cmpsp_ros.bags.runs import lifetime
 from cmpsp_ros.bags.runs.odometry import is_within
 from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings
 from cmpsp_ros.guidance.messages import Track
@@ -62,6 +61,10 @@ def promise(record: AuditRecord) -> Iterator[Sample]:
         raise SkippedError('Nothing that moves is in the bag.')
     if unknown := sorted(_ASSUMED - set(record.history.given)):
         raise NotJudgedError(f'The parameters do not say {", ".join(unknown)}.')
+    used = {
+        each.stamp: [known[key] for key in each.tracks if key in known and known[key].is_seen]
+        for each in record.decisions
+    }
     tracks = sorted(record.tracks, key=lambda each: (each.stamp, each.id))
     for leg in record.legs:
         commands, delays, poses = in_effect(record, leg)
@@ -73,14 +76,7 @@ def promise(record: AuditRecord) -> Iterator[Sample]:
                 latest[upcoming.id] = upcoming
                 upcoming = next(following)
             settings = record.history.at(stamp)
-            # A newer sighting without it says that it is gone.
-            newest = max((each.stamp for each in latest.values() if each.is_seen), default=0)
-            seen = [
-                each
-                for each in latest.values()
-                if stamp - each.stamp <= lifetime(each, settings) * NANOSECONDS
-                and (each.stamp == newest or not each.is_seen)
-            ]
+            seen = _tracks_at(stamp, latest.values(), used.get(stamp), settings)
             is_lost = is_within(stamp, leg.by_odometry.holes)
             if not seen or is_lost or not commands.moving[k] or _brakes(settings, commands, k):
                 continue
@@ -89,6 +85,20 @@ def promise(record: AuditRecord) -> Iterator[Sample]:
             found = [_worst(settings, stop, seen, begin) for stop in stops]
             spare, name = max(found, key=lambda each: each[0])
             yield Sample(spare, 0.0, stamp, -spare - _TOLERANCE, words={'name': name})
+
+
+def _tracks_at(
+    stamp: int, latest: Iterable[Track], used: Iterable[Track] | None, settings: GuidanceSettings
+) -> list[Track]:
+    """Tracks at a decision [ns]: of own sensors those that it used, or without it the newest."""
+    told = [each for each in latest if not each.is_seen]
+    if used is None:
+        # A newer sighting without it says that it is gone.
+        newest = max((each.stamp for each in latest if each.is_seen), default=0)
+        recent = stamp - newest <= settings.sight.timeout * NANOSECONDS
+        used = [each for each in latest if each.is_seen and each.stamp == newest and recent]
+    timeout = settings.moving_obstacles.timeout * NANOSECONDS
+    return [*used, *(each for each in told if stamp - each.stamp <= timeout)]
 
 
 @check(

@@ -6,7 +6,7 @@ import math
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from itertools import chain
 from operator import attrgetter
 from pathlib import Path
@@ -168,9 +168,21 @@ class AuditRecord:
     @cached_property
     def encounters(self) -> tuple[Encounter, ...]:
         """The same path, with the moving obstacles at their predicted positions."""
-        settings = self.settings
-        around = settings.bodies, partial(lifetime, settings=settings)
+        around = self.settings.bodies, self._lifetime
         return tuple(self._met(lambda path: encounters(path, self.tracks, *around)))
+
+    @cached_property
+    def _last_used(self) -> dict[tuple[int | str, int], int]:
+        """Stamp of the last decision that used a track [ns], by its key."""
+        return {key: each.stamp for each in self.decisions for key in each.tracks}
+
+    def _lifetime(self, track: Track) -> float:
+        """Time for which a track counts [s]; between scans, as long as decisions use it."""
+        lasts = lifetime(track, self.settings)
+        if track.is_seen and track.key in self._last_used:
+            used = (self._last_used[track.key] - track.stamp) / NANOSECONDS
+            lasts = max(lasts, used + self.settings.control_period)
+        return lasts
 
     @cached_property
     def people_met(self) -> tuple[Encounter, ...]:

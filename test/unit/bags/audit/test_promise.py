@@ -62,6 +62,25 @@ def test_one_that_was_seen_to_be_faster_than_the_limit_keeps_its_speed(
 
 
 @pytest.mark.parametrize(
+    ('until', 'outcome'), [(4.3, PASSED), (4.5, FAILED), (None, FAILED)],
+    ids=['seen to be gone', 'between two scans', 'without decisions'],
+)  # fmt: skip
+def test_people_count_between_scans_as_long_as_decisions_used_them(drive, outcomes, until, outcome):
+    stamp, place, direction = ahead(drive, 4.0, 1.75)
+    person = Track(Track.SEEN + 1, stamp, 0.3, *place.tolist(), *(-1.5 * direction).tolist())
+    drive.obstacles = [(stamp, [(person.id, *place, person.vx, person.vy, 0.3)])]
+    first, last = drive.at(4.0), drive.at(until or 4.0)
+    for k in range(first, last):
+        drive.decisions[k] = drive.decisions[k]._replace(tracks=(person,))
+    drive.decisions = drive.decisions if until else []
+    findings = outcomes(drive)
+    found = findings['promise']
+    assert found.outcome is outcome
+    assert (findings['moving'].outcome is FAILED) == (until == 4.5)
+    assert found.at == pytest.approx(4.4 if outcome is FAILED else 4.2)
+
+
+@pytest.mark.parametrize(
     ('distance', 'outcome'), [(-1.5, PASSED), (1.5, FAILED)], ids=['behind', 'ahead']
 )
 def test_a_robot_may_leave_somebody_out_of_sight(drive, outcomes, distance, outcome):

@@ -189,12 +189,13 @@ class AuditRecord:
         """The same path, with the people near it at their true positions."""
         bodies, stamps = self.settings.bodies, np.unique([each.stamp for each in self.people])
         lasts = float(np.diff(stamps).max(initial=0)) / NANOSECONDS
+        near = _NEAR + self.settings.circumscribed_radius
 
         def along(path: DrivenPath) -> Iterator[Encounter]:
             at = np.searchsorted(path.stamps, [each.stamp for each in self.people], side='right')
             places = path.poses[np.clip(at - 1, 0, len(path.poses) - 1), :2].tolist()
             for each, place in zip(self.people, places, strict=True):
-                if math.dist(place, (each.x, each.y)) < _NEAR:
+                if math.dist(place, (each.x, each.y)) < near + each.radius:
                     for met in encounters(path, (each,), bodies, lambda _: lasts):
                         yield replace(met, name=f'person {each.id}')
 

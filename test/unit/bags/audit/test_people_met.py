@@ -36,6 +36,13 @@ def test_people_are_judged_by_their_true_positions(drive, outcomes, distance, ou
     assert 'person 0' in found.sentence
 
 
+@pytest.mark.parametrize(('distance', 'outcome'), [(3.9, FAILED), (4.3, PASSED), (9.0, SKIPPED)])
+def test_people_near_the_end_of_a_long_robot_are_judged(drive, outcomes, distance, outcome):
+    sides = [[0.05, -0.05], [0.05, 3.7], [-0.05, 3.7], [-0.05, -0.05]]
+    drive.parameters['robot.footprint'] = str(sides)
+    assert outcomes(beside(drive, distance))['people'].outcome is outcome
+
+
 def test_who_walks_into_a_robot_at_rest_is_not_driven_into(drive, outcomes):
     last = drive.odometry[-1].pose
     place = np.add(last[:2], [0.1, 0.0])

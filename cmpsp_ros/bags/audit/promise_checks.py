@@ -225,10 +225,13 @@ def _worst(
         if math.hypot(*velocity) - growth <= moving.max_speed:
             still = away(points, place)
             clear = np.maximum(clear, still - certain - moving.max_speed * since)
-        there = away(points, place + since[0] * np.array([each.vx, each.vy])) - each.radius
+        seen_velocity = np.array([each.vx, each.vy])
+        now = place + since[0] * seen_velocity
+        there = away(points, now) - each.radius
         touched = there[0] < 0.0
         spare = float(clear.min()) - (0.0 if touched else min(float(clear[0]), 0.0))
-        if reach[0] - each.radius > _LOST and there[0] > _APART:
+        comes = float((poses[0, :2] - now) @ seen_velocity) > 0.0
+        if reach[0] - each.radius > _LOST and there[0] > _APART and not comes:
             spare = max(spare, float((apart - away(points[0], centers)).min()))
         if creeps:
             stands = math.hypot(each.vx, each.vy) <= _CREEP

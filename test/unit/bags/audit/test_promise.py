@@ -81,12 +81,13 @@ def test_people_count_between_scans_as_long_as_decisions_used_them(drive, outcom
 
 
 @pytest.mark.parametrize(
-    ('distance', 'outcome'), [(-1.5, PASSED), (1.5, FAILED)], ids=['behind', 'ahead']
+    ('distance', 'speed', 'outcome'),
+    [(-1.5, -1.5, PASSED), (-1.5, 1.5, FAILED), (1.5, -1.5, FAILED)],
+    ids=['leaves behind', 'comes from behind', 'ahead'],
 )
-def test_a_robot_may_leave_somebody_out_of_sight(drive, outcomes, distance, outcome):
+def test_a_robot_may_leave_somebody_out_of_sight(drive, outcomes, distance, speed, outcome):
     stamp, place, direction = ahead(drive, 4.0, distance)
-    velocity = -1.5 * np.sign(distance) * direction
-    drive.obstacles = [(stamp, [(7, *place, *velocity, 0.3, 0.3, 0.3)])]
+    drive.obstacles = [(stamp, [(7, *place, *(speed * direction), 0.3, 0.4, 0.3)])]
     assert outcomes(drive)['promise'].outcome is outcome
 
 

@@ -93,7 +93,7 @@ PARAMETERS = Topic('guidance', 'out', '~/parameters', ParameterEvent,
     'all parameters, when configured and after every change, with the names of the changed ones; '
     'latched, so any bag contains what a replay needs', depth=1, latched=True)
 RESET = Topic('guidance', 'srv', '~/reset', Trigger,
-    'time 0 is the next odometry', depth=0)
+    'the robot stops; time 0 is the next odometry', depth=0)
 
 SIM_COMMAND = Topic('sim', 'in', 'cmd_vel', Twist,
     'obeyed within the wheel limits')

@@ -27,6 +27,7 @@ from cmpsp_ros.nodes.guidance.timing import GarbageCollection
 from cmpsp_ros.parameters import Values
 
 _WATCH_PERIOD = 0.025
+_BEGAN_AGAIN = 'The run began again.'
 
 # Control periods after a command until which the braking path that was audited with it holds.
 _LATEST_RAMP = 1.5
@@ -71,8 +72,10 @@ class GuidanceLoop:
             each.close()
 
     def reset(self) -> None:
-        """Begin again: the next odometry is time 0."""
-        self._goals.end('The run began again.')
+        """Begin again: the next odometry is time 0; until it comes an active robot stands."""
+        if self.active:
+            self._halt(_BEGAN_AGAIN)
+        self._goals.end(_BEGAN_AGAIN)
         self._begin()
         self._law.reset()
 

@@ -127,6 +127,20 @@ def test_odometry_that_stops_stops_the_robot_until_it_comes_back(fault, start_dr
     assert 'Traceback' not in running.stderr
 
 
+def test_a_run_that_begins_again_stops_the_robot_first(fault, start_driving, client):
+    """Odometry may have died: then nothing else would stop it."""
+    start_driving()
+    client.park()
+    assert client.commands[-1][0] > 0.5
+    assert client.reset().success
+    reason = 'The run began again.'
+    client.until(lambda: any(each['reason'] == reason for each in client.decisions))
+    stop = next(each for each in client.decisions if each['reason'] == reason)
+    fault.assert_decided(stop)
+    assert (stop['run'], stop['halted']) == ('1', 'true')
+    client.until(lambda: client.commands[-1] == ZERO)
+
+
 def test_one_stamp_from_the_far_future_does_not_end_the_run(
     fault, start_active, client, make_odometry
 ):

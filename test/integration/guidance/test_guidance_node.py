@@ -206,6 +206,8 @@ def test_a_stamped_command_has_the_stamp_of_its_odometry_and_a_reset_begins_agai
                 firsts.append(command)
         assert float(decision['time_left']) == 9.6
         assert client.reset().success
+        client.until(lambda: client.decisions[-1]['halted'] == 'true')
+        client.until(lambda: not any(client.commands[-1]))
     assert firsts[0] == firsts[1]
 
 

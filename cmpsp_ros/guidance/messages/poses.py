@@ -98,12 +98,12 @@ def check_age(
 ) -> None:
     """Raise `error` if a stamp [ns] differs from the clock by more than the time-out [s].
 
-    `subject` has its verb, `key` names the time-out; `now` is 0 before the first /clock.
+    `subject` has its verb, `key` names the time-out.
     """
     age = (now - stamp) / NANOSECONDS
     if age > timeout:
         raise error(f'{subject} {age:.3f} s old ({key} {timeout} s); is use_sim_time right?')
-    if now > 0 and -age > timeout:
+    if -age > timeout:
         raise error(
             f'{subject} {-age:.3f} s ahead of the clock ({key} {timeout} s); is use_sim_time right?'
         )

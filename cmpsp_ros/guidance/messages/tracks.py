@@ -171,9 +171,12 @@ def tracks_of(message: Any, frame_id: str) -> list[Track]:
 
 
 def check_track_age(message: Any, now: int, timeout: float, subject: str) -> None:
-    """Raise `TrackError` for a message whose stamp does not fit the clock [ns, s]."""
-    key = 'moving_obstacles.timeout'
-    check_age(subject, key, stamp_of(message), now, timeout, TrackError)
+    """Raise `TrackError` for a message whose stamp does not fit the clock [ns, s].
+
+    `now` is 0 before the first /clock.
+    """
+    key, stamp = 'moving_obstacles.timeout', stamp_of(message)
+    check_age(subject, key, stamp, now or stamp, timeout, TrackError)
 
 
 def track_keys(tracks: Iterable[MovingObject]) -> str:

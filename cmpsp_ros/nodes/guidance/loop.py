@@ -88,7 +88,7 @@ class GuidanceLoop:
         self._halted_at: int | None = None
         self._commanded_at, self._over_at = -NEVER, NEVER
         self._pose: list[float] = []
-        self._begun = False
+        self._begun = self._lacks_clock = False
         self._outputs.listeners.begin()
 
     def take(self, settings: GuidanceSettings) -> None:
@@ -163,6 +163,8 @@ class GuidanceLoop:
         """Sentence on the input that the next decision waits for; '' if none is missing."""
         if self.waiting or self.decision is not None:
             return self.waiting
+        if self._lacks_clock and self._now() == 0:
+            return 'Waiting for /clock (use_sim_time).'
         return f'Waiting for odometry on {self._odometry.topic}.'
 
     def _on_odometry(self, data: bytes) -> None:
@@ -175,6 +177,11 @@ class GuidanceLoop:
             # A first command that is late looks like a longer delay.
             oldest = period if self._begun else 0.0
             reading, newest = self._odometry.newest(data, now, oldest, self._law.is_due)
+            self._lacks_clock = (
+                now == 0 and reading.stamp > self._settings.odom_timeout * NANOSECONDS
+            )
+            if self._lacks_clock and not self._begun:
+                return
             pose, is_transformed = self._transforms.pose_of(reading, newest)
             stamp, before = reading.stamp, self.gate.newest
             arrival = self.gate.take(stamp, pose, now, self._settings)

@@ -120,3 +120,17 @@ def test_a_node_that_uses_simulated_time_lives_before_there_is_any(fault, start_
     client.send(5_000_000_000)
     client.until(lambda: client.commands)
     assert client.commands[0][0] > 0.5
+
+
+def test_without_a_clock_no_run_begins(fault, start_node, client):
+    start_node('guidance_node', {'use_sim_time': True})
+    client.connect()
+    client.drive()
+    reason = 'Waiting for /clock (use_sim_time).'
+    health = client.until_health(state='active', said=reason)
+    fault.assert_said('—', health['level'][0], health['said'][: len(reason)])
+    assert client.commands == []
+    clock = client.node.create_publisher(Clock, '/clock', 10)
+    tick = client.node.get_clock().now
+    client.node.create_timer(0.01, lambda: clock.publish(Clock(clock=tick().to_msg())))
+    client.until_driving()

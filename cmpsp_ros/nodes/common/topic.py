@@ -1,6 +1,7 @@
 """A topic of a node, subscriptions that are read before their turn, and message classes."""
 
 import re
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from importlib import import_module
@@ -89,6 +90,19 @@ class Listener:
 def steady_timer(node: Node, period: float, callback: Callable[[], None]) -> Timer:
     """Timer with a period [s] of a clock that never jumps: simulated time may stand still."""
     return node.create_timer(period, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+
+def watch_time(node: Node) -> int:
+    """Time to measure silence by [ns]: simulated, or steady, since the system's may be set."""
+    clock = node.get_clock()
+    return int(clock.now().nanoseconds) if clock.ros_time_is_active else time.monotonic_ns()
+
+
+def watch_timer(node: Node, period: float, callback: Callable[[], None]) -> Timer:
+    """Timer with a period [s] of `watch_time`: system time that is set back would stop it."""
+    if node.get_clock().ros_time_is_active:
+        return node.create_timer(period, callback)
+    return steady_timer(node, period, callback)
 
 
 def waiting(subscription: Subscription) -> Iterator[Any]:

@@ -2,6 +2,7 @@
 
 import math
 import time
+from functools import partial
 
 from rclpy.lifecycle import LifecycleNode
 
@@ -16,6 +17,7 @@ from cmpsp_ros.guidance import (
 )
 from cmpsp_ros.guidance.messages import Arrival, OdometryError, OdometryGate
 from cmpsp_ros.guidance.mission import reason_not_to_begin
+from cmpsp_ros.nodes.common.topic import watch_time, watch_timer
 from cmpsp_ros.nodes.guidance.diagnostics import StepTimes
 from cmpsp_ros.nodes.guidance.inputs.course import MapInput, RoadInput
 from cmpsp_ros.nodes.guidance.inputs.goals import GoalInput
@@ -58,7 +60,8 @@ class GuidanceLoop:
         sources = self._transforms, self.road
         waits = values['goal.wait']
         self._goals = GoalInput(node, self._law, *sources, lambda: self.active, waits=waits)
-        self._timer = node.create_timer(_WATCH_PERIOD, self._watch)
+        self._watch_time = partial(watch_time, node)
+        self._timer = watch_timer(node, _WATCH_PERIOD, self._watch)
         self._end_timer = node.create_timer(_WATCH_PERIOD, self._on_end)
         self._end_timer.cancel()
         self._begin()
@@ -126,7 +129,7 @@ class GuidanceLoop:
 
     def _command(self, decision: Decision) -> None:
         self._outputs.command(decision)
-        self._commanded_at = self._now()
+        self._commanded_at = self._watch_time()
 
     @property
     def connections(self) -> dict[str, int]:
@@ -136,7 +139,7 @@ class GuidanceLoop:
     @property
     def odometry_age(self) -> float | None:
         """Age of the latest odometry [s]; None before the first."""
-        return self.watchdog.age(self._now())
+        return self.watchdog.age(self._watch_time())
 
     def warnings(self) -> list[str]:
         """Warnings about inputs and outputs of the decisions, in sentences."""
@@ -193,7 +196,7 @@ class GuidanceLoop:
             return
         self.times.hear((now - stamp) / 1e6)
         self._outputs.name_robot(self._transforms.robot_frame(reading.child_frame_id))
-        self.watchdog.end(now)
+        self.watchdog.end(self._watch_time())
         self._pose = pose.tolist()
         if arrival is Arrival.TIME_JUMPED_BACK and before is not None:
             self._begin_again(stamp, (before - stamp) / NANOSECONDS)
@@ -296,9 +299,10 @@ class GuidanceLoop:
             return
         if self._garbage.overdue:
             self._use_slack()
-        if self.watchdog.is_longer_than(timeout := self._settings.odom_timeout, self._now()):
+        timeout = self._settings.odom_timeout
+        if self.watchdog.is_longer_than(timeout, self._watch_time()):
             self._odometry.drain()
-        if self.watchdog.goes_on(timeout, self._now()):
+        if self.watchdog.goes_on(timeout, self._watch_time()):
             self.gate.fail(f'No usable odometry for more than {timeout} s (odom_timeout).')
         if self.gate.fault:
             self._halt_for_odometry()
@@ -314,7 +318,8 @@ class GuidanceLoop:
         """Control periods since the last command; infinite without a limit of acceleration."""
         if math.isinf(self._settings.robot.max_wheel_acceleration):
             return math.inf
-        return (self._now() - self._commanded_at) / NANOSECONDS / self._settings.control_period
+        held = (self._watch_time() - self._commanded_at) / NANOSECONDS
+        return held / self._settings.control_period
 
     def _halt_for(self, reason: str, *, braking: bool = False) -> None:
         """Stop now, and again every control period while the reason lasts."""

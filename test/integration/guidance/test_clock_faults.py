@@ -1,5 +1,8 @@
 """Clocks that jump or stop, and a slow computer; compared with doc/reference/faults.md."""
 
+import struct
+import subprocess
+
 import pytest
 from live import ZERO
 from rclpy.duration import Duration
@@ -9,6 +12,45 @@ from rosgraph_msgs.msg import Clock
 SECOND = 1_000_000_000
 PERIOD = SECOND // 5
 POSE = (0.0, -9.25, 0.0)
+
+
+SETTABLE = r"""
+#include <fcntl.h>
+#include <stdlib.h>
+#include <sys/mman.h>
+#include <sys/syscall.h>
+#include <time.h>
+#include <unistd.h>
+static volatile long *seconds;
+__attribute__((constructor)) static void begin(void) {
+  seconds = mmap(0, sizeof(long), PROT_READ, MAP_SHARED, open(getenv("SET"), O_RDONLY), 0);
+}
+int clock_gettime(clockid_t clock, struct timespec *now) {
+  int result = syscall(SYS_clock_gettime, clock, now);
+  if (clock == CLOCK_REALTIME && seconds) now->tv_sec += *seconds;
+  return result;
+}
+"""
+
+
+@pytest.fixture
+def set_clock(client, monkeypatch, tmp_path):
+    """Set the system clock of processes to be started, and of odometry: `set_clock(seconds)`."""
+    source, library, offset = (tmp_path / f'settable.{each}' for each in ('c', 'so', 'offset'))
+    source.write_text(SETTABLE)
+    subprocess.run(['cc', '-shared', '-fPIC', '-o', library, source], check=True)
+    offset.write_bytes(struct.pack('l', 0))
+    monkeypatch.setenv('SET', str(offset))
+    monkeypatch.setenv('LD_PRELOAD', str(library))
+    send = client.send
+
+    def change(seconds):
+        # In place: it is mapped.
+        with offset.open('r+b') as file:
+            file.write(struct.pack('l', seconds))
+        client.send = lambda stamp, pose: send(stamp + seconds * SECOND, pose)
+
+    return change
 
 
 @pytest.fixture
@@ -134,3 +176,22 @@ def test_without_a_clock_no_run_begins(fault, start_node, client):
     tick = client.node.get_clock().now
     client.node.create_timer(0.01, lambda: clock.publish(Clock(clock=tick().to_msg())))
     client.until_driving()
+
+
+def test_odometry_that_stops_after_the_clock_was_set_back_stops_the_robot(
+    fault, set_clock, start_driving, client
+):
+    start_driving()
+    begun = client.now()
+    set_clock(-1000)
+
+    def is_set(decision):
+        return int(decision['stamp']) < begun - 500 * SECOND
+
+    client.until(lambda: any(map(is_set, client.decisions)))
+    client.until_driving()
+    client.park()
+    client.until(lambda: client.decisions[-1]['reason'].startswith('No usable odometry'))
+    assert is_set(client.decisions[-1])
+    fault.assert_decided(client.decisions[-1])
+    client.until(lambda: client.commands[-1] == ZERO)

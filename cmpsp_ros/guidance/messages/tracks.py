@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import math
 import re
+from bisect import bisect_right, insort
 from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import pairwise
+from operator import attrgetter
 from typing import Any, Final, Generic, TypeVar
 
 import numpy as np
@@ -117,23 +119,24 @@ class Tracks(Generic[Report]):
     def add(self, reports: Iterable[Report]) -> None:
         """Add the reports of a message."""
         for each in reports:
-            known = self._known.setdefault(each.id, [])
-            known.append(each)
-            known.sort()
+            insort(self._known.setdefault(each.id, []), each)
 
     def at(self, stamp: int, timeout: float) -> tuple[Report, ...]:
         """The latest report on each object at a time [ns], by id; none beyond the time-out [s]."""
-        oldest, latest = stamp - round(timeout * NANOSECONDS), []
-        for number, known in sorted(self._known.items()):
-            seen = sum(each.stamp <= stamp for each in known)
+        self.forget_before(stamp, timeout)
+        first = (known[0] for _, known in sorted(self._known.items()))
+        return tuple(each for each in first if each.stamp <= stamp)
+
+    def forget_before(self, stamp: int, timeout: float) -> None:
+        """Forget reports that are not the latest ones at this time [ns] or at any later one."""
+        oldest = stamp - round(timeout * NANOSECONDS)
+        for number, known in [*self._known.items()]:
+            seen = bisect_right(known, stamp, key=attrgetter('stamp'))
             del known[: max(seen - 1, 0)]
             if known[0].is_older(oldest):
                 del known[0]
-            elif seen:
-                latest.append(known[0])
             if not known:
                 del self._known[number]
-        return tuple(latest)
 
     def forget_after(self, stamp: int) -> None:
         """Forget reports later than an instant [ns], to which time has jumped back."""

@@ -17,7 +17,7 @@ from sensor_msgs.msg import LaserScan, PointCloud2
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.bags import UnknownTypeError
-from cmpsp_ros.guidance import NANOSECONDS, NEVER, GuidanceSettings
+from cmpsp_ros.guidance import NANOSECONDS, NEVER, GuidanceSettings, to_nanoseconds
 from cmpsp_ros.guidance.messages import (
     MovingObject,
     ObjectTracks,
@@ -208,12 +208,12 @@ class TrackInput(SurroundingsInput):
     def _read_obstacles(self, message: PointCloud2) -> None:
         tracks = self._transforms.tracks_of(message)
         self._check_age(message, 'Obstacles are')
-        self._obstacles.add(tracks)
+        self._add(self._obstacles, tracks)
 
     def _read_plan(self, namespace: str, message: Path) -> None:
         plan = PeerTrajectory.of(message, namespace, self.settings.frame_id)
         self._check_age(message, f'The plan of {namespace} is')
-        self._plans.add([plan])
+        self._add(self._plans, [plan])
         self._heard[namespace] = plan
 
     def _read_objects(self, number: int, message: Any) -> None:
@@ -223,7 +223,16 @@ class TrackInput(SurroundingsInput):
         there, motion = self._transforms.frame_at(frame, stamp, with_motion=is_moving)
         timeout = self.settings.moving_obstacles.timeout
         tracks = self._objects[number].tracks_of(message, there, motion, timeout)
-        self._tracks[number].add(tracks)
+        self._add(self._tracks[number], tracks)
+
+    def _add(self, known: Tracks[Any], reports: Sequence[MovingObject]) -> None:
+        """Add the reports of a message; forget those too old for any step: there may be none."""
+        known.add(reports)
+        timeout = self.settings.moving_obstacles.timeout
+        # Stamps may be ahead of the clock, and odometry behind it.
+        lead = to_nanoseconds(timeout + self.settings.odom_timeout)
+        for each in reports[:1]:
+            known.forget_before(each.stamp - lead, timeout)
 
     def _check_age(self, message: Any, subject: str) -> None:
         now = self._node.get_clock().now().nanoseconds

@@ -171,6 +171,17 @@ def test_of_two_at_one_time_the_greater_counts():
         assert tracks.at(5, 1.0)[0].radius == 0.3
 
 
+def test_what_is_forgotten_before_a_time_changes_nothing_from_then_on():
+    reports = [seen(1, 1.0), seen(1, 1.2), seen(2, 1.1), seen(1, 1.6), seen(3, 0.1)]
+    for seconds in (1.3, 1.6, 2.0, 2.3, 3.0):
+        tracks, all_of_them = Tracks(), Tracks()
+        for each in (tracks, all_of_them):
+            each.add(reports)
+        tracks.forget_before(1_300_000_000, 1.0)
+        assert sorted(map(len, tracks._known.values())) == [1, 2]
+        assert at(tracks, seconds) == at(all_of_them, seconds)
+
+
 def test_time_that_jumps_back():
     tracks = Tracks()
     tracks.add([seen(1, 1.0), seen(2, 9.0)])

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 _REMEMBERED_STEPS = 1000
 
 _ENOUGH_STEPS = 10  # steps after which their usual delay is known
+_LONGEST_GAP = 2.0  # control periods between two commands on a plan that are in time
 _UNKNOWN_DELAY = 0.1  # control periods by which commands may be later than `command_delay` says
 
 
@@ -91,10 +92,16 @@ class StepTimes:
         period: float,
         delay: float,
         *,
+        gap: float = 0.0,
         is_late: bool = False,
     ) -> None:
-        """Count a step: its time, and that from stamp to command [ms]; period and delay in [s]."""
+        """Count a step: its time, and that from stamp to command [ms]; period and delay in [s].
+
+        `gap` is the time since the last command [s], 0 where that did not follow a plan.
+        """
         self._times.append(step_ms)
+        self._gap, self._is_overdue = gap, gap > _LONGEST_GAP * period
+        is_late = is_late or self._is_overdue
         self._answers.append(answer_ms)
         self._period_ms, self._delay_ms = 1e3 * period, 1e3 * delay
         self._misses += is_late or response_ms(step_ms, answer_ms, delay) > self._period_ms
@@ -108,6 +115,11 @@ class StepTimes:
             said.append(
                 f'The last control step took {self._times[-1]:.1f} ms of the'
                 f' {self._period_ms:.1f} ms until the next.'
+            )
+        if self._is_overdue:
+            said.append(
+                f'The last command came {self._gap:.2f} s after the one before: odometry was late,'
+                ' or the node was busy with a change.'
             )
         if len(self._answers) >= _ENOUGH_STEPS:
             usual = float(np.median(self._answers))

@@ -225,12 +225,15 @@ class GuidanceLoop:
         sent = self._now()
         took = (sent - now) / NANOSECONDS
         is_late = took > period and decision.plan is not None
+        last, gap = self.decision, 0.0
         if not is_late:
+            if last is not None and last.plan is not None and not last.late:
+                gap = (self._watch_time() - self._commanded_at) / NANOSECONDS
             self._command(decision)
         self._expect_end(decision, now)
         step_ms = (time.perf_counter_ns() - began) / 1e6
         answer_ms, delay = (sent - stamp) / 1e6, self._settings.command_delay
-        self.times.add(step_ms, answer_ms, period, delay, is_late=is_late)
+        self.times.add(step_ms, answer_ms, period, delay, gap=gap, is_late=is_late)
         failure = ''
         try:
             decision = self._law.after_step(took if is_late else 0.0)

@@ -214,13 +214,13 @@ class GuidanceNode(LifecycleNode):
 
     def _check_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
         try:
-            self._changed(parameters)
+            self._checked = self._changed(parameters)
         except ParameterError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
     def _take_parameters(self, parameters: list[Parameter]) -> None:
-        self._values, settings = self._changed(parameters)
+        self._values, settings = self._checked
         self._given.update(each.name for each in parameters)
         if self._is_configured:
             self._loop.take(settings)

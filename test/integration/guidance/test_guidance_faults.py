@@ -9,6 +9,7 @@ import rclpy
 from diagnostic_msgs.msg import DiagnosticStatus
 from live import PERIOD_NS, ZERO
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
 from rclpy.time import Time
 from rosgraph_msgs.msg import Clock
@@ -16,7 +17,7 @@ from rosgraph_msgs.msg import Clock
 from cmpsp_ros.guidance import GuidanceLaw
 from cmpsp_ros.mpsp.jit import allocation_free
 from cmpsp_ros.nodes.guidance.node import GuidanceNode
-from cmpsp_ros.parameters import config_directory
+from cmpsp_ros.parameters import config_directory, guidance_settings
 
 
 def spoil_position(message):
@@ -226,6 +227,24 @@ def both(node, client):
         client.ros.executor.spin_once(timeout_sec=0.01)
 
     return both
+
+
+def test_a_live_change_is_computed_once(node, monkeypatch):
+    """The robot drives on without a new command for as long as that takes."""
+    (guidance,) = node.get_nodes()
+    computed = []
+
+    def count(values):
+        computed.append(values['weights.road_center'])
+        return guidance_settings(values)
+
+    monkeypatch.setattr('cmpsp_ros.nodes.guidance.node.guidance_settings', count)
+    for value in (0.5, 0.25):
+        (result,) = guidance.set_parameters([Parameter('weights.road_center', value=value)])
+        assert result.successful
+    assert computed == [0.5, 0.25]
+    (result,) = guidance.set_parameters([Parameter('weights.road_center', value=-1.0)])
+    assert not result.successful
 
 
 def test_a_kernel_compiled_while_active_is_an_error(fault, both, client, wait_until):

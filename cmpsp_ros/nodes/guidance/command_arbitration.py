@@ -9,6 +9,7 @@ import os
 import socket
 import time
 from collections.abc import Callable
+from uuid import uuid4
 
 from diagnostic_msgs.msg import KeyValue
 from rclpy.node import Node
@@ -37,7 +38,9 @@ class CommandArbiter:
             GUIDED_BY.type, topic, self._on_claim, GUIDED_BY.qos
         )
         self._timer = steady_timer(node, PERIOD, self._look)
-        self._name = f'{node.get_fully_qualified_name()} ({socket.gethostname()}:{os.getpid()})'
+        # Containers that share the network of their host may have equal process ids, too.
+        process = f'{socket.gethostname()}:{os.getpid()}:{uuid4().hex[:8]}'
+        self._name = f'{node.get_fully_qualified_name()} ({process})'
         self._since: int | None = None
         self._heard: dict[str, float] = {}
         self._others: tuple[str, ...] = ()

@@ -7,6 +7,7 @@ from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from geometry_msgs.msg import Twist
 
 from cmpsp_ros.nodes.common.topics import GUIDED_BY
+from cmpsp_ros.nodes.guidance.command_arbitration import CommandArbiter
 
 ZERO = (0.0, 0.0)
 # Nearly half way round takes long enough for another node to start on a busy machine.
@@ -59,6 +60,23 @@ def test_of_two_that_began_together_the_later_gives_way(fault, start_driving, cl
     client.until(lambda: client.commands[-1] == ZERO)
     client.until(lambda: client.decisions[-1]['fallback_level'] == 'stop')
     fault.assert_decided(client.decisions[-1])
+
+
+def test_nodes_of_one_name_host_and_process_id_are_told_apart(ros, monkeypatch):
+    """As in two containers that share the network of their host."""
+    monkeypatch.setattr('os.getpid', lambda: 1)
+    gave_way = []
+    first, second = (
+        CommandArbiter(ros.node, lambda rival, each=each: gave_way.append(each))
+        for each in ('first', 'second')
+    )
+    first.begin()
+    ros.spin_until(lambda: second.guiding)
+    second.begin()
+    ros.spin_until(lambda: gave_way)
+    assert set(gave_way) == {'second'}
+    for each in (first, second):
+        each.close()
 
 
 def test_a_node_that_was_killed_has_a_successor(fault, start_node, start_driving, client):

@@ -157,6 +157,24 @@ def test_a_costmap_grows_old_and_its_changes_count(
     assert abs(command[1]) > 0.1, 'it turns to one side of the box'
 
 
+def test_a_costmap_of_a_time_to_come_stops_the_robot(
+    fault, start_node, client, make_odometry, tell
+):
+    """It would not grow old for as long."""
+    start_node('guidance_node', {**TOLD, 'map.timeout': 0.5})
+    client.connect()
+    client.until_health(state='active', said='Waiting for a map')
+    stamp = client.now()
+    tell(floor(stamp=stamp + 3 * PERIOD_NS))
+    client.until_health(said='Waiting for odometry')
+    decision, command = client.decide(make_odometry(stamp, START, 'map'))
+    fault.assert_decided(decision)
+    assert command == (0.0, 0.0)
+    assert ' s, 0.600 s ahead of odometry of ' in decision['reason']
+    decision, _ = client.decide(make_odometry(stamp + PERIOD_NS, START, 'map'))
+    assert decision['fallback_level'] == 'nominal', decision['reason']
+
+
 def test_a_map_in_another_frame_is_placed_by_transforms(
     interfaces, start_node, client, make_odometry, tell
 ):

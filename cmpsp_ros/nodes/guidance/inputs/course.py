@@ -109,11 +109,17 @@ class MapInput(CourseInput):
             self._take()
 
     def trouble(self, stamp: int) -> str:
-        """Reason to stop at a time [ns]: the last map was refused, or is too old; else empty."""
+        """Reason to stop at a time [ns]: the last map was refused, or its time is wrong, or ''."""
         age = (stamp - self._stamp) / NANOSECONDS
-        if not self.refusal and self._topic and 0.0 < self._timeout < age:
+        if self.refusal or not self._topic or not 0.0 < self._timeout < abs(age):
+            return self.refusal
+        if age > 0.0:
             return f'The map is {age:.3f} s old (map.timeout).'
-        return self.refusal
+        of, odometry = self._stamp / NANOSECONDS, stamp / NANOSECONDS
+        return (
+            f'The map is of {of:.3f} s, {-age:.3f} s ahead of odometry of {odometry:.3f} s'
+            ' (map.timeout); is use_sim_time right?'
+        )
 
     def _hear(self, message: GridMessage | OccupancyGridUpdate) -> None:
         frame = message.header.frame_id

@@ -179,6 +179,13 @@ class Leg:
         return self.path.between(first, int(self.path.stamps[-1]))
 
     @cached_property
+    def came(self) -> IntArray:
+        """When each command came, by the odometry received around it [ns], whatever the clock."""
+        heard, first = self.odometry, self.odometry.stamps[0]
+        since = np.interp(self.commands.received, heard.received, heard.stamps - first)
+        return np.asarray(first + since.astype(np.int64))
+
+    @cached_property
     def by_odometry(self) -> KnownPath:
         """The path by odometry; beside a true path its covariance does not count as contact."""
         off, stamps = 0.0, self.path.stamps

@@ -48,26 +48,28 @@ def _odometry_gap(record: AuditRecord, _worst: Sample) -> str:
     gaps=(_odometry_gap,),
 )  # fmt: skip
 def rate(record: AuditRecord) -> Iterator[Sample]:
-    """Time from each command of a run to the next, but without odometry and after a stop."""
+    """Time from each command of a run to the next, by stamps and as received; not after a stop."""
     limit = LATE * record.settings.control_period
     # For so long odometry must be missing to make a command late [ns].
     longest = (1.0 - 1.0 / LATE) * limit * NANOSECONDS
     worst = 0.0
     yield Sample.upper(worst, limit, record.start)
     for leg in record.legs:
+        commands = leg.commands
         for run in leg.runs:
-            final = to_nanoseconds(record.history.at(run.start).final_time)
-            end = min(run.end, run.start + final)
-            inside = (leg.commands.stamps >= run.start) & (leg.commands.stamps < end)
-            stamps, moving = leg.commands.stamps[inside], leg.commands.moving[inside]
-            times = np.concatenate([[run.start], stamps, [end]])
-            is_expected = np.concatenate([[True], moving])
-            gaps = np.diff(times) / NANOSECONDS
-            for begin, gap in zip(times[:-1][is_expected].tolist(), gaps[is_expected], strict=True):
-                until = begin + round(gap * NANOSECONDS)
-                if gap > worst and not holes(leg.odometry.stamps, begin, until, longest):
-                    worst = float(gap)
-                    yield Sample.upper(worst, limit, begin)
+            settings = record.history.at(run.start)
+            end = min(run.end, run.start + to_nanoseconds(settings.final_time))
+            inside = (commands.stamps >= run.start) & (commands.stamps < end)
+            is_expected = np.append(True, commands.moving[inside])
+            last = next(iter(leg.came[commands.stamps >= end]), end)
+            for stamps, final, slack in ((commands.stamps, end, 0.0), (leg.came, last, _SLACK)):
+                times = np.concatenate([[run.start], stamps[inside], [final]])
+                gaps = np.diff(times) / NANOSECONDS - slack
+                for k in np.flatnonzero(is_expected & (gaps > worst)).tolist():
+                    begin, until = int(times[k]), int(times[k + 1])
+                    if gaps[k] > worst and not holes(leg.odometry.stamps, begin, until, longest):
+                        worst = float(gaps[k])
+                        yield Sample.upper(worst + slack, limit + slack, begin)
 
 
 @check(
@@ -76,7 +78,7 @@ def rate(record: AuditRecord) -> Iterator[Sample]:
     bad='A command to move rests on odometry that is {worst:.3g} s old.', gaps=(_odometry_gap,),
 )  # fmt: skip
 def age(record: AuditRecord) -> Iterator[Sample]:
-    """Age of the newest odometry when the robot is commanded to move."""
+    """Age of the odometry that a command to move rests on, or of the newest if that is older."""
     limit = record.settings.odom_timeout + _SLACK
     is_any = False
     for leg in record.legs:
@@ -89,7 +91,8 @@ def age(record: AuditRecord) -> Iterator[Sample]:
         if not known.any():
             continue
         offset = float(np.median(odometry.received - odometry.stamps)) / NANOSECONDS
-        ages = (commands.received - odometry.stamps[latest])[known] / NANOSECONDS
+        basis = np.minimum(commands.stamps, odometry.stamps[latest])
+        ages = (commands.received - basis)[known] / NANOSECONDS
         ages -= offset if abs(offset) > _SAME_CLOCK else 0.0
         is_any = True
         yield Sample.largest(ages, limit, commands.stamps[known], ages - limit)

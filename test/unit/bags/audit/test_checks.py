@@ -155,6 +155,14 @@ def test_another_clock_at_the_recorder_s_is_no_old_odometry(drive, outcomes):
     assert outcomes(drive)['age'].outcome is PASSED
 
 
+@pytest.mark.parametrize('rate', [0.2, 3.0])
+def test_a_recorder_s_clock_that_runs_at_another_rate_makes_no_command_late(drive, outcomes, rate):
+    for each in (*drive.odometry, *drive.commands):
+        each.received = round(rate * (each.received - START))
+    drive.decisions = []
+    assert outcomes(drive)['rate'].outcome is PASSED
+
+
 def test_a_robot_that_is_not_stopped_at_the_end_is_caught(drive, outcomes):
     del drive.commands[-1], drive.decisions[-1]
     while drive.commands[-1].twist[0] == 0.0:

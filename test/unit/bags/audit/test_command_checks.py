@@ -29,6 +29,14 @@ def lose_commands(drive):
     del drive.commands[first : first + 3], drive.decisions[first : first + 3]
 
 
+def delay_commands(seconds, first=0):
+    def tamper(drive):
+        for each in drive.commands[first:]:
+            each.received += round(seconds * SECOND)
+
+    return tamper
+
+
 def delay_odometry(drive):
     for each in drive.odometry:
         each.received += SECOND
@@ -43,6 +51,10 @@ def delay_odometry(drive):
         (commanding(3.0, 0.0, np.nan), ['finite', 'as_decided'], 3.0, '1 of 53'),
         (commanding(3.0, 0.0, np.inf), ['finite', 'as_decided'], 3.0, '1 of 53'),
         (lose_commands, ['rate'], 2.8, 'for 0.8 s'),
+        (delay_commands(0.6), ['rate'], 0.0, 'for 0.6'),
+        (delay_commands(0.6, 50), ['rate'], 9.803, 'for 0.597'),
+        (delay_commands(2.0), ['rate', 'age'], 0.0, 'for 2'),
+        (delay_commands(2.0), ['age'], None, 'that is 2'),
         (delay_odometry, ['age'], None, 'that is 1'),
         (deciding(7, reason=' '), ['reasons'], 1.4, 'without a reason'),
         (deciding(7, level=FallbackLevel.STOP), ['reasons'], 1.4, 'with wheels that turn'),

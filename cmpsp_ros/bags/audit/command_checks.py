@@ -27,6 +27,7 @@ _SETTLED: Final = 2.0 / 3.0
 # Control periods for which a command has to hold before obedience can be judged.
 _BRIEF: Final = 0.5
 _OBEYED: Final = 0.1  # part of the largest wheel speed by which a wheel may differ from its command
+_LAGS: Final = 3.0  # time constants of the wheels after which they have followed a stop
 _SIGMAS: Final = 3.0 * math.sqrt(2.0)
 
 WHEELS: Final = ('robot.wheel_radius', 'robot.half_track', 'robot.max_wheel_speed')
@@ -223,16 +224,33 @@ def obeyed(record: AuditRecord) -> Iterator[Sample]:
 
 
 def _held(leg: Leg, settings: GuidanceSettings) -> tuple[IntArray, IntArray, Array]:
-    stamps, twists = leg.commands.stamps, leg.commands.twists
-    effects = stamps + round(settings.command_delay * NANOSECONDS)
-    begins, ends = effects[:-1], effects[1:]
+    stamps, delay = leg.commands.stamps, round(settings.command_delay * NANOSECONDS)
+    standing = _standing(leg, settings)
+    begins = np.append(stamps[:-1], standing[:-1]) + delay
+    ends = np.append(stamps[1:], standing[1:]) + delay
+    # The last command counts once it has stopped the robot.
+    twists = np.vstack([leg.commands.twists[:-1], *[leg.commands.twists[-1:]] * len(standing[1:])])
     durations = ends - begins
     periods = durations / (settings.control_period * NANOSECONDS)
     chosen = (periods >= _BRIEF) & (periods <= LATE)
     chosen &= (begins >= leg.path.stamps[0]) & (ends <= leg.path.stamps[-1])
-    chosen &= np.isfinite(twists[:-1]).all(axis=1)
+    chosen &= np.isfinite(twists).all(axis=1)
     settled = begins + np.round(_SETTLED * durations).astype(np.int64)
-    return settled[chosen], ends[chosen], twists[:-1][chosen]
+    return settled[chosen], ends[chosen], twists[chosen]
+
+
+def _standing(leg: Leg, settings: GuidanceSettings) -> IntArray:
+    """Control periods at rest after a last command that is a stop, as instants [ns]."""
+    odometry, last = leg.odometry.stamps, int(leg.commands.stamps[-1])
+    robot, period = settings.robot, settings.control_period
+    braking = robot.max_wheel_speed / robot.max_wheel_acceleration
+    until_rest = period + settings.safety.stopping_time + _LAGS * settings.max_lag + braking
+    # Of two at one instant the later counts: the robot was set somewhere else.
+    is_set = (np.diff(odometry) == 0) & np.diff(leg.odometry.poses, axis=0).any(axis=1)
+    moved = odometry[1:][is_set & (odometry[1:] > last)]
+    end = next(iter(moved), odometry[-1]) if not leg.commands.moving[-1] else last
+    begin = last + round(until_rest * NANOSECONDS)
+    return np.arange(begin, end, round(period * NANOSECONDS), dtype=np.int64)
 
 
 def _changing(record: AuditRecord) -> Array:

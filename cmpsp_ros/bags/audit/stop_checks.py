@@ -30,6 +30,7 @@ from cmpsp_ros.robots.motion import speeds_and_turns
 _SLACK: Final = 0.15
 # Difference from which times of reception are taken for those of another clock [s].
 _SAME_CLOCK: Final = 10.0
+_MOVED: Final = 0.01  # distance beyond which a robot without commands is not at rest [m]
 
 
 def _odometry_gap(record: AuditRecord, _worst: Sample) -> str:
@@ -41,11 +42,21 @@ def _odometry_gap(record: AuditRecord, _worst: Sample) -> str:
     return f'Odometry is not recorded {in_words(stamps, record.start)}.' if stamps else ''
 
 
+def _uncommanded(record: AuditRecord, _worst: Sample) -> str:
+    begins = {int(leg.odometry.received[0]) for leg in record.legs}
+    moves = [
+        Hole(int(each.stamps[0]), int(each.stamps[-1]))
+        for each in record.odometry.legs(record.settings.odom_timeout)
+        if int(each.received[0]) not in begins and np.ptp(each.poses[:, :2], axis=0).max() > _MOVED
+    ]
+    return f'The robot moves {in_words(moves, record.start)} without any command.' if moves else ''
+
+
 @check(
     'rate', 'Commands: in time', needs=('control_period', 'final_time'), unit='s',
     good='A command comes each control period.',
     bad='No command comes for {worst:.3g} s while the robot is on its way.',
-    gaps=(_odometry_gap,),
+    gaps=(_odometry_gap, _uncommanded),
 )  # fmt: skip
 def rate(record: AuditRecord) -> Iterator[Sample]:
     """Time from each command of a run to the next, by stamps and as received; not after a stop."""

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from drives import SECOND, Command, drive_case, drive_settings, failed
+from drives import ODOM_PERIOD, SECOND, Command, Sample, drive_case, drive_settings, failed
 
 from cmpsp_ros.bags.audit import CheckOutcome
 from cmpsp_ros.guidance import FallbackLevel
@@ -99,6 +99,48 @@ def test_a_command_that_is_held_only_briefly_cannot_be_seen_to_be_obeyed(
     # Commands with stamps need no decisions to say what they answer.
     drive.stamped = True
     assert ('obeyed' in failed(outcomes(drive))) == judged
+
+
+def standing(drive, seconds, speed):
+    """The robot after its last command, from a second later at a speed."""
+    last = drive.odometry[-1]
+    for k in range(1, round(seconds * SECOND / ODOM_PERIOD)):
+        after = k * ODOM_PERIOD
+        way = speed * max(after / SECOND - 1.0, 0.0)
+        pose = np.add(last.pose, [way * np.cos(last.pose[2]), way * np.sin(last.pose[2]), 0.0])
+        # Each twice, as where a command takes effect.
+        drive.odometry += [Sample(last.received + after, last.stamp + after, pose)] * 2
+
+
+@pytest.mark.parametrize(('speed', 'outcome'), [(0.0, PASSED), (0.4, FAILED)])
+def test_a_robot_that_drives_on_after_its_last_stop_is_caught(drive, outcomes, speed, outcome):
+    standing(drive, 4.0, speed)
+    finding = outcomes(drive)['obeyed']
+    assert finding.outcome is outcome
+    assert (finding.at > 11.0) == (outcome is FAILED)
+
+
+def test_a_robot_that_is_set_somewhere_else_after_its_last_stop_has_obeyed(drive, outcomes):
+    standing(drive, 4.0, 0.0)
+    last = drive.odometry[-1]
+    elsewhere = np.add(last.pose, [1.0, 0.0, 0.0])
+    drive.odometry.append(Sample(last.received + 1, last.stamp, elsewhere))
+    later = last.stamp + ODOM_PERIOD
+    drive.odometry.append(Sample(last.received + ODOM_PERIOD, later, elsewhere))
+    assert outcomes(drive)['obeyed'].outcome is PASSED
+
+
+@pytest.mark.parametrize(('speed', 'outcome'), [(0.0, PASSED), (1.0, CheckOutcome.NOT_JUDGED)])
+def test_a_robot_that_drives_without_commands_after_the_clock_jumped_back_is_told(
+    drive, outcomes, speed, outcome
+):
+    first = len(drive.odometry)
+    standing(drive, 6.0, speed)
+    for each in drive.odometry[first::2]:
+        each.stamp -= 9 * SECOND
+    finding = outcomes(drive)['rate']
+    assert finding.outcome is outcome
+    assert ('moves from 1.42 to 7.38 s (5.96 s) without' in finding.sentence) == (speed > 0.0)
 
 
 @pytest.mark.parametrize(('said', 'least'), [(0.06, 0.064), (0.0, 0.002)])

@@ -195,18 +195,31 @@ def as_decided(record: AuditRecord) -> Iterator[Sample]:
     yield Sample.count(int(wrong.sum()), at, **words)
 
 
+def _vague(record: AuditRecord, _worst: Sample) -> str:
+    limit = record.settings.robot.max_wheel_speed
+    is_vague = any((allowed >= limit).all() for _, _, allowed in _followed(record))
+    said = 'By its covariance odometry may be off by as much as the wheels can turn.'
+    return said if is_vague else ''
+
+
 @check(
     'obeyed', 'Commands: obeyed', needs=(*WHEELS, 'control_period'), unit='rad/s',
     good='The robot drives what is commanded.',
     bad='A wheel turns {worst:.3g} rad/s slower or faster than commanded.',
-    nothing='No command was held for long enough.', gaps=(path_gap,),
+    nothing='No command was held for long enough.', gaps=(_vague, path_gap),
 )  # fmt: skip
 def obeyed(record: AuditRecord) -> Iterator[Sample]:
     """Difference of wheel speeds from each command, after the time that the robot needs."""
+    if not math.isfinite(record.settings.robot.max_wheel_speed):
+        raise SkippedError('The wheels have no limit (robot.max_wheel_speed is 0) to measure by.')
+    for begins, off, allowed in _followed(record):
+        yield Sample.largest(off, allowed, begins, off / allowed - 1.0)
+
+
+def _followed(record: AuditRecord) -> Iterator[tuple[IntArray, Array, Array]]:
+    """For each leg: begins of commands held [ns], wheel errors and their limits [rad/s]."""
     settings = record.settings
     robot = settings.robot
-    if not math.isfinite(robot.max_wheel_speed):
-        raise SkippedError('The wheels have no limit (robot.max_wheel_speed is 0) to measure by.')
     for leg in record.legs:
         begins, ends, twists = _held(leg, settings)
         known = [
@@ -219,8 +232,7 @@ def obeyed(record: AuditRecord) -> Iterator[Sample]:
         off = robot.wheel_differences(mean_twists(leg.odometry, begins, ends), twists)
         spread = leg.odometry.spreads.max(axis=0)
         noise = _SIGMAS * (spread[0] + robot.half_track * spread[1]) / duration
-        allowed = _OBEYED * robot.max_wheel_speed + noise / robot.wheel_radius
-        yield Sample.largest(off, allowed, begins, off / allowed - 1.0)
+        yield begins, off, _OBEYED * robot.max_wheel_speed + noise / robot.wheel_radius
 
 
 def _held(leg: Leg, settings: GuidanceSettings) -> tuple[IntArray, IntArray, Array]:

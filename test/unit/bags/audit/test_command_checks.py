@@ -101,6 +101,15 @@ def test_a_command_that_is_held_only_briefly_cannot_be_seen_to_be_obeyed(
     assert ('obeyed' in failed(outcomes(drive))) == judged
 
 
+@pytest.mark.parametrize(('spread', 'outcome'), [(0.0, FAILED), (0.05, CheckOutcome.NOT_JUDGED)])
+def test_odometry_that_admits_any_error_does_not_show_obedience(drive, outcomes, spread, outcome):
+    for each in drive.odometry:
+        each.spread = spread
+    for each in drive.commands:
+        each.twist = 0.5 * each.twist
+    assert outcomes(drive)['obeyed'].outcome is outcome
+
+
 def standing(drive, seconds, speed):
     """The robot after its last command, from a second later at a speed."""
     last = drive.odometry[-1]

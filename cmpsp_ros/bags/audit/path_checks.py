@@ -10,6 +10,7 @@ from cmpsp_ros.arrays import Array, BoolArray, IntArray
 from cmpsp_ros.bags.audit.finding import NotJudgedError, Sample, SkippedError, check
 from cmpsp_ros.bags.audit.legs import Commands, Leg
 from cmpsp_ros.bags.audit.record import EDGES, AuditRecord, Sweep, path_gap
+from cmpsp_ros.bags.audit.sensor_gaps import unseen
 from cmpsp_ros.bags.decision_record import DecisionRecord
 from cmpsp_ros.bags.runs.odometry import interpolated, is_within
 from cmpsp_ros.bags.runs.sensor_clearance import EXACT, Encounter, driven_into
@@ -25,7 +26,7 @@ _ROAD: Final = ('road',)
 
 
 def _unseen(record: AuditRecord, _worst: Sample) -> str:
-    return record.unseen
+    return unseen(record)
 
 
 def _clear_in_words(worst: Sample) -> str:
@@ -78,8 +79,8 @@ def _doubtful(record: AuditRecord, worst: Sample) -> str:
 def obstacles(record: AuditRecord) -> Iterator[Sample]:
     """Clearance from all obstacles: configured, simulated and sensed."""
     if not any(each.settings.obstacles for each in record.evidence) and not any(record.seen):
-        if record.unseen:
-            raise NotJudgedError(record.unseen)
+        if reason := unseen(record):
+            raise NotJudgedError(reason)
         raise SkippedError('There is no obstacle among the parameters.')
     yield from _clear(record, slice(EDGES, None), 0.0)
 
@@ -159,7 +160,7 @@ def margin(record: AuditRecord) -> Iterator[Sample]:
     'nominal', 'Fallback: nominal is clear', needs=_ROAD, of_decisions=True, unit='m',
     of_reach=True, good='Wherever the level is nominal, the path driven is clear.',
     bad='While the level is nominal, the path driven is {depth:.3g} m too close.',
-    gaps=(lambda record, worst: record.unseen or path_gap(record, worst),),
+    gaps=(lambda record, worst: unseen(record) or path_gap(record, worst),),
 )  # fmt: skip
 def nominal(record: AuditRecord) -> Iterator[Sample]:
     """Clearance of the path driven wherever the level is nominal."""

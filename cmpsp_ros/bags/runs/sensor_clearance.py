@@ -3,9 +3,9 @@
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import islice
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -17,7 +17,16 @@ from cmpsp_ros.guidance import NANOSECONDS, SEEN, GuidanceSettings, to_nanosecon
 from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.robots import Bodies, Footprint, contains, placed
 from cmpsp_ros.robots.motion import with_side
-from cmpsp_ros.sensing import Beams, LocalGrid, ScanError, Sensor, grid_of, sight_of, stamp_of
+from cmpsp_ros.sensing import (
+    Beams,
+    LocalGrid,
+    ScanError,
+    Sensor,
+    Sight,
+    grid_of,
+    sight_of,
+    stamp_of,
+)
 from cmpsp_ros.world.grids import Cell, GridError, GridObstacle, OccupancyGrid
 from cmpsp_ros.world.obstacles import MovingDiscs
 
@@ -137,6 +146,8 @@ class SensorClearance:
     clearance: Array
     looks: IntArray  # times of the messages that showed anything, in order, shape ``(L,)`` [ns]
     tolerance: float  # error of the clearance [m]
+    # Times of usable messages by the name of their sensor, in order [ns]; empty for `~/sighting`.
+    heard: Mapping[str, IntArray] = field(default_factory=dict)
 
     def blind(self, looks: IntArray, settings: GuidanceSettings) -> tuple[Hole, ...]:
         """Times of driving with nothing seen for `sight.timeout`; `looks`: all sightings [ns]."""
@@ -194,7 +205,8 @@ def look(
     best, heard = paths
     if best:
         judge, looks = _ClearanceTracker(settings, best), list[int]()
-        scans = _scans(bag, topic, settings, best, window)
+        heard_of: dict[str, list[int]] = {each.name: [] for each in settings.sight.sensors}
+        scans = _scans(bag, topic, settings, best, window, heard_of)
         while block := list(islice(scans, _BLOCK)):
             # Beams that end at moving obstacles have hit nothing static.
             block = [
@@ -206,7 +218,8 @@ def look(
             # A cloud never shows that something has gone, nor that it came.
             sweeps = [replace(each, stamp=-each.stamp) for each in block if each.is_sweep]
             judge.look(sweeps[::-1], -1)
-        yield judge.seen(looks, EXACT)
+        times = {name: np.unique(np.array(each, np.int64)) for name, each in heard_of.items()}
+        yield replace(judge.seen(looks, EXACT), heard=times)
     if heard:
         judge, looks, tolerance = _ClearanceTracker(settings, heard), [], EXACT
         before, last, spots = judge.begin, judge.end, np.empty((0, 2))
@@ -287,7 +300,12 @@ def _from_polygon(footprint: Footprint, points: Array, pose: Array) -> Array:
 
 
 def _scans(
-    bag: Bag, topic: str, settings: GuidanceSettings, paths: Sequence[DrivenPath], window: Window
+    bag: Bag,
+    topic: str,
+    settings: GuidanceSettings,
+    paths: Sequence[DrivenPath],
+    window: Window,
+    heard: Mapping[str, list[int]],
 ) -> Iterator[Beams]:
     """All scans that were made while the path is known, as it says where the sensors were."""
     namespace = topic.rpartition('/')[0].rpartition('/')[0]
@@ -298,22 +316,19 @@ def _scans(
             sensors.setdefault(name, []).append(each)
     for name, received, message in bag.together(list(sensors)) if sensors else ():
         for sensor in sensors[name] if window[0] <= received < window[1] else ():
-            beams = _beams(sensor, message, paths)
-            if beams is not None:
-                yield beams
+            # The node refuses it too.
+            with suppress(ScanError):
+                sight = sight_of(message, sensor)
+                heard[sensor.name].append(sight.stamp)
+                yield from _beams(sight, paths)
 
 
-def _beams(sensor: Sensor, message: Any, paths: Sequence[DrivenPath]) -> Beams | None:
-    try:
-        sight = sight_of(message, sensor)
-    except ScanError:
-        # The node refuses it too.
-        return None
+def _beams(sight: Sight, paths: Sequence[DrivenPath]) -> Iterator[Beams]:
     first = int(sight.stamps[0]) if len(sight.stamps) else sight.stamp
     for each in paths:
         if each.stamps[0] <= first and sight.stamp <= each.stamps[-1]:
-            return sight.projected(each.at_all(sight.stamps))
-    return None
+            yield sight.projected(each.at_all(sight.stamps))
+            return
 
 
 def _in_discs(points: Array, discs: Array) -> BoolArray:

@@ -1,6 +1,7 @@
 """The audit of what is not told: people and crates, by the simulator and by sensors."""
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -12,6 +13,7 @@ from test_promise import SCANNER
 from cmpsp_ros.bags.audit import CheckOutcome
 from cmpsp_ros.bags.runs.sensor_clearance import EXACT, Encounter, driven_into
 from cmpsp_ros.parameters import TABLE, laser_settings
+from cmpsp_ros.sensing import stamp_of
 from cmpsp_ros.simulator import Laser, Motion, discs_of, edges_of
 from cmpsp_ros.world.obstacles import Obstacle
 
@@ -144,6 +146,55 @@ def test_a_time_without_scans_leaves_it_open(drive, outcomes):
     begin, end = START + 3 * SECOND, START + 6 * SECOND
     drive.scans = [each for each in drive.scans if not begin < each[0] < end]
     assert outcomes(drive)['obstacles'].outcome is not FAILED
+
+
+REAR = {
+    'sensors.names': ['front', 'rear'],
+    'sensors.rear.topic': 'scan',
+    'sensors.rear.frame_id': 'rear_scan',
+}
+
+
+@pytest.mark.parametrize(
+    ('changes', 'said'),
+    [
+        ({'sensors.rear.topic': 'rear'}, 's): /rear is not in the bag.'),
+        ({'sensors.rear.topic': 'odom'}, 's): found nav_msgs/msg/Odometry in /odom, wanted'),
+        ({'sensors.rear.frame_id': 'elsewhere'}, "found 'base_scan', wanted 'elsewhere'"),
+        ({}, 'Sensor rear shows nothing from 1.90 to 10.40 s (8.50 s)'),
+    ],
+)
+def test_one_sensor_does_not_see_for_another(drive, outcomes, changes, said):
+    drive = scanned(drive)
+    drive.parameters |= REAR | changes
+    for stamp, each in list(drive.scans):
+        if stamp < START + 2 * SECOND:
+            rear = header(stamp_of(each), 'rear_scan')
+            drive.scans.append((stamp, replace(each, header=rear)))
+    found = outcomes(drive)['obstacles']
+    assert found.outcome is NOT_JUDGED
+    assert said in found.sentence
+    assert 'front' not in found.sentence
+
+
+def test_what_the_node_saw_is_of_all_sensors(drive, outcomes):
+    drive = scanned(drive)
+    drive.parameters |= REAR
+    cells = np.zeros((40, 40), np.int8)
+    cells[0, 0] = 100
+    drive.sightings = [
+        (each.stamp, cells, (float(each.pose[0]) + 3.0, float(each.pose[1])))
+        for each in drive.odometry[::5]
+    ]
+    assert outcomes(drive)['obstacles'].outcome is PASSED
+
+
+def test_a_frame_that_is_not_the_sensor_s_is_the_reason(drive, outcomes):
+    drive = scanned(drive)
+    drive.parameters['sensors.front.frame_id'] = 'elsewhere'
+    found = outcomes(drive)['obstacles']
+    assert found.outcome is NOT_JUDGED
+    assert "found 'base_scan', wanted 'elsewhere' (sensors.front.frame_id)" in found.sentence
 
 
 def test_limits_are_lower_by_what_scans_may_be_off(drive, outcomes):

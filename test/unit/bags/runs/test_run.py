@@ -163,6 +163,8 @@ def test_of_two_at_one_instant_the_later_counts_and_time_is_put_in_order(tmp_pat
         ('/guidance/decision', (STATUS, []), 'no decision in /guidance/decision'),
         ('/sim/truth', (ODOMETRY, [at(8, 1.0, 0.0, 1.0)]), 'found 1 messages in /sim/truth'),
         ('/sim/wheel_speeds', None, 'no topic /sim/wheel_speeds'),
+        ('/sim/truth', (JOINTS, [joints(8, ())]), 'JointState in /sim/truth, wanted nav'),
+        ('/guidance/predicted_path', (JOINTS, [joints(8, ())]), 'predicted_path, wanted nav'),
     ],
 )
 def test_a_run_that_lacks_something_is_refused_by_its_name(tmp_path, topic, content, said):

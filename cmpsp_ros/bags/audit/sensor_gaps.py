@@ -1,0 +1,38 @@
+"""Sensors without usable messages: when, and why."""
+
+from cmpsp_ros.bags.audit.record import AuditRecord
+from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.bags.runs import in_words
+from cmpsp_ros.sensing import ScanError, Sensor, sight_of
+
+
+def unseen(record: AuditRecord) -> str:
+    """Why obstacles are not known everywhere, in sentences; empty if they are."""
+    if record.history.simulated:
+        return ''
+    said = [record.unseen] if record.unseen else []
+    # `~/sighting` is of all sensors.
+    alone = [leg[0] for leg in record.seen if leg and all(each.heard for each in leg)]
+    for each in record.settings.sight.sensors:
+        blind = [hole for leg in alone for hole in leg.blind(leg.heard[each.name], record.settings)]
+        why = _refusal(record, each) if blind or not all(record.seen) else ''
+        when = f' shows nothing {in_words(blind, record.start)}' if blind else ''
+        if when or why:
+            said.append(f'Sensor {each.name}{when}{": " if why else ""}{why}.')
+    return ' '.join(said)
+
+
+def _refusal(record: AuditRecord, sensor: Sensor) -> str:
+    """Why the first unusable message of a sensor is refused, or why it has none; else empty."""
+    with Bag(record.path) as bag:
+        name = sensor.topic_in(record.places.namespace)
+        if name not in bag.topics:
+            return f'{name} is not in the bag'
+        if (found := bag.topics[name].msgtype) != sensor.message_type:
+            return f'found {found} in {name}, wanted {sensor.message_type}'
+        try:
+            for _, message in bag.messages(name):
+                sight_of(message, sensor)
+        except ScanError as error:
+            return str(error)
+    return ''

@@ -250,7 +250,8 @@ def _unquoted(text: str, kind: ParameterType) -> str:
         number = float(text)
     except ValueError:
         return ''
-    if not math.isfinite(number):
+    # In YAML as ROS reads it an underscore makes text; Python leaves it out.
+    if '_' in text or not math.isfinite(number):
         return ''
     is_whole = kind is ParameterType.INTEGER and number.is_integer()
     return str(int(number) if is_whole else number)

@@ -98,6 +98,10 @@ def test_the_usual_slips_of_yaml_are_explained(type_, value, hint):
     assert refusal(parameter(type_), value).endswith(hint)
 
 
+def test_an_underscore_makes_text_of_digits_also_without_quotes():
+    assert refusal(parameter(), '5_1') == "key: found '5_1', wanted a number [m]"
+
+
 @pytest.mark.parametrize(
     ('interval', 'inside', 'outside', 'text'),
     [

@@ -18,6 +18,7 @@ from cmpsp_ros.parameters import TABLE, ParameterError, Values, is_of_ros
 from cmpsp_ros.sensing import Sighting, grid_of, stamp_of
 
 EVENTS = '/parameter_events'  # topic of the changes
+_EVENT = 'rcl_interfaces/msg/ParameterEvent'
 
 
 class NodeParameters:
@@ -35,6 +36,8 @@ class NodeParameters:
             hint = ', and no decisions: --params-file makes some' if foreign else ''
             text = f'no parameters of {node}; there are those of {there}{hint}'
             raise bag.error(text)
+        if EVENTS in bag.topics and (found := bag.topics[EVENTS].msgtype) != _EVENT:
+            raise bag.error(f'found {found} in {EVENTS}, wanted {_EVENT}')
         self._take(bag.parameters[node])
 
     def restart(self, until: int) -> int | None:

@@ -249,14 +249,32 @@ def test_messages_that_cannot_be_replayed(replayed, change, reason):
         replayed(change)
 
 
-@pytest.mark.parametrize('topic', ['/odom', '/cmd_vel', DECISIONS])
-def test_a_topic_of_another_type_is_refused(short, tmp_path, topic):
+def as_text(source, topic, target):
+    """A copy of a bag in which all messages of a topic are text."""
     kind = 'std_msgs/msg/String'
     raw = bytes(jazzy().serialize_cdr(jazzy().types[kind]('Well.'), kind))
-    with Bag(short[0]) as whole, BagWriter(tmp_path / 'other') as other:
+    with Bag(source) as whole, BagWriter(target) as other:
         for name, there in whole.topics.items():
             other.topic(name, kind if name == topic else there.msgtype)
             for stamp, message in whole.raw(name):
                 other.write(name, stamp, raw if name == topic else message)
+    return target
+
+
+@pytest.mark.parametrize('topic', ['/odom', '/cmd_vel', DECISIONS])
+def test_a_topic_of_another_type_is_refused(short, tmp_path, topic):
     with pytest.raises(BagError, match=f'{topic}: found a message that is none of its type'):
-        replay(tmp_path / 'other', NAMES)
+        replay(as_text(short[0], topic, tmp_path / 'other'), NAMES)
+
+
+@pytest.mark.parametrize('name', [*LAWS, *DRIVES])
+def test_changes_of_parameters_of_another_type_are_refused(changed, bag, monkeypatch, name):
+    as_text(bag, '/parameter_events', bag.with_name('other'))
+    monkeypatch.chdir(bag.parent)
+    verb, _, *options = COMMANDS[name]
+    done = command(verb, 'other', *options)
+    assert done.exit_code == 2, (done.output, done.exception)
+    assert done.stderr == (
+        'other: found std_msgs/msg/String in /parameter_events, wanted'
+        ' rcl_interfaces/msg/ParameterEvent\n'
+    )

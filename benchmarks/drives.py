@@ -26,7 +26,7 @@ from cmpsp_ros.parameters import (
     guidance_settings,
     load_parameter_file,
 )
-from cmpsp_ros.parameters.files import preset_names, robot_names
+from cmpsp_ros.parameters.files import preset_names, robot_names, robots_in
 from cmpsp_ros.studies.paper import table1, table2
 
 
@@ -40,8 +40,9 @@ class Preset:
 
     @classmethod
     def load(cls, name: str) -> Preset:
-        """Read and check a preset or parameter file."""
-        values = TABLE.resolve(load_parameter_file(name))
+        """Read and check a preset or parameter file; of several robots the first."""
+        robot = next(iter(robots_in(name)), None)
+        values = TABLE.resolve(load_parameter_file(name, namespace=robot))
         check_simulation(values)
         return cls(name, guidance_settings(values), np.array(values['initial_pose']))
 

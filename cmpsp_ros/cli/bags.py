@@ -173,7 +173,8 @@ def _what_if(
     from cmpsp_ros.parameters import load_parameter_file  # noqa: PLC0415 (starts faster without)
     from cmpsp_ros.parameters.files import parse_assignment  # noqa: PLC0415 (starts faster without)
 
-    base = None if params_file is None else load_parameter_file(params_file)
+    robot = names.namespace
+    base = None if params_file is None else load_parameter_file(params_file, namespace=robot)
     change = Change(base, dict(parse_assignment(each) for each in assignments))
     folder = output or bag.with_name(f'{bag.name}_what_if')
     result = what_if(bag, names, change, folder / 'bag')

@@ -70,7 +70,7 @@ def subschemas(schema, key):
 
 @pytest.mark.parametrize('name', preset_names())
 def test_schema_accepts_the_presets(schema, name):
-    assert is_valid(schema, nested(load_parameter_file(name)))
+    assert is_valid(schema, nested(load_parameter_file(name, namespace='/r1')))
 
 
 @pytest.mark.parametrize(

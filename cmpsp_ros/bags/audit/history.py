@@ -61,7 +61,7 @@ class History:
 def read_history(bag: Bag, places: Names, params_file: str | Path | None) -> History:
     """Parameters of guidance node and simulator with their recorded changes, or those of a file."""
     if params_file is not None:
-        given = load_parameter_file(params_file)
+        given = load_parameter_file(params_file, namespace=places.namespace)
         values = TABLE.resolve(given)
         history = History(frozenset(given), (Epoch(0, values, guidance_settings(values)),))
         return _with_course(history, bag, places.sim)

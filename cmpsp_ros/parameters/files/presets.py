@@ -59,7 +59,7 @@ def load_parameter_file(
 
     They are those of a `node` such as ``/r1/guidance``, or of guidance and simulator in a
     `namespace`, else in any; the later section counts. ParameterError if there is no such file, no
-    ROS parameters in it, or different values for several nodes and none is selected.
+    ROS parameters in it, or different values for several nodes or robots and none is selected.
     """
     path = _path(path_or_preset_name)
     sections = _sections(path)
@@ -70,7 +70,7 @@ def load_parameter_file(
         wanted = f'one for {" or ".join(nodes) or "/**, guidance, sim"}'
         raise ParameterError(Problem(str(path), found, wanted))
     if node is None:
-        _refuse_contradictions(chosen, str(path))
+        _refuse_contradictions(chosen, str(path), namespace)
     values = {key: value for section in chosen.values() for key, value in section.items()}
     return with_files(values, path.parent)
 
@@ -161,16 +161,20 @@ def _concerns(section: str, nodes: Sequence[str]) -> bool:
     return any(re.fullmatch(pattern, f'/{each.lstrip("/")}') for each in nodes)
 
 
-def _refuse_contradictions(sections: ros_yaml.Sections, source: str) -> None:
+def _refuse_contradictions(sections: ros_yaml.Sections, source: str, namespace: str | None) -> None:
     said: dict[str, tuple[str, Any]] = {}
     problems = []
+    robots = {each.rpartition('/')[0].strip('/*') for each in sections} - {''}
+    is_of_one = bool(namespace) or len(robots) < 2
     for name, section in sections.items():
-        if name.endswith('*'):
+        # One for all nodes contradicts none, that for all nodes of a robot none of the same robot.
+        if name.endswith('*') and (is_of_one or not name.strip('/*')):
             continue
         for key, value in section.items():
             other, before = said.setdefault(key, (name, value))
             if before != value:
                 found = f'{describe(before)} for {other} and {describe(value)} for {name}'
-                problems.append(Problem(f'{source}: {key}', found, 'one value for both'))
+                hint = '' if is_of_one else ', or the namespace of a robot'
+                problems.append(Problem(f'{source}: {key}', found, f'one value for both{hint}'))
     if problems:
         raise ParameterError(*problems)

@@ -89,7 +89,7 @@ def test_a_final_time_that_was_asked_for_stays_and_is_said_to_be_too_short():
 
 def test_the_presets_raise_no_warnings():
     for preset in preset_names():
-        assert load_scenario(preset, [], lockstep=False).remarks == ()
+        assert load_scenario(preset, [], lockstep=False, namespace='/r1').remarks == ()
 
 
 def test_a_robot_too_large_for_its_course_is_refused():

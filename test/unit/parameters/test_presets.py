@@ -57,7 +57,7 @@ def refusal(call, *arguments):
 
 @pytest.mark.parametrize('name', preset_names())
 def test_every_preset_builds_and_says_what_an_audit_judges_by(name):
-    given_ = load_parameter_file(name)
+    given_ = load_parameter_file(name, namespace='/r1')
     values = TABLE.resolve(given_)
     judged = {key for each in CHECKS for key in each.needs} - {'road', 'obstacles.names'}
     # A car has none.
@@ -140,6 +140,27 @@ def test_a_file_of_several_robots(tmp_path):
         assert load_parameter_file(path, namespace=namespace) == common | own
     assert robots_in('fleet') == ('/r1', '/r2', '/r3', '/r4')
     assert robots_in('case3') == ()
+
+
+def test_values_of_several_robots_are_refused_until_one_is_selected(tmp_path):
+    path = tmp_path / 'fleet.yaml'
+    path.write_text(f'{FLEET}\n/r1/**:\n  ros__parameters: {{final_time: 7.0, odom_timeout: 0.3}}')
+    assert refusal(load_parameter_file, path) == '\n'.join(
+        f'{path}: {key}: found {values}, wanted one value for both, or the namespace of a robot'
+        for key, values in {
+            'final_time': '6.0 for /r2/** and 7.0 for /r1/**',
+            'odom_timeout': '0.2 for /r1/guidance and 0.3 for /r1/**',
+        }.items()
+    )
+    own = load_parameter_file(path, namespace='/r1')
+    assert own == {'final_time': 7.0, 'odom_timeout': 0.3}
+    assert load_parameter_file(path, namespace='/r2')['final_time'] == 6.0
+
+
+def test_a_section_for_all_nodes_of_the_only_robot_contradicts_none(tmp_path):
+    path = tmp_path / 'one.yaml'
+    path.write_text(f'/r1/**:\n  ros__parameters: {{final_time: 5.0}}\n{MERGED}')
+    assert load_parameter_file(path)['final_time'] == 6.0
 
 
 def test_robots_written_load_bit_for_bit(tmp_path):

@@ -161,7 +161,7 @@ def test_other_robots_are_named_by_namespaces():
 
 @pytest.mark.parametrize('name', preset_names())
 def test_presets_and_robots_are_in_metres_and_radians(name):
-    given = load_parameter_file(name)
+    given = load_parameter_file(name, namespace='/r1')
     assert not list(plausibility_warnings(TABLE.resolve(given)))
     # Accelerations of cars are in m/s^2: no other robot is laid over them.
     is_of_car = given.get('robot.model') == 'ackermann'

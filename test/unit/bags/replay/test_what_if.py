@@ -6,6 +6,7 @@ import pytest
 from commands import command
 
 from cmpsp_ros.bags import Bag, Names
+from cmpsp_ros.bags.audit import Sources, read_record
 from cmpsp_ros.bags.decision_record import status_of
 from cmpsp_ros.bags.replay import Change, draw_what_if, what_if
 from cmpsp_ros.bags.replay.replay import replay
@@ -148,3 +149,25 @@ def test_what_if_is_exit_code_0_with_a_bag_and_a_picture(drive, bag, options):
     again = command('replay', bag, *options)
     assert again.exit_code == 2
     assert 'exists already' in again.stderr
+
+
+def test_a_file_of_several_robots_gives_the_values_of_the_one_that_is_meant(drive, bag):
+    with drive(prefix='/r2') as run:
+        run.go(0.5)
+    assert command('replay', bag, '--params-file', 'fleet', '--namespace', '/r2').exit_code == 0
+    with Bag(bag.with_name('bag_what_if') / 'bag') as new:
+        assert new.parameters['/what_if/r2/guidance']['goal.position'] == [-5.0, 0.0]
+    audited = read_record(bag, Sources(params_file='fleet', namespace='/r2'))
+    assert audited.history.epochs[0].values['goal.position'] == [-5.0, 0.0]
+
+
+@pytest.mark.parametrize('verb', ['replay', 'audit'])
+def test_a_file_of_several_robots_without_a_namespace_is_refused(drive, bag, verb):
+    with drive() as run:
+        run.go(0.5)
+    done = command(verb, bag, '--params-file', 'fleet')
+    assert done.exit_code == 2
+    assert (
+        'goal.position: found [5.0, 0.0] for /r1/** and [-5.0, 0.0] for /r2/**, wanted one value'
+        ' for both, or the namespace of a robot' in done.stderr
+    )

@@ -244,8 +244,8 @@ def settings(preset='case3', **changes):
 
 @pytest.mark.parametrize('name', preset_names())
 def test_every_preset_may_begin_where_its_robot_is(name):
-    values = TABLE.resolve(load_parameter_file(name))
-    assert not reason_not_to_begin(settings(name), np.array(values['initial_pose']))
+    values = TABLE.resolve(load_parameter_file(name, namespace='/r1'))
+    assert not reason_not_to_begin(guidance_settings(values), np.array(values['initial_pose']))
 
 
 def test_odometry_that_begins_at_the_origin_with_a_course_elsewhere():

@@ -136,7 +136,7 @@ def side_by_side(given, start, steps=8, late=0, **tolerances):
 
 @pytest.mark.parametrize('preset', preset_names())
 def test_presets(preset):
-    values = TABLE.resolve(load_parameter_file(preset))
+    values = TABLE.resolve(load_parameter_file(preset, namespace='/r1'))
     # Of hundreds of rows, one with a multiplier of zero is active to rounding.
     tolerances = {'spare_rows': 1} if preset == 'parallel_parking' else {}
     if preset == 'lane_change':

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Optional
@@ -20,7 +21,7 @@ from cmpsp_ros.cli.terminal import (
     remark,
     say,
 )
-from cmpsp_ros.parameters import ParameterError
+from cmpsp_ros.parameters import ParameterError, Problem
 
 if TYPE_CHECKING:
     from cmpsp_ros.bags import Names
@@ -133,9 +134,7 @@ def replay(
     bag: Annotated[Path, typer.Argument(help='Bag of a guidance node.')],
     tolerance: Annotated[
         Optional[float],
-        typer.Option(
-            min=0.0, metavar='REL', help='Tolerance of floats, for bags of another machine.'
-        ),
+        typer.Option(metavar='REL', help='Tolerance of floats, for bags of another machine.'),
     ] = None,
     assignments: Assignments = None,
     params_file: ParamsFile = None,
@@ -148,13 +147,15 @@ def replay(
 ) -> None:
     """Recompute the decisions from recorded odometry, and compare them.
 
-    Exit code 0 if all are identical, 1 if any differs, 2 if the bag cannot be used. With --set or
-    --params-file it shows the decisions of a changed guidance law.
+    Exit code 0 if all are identical or within the tolerance, 1 if any differs, 2 if the bag cannot
+    be used. With --set or --params-file it shows the decisions of a changed guidance law.
     """
     from cmpsp_ros.bags import Names  # noqa: PLC0415 (starts faster without)
 
     names = Names.under(namespace or '', odom or '', cmd_vel or '')
     with exit_on(BagError, ParameterError, code=2):
+        if tolerance is not None and not 0.0 <= tolerance < math.inf:
+            raise ParameterError(Problem('--tolerance', str(tolerance), 'a finite number >= 0'))
         if assignments or params_file:
             _what_if(bag, names, assignments or [], params_file, output)
             return

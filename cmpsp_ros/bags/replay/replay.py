@@ -60,17 +60,23 @@ def differences(
     With a tolerance, which is absolute below 1: floats that differ by more.
     """
     for field, one, other in _pairs(recorded, decision):
-        if one != other and not _close(one, other, tolerance):
+        if one != other and not _close(field, one, other, tolerance):
             yield Difference(number, recorded.stamp, field, one or 'nothing', other or 'nothing')
 
 
-def _close(recorded: str | None, replayed: str | None, tolerance: float | None) -> bool:
+def _close(field: str, recorded: str | None, replayed: str | None, tolerance: float | None) -> bool:
     if tolerance is None or recorded is None or replayed is None:
         return False
-    if _FRACTION.fullmatch(recorded) and _FRACTION.fullmatch(replayed):
-        one, other = float(recorded), float(replayed)
-        return math.isclose(one, other, rel_tol=tolerance, abs_tol=tolerance)
-    return ' ' in recorded and _NUMBER.sub('#', recorded) == _NUMBER.sub('#', replayed)
+    if field == 'reason':
+        return _NUMBER.sub('#', recorded) == _NUMBER.sub('#', replayed)
+    # The speeds of four wheels are one text.
+    ones, others = recorded.split(' '), replayed.split(' ')
+    if len(ones) != len(others) or not all(map(_FRACTION.fullmatch, ones + others)):
+        return False
+    return all(
+        math.isclose(float(one), float(other), rel_tol=tolerance, abs_tol=tolerance)
+        for one, other in zip(ones, others, strict=True)
+    )
 
 
 def _pairs(recorded: DecisionRecord, decision: Decision) -> Pairs:
@@ -104,6 +110,7 @@ class ReplayOutcome:
     """Counts of decisions compared, and of fields that differ; recording software by name."""
 
     software: Mapping[str, str]
+    tolerance: float | None = None  # of floats; None where every bit counts
     decisions: int = 0
     stops: int = 0  # stops that odometry does not show; their reason is taken as recorded
     commands: int = 0  # decisions whose command was recorded and compared too
@@ -114,7 +121,10 @@ class ReplayOutcome:
     first: Difference | None = None
 
     def __str__(self) -> str:
-        lines = [f'identical: {self.decisions} decisions']
+        verdict = 'identical'
+        if self.tolerance is not None:
+            verdict = f'within {self.tolerance:g}, but for numbers in reasons'
+        lines = [f'{verdict}: {self.decisions} decisions']
         if self.first is not None:
             lines = [
                 str(self.first),
@@ -165,7 +175,8 @@ def replay(path: Path, names: Names, tolerance: float | None = None) -> ReplayOu
                 f'found no {missing[0]} among the parameters of {names.node}, wanted a'
                 ' recording of a law that has it: the one before decided otherwise'
             )
-        outcome = ReplayOutcome({'cmpsp_ros': bag.version or 'unknown', **bag.software})
+        software = {'cmpsp_ros': bag.version or 'unknown', **bag.software}
+        outcome = ReplayOutcome(software, tolerance)
         follower = Follower(settings_of)
         for event in inputs:
             try:

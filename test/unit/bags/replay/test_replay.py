@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 import pytest
 from bag_messages import SECOND, odometry
-from recorded_drives import DECISIONS, TICK, dropping, editing, moving, said, setting
+from recorded_drives import DECISIONS, TICK, altered, dropping, editing, moving, said, setting
 
 from cmpsp_ros.bags import Bag, BagError, Names
 from cmpsp_ros.bags.decision_record import status_of
@@ -221,6 +221,31 @@ def test_a_wrong_sentence_is_caught_and_within_tolerance_only_its_words_count(dr
     copy = alter(editing(DECISIONS, reword))
     assert replay(copy, NAMES).first.field == 'reason'
     assert replay(copy, NAMES, 1e-6).differences == 0
+
+
+@pytest.mark.parametrize('place', [0, 3])
+def test_each_speed_of_four_wheels_counts_within_tolerance(drive, bag, alter, place):
+    with drive(preset='omni_aisle') as run:
+        run.pose = np.zeros(3)
+        run.go(0.5)
+
+    def other(by):
+        def edit(message):
+            entry = said(message, 'wheel_speeds')
+            speeds = entry.value.split(' ')
+            assert len(speeds) == 4
+            speeds[place] = repr(float(speeds[place]) + by)
+            entry.value = ' '.join(speeds)
+            return message
+
+        return editing(DECISIONS, edit, 1)
+
+    outcome = replay(alter(other(1.0)), NAMES, 1e-9)
+    assert (outcome.differing, outcome.first.field) == (1, 'wheel_speeds')
+    near = altered(bag, bag.with_name('near'), other(1e-12))
+    assert replay(near, NAMES).differing == 1
+    verdict = str(replay(near, NAMES, 1e-9))
+    assert verdict.startswith('within 1e-09, but for numbers in reasons: 3 decisions\n')
 
 
 def test_a_robot_in_a_namespace(drive, bag):

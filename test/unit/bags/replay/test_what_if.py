@@ -120,6 +120,9 @@ def test_a_difference_is_exit_code_1_and_named(drive, alter):
         (['{}/bag', '--set', 'final_tim=1.0'], 'did you mean final_time?'),
         (['{}/bag', '--set', 'final_time'], 'no key=value'),
         (['{}/bag', '--params-file', 'case9'], 'no such preset'),
+        (['{}/bag', '--tolerance', 'inf'], 'found inf, wanted a finite number >= 0'),
+        (['{}/bag', '--tolerance', 'nan'], 'found nan, wanted a finite number >= 0'),
+        (['{}/bag', '--tolerance=-1e-9'], 'found -1e-09, wanted a finite number >= 0'),
     ],
 )
 def test_what_cannot_be_used_is_exit_code_2_in_one_line(drive, tmp_path, arguments, reason):

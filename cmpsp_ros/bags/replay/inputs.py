@@ -17,7 +17,7 @@ from cmpsp_ros.arrays import Array
 from cmpsp_ros.bags.decision_record import DecisionRecord
 from cmpsp_ros.bags.names import Names
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.replay.recording import NodeParameters, OdometrySample, Recording
+from cmpsp_ros.bags.replay.recording import SLACK, NodeParameters, OdometrySample, Recording
 from cmpsp_ros.guidance import Decision, Goal, GoalError, GuidanceLaw, GuidanceSettings, Observation
 from cmpsp_ros.guidance.messages import MovingObject
 from cmpsp_ros.parameters import Values
@@ -93,6 +93,10 @@ class Inputs:
         self._bag, self._node = bag, names.node
         self._parameters = NodeParameters(bag, names.node)
         self.skipped = 0  # decisions before the first run in the bag: its law's state is unknown
+        # After the last decision; without the last second, whose decisions may come too late.
+        self.remaining: list[OdometrySample] = []
+        # False where the node had stopped or finished, or may have refused some of it.
+        self.goes_on = False
         values = self.values
         self._recording = Recording(bag, names, values['frame_id'], values['others.namespaces'])
         self._pose: Array | None = None
@@ -149,6 +153,10 @@ class Inputs:
                 f'found {self.skipped} decisions of {self._node}, wanted one'
                 ' that begins a run (step 0): what a law knew before cannot be replayed'
             )
+        waiting, stamp = recording.odometry, before.stamp
+        until = waiting[-1].received - SLACK if waiting else 0
+        self.remaining = [each for each in waiting if each.stamp > stamp and each.received < until]
+        self.goes_on = received_all and before.pose is None and not before.finished
 
     def _find(self, decision: DecisionRecord) -> OdometrySample | None:
         stamp, before = decision.stamp, self._pose

@@ -80,9 +80,9 @@ def changes_in(event: Any, node: str) -> dict[str, Any] | None:
     return {key: value for key, value in changed.items() if not is_of_ros(key)}
 
 
-_SLACK = 1_000_000_000  # maximum time in a bag between messages that belong together [ns]
+SLACK = 1_000_000_000  # maximum time in a bag between messages that belong together [ns]
 _LATE = 50_000_000  # maximum time by which a command comes into the bag after its decision [ns]
-_MAX_MESSAGES = 10_000  # messages of a topic that are kept: more than any robot sends in `_SLACK`
+_MAX_MESSAGES = 10_000  # messages of a topic that are kept: more than any robot sends in `SLACK`
 _MAX_TRACKS = 100_000  # readings of moving obstacles that are kept
 
 
@@ -136,7 +136,7 @@ class Recording:
         """Iterate over the decisions; odometry and changes are read ahead of each."""
         pending: deque[DecisionRecord] = deque()
         for topic, received, message in self._bag.together(self._topics):
-            while pending and received > pending[0].received + _SLACK:
+            while pending and received > pending[0].received + SLACK:
                 yield self._complete(pending.popleft())
             if topic == self._names.decision:
                 pending.append(DecisionRecord.of(f'{self._bag.path}: {topic}', received, message))

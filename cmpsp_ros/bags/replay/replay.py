@@ -20,7 +20,14 @@ from cmpsp_ros.bags.replay.inputs import (
     OdometryMissing,
     OdometryReceived,
 )
-from cmpsp_ros.guidance import FIELDS, Decision, GuidanceSettings, decision_to_key_values, waypoints
+from cmpsp_ros.guidance import (
+    FIELDS,
+    NANOSECONDS,
+    Decision,
+    GuidanceSettings,
+    decision_to_key_values,
+    waypoints,
+)
 from cmpsp_ros.parameters import ParameterError, Values, guidance_settings
 from cmpsp_ros.robots.motion import with_side
 
@@ -116,8 +123,10 @@ class ReplayOutcome:
     commands: int = 0  # decisions whose command was recorded and compared too
     plans: int = 0  # decisions whose plan was recorded and compared too
     skipped: int = 0  # decisions before the first run in the bag, which cannot be replayed
+    unjudged: float = 0.0  # time after the last decision, in which another may have been due [s]
     differing: int = 0  # decisions that differ
     differences: int = 0
+    is_incomplete: bool = False  # true if decisions that were due are missing
     first: Difference | None = None
 
     def __str__(self) -> str:
@@ -126,15 +135,17 @@ class ReplayOutcome:
             verdict = f'within {self.tolerance:g}, but for numbers in reasons'
         lines = [f'{verdict}: {self.decisions} decisions']
         if self.first is not None:
-            lines = [
-                str(self.first),
-                f'different: {self.differences} fields in {self.differing} of'
-                f' {self.decisions} decisions; the first of them is above',
-            ]
+            found = f'{self.differences} fields in {self.differing} of {self.decisions} decisions'
+            if self.is_incomplete:
+                found += ', and decisions that were due are missing'
+            lines = [str(self.first), f'different: {found}; the first of them is above']
         compared = f'compared too: {self.commands} commands, {self.plans} plans'
         lines.append(f'{compared}; {self.stops} stops by the clock taken as recorded')
         if self.skipped:
             lines.append(f'left out: {self.skipped} decisions of a run that began unrecorded')
+        if self.unjudged:
+            span = f'{self.unjudged:.1f} s of odometry after the last decision'
+            lines.append(f'not judged: {span}: another may have been due')
         if self.first is not None:
             installed = {'cmpsp_ros': own_version(), **software_versions()}
             lines += [
@@ -146,15 +157,16 @@ class ReplayOutcome:
 
     def add(self, recorded: DecisionRecord | None, differences: list[Difference]) -> None:
         """Count a decision and its differences."""
-        if recorded is not None:
+        if recorded is None:
+            self.is_incomplete = True
+        else:
             self.decisions += 1
             self.stops += recorded.halted
             self.commands += recorded.command is not None
             self.plans += recorded.path is not None
-        if differences:
-            self.differing += 1
+            self.differing += bool(differences)
             self.differences += len(differences)
-            self.first = self.first or differences[0]
+        self.first = self.first or next(iter(differences), None)
 
 
 def replay(path: Path, names: Names, tolerance: float | None = None) -> ReplayOutcome:
@@ -187,6 +199,11 @@ def replay(path: Path, names: Names, tolerance: float | None = None) -> ReplayOu
                 said = f'the parameters make no guidance law: {type(error).__name__}: {error}'
                 raise bag.error(said) from error
         outcome.skipped = inputs.skipped
+        due = [each for each in inputs.remaining if follower.law.is_due(each.stamp)]
+        if due and inputs.goes_on:
+            _take(OdometryReceived(due[0], None), follower, tolerance, outcome)
+        elif due:
+            outcome.unjudged = (due[-1].stamp - due[0].stamp) / NANOSECONDS
         return outcome
 
 

@@ -207,6 +207,39 @@ def test_what_is_another_is_caught_where_it_is(replayed, change, number, field, 
         assert outcome.first.number == (number or outcome.first.number)
 
 
+def test_a_node_that_decides_no_more_is_caught_where_the_next_decision_is_due(drive, alter):
+    with drive() as run:
+        run.go(3.0)
+    outcome = replay(alter(dropping(DECISIONS, *range(5, 15))), NAMES)
+    assert (outcome.decisions, outcome.differing, outcome.differences) == (5, 0, 0)
+    first = outcome.first
+    assert (first.number, first.stamp) == (6, run.decisions[5].stamp)
+    assert (first.field, first.replayed) == ('decision', 'one is due')
+    assert 'in 0 of 5 decisions, and decisions that were due are missing;' in str(outcome)
+
+
+def test_a_recording_that_ends_before_a_decision_is_not_taken_for_a_node_that_stops(drive, alter):
+    with drive() as run:
+        run.go(2.0)
+    outcome = replay(alter(dropping(DECISIONS, *range(6, 10))), NAMES)
+    assert (outcome.decisions, outcome.first, outcome.unjudged) == (6, None, 0.0)
+
+
+@pytest.mark.parametrize('ending', ['stop', 'end of the run'])
+def test_after_a_stop_and_after_the_end_no_decision_is_missed(drive, bag, ending):
+    with drive(final_time=3.0) as run:
+        run.go(1.0 if ending == 'stop' else 3.1)
+        if ending == 'stop':
+            run.halt('The node was deactivated.')
+        for _ in range(150):
+            run.say(odometry(run.now, run.pose))
+            run.tick()
+    outcome = replay(bag, NAMES)
+    assert (outcome.decisions, outcome.first) == (len(run.decisions), None)
+    assert outcome.unjudged > 1.5
+    assert 's of odometry after the last decision: another may have been due' in str(outcome)
+
+
 def test_a_wrong_sentence_is_caught_and_within_tolerance_only_its_words_count(drive, alter):
     with drive() as run:
         run.pose = np.array([0.0, -11.5, 0.0])

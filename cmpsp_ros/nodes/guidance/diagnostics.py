@@ -79,7 +79,7 @@ class StepTimes:
         self._times: deque[float] = deque(maxlen=_REMEMBERED_STEPS)
         self._answers: deque[float] = deque(maxlen=_REMEMBERED_STEPS)
         self._ages: deque[float] = deque(maxlen=_REMEMBERED_STEPS)
-        self._misses = 0
+        self._misses, self._longest_gap = 0, 0.0
 
     def hear(self, age_ms: float) -> None:
         """Note the age of odometry on arrival [ms]; negative if ahead of the clock."""
@@ -100,8 +100,8 @@ class StepTimes:
         `gap` is the time since the last command [s], 0 where that did not follow a plan.
         """
         self._times.append(step_ms)
-        self._gap, self._is_overdue = gap, gap > _LONGEST_GAP * period
-        is_late = is_late or self._is_overdue
+        self._longest_gap = max(self._longest_gap, gap)
+        is_late = is_late or gap > _LONGEST_GAP * period
         self._answers.append(answer_ms)
         self._period_ms, self._delay_ms = 1e3 * period, 1e3 * delay
         self._misses += is_late or response_ms(step_ms, answer_ms, delay) > self._period_ms
@@ -115,11 +115,6 @@ class StepTimes:
             said.append(
                 f'The last control step took {self._times[-1]:.1f} ms of the'
                 f' {self._period_ms:.1f} ms until the next.'
-            )
-        if self._is_overdue:
-            said.append(
-                f'The last command came {self._gap:.2f} s after the one before: odometry was late,'
-                ' or the node was busy with a change.'
             )
         if len(self._answers) >= _ENOUGH_STEPS:
             usual = float(np.median(self._answers))
@@ -155,4 +150,5 @@ class StepTimes:
             latency = 'odometry_latency_ms'
             values |= {f'{latency}_min': least, f'{latency}_p50': p50, f'{latency}_p99': p99}
         delay = max(0.0, float(np.median(self._answers)) / 1e3)
-        return {**values, 'command_delay_measured': delay, 'deadline_misses': self._misses}
+        values |= {'command_delay_measured': delay, 'command_gap_ms_max': 1e3 * self._longest_gap}
+        return {**values, 'deadline_misses': self._misses}

@@ -104,11 +104,10 @@ def test_times_are_summed_up_and_missed_deadlines_counted():
 def test_a_command_that_stays_out_for_two_periods_is_a_missed_deadline():
     """The node may have been busy with a new road: its steps are as short as ever."""
     times = StepTimes()
-    for gap, misses in ((0.2, 0), (0.4, 0), (1.3, 1), (0.2, 1)):
+    for gap, misses in ((0.2, 0), (0.4, 0), (1.25, 1), (0.2, 1)):
         times.add(5.0, 5.0, 0.2, 0.0, gap=gap)
         assert times.values()['deadline_misses'] == misses
-        said = 'The last command came 1.30 s after the one before'
-        assert any(each.startswith(said) for each in times.warnings()) == (gap == 1.3)
+    assert times.values()['command_gap_ms_max'] == 1250.0
 
 
 def test_a_step_that_outlasts_the_period_is_told_until_the_next_that_does_not():

@@ -4,6 +4,7 @@ import os
 import shutil
 import signal
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -200,14 +201,26 @@ def test_what_cannot_be_done_is_foretold_by_the_node(start_active, client, make_
 def test_a_run_begins_with_the_newest_odometry(start_active, client):
     """With one that came while the node was busy, the first command would be late."""
     running = start_active(PATIENT)
-    running.signal(signal.SIGSTOP)
-    stamps = [client.now() - age * MS for age in (150, 100, 50, 0)]
-    for each in stamps:
-        client.send(each)
-    running.signal(signal.SIGCONT)
-    client.until(lambda: client.decisions)
+    client.until_health(said='Waiting for odometry')
+    end, newest = 0.0, []
+
+    def begins():
+        nonlocal end
+        # The transport may lose what is sent to a process that stands still.
+        if time.monotonic() > end:
+            running.signal(signal.SIGSTOP)
+            stamps = [client.now() - age * MS for age in (150, 100, 50, 0)]
+            for each in stamps:
+                client.send(each)
+            running.signal(signal.SIGCONT)
+            newest.append(stamps[-1])
+            end = time.monotonic() + 5.0
+        return client.decisions
+
+    client.until(begins)
     first = client.decisions[0]
-    assert (first['step'], int(first['stamp'])) == ('0', stamps[-1])
+    assert first['step'] == '0'
+    assert int(first['stamp']) in newest
 
 
 def test_without_a_listener_of_its_type_the_time_does_not_run(fault, start_node, make_client):

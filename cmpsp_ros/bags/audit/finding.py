@@ -67,6 +67,10 @@ class SkippedError(Exception):
     """The check does not apply: why."""
 
 
+class NothingMetError(Exception):
+    """Nothing that was recorded can be judged: why; the check is skipped unless it has gaps."""
+
+
 class NotJudgedError(Exception):
     """The check applies, and data that it needs are missing: which."""
 
@@ -140,9 +144,12 @@ class Check:
 
     def judge(self, record: AuditRecord) -> Finding:
         """The finding on the worst sample."""
+        worst, nothing = None, self.nothing
         try:
             self._check_data(record)
             worst = max(self.samples(record), key=lambda each: each.order, default=None)
+        except NothingMetError as reason:
+            nothing = str(reason)
         except SkippedError as reason:
             return self._finding(CheckOutcome.SKIPPED, str(reason))
         except NotJudgedError as reason:
@@ -151,7 +158,7 @@ class Check:
         missing = [said for each in self.gaps if (said := each(record, looked_at))]
         if worst is None:
             outcome = CheckOutcome.NOT_JUDGED if missing else CheckOutcome.SKIPPED
-            return self._finding(outcome, ' '.join(missing) or self.nothing)
+            return self._finding(outcome, ' '.join(missing) or nothing)
         outcome = CheckOutcome.PASSED if worst.passes else CheckOutcome.FAILED
         if missing and worst.passes:
             outcome = CheckOutcome.NOT_JUDGED

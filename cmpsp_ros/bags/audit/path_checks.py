@@ -7,7 +7,13 @@ from typing import Final
 import numpy as np
 
 from cmpsp_ros.arrays import Array, BoolArray, IntArray
-from cmpsp_ros.bags.audit.finding import NotJudgedError, Sample, SkippedError, check
+from cmpsp_ros.bags.audit.finding import (
+    NothingMetError,
+    NotJudgedError,
+    Sample,
+    SkippedError,
+    check,
+)
 from cmpsp_ros.bags.audit.legs import Commands, Leg
 from cmpsp_ros.bags.audit.record import EDGES, AuditRecord, Sweep, path_gap
 from cmpsp_ros.bags.audit.sensor_gaps import unseen
@@ -96,7 +102,7 @@ def _apart_in_words(worst: Sample) -> str:
 def _apart(met: Sequence[Encounter], where: str) -> Iterator[Sample]:
     stood = min(float(each.clearance[each.stands].min(initial=math.inf)) for each in met)
     if all(each.stands.all() for each in met):
-        raise SkippedError('The robot stands while anything moves.')
+        raise NothingMetError('The robot stands while anything moves.')
     for each, clearance in driven_into(met):
         value, at = float(clearance.min()), int(each.stamps[clearance.argmin()])
         words = {'nearest': each.name, 'where': where, 'stood': stood}
@@ -106,10 +112,15 @@ def _apart(met: Sequence[Encounter], where: str) -> Iterator[Sample]:
 _APART: Final = {'unit': 'm', 'good': _apart_in_words, 'bad': _apart_in_words}
 
 
-@check('moving', 'Path: moving obstacles clear', gaps=(path_gap,), **_APART)
+@check(
+    'moving', 'Path: moving obstacles clear', **_APART,
+    gaps=(lambda record, _: record.unusable['moving'], path_gap),
+)  # fmt: skip
 def moving(record: AuditRecord) -> Iterator[Sample]:
     """Clearance from moving obstacles at their predicted positions, while the robot moved."""
     if not record.encounters:
+        if record.unusable['moving']:
+            raise NotJudgedError(record.unusable['moving'])
         known = (key for each in record.decisions for key, _ in each.tracks)
         if any(isinstance(key, int) for key in known) or record.history.has_traffic:
             topics = f'{record.places.moving} or {record.places.tracks}'
@@ -118,15 +129,20 @@ def moving(record: AuditRecord) -> Iterator[Sample]:
     yield from _apart(record.encounters, ', at its predicted position')
 
 
-@check('people', 'Path: people untouched', gaps=(path_gap,), **_APART)
+@check(
+    'people', 'Path: people untouched', **_APART,
+    gaps=(lambda record, _: record.people_sentence, path_gap),
+)  # fmt: skip
 def people(record: AuditRecord) -> Iterator[Sample]:
     """Clearance from people in the simulator at their true positions, while the robot moved."""
     if not record.people:
+        if record.unusable['people']:
+            raise NotJudgedError(record.unusable['people'])
         if record.history.has_people:
-            raise NotJudgedError(f'The bag lacks the people in {record.places.sim}/people.')
+            raise NotJudgedError(f'The bag lacks the people in {record.places.people}.')
         raise SkippedError('No people are known to walk about.')
     if not record.people_met:
-        raise SkippedError('Nobody comes near the robot.')
+        raise NothingMetError('Nobody comes near the robot.')
     yield from _apart(record.people_met, ', at its true position')
 
 

@@ -96,6 +96,8 @@ class AuditRecord:
     tracks: tuple[Track, ...]  # moving obstacles as received, by id and time
     people: tuple[Track, ...]  # people in the simulator as they truly were, by id and time
     others: Mapping[str, DrivenPath]  # paths of the other robots to be avoided, by namespace
+    # Data that are lacking or cannot be used, in sentences, by the name of their check.
+    unusable: Mapping[str, str]
     pairs: Pairs
     is_ours: bool  # true if the bag has the parameters of a guidance node of this package
     legs: tuple[Leg, ...]  # parts in which time does not jump back and commands were sent
@@ -187,8 +189,10 @@ class AuditRecord:
     @cached_property
     def people_met(self) -> tuple[Encounter, ...]:
         """The same path, with the people near it at their true positions."""
-        bodies, stamps = self.settings.bodies, np.unique([each.stamp for each in self.people])
-        lasts = float(np.diff(stamps).max(initial=0)) / NANOSECONDS
+        bodies, stamps = self.settings.bodies, self._people_stamps
+        longest = longest_interval(stamps, self.settings)
+        ages = np.append(np.diff(stamps), longest).clip(max=longest) / NANOSECONDS
+        lasts = dict(zip(stamps.tolist(), ages.tolist(), strict=True))
         near = _NEAR + self.settings.circumscribed_radius
 
         def along(path: DrivenPath) -> Iterator[Encounter]:
@@ -196,7 +200,7 @@ class AuditRecord:
             places = path.poses[np.clip(at - 1, 0, len(path.poses) - 1), :2].tolist()
             for each, place in zip(self.people, places, strict=True):
                 if math.dist(place, (each.x, each.y)) < near + each.radius:
-                    for met in encounters(path, (each,), bodies, lambda _: lasts):
+                    for met in encounters(path, (each,), bodies, lambda one: lasts[one.stamp]):
                         yield replace(met, name=f'person {each.id}')
 
         return tuple(self._met(along))
@@ -219,15 +223,27 @@ class AuditRecord:
 
     @cached_property
     def others_sentence(self) -> str:
-        """Paths of other robots that are not recorded, in a sentence; empty if all are."""
-        named, known = self.settings.moving_obstacles.others, self.others
-        lacking = [each for each in named if each not in {*known, self.places.namespace}]
-        words = [f'that of {each} is not in the bag' for each in lacking]
-        for name, path in known.items():
-            ends = int(path.stamps[0]), int(path.stamps[-1])
-            found = holes(path.stamps, *ends, longest_interval(path.stamps, self.settings))
-            words += [f'that of {name} not {in_words(found, self.start)}'] if found else []
-        return f'Of the paths of others {" and ".join(words)}.' if words else ''
+        """Paths of other robots that are not recorded, in sentences; empty if all are."""
+        known = self.others.items()
+        gaps = (self._gap(f'The path of {name} is', path.stamps) for name, path in known)
+        return ' '.join(filter(None, (self.unusable['others'], *gaps)))
+
+    @cached_property
+    def people_sentence(self) -> str:
+        """When people in the simulator are not recorded, in sentences; empty if they always are."""
+        gap = self._gap('People are', self._people_stamps)
+        return ' '.join(filter(None, (self.unusable['people'], gap)))
+
+    @cached_property
+    def _people_stamps(self) -> IntArray:
+        return np.unique([each.stamp for each in self.people])
+
+    def _gap(self, subject: str, stamps: IntArray) -> str:
+        """Holes from the first run to the end of the last, in a sentence; empty if none."""
+        longest = longest_interval(stamps, self.settings)
+        spans = ((leg.runs[0].start, leg.runs[-1].end) for leg in self.legs)
+        found = [hole for span in spans for hole in holes(stamps, *span, longest)]
+        return f'{subject} not recorded {in_words(found, self.start)}.' if found else ''
 
     def _met(self, found_along: Callable[[DrivenPath], Iterable[Encounter]]) -> Iterator[Encounter]:
         for known in (each for leg in self.legs for each in leg.known):

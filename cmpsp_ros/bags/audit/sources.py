@@ -1,5 +1,6 @@
 """Read a bag for its audit: choice of node and topics, and their messages."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,9 +11,8 @@ from cmpsp_ros.bags.decision_record import read_decisions, wheel_speeds
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.names import Names
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.runs.odometry import read_odometry
-from cmpsp_ros.bags.runs.run import read_tracks, truth_topic
-from cmpsp_ros.bags.runs.sensor_clearance import read_others
+from cmpsp_ros.bags.runs.odometry import path_through, read_odometry
+from cmpsp_ros.bags.runs.run import DrivenPath, read_tracks, truth_topic
 
 _NODE = 'guidance'
 
@@ -54,6 +54,9 @@ def _record(bag: Bag, sources: Sources) -> AuditRecord:
     settings = history.epochs[0].settings
     frame_id = settings.frame_id if 'frame_id' in history.given else None
     odometry = read_odometry(bag, places.odom, frame_id)
+    if frame_id is None:
+        # Distances are known in one frame only.
+        frame_id = next(bag.messages(places.odom))[1].header.frame_id
     commands = read_commands(bag, places.cmd_vel)
     # Of those that came too late no command was sent.
     decisions = tuple(each for each in read_decisions(bag, places.decision) if not each.late)
@@ -68,10 +71,11 @@ def _record(bag: Bag, sources: Sources) -> AuditRecord:
             f'found no two messages of {places.odom} around any of {places.cmd_vel}, wanted a drive'
         )
     moving = bag.as_decided_on(places.node, 'moving_obstacles')
-    tracks = tuple(
-        each for topic in (moving, places.tracks) for each in read_tracks(bag, topic, frame_id)
+    told, seen, people = (
+        read_tracks(bag, topic, frame_id) for topic in (moving, places.tracks, places.people)
     )
-    others = read_others(bag, settings.moving_obstacles.others, places.namespace)
+    names = [each for each in settings.moving_obstacles.others if each != places.namespace]
+    others, unknown = _others(bag, names, frame_id)
     return AuditRecord(
         path=bag.path,
         places=places,
@@ -79,13 +83,32 @@ def _record(bag: Bag, sources: Sources) -> AuditRecord:
         odometry=odometry,
         commands=commands,
         decisions=decisions,
-        tracks=tracks,
-        people=read_tracks(bag, f'{places.sim}/people', frame_id),
+        tracks=told.tracks + seen.tracks,
+        people=people.tracks,
         others=others,
+        unusable={
+            'moving': ' '.join(filter(None, (told.refused, seen.refused))),
+            'people': people.refused,
+            'others': unknown,
+        },
         pairs=pairs,
         is_ours=places.node in bag.parameters,
         legs=legs,
     )
+
+
+def _others(bag: Bag, names: Sequence[str], frame_id: str) -> tuple[dict[str, DrivenPath], str]:
+    """Paths of other robots by namespace, the true ones if known; those lacking, in sentences."""
+    known, lacking = {}, []
+    for each in names:
+        heard = bag.as_decided_on(f'{each}/guidance', 'odom')
+        try:
+            topic = _topic(bag, truth_topic(bag, each, heard) or heard, '--odom')
+            known[each] = path_through(read_odometry(bag, topic, frame_id).by_stamp)
+        except BagError as error:
+            reason = str(error).removeprefix(f'{bag.path}: ')
+            lacking.append(f'The path of {each} is not known: {reason.rstrip(".")}.')
+    return known, ' '.join(lacking)
 
 
 def _node(bag: Bag, sources: Sources) -> str:

@@ -111,8 +111,12 @@ class OdometrySeries:
     def received_within(self, begin: float, end: float) -> OdometrySeries | None:
         """Messages received between two times [ns], by ascending stamps; None for nothing."""
         inside = np.flatnonzero((self.received >= begin) & (self.received < end))
-        ordered = inside[np.argsort(self.stamps[inside], kind='stable')]
-        return self._part(ordered) if len(ordered) else None
+        return self._part(inside).by_stamp if len(inside) else None
+
+    @property
+    def by_stamp(self) -> OdometrySeries:
+        """The same by ascending stamps."""
+        return self._part(np.argsort(self.stamps, kind='stable'))
 
     def _part(self, chosen: NDArray[np.intp]) -> OdometrySeries:
         return OdometrySeries(

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby, pairwise
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,20 +24,32 @@ from cmpsp_ros.world.roads import arc_length_to
 _PERIODS = 1.5  # control periods for which what own sensors have seen counts
 
 
-def read_tracks(bag: Bag, topic: str, frame_id: str | None) -> tuple[Track, ...]:
-    """Messages of a topic in a frame, or in any, by id and time; none if it is not there."""
+class ReceivedTracks(NamedTuple):
+    """Moving obstacles of a topic."""
+
+    tracks: tuple[Track, ...]  # by id and time
+    refused: str  # messages that cannot be used, in a sentence; empty if there are none
+
+
+def read_tracks(bag: Bag, topic: str, frame_id: str | None) -> ReceivedTracks:
+    """Messages of a topic in a frame, or in any; none if it is not there."""
     found: dict[tuple[int, int], Track] = {}
+    refused: list[TrackError] = []
     for _, message in bag.messages(topic) if topic in bag.topics else ():
         try:
             for each in tracks_of(
                 message, message.header.frame_id if frame_id is None else frame_id
             ):
                 found[each.key] = max(each, found.get(each.key, each))
-        except TrackError:
-            continue
+        except TrackError as error:
+            refused.append(error)
         except (AttributeError, TypeError, ValueError) as error:
             raise bag.error(f'{topic}: found no obstacles there: {error}') from error
-    return tuple(found[key] for key in sorted(found))
+    said = ''
+    if refused:
+        count = f'{len(refused)} of {bag.topics[topic].count}'
+        said = f'{count} messages in {topic} cannot be used: {refused[0]}'
+    return ReceivedTracks(tuple(found[key] for key in sorted(found)), said)
 
 
 def seen_at(tracks: Iterable[Track], stamp: int, settings: GuidanceSettings) -> list[Track]:
@@ -148,7 +161,7 @@ def read_run(path: Path, namespace: str = '') -> Run:
         stamps, speeds = _wheels(bag, f'{namespace}/{node}/wheel_speeds')
         moving = bag.as_decided_on(f'{namespace}/guidance', 'moving_obstacles')
         told, seen, people = (
-            read_tracks(bag, each, None)
+            read_tracks(bag, each, None).tracks
             for each in (moving, f'{namespace}/guidance/tracks', f'{namespace}/sim/people')
         )
         driven = driven_in(bag, namespace)

@@ -60,6 +60,8 @@ class Drive:
     obstacles: list = field(default_factory=list)
     people: list = field(default_factory=list)
     truth: list[Sample] = field(default_factory=list)
+    other: list[Sample] = field(default_factory=list)  # the path of a robot /r2
+    other_frame_id: str = 'odom'
     sim: dict = field(default_factory=dict)
     frame_id: str = 'odom'
     namespace: str = ''
@@ -112,12 +114,15 @@ class Drive:
     def _records(self, node):
         """Records, topic by topic."""
         prefix, changes = self.namespace, '/parameter_events'
-        for topic, samples in ((self.odom, self.odometry), ('sim/truth', self.truth)):
+        own, frames = f'{prefix}/{self.odom}', {'/r2/odom': self.other_frame_id}
+        around = {own: self.odometry, f'{prefix}/sim/truth': self.truth, '/r2/odom': self.other}
+        for topic, samples in around.items():
+            frame_id = frames.get(topic, self.frame_id)
             for each in samples:
                 # What odometry says about its speed is not to be trusted.
                 motion, spread = (99.0, -99.0), each.spread
-                said = odometry(each.stamp, each.pose, motion, self.frame_id, spread)
-                yield f'{prefix}/{topic}', each.received, said
+                said = odometry(each.stamp, each.pose, motion, frame_id, spread)
+                yield topic, each.received, said
         for each in self.commands:
             said = twist(*each.twist)
             if self.stamped:
@@ -130,8 +135,8 @@ class Drive:
                 planned = path_message(each.plan, 'odom', each.stamp)
                 yield f'{node}/predicted_path', received, planned
         for topic, clouds in (('moving_obstacles', self.obstacles), ('sim/people', self.people)):
-            for stamp, rows in clouds:
-                yield f'{prefix}/{topic}', stamp, cloud(stamp, rows)
+            for stamp, *said in clouds:
+                yield f'{prefix}/{topic}', stamp, cloud(stamp, *said)
         for stamp, cells, *origin in self.sightings:
             yield f'{node}/sighting', stamp, grid(stamp, cells, *origin)
         for stamp, scan in self.scans:

@@ -7,6 +7,9 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
+import numpy as np
+
+from cmpsp_ros.arrays import IntArray
 from cmpsp_ros.bags.names import Names
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.replay.recording import EVENTS, NodeParameters, changes_in
@@ -51,6 +54,12 @@ class History:
     def at(self, stamp: int) -> GuidanceSettings:
         """Settings in force at an instant [ns]."""
         return self.epoch_at(stamp).settings
+
+    def periods(self, stamps: IntArray) -> Iterator[tuple[Epoch, IntArray]]:
+        """The period of each of ascending stamps [ns]: periods, with the places of theirs."""
+        edges = np.searchsorted(stamps, [each.since for each in self.epochs[1:]])
+        places = np.split(np.arange(len(stamps)), edges)
+        return ((each, at) for each, at in zip(self.epochs, places, strict=True) if len(at))
 
     def epoch_at(self, stamp: int) -> Epoch:
         """The period of an instant [ns]."""

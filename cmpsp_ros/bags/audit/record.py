@@ -6,7 +6,7 @@ import math
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import chain
 from operator import attrgetter
 from pathlib import Path
@@ -58,12 +58,14 @@ class Sweep:
     tolerance: float = 0.0  # error of the clearance [m]; less is no proof of a contact
 
     @classmethod
-    def of_seen(cls, settings: GuidanceSettings, seen: SensorClearance) -> Sweep:
-        """Distance from sightings of sensors, which know no road."""
-        clearance = np.full((len(seen.stamps), EDGES + 1), FAR)
-        np.minimum(seen.clearance, FAR, out=clearance[:, EDGES])
-        names = (*settings.road.edge_names, 'what the sensors saw')
-        return cls(settings, seen.stamps, clearance, names, tolerance=seen.tolerance)
+    def of_seen(cls, history: History, seen: SensorClearance) -> Iterator[Sweep]:
+        """Distance from sightings of sensors, which know no road, by the parameters in force."""
+        for epoch, at in history.periods(seen.stamps):
+            clearance = np.full((len(at), EDGES + 1), FAR)
+            np.minimum(seen.clearance[at], FAR, out=clearance[:, EDGES])
+            names = (*epoch.settings.road.edge_names, 'what the sensors saw')
+            stamps, off = seen.stamps[at], seen.tolerance
+            yield cls(epoch.settings, stamps, clearance, names, tolerance=off)
 
 
 def sweep(
@@ -71,16 +73,14 @@ def sweep(
 ) -> Iterator[Sweep]:
     """Arcs of a path by the parameters in force; hidden obstacles count `off` farther away [m]."""
     begins = path.stamps[:-1]
-    edges = np.searchsorted(begins, [each.since for each in history.epochs[1:]])
-    for epoch, index in zip(history.epochs, np.split(np.arange(len(begins)), edges), strict=True):
-        if len(index):
-            arcs = path.poses[index], path.twists[index], path.durations[index]
-            settings = epoch.course
-            obstacles = (f'obstacle {each.name}' for each in settings.obstacles)
-            names = (*settings.road.edge_names, *obstacles)
-            clearance = settings.world.clearance(settings, *arcs)
-            clearance[:, EDGES:][:, epoch.of_hidden] += off
-            yield Sweep(settings, begins[index], clearance, names, by, tolerance)
+    for epoch, index in history.periods(begins):
+        arcs = path.poses[index], path.twists[index], path.durations[index]
+        settings = epoch.course
+        obstacles = (f'obstacle {each.name}' for each in settings.obstacles)
+        names = (*settings.road.edge_names, *obstacles)
+        clearance = settings.world.clearance(settings, *arcs)
+        clearance[:, EDGES:][:, epoch.of_hidden] += off
+        yield Sweep(settings, begins[index], clearance, names, by, tolerance)
 
 
 @dataclass(frozen=True)
@@ -125,22 +125,32 @@ class AuditRecord:
         swept = (
             sweep(path, self.history, each.by, each.tolerance, each.off) for path, each in driven
         )
-        seen = (Sweep.of_seen(self.settings, one) for each in self.seen for one in each)
-        return (*chain.from_iterable(swept), *seen)
+        seen = (Sweep.of_seen(self.history, one) for each in self.seen for one in each)
+        return tuple(chain.from_iterable((*swept, *seen)))
 
     @cached_property
     def seen(self) -> tuple[tuple[SensorClearance, ...], ...]:
         """Sightings beside the path of each leg, of sensors that saw anything."""
         if not self.settings.sight.sensors:
             return ()
-        found = []
         with Bag(self.path) as bag:
-            for leg in self.legs:
-                best = next((each.pieces for each in leg.known if each.pieces), ())
-                paths = best, leg.by_odometry.pieces
-                around = self.places.sighting, self.settings, paths, self._moving_at, leg.window
-                found.append(tuple(each for each in look(bag, *around) if len(each.looks)))
-        return tuple(found)
+            looked = [self._look(bag, leg) for leg in self.legs]
+        return tuple(tuple(each for each in found if len(each.looks)) for found in looked)
+
+    def _look(self, bag: Bag, leg: Leg) -> list[SensorClearance]:
+        """Sightings beside the path of a leg, by the outline of the robot at each time."""
+        best = next((each.pieces for each in leg.known if each.pieces), ())
+        around = (best, leg.by_odometry.pieces), self._moving_at, leg.window
+        found, before = list[SensorClearance](), None
+        for epoch in self.history.epochs:
+            settings = epoch.settings
+            used = settings.footprint, settings.robot_radius, settings.sight
+            if used != before:
+                later = list(look(bag, self.places.sighting, settings, *around))
+                pairs = zip(found or later, later, strict=True)
+                found = [_changed(each, since_then, epoch.since) for each, since_then in pairs]
+            before = used
+        return found
 
     @cached_property
     def unseen(self) -> str:
@@ -170,32 +180,36 @@ class AuditRecord:
     @cached_property
     def encounters(self) -> tuple[Encounter, ...]:
         """The same path, with the moving obstacles at their predicted positions."""
-        around = self.settings.bodies, self._lifetime
-        return tuple(self._met(lambda path: encounters(path, self.tracks, *around)))
+
+        def along(path: DrivenPath, settings: GuidanceSettings) -> Iterator[Encounter]:
+            lasts = partial(self._lifetime, settings=settings)
+            return encounters(path, self.tracks, settings.bodies, lasts)
+
+        return tuple(self._met(along))
 
     @cached_property
     def _last_used(self) -> dict[tuple[int | str, int], int]:
         """Stamp of the last decision that used a track [ns], by its key."""
         return {key: each.stamp for each in self.decisions for key in each.tracks}
 
-    def _lifetime(self, track: Track) -> float:
+    def _lifetime(self, track: Track, settings: GuidanceSettings) -> float:
         """Time for which a track counts [s]; between scans, as long as decisions use it."""
-        lasts = lifetime(track, self.settings)
+        lasts = lifetime(track, settings)
         if track.is_seen and track.key in self._last_used:
             used = (self._last_used[track.key] - track.stamp) / NANOSECONDS
-            lasts = max(lasts, used + self.settings.control_period)
+            lasts = max(lasts, used + settings.control_period)
         return lasts
 
     @cached_property
     def people_met(self) -> tuple[Encounter, ...]:
         """The same path, with the people near it at their true positions."""
-        bodies, stamps = self.settings.bodies, self._people_stamps
+        stamps = self._people_stamps
         longest = longest_interval(stamps, self.settings)
         ages = np.append(np.diff(stamps), longest).clip(max=longest) / NANOSECONDS
         lasts = dict(zip(stamps.tolist(), ages.tolist(), strict=True))
-        near = _NEAR + self.settings.circumscribed_radius
 
-        def along(path: DrivenPath) -> Iterator[Encounter]:
+        def along(path: DrivenPath, settings: GuidanceSettings) -> Iterator[Encounter]:
+            bodies, near = settings.bodies, _NEAR + settings.circumscribed_radius
             at = np.searchsorted(path.stamps, [each.stamp for each in self.people], side='right')
             places = path.poses[np.clip(at - 1, 0, len(path.poses) - 1), :2].tolist()
             for each, place in zip(self.people, places, strict=True):
@@ -208,13 +222,12 @@ class AuditRecord:
     @cached_property
     def robot_encounters(self) -> tuple[Encounter, ...]:
         """The same path, with the positions of the other robots at that time."""
-        settings = self.settings
-        known = settings.moving_obstacles
-        around = known.others_radius, settings.bodies, known.timeout
 
-        def along(path: DrivenPath) -> Iterator[Encounter]:
+        def along(path: DrivenPath, settings: GuidanceSettings) -> Iterator[Encounter]:
+            known = settings.moving_obstacles
+            around = known.others_radius, settings.bodies, known.timeout
             for name, other in self.others.items():
-                longest = longest_interval(other.stamps, settings)
+                longest = longest_interval(other.stamps, self.settings)
                 for part in pieces(other, int(path.stamps[0]), int(path.stamps[-1]), longest):
                     first, last = (int(part.stamps[k]) for k in (0, -1))
                     yield from robot_encounters(path.between(first, last), {name: part}, *around)
@@ -245,20 +258,27 @@ class AuditRecord:
         found = [hole for span in spans for hole in holes(stamps, *span, longest)]
         return f'{subject} not recorded {in_words(found, self.start)}.' if found else ''
 
-    def _met(self, found_along: Callable[[DrivenPath], Iterable[Encounter]]) -> Iterator[Encounter]:
+    def _met(
+        self, found_along: Callable[[DrivenPath, GuidanceSettings], Iterable[Encounter]]
+    ) -> Iterator[Encounter]:
+        """Encounters along the path by each source, with the parameters in force."""
         for known in (each for leg in self.legs for each in leg.known):
-            for each in (one for path in known.pieces for one in found_along(path)):
-                yield replace(each, clearance=each.clearance + known.tolerance)
+            for path in known.pieces:
+                for epoch, at in self.history.periods(path.stamps[:-1]):
+                    part = path.chosen(np.append(at, at[-1] + 1))
+                    for each in found_along(part, epoch.settings):
+                        yield replace(each, clearance=each.clearance + known.tolerance)
 
     def _moving_at(self, stamp: int) -> Array:
         """Discs of all that is known to move at a time [ns], ``(D, 3)`` [m]."""
-        moving = self.settings.moving_obstacles
+        settings = self.history.at(stamp)
+        moving = settings.moving_obstacles
         since = stamp - to_nanoseconds(moving.timeout)
         tracks = list[Track]()
         for known in self._by_time:
             first = bisect_left(known, since, key=_stamp)
             last = bisect_right(known, stamp, key=_stamp)
-            tracks += seen_at(known[first:last], stamp, self.settings)
+            tracks += seen_at(known[first:last], stamp, settings)
         robots = [
             [*each.at(stamp)[:2].tolist(), moving.others_radius]
             for each in self.others.values()
@@ -289,6 +309,13 @@ class AuditRecord:
     def seconds(self, stamp: int) -> float:
         """Time since then [s]."""
         return (stamp - self.start) / NANOSECONDS
+
+
+def _changed(before: SensorClearance, after: SensorClearance, since: int) -> SensorClearance:
+    """Sightings beside a path whose robot has changed at a time [ns]."""
+    clearance = np.where(after.stamps < since, before.clearance, after.clearance)
+    looks = before.looks[before.looks < since], after.looks[after.looks >= since]
+    return replace(after, clearance=clearance, looks=np.concatenate(looks))
 
 
 def path_gap(record: AuditRecord, _worst: object = None) -> str:

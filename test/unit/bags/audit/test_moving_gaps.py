@@ -6,9 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from drives import SECOND, START
-from test_people_met import beside
+from test_people_met import beside, scanned
 
 from cmpsp_ros.bags.audit import CheckOutcome, Sources
+from cmpsp_ros.world.obstacles import Obstacle
 
 PASSED, FAILED, SKIPPED, NOT_JUDGED = CheckOutcome
 
@@ -121,3 +122,47 @@ def test_people_in_another_frame_leave_it_open(drive, outcomes):
     found = outcomes(drive)['people']
     assert found.outcome is NOT_JUDGED
     assert '/sim/people cannot be used' in found.sentence
+
+
+RADIUS = 'robot.radius'
+
+
+def met_beside(drive, kind):
+    """Something 0.15 m beside the outline of a point, from 4 to 6 s; no scan is of that time."""
+    if kind == 'others':
+        return with_other(drive, 0.45)
+    if kind == 'obstacles':
+        index = next(k for k, each in enumerate(drive.odometry) if each.stamp > START + 5 * SECOND)
+        x, y, heading = drive.odometry[index].pose
+        place = x - 0.25 * math.sin(heading), y + 0.25 * math.cos(heading)
+        for each in drive.parameters['obstacles.names']:
+            drive.parameters[f'obstacles.{each}.center'] = [90.0, 90.0]
+        drive = scanned(drive, Obstacle('crate', place, 0.1))
+        low, high = START + 3.5 * SECOND, START + 6.0 * SECOND
+        drive.scans = [each for each in drive.scans if not low < each[0] < high]
+        return drive
+    drive = beside(drive, 0.4, 4.0, 6.0)
+    if kind == 'moving':
+        drive.obstacles, drive.people = drive.people, []
+    return drive
+
+
+@pytest.mark.parametrize(
+    ('since', 'hits'),
+    [(None, False), (0.1, True), (3.9, True), (8.0, False)],
+    ids=['small', 'large from the start', 'large before they meet', 'large after they met'],
+)
+@pytest.mark.parametrize('kind', ['moving', 'people', 'others', 'obstacles'])
+def test_all_that_is_met_is_judged_by_the_outline_of_that_time(drive, outcomes, kind, since, hits):
+    drive = met_beside(drive, kind)
+    drive.parameters[RADIUS] = 0.0
+    if since is not None:
+        drive.changes = [(START + round(since * SECOND), RADIUS, 0.3)]
+    if kind == 'others':
+        # It is as near all the time.
+        hits = since is not None
+    found = outcomes(drive)[kind]
+    assert (found.outcome is FAILED) == hits, found
+    if hits:
+        assert found.worst == pytest.approx(-0.15, abs=0.06)
+        assert found.at >= since

@@ -93,9 +93,10 @@ class Inputs:
         self._bag, self._node = bag, names.node
         self._parameters = NodeParameters(bag, names.node)
         self.skipped = 0  # decisions before the first run in the bag: its law's state is unknown
-        # After the last decision; without the last second, whose decisions may come too late.
+        # After the last decision of a run that has not ended; without the last second, whose
+        # decisions may come too late.
         self.remaining: list[OdometrySample] = []
-        # False where the node had stopped or finished, or may have refused some of it.
+        # False where the node had stopped, or may have refused some of it.
         self.goes_on = False
         values = self.values
         self._recording = Recording(bag, names, values['frame_id'], values['others.namespaces'])
@@ -154,9 +155,9 @@ class Inputs:
                 ' that begins a run (step 0): what a law knew before cannot be replayed'
             )
         waiting, stamp = recording.odometry, before.stamp
-        until = waiting[-1].received - SLACK if waiting else 0
+        until = waiting[-1].received - SLACK if waiting and not before.finished else 0
         self.remaining = [each for each in waiting if each.stamp > stamp and each.received < until]
-        self.goes_on = received_all and before.pose is None and not before.finished
+        self.goes_on = received_all and before.pose is None
 
     def _find(self, decision: DecisionRecord) -> OdometrySample | None:
         stamp, before = decision.stamp, self._pose

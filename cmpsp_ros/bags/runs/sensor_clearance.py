@@ -12,7 +12,7 @@ import numpy as np
 from cmpsp_ros.arrays import Array, BoolArray, IntArray
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.runs.odometry import Hole, holes, longest_interval
-from cmpsp_ros.bags.runs.run import DrivenPath, driven_in
+from cmpsp_ros.bags.runs.run import DrivenPath
 from cmpsp_ros.guidance import NANOSECONDS, SEEN, GuidanceSettings, to_nanoseconds
 from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.robots import Bodies, Footprint, contains, placed
@@ -88,16 +88,6 @@ def driven_into(met: Iterable[Encounter]) -> Iterator[tuple[Encounter, Array]]:
             kept[k] = math.inf if stands else round(clear - depth, _DIGITS) + 0.0
         depths[each.name] = depth
         yield each, kept
-
-
-def read_others(bag: Bag, namespaces: Iterable[str], own: str) -> dict[str, DrivenPath]:
-    """Paths of other robots by namespace: the simulator's own if there is one, else odometry."""
-    recorded = {name for name, topic in bag.topics.items() if topic.count > 1}
-    return {
-        each: driven_in(bag, each)
-        for each in namespaces
-        if each != own and recorded & {f'{each}/sim/truth', f'{each}/odom'}
-    }
 
 
 def robot_encounters(

@@ -277,10 +277,15 @@ def _goals_of(record: AuditRecord, run: RunSpan) -> list[Goal]:
             goals.append(replace(then[index], time=goal.time))
     for each, after in zip_longest(received, received[1:]):
         assert each.goal is not None  # noqa: S101 (looked at above)
-        if after is None or after.goal != each.goal:
-            end = float('inf') if after is None else (after.stamp - run.start) / NANOSECONDS
-            if each.goal.time <= end:
-                goals.append(each.goal)
+        if after is None or after.goal is None:
+            goals.append(each.goal)
+            continue
+        end = (after.stamp - run.start) / NANOSECONDS
+        # It may be put off at the very instant at which it is due.
+        is_put_off = after.goal == replace(each.goal, time=after.goal.time)
+        rounding = -1e-9 if is_put_off else 1e-9
+        if after.goal != each.goal and each.goal.time - end < rounding:
+            goals.append(each.goal)
     return goals
 
 

@@ -5,6 +5,7 @@ import pytest
 from drives import SECOND, START, drive_case, failed
 
 from cmpsp_ros.bags.audit import CHECKS, CheckOutcome, Sources, overall
+from cmpsp_ros.guidance import Goal
 from cmpsp_ros.parameters import TABLE, guidance_settings
 from cmpsp_ros.robots import placed
 
@@ -125,6 +126,17 @@ def test_a_goal_that_is_missed_is_caught(drive, outcomes):
     findings = outcomes(drive)
     assert failed(findings) == {'goal'}
     assert findings['goal'].worst == pytest.approx(0.1)
+
+
+def test_a_goal_that_is_put_off_when_it_is_due_is_judged_at_its_later_time(drive, outcomes):
+    drive.parameters['goal.may_be_late'] = True
+    place = tuple(drive.parameters['goal.position'])
+    for k, each in enumerate(drive.decisions):
+        later = each.stamp >= START + 5 * SECOND
+        drive.decisions[k] = each._replace(goal=Goal(place, 10.0 if later else 5.0))
+    found = outcomes(drive)['goal']
+    assert (found.outcome, found.at) == (PASSED, 10.0)
+    assert 'of 2 goals' not in found.sentence
 
 
 def test_a_recording_that_ends_early_says_nothing_about_the_end(drive, outcomes):

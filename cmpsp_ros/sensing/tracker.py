@@ -97,7 +97,8 @@ class Tracker:
         keep_within(on_movers, points, self._movers(_AROUND))
         owners[hits[on_movers]] = MOVING
         self._drop(view)
-        if len(beams.ends):  # an empty cloud shows no place
+        # After scans without a hit a wall that appears would seem to have entered: it is marked.
+        if len(points):
             history.add(view)
         return owners, begun
 

@@ -179,8 +179,11 @@ class Leg:
         return self.path.between(first, int(self.path.stamps[-1]))
 
     @cached_property
-    def came(self) -> IntArray:
-        """When each command came, by the odometry received around it [ns], whatever the clock."""
+    def arrivals(self) -> IntArray:
+        """Times at which commands were received [ns], by the odometry received around them.
+
+        So the recorder's clock may be any.
+        """
         heard, first = self.odometry, self.odometry.stamps[0]
         since = np.interp(self.commands.received, heard.received, heard.stamps - first)
         return np.asarray(first + since.astype(np.int64))

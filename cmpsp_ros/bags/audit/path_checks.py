@@ -16,7 +16,7 @@ from cmpsp_ros.bags.audit.finding import (
 )
 from cmpsp_ros.bags.audit.legs import Commands, Leg
 from cmpsp_ros.bags.audit.record import EDGES, AuditRecord, Sweep, path_gap
-from cmpsp_ros.bags.audit.sensor_gaps import unseen
+from cmpsp_ros.bags.audit.sensor_gaps import sensor_gap
 from cmpsp_ros.bags.decision_record import DecisionRecord
 from cmpsp_ros.bags.runs.odometry import interpolated, is_within
 from cmpsp_ros.bags.runs.sensor_clearance import EXACT, Encounter, driven_into
@@ -29,10 +29,6 @@ _ROUNDING: Final = 1e-6  # rounding error of a clearance [m]
 # Violation that a linearised constraint may have at a sample [m]; see `guidance.audit`.
 _SAMPLE_TOLERANCE: Final = 1e-3
 _ROAD: Final = ('road',)
-
-
-def _unseen(record: AuditRecord, _worst: Sample) -> str:
-    return unseen(record)
 
 
 def _clear_in_words(worst: Sample) -> str:
@@ -80,12 +76,12 @@ def _doubtful(record: AuditRecord, worst: Sample) -> str:
 
 @check(
     'obstacles', 'Path: clear of obstacles', needs=('obstacles.names',),
-    gaps=(_doubtful, _unseen, path_gap), **_CLEAR,
+    gaps=(_doubtful, sensor_gap, path_gap), **_CLEAR,
 )  # fmt: skip
 def obstacles(record: AuditRecord) -> Iterator[Sample]:
     """Clearance from all obstacles: configured, simulated and sensed."""
     if not any(each.settings.obstacles for each in record.evidence) and not any(record.seen):
-        if reason := unseen(record):
+        if reason := sensor_gap(record):
             raise NotJudgedError(reason)
         raise SkippedError('There is no obstacle among the parameters.')
     yield from _clear(record, slice(EDGES, None), 0.0)
@@ -161,7 +157,7 @@ def others(record: AuditRecord) -> Iterator[Sample]:
 
 
 @check(
-    'margin', 'Path: margin kept', needs=(*_ROAD, 'safety.margin'), gaps=(_unseen, path_gap),
+    'margin', 'Path: margin kept', needs=(*_ROAD, 'safety.margin'), gaps=(sensor_gap, path_gap),
     **_CLEAR,
 )  # fmt: skip
 def margin(record: AuditRecord) -> Iterator[Sample]:
@@ -176,7 +172,7 @@ def margin(record: AuditRecord) -> Iterator[Sample]:
     'nominal', 'Fallback: nominal is clear', needs=_ROAD, of_decisions=True, unit='m',
     of_reach=True, good='Wherever the level is nominal, the path driven is clear.',
     bad='While the level is nominal, the path driven is {depth:.3g} m too close.',
-    gaps=(lambda record, worst: unseen(record) or path_gap(record, worst),),
+    gaps=(lambda record, worst: sensor_gap(record) or path_gap(record, worst),),
 )  # fmt: skip
 def nominal(record: AuditRecord) -> Iterator[Sample]:
     """Clearance of the path driven wherever the level is nominal."""
@@ -219,7 +215,7 @@ def _leads_in_words(worst: Sample) -> str:
 @check(
     'commanded', 'Commands: safe to drive', needs=(*_ROAD, 'control_period'), unit='m',
     of_reach=True, good=_leads_in_words, bad=_leads_in_words, nothing='No command is finite.',
-    gaps=(_no_pose, _unseen),
+    gaps=(_no_pose, sensor_gap),
 )  # fmt: skip
 def commanded(record: AuditRecord) -> Iterator[Sample]:
     """Clearance of each command's arc, held for a period from the pose where it takes effect.

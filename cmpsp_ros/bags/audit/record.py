@@ -19,14 +19,7 @@ from cmpsp_ros.bags.audit.legs import Commands, Leg, Pairs
 from cmpsp_ros.bags.decision_record import DecisionRecord
 from cmpsp_ros.bags.names import Names
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.runs.odometry import (
-    Hole,
-    OdometrySeries,
-    holes,
-    in_words,
-    longest_interval,
-    pieces,
-)
+from cmpsp_ros.bags.runs.odometry import OdometrySeries, holes, in_words, longest_interval, pieces
 from cmpsp_ros.bags.runs.run import DrivenPath, lifetime, plans_in, seen_at
 from cmpsp_ros.bags.runs.sensor_clearance import (
     Encounter,
@@ -151,19 +144,6 @@ class AuditRecord:
                 found = [_changed(each, since_then, epoch.since) for each, since_then in pairs]
             before = used
         return found
-
-    @cached_property
-    def unseen(self) -> str:
-        """Why obstacles are not known everywhere, in a sentence; empty if they are."""
-        if self.history.simulated or not self.settings.sight.sensors:
-            return ''
-        if not all(self.seen):
-            return 'Only sensors know the obstacles, and in the bag they saw nothing.'
-        blind: list[Hole] = []
-        for each in self.seen:
-            looks = np.unique(np.concatenate([one.looks for one in each]))
-            blind += each[0].blind(looks, self.settings)
-        return f'No sensor saw anything {in_words(blind, self.start)}.' if blind else ''
 
     def knowledge(self) -> Iterator[Callable[[GuidanceSettings, int], GuidanceSettings]]:
         """For each leg: settings with the sightings by a time [ns], for rising times."""

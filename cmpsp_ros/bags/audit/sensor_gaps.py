@@ -1,24 +1,38 @@
 """Sensors without usable messages: when, and why."""
 
+import numpy as np
+
 from cmpsp_ros.bags.audit.record import AuditRecord
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.runs import in_words
+from cmpsp_ros.bags.runs.odometry import Hole
 from cmpsp_ros.sensing import ScanError, Sensor, sight_of
 
 
-def unseen(record: AuditRecord) -> str:
+def sensor_gap(record: AuditRecord, _worst: object = None) -> str:
     """Why obstacles are not known everywhere, in sentences; empty if they are."""
-    if record.history.simulated:
+    sensors = record.settings.sight.sensors
+    if record.history.simulated or not sensors:
         return ''
-    said = [record.unseen] if record.unseen else []
+    said = []
+    if not all(record.seen):
+        said.append('Only sensors know the obstacles, and in the bag they saw nothing.')
+    else:
+        blind: list[Hole] = []
+        for each in record.seen:
+            looks = np.unique(np.concatenate([one.looks for one in each]))
+            blind += each[0].blind(looks, record.settings)
+        said += [f'No sensor saw anything {in_words(blind, record.start)}.'] if blind else []
     # `~/sighting` is of all sensors.
     alone = [leg[0] for leg in record.seen if leg and all(each.heard for each in leg)]
-    for each in record.settings.sight.sensors:
-        blind = [hole for leg in alone for hole in leg.blind(leg.heard[each.name], record.settings)]
-        why = _refusal(record, each) if blind or not all(record.seen) else ''
+    for sensor in sensors:
+        blind = [
+            hole for leg in alone for hole in leg.blind(leg.heard[sensor.name], record.settings)
+        ]
+        why = _refusal(record, sensor) if blind or not all(record.seen) else ''
         when = f' shows nothing {in_words(blind, record.start)}' if blind else ''
         if when or why:
-            said.append(f'Sensor {each.name}{when}{": " if why else ""}{why}.')
+            said.append(f'Sensor {sensor.name}{when}{": " if why else ""}{why}.')
     return ' '.join(said)
 
 

@@ -30,6 +30,7 @@ from cmpsp_ros.robots.motion import speeds_and_turns
 _SLACK: Final = 0.15
 # Difference from which times of reception are taken for those of another clock [s].
 _SAME_CLOCK: Final = 10.0
+_ROUNDING: Final = 1e-9  # of times of goals [s]
 _MOVED: Final = 0.01  # distance beyond which a robot without commands is not at rest [m]
 
 
@@ -72,8 +73,8 @@ def rate(record: AuditRecord) -> Iterator[Sample]:
             end = min(run.end, run.start + to_nanoseconds(settings.final_time))
             inside = (commands.stamps >= run.start) & (commands.stamps < end)
             is_expected = np.append(True, commands.moving[inside])
-            last = next(iter(leg.came[commands.stamps >= end]), end)
-            for stamps, final, slack in ((commands.stamps, end, 0.0), (leg.came, last, _SLACK)):
+            last = next(iter(leg.arrivals[commands.stamps >= end]), end)
+            for stamps, final, slack in ((commands.stamps, end, 0.0), (leg.arrivals, last, _SLACK)):
                 times = np.concatenate([[run.start], stamps[inside], [final]])
                 gaps = np.diff(times) / NANOSECONDS - slack
                 for k in np.flatnonzero(is_expected & (gaps > worst)).tolist():
@@ -264,12 +265,12 @@ def _passings(record: AuditRecord) -> tuple[list[tuple[Passing, GuidanceSettings
 
 def _goals_of(record: AuditRecord, run: RunSpan) -> list[Goal]:
     """Goals of a run that were in force at their times; later ones replace pending ones."""
-    is_put_off = record.history.at(run.start).moves_final_time
+    may_move = record.history.at(run.start).moves_final_time
     received = [each for each in record.decisions if run.start <= each.stamp <= run.end]
     received = [
-        each for each in received if each.goal is not None and (each.goals_received or is_put_off)
+        each for each in received if each.goal is not None and (each.goals_received or may_move)
     ]
-    until = float('inf') if not received else (received[0].stamp - run.start) / NANOSECONDS
+    until = math.inf if not received else (received[0].stamp - run.start) / NANOSECONDS
     goals = []
     for index, goal in enumerate(record.history.at(run.start).goals):
         then = record.history.at(run.start + round(goal.time * NANOSECONDS)).goals
@@ -277,15 +278,14 @@ def _goals_of(record: AuditRecord, run: RunSpan) -> list[Goal]:
             goals.append(replace(then[index], time=goal.time))
     for each, after in zip_longest(received, received[1:]):
         assert each.goal is not None  # noqa: S101 (looked at above)
-        if after is None or after.goal is None:
-            goals.append(each.goal)
+        goal, next_goal = each.goal, None if after is None else after.goal
+        if next_goal == goal:
             continue
-        end = (after.stamp - run.start) / NANOSECONDS
+        end = math.inf if after is None else (after.stamp - run.start) / NANOSECONDS
         # It may be put off at the very instant at which it is due.
-        is_put_off = after.goal == replace(each.goal, time=after.goal.time)
-        rounding = -1e-9 if is_put_off else 1e-9
-        if after.goal != each.goal and each.goal.time - end < rounding:
-            goals.append(each.goal)
+        is_put_off = next_goal is not None and next_goal == replace(goal, time=next_goal.time)
+        if goal.time < end - _ROUNDING if is_put_off else goal.time <= end + _ROUNDING:
+            goals.append(goal)
     return goals
 
 

@@ -133,7 +133,8 @@ class Drive:
             if self.law.is_due(stamp):
                 sighting = surroundings.at(stamp, pose)
                 known = _lengths.cache_info().misses
-                decision = self.law.step(Observation(stamp, pose, (), sighting))
+                tracks = () if sighting is None else sighting.tracks
+                decision = self.law.step(Observation(stamp, pose, tracks, sighting))
                 self.searches.append(_lengths.cache_info().misses - known)
                 plant.command(stamp, *decision.twist)
                 # The clock moves on by 1 ms whenever it is looked at: before and after a solution.

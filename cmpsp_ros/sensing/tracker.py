@@ -97,8 +97,7 @@ class Tracker:
         keep_within(on_movers, points, self._movers(_AROUND))
         owners[hits[on_movers]] = MOVING
         self._drop(view)
-        # After scans without a hit a wall that appears would seem to have entered: it is marked.
-        if len(points):
+        if len(beams.ends):  # an empty cloud shows no place
             history.add(view)
         return owners, begun
 

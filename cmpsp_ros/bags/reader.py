@@ -25,7 +25,7 @@ from cmpsp_ros.bags.storage.common import METADATA, SUFFIXES, is_locked
 
 _MAX_REASON = 500
 
-_PARAMETER_EVENT = 'rcl_interfaces/msg/ParameterEvent'
+PARAMETER_EVENT = 'rcl_interfaces/msg/ParameterEvent'
 
 
 @dataclass(frozen=True)
@@ -70,6 +70,11 @@ class Bag:
         """Error that says what was not found, and which topics there are."""
         there = ', '.join(sorted(self.topics)) or 'no topic at all'
         return self.error(f'{what}; there is {there}')
+
+    def require_type(self, topic: str, wanted: str) -> None:
+        """Raise BagError for a topic of another type; it need not be there."""
+        if topic in self.topics and (found := self.topics[topic].msgtype) != wanted:
+            raise self.error(f'found {found} in {topic}, wanted {wanted}')
 
     def as_decided_on(self, node: str, name: str) -> str:
         """Topic that a node received; its own one of that name if it published it transformed."""
@@ -167,7 +172,7 @@ class Bag:
     def _read_parameters(self) -> None:
         kept = self.parameters.keys()
         for topic, about in self.topics.items():
-            is_one = about.msgtype == _PARAMETER_EVENT and topic.endswith('/parameters')
+            is_one = about.msgtype == PARAMETER_EVENT and topic.endswith('/parameters')
             if not is_one or topic.removesuffix('/parameters') in kept:
                 continue
             for received, message in self.messages(topic):

@@ -12,13 +12,12 @@ from cmpsp_ros.bags.custom_data import plain_values
 from cmpsp_ros.bags.decision_record import DecisionRecord, Waypoint
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.names import Names
-from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.bags.reader import PARAMETER_EVENT, Bag
 from cmpsp_ros.guidance import Goal, GoalError, messages
 from cmpsp_ros.parameters import TABLE, ParameterError, Values, is_of_ros
 from cmpsp_ros.sensing import Sighting, grid_of, stamp_of
 
 EVENTS = '/parameter_events'  # topic of the changes
-_EVENT = 'rcl_interfaces/msg/ParameterEvent'
 
 
 class NodeParameters:
@@ -36,8 +35,7 @@ class NodeParameters:
             hint = ', and no decisions: --params-file makes some' if foreign else ''
             text = f'no parameters of {node}; there are those of {there}{hint}'
             raise bag.error(text)
-        if EVENTS in bag.topics and (found := bag.topics[EVENTS].msgtype) != _EVENT:
-            raise bag.error(f'found {found} in {EVENTS}, wanted {_EVENT}')
+        bag.require_type(EVENTS, PARAMETER_EVENT)
         self._take(bag.parameters[node])
 
     def restart(self, until: int) -> int | None:

@@ -172,7 +172,7 @@ def driven_in(bag: Bag, namespace: str) -> DrivenPath:
     """The driven path in the frame of the course: the simulator's own, or that of odometry."""
     heard = bag.as_decided_on(f'{namespace}/guidance', 'odom')
     topic = truth_topic(bag, namespace, heard) or heard
-    _check_type(bag, topic, 'nav_msgs/msg/Odometry')
+    bag.require_type(topic, 'nav_msgs/msg/Odometry')
     rows: dict[int, tuple[list[float], list[float]]] = {}
     for _, message in bag.messages(topic):
         # Of two at one instant the later counts: a command took effect there.
@@ -198,7 +198,7 @@ def truth_topic(bag: Bag, namespace: str, odom: str) -> str:
 def plans_in(bag: Bag, topic: str) -> tuple[Planned, ...]:
     """The plans that a bag has in a topic; none if it has no such topic."""
     plans = []
-    _check_type(bag, topic, 'nav_msgs/msg/Path')
+    bag.require_type(topic, 'nav_msgs/msg/Path')
     for _, message in bag.messages(topic) if topic in bag.topics else ():
         poses = [
             (each.pose.position.x, each.pose.position.y, heading_of(each.pose.orientation))
@@ -208,11 +208,6 @@ def plans_in(bag: Bag, topic: str) -> tuple[Planned, ...]:
         if len(poses) > 1:
             plans.append(Planned(stamp_of(message), np.array(poses)))
     return tuple(plans)
-
-
-def _check_type(bag: Bag, topic: str, wanted: str) -> None:
-    if topic in bag.topics and (found := bag.topics[topic].msgtype) != wanted:
-        raise bag.error(f'found {found} in {topic}, wanted {wanted}')
 
 
 def _wheels(bag: Bag, topic: str) -> tuple[IntArray, Array]:

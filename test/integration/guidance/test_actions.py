@@ -155,6 +155,18 @@ def test_navigate_to_pose(drive, actions, client, record):
     assert outcome.decisions >= len(client.decisions)
 
 
+def test_a_goal_that_is_cancelled_while_odometry_is_lost_ends(
+    actions, start_active, client, make_odometry
+):
+    start_active({'odom_timeout': 0.5})
+    client.decide(make_odometry(client.now(), (0.0, -9.25, 0.0)))
+    goal = actions('NavigateToPose', 'navigate_to_pose', pose=place(9.3, 4.0))
+    lost = 'No usable odometry for more than 0.5 s (odom_timeout).'
+    client.until(lambda: client.decisions[-1]['reason'] == lost)
+    assert goal.cancel() == 1
+    assert goal.result() == (GoalStatus.STATUS_CANCELED, 0, lost)
+
+
 CORRIDOR = {
     'road.type': 'corridor', 'road.half_width': '[0.6]', 'initial_pose': '[0.,0.,0.]',
     'road.points': '[0.0,0.0,5.0,0.0]', 'road.source': 'topic', 'goal.position': '[5.,0.]',

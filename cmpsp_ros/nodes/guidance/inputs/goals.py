@@ -100,7 +100,7 @@ class GoalInput(Listener):
         if running is None:
             return
         if running.handle.is_cancel_requested:
-            if decision.cancelled and not np.any(decision.twist):
+            if (decision.cancelled or decision.halted) and not np.any(decision.twist):
                 self._finish(running.handle.canceled, '', decision.reason)
             return
         ours = decision.goal is not None and decision.goal.position == running.goal.position

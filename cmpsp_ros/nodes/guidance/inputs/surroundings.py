@@ -189,11 +189,14 @@ class TrackInput(SurroundingsInput):
         return (*fused, *robots)
 
     def warnings(self, now: int) -> list[str]:
-        """Refusals of the last messages, and robots silent at a time [ns]."""
+        """Refusals of the last messages, and robots and trackers silent at a time [ns]."""
         oldest = now - round(self.settings.moving_obstacles.timeout * NANOSECONDS)
-        silent = [name for name, each in self._heard.items() if each.is_older(oldest)]
-        lost = [f'Not kept clear of, for no plan comes: {", ".join(silent)}.'] if silent else []
-        return [*self.refusals, *lost]
+        lost = [name for name, each in self._heard.items() if each.is_older(oldest)]
+        said = [f'Not kept clear of, for no plan comes: {", ".join(lost)}.'] if lost else []
+        silent = [name for name, told in self._told.items() if told < oldest]
+        if silent:
+            said.append(f'What moves is not known from {", ".join(silent)}: no message comes.')
+        return [*self.refusals, *said]
 
     def forget_after(self, stamp: int) -> None:
         """Time has jumped back to an instant [ns]: later reports are of another run."""
@@ -201,6 +204,8 @@ class TrackInput(SurroundingsInput):
         self._plans.forget_after(stamp)
         # Robots never heard of cannot be missing.
         self._heard: dict[str, PeerTrajectory] = {}
+        # When each source told last; `moving_obstacles` may be used from time to time.
+        self._told = {f'tracker {each.name}': -NEVER for each, _ in self._trackers}
         self._objects = [ObjectTracks(e, n) for n, (e, _) in enumerate(self._trackers, _FIRST)]
         self._tracks: list[Tracks[Track]] = [Tracks() for _ in self._trackers]
         self._fusion, self._published = TrackFusion(), dict[int, int]()
@@ -209,6 +214,7 @@ class TrackInput(SurroundingsInput):
         tracks = self._transforms.tracks_of(message)
         self._check_age(message, 'Obstacles are')
         self._add(self._obstacles, tracks)
+        self._told['moving_obstacles'] = self._now()
 
     def _read_plan(self, namespace: str, message: Path) -> None:
         plan = PeerTrajectory.of(message, namespace, self.settings.frame_id)
@@ -224,6 +230,7 @@ class TrackInput(SurroundingsInput):
         timeout = self.settings.moving_obstacles.timeout
         tracks = self._objects[number].tracks_of(message, there, motion, timeout)
         self._add(self._tracks[number], tracks)
+        self._told[f'tracker {self._trackers[number][0].name}'] = self._now()
 
     def _add(self, known: Tracks[Any], reports: Sequence[MovingObject]) -> None:
         """Add the reports of a message; forget those too old for any step: there may be none."""
@@ -235,8 +242,10 @@ class TrackInput(SurroundingsInput):
             known.forget_before(each.stamp - lead, timeout)
 
     def _check_age(self, message: Any, subject: str) -> None:
-        now = self._node.get_clock().now().nanoseconds
-        check_track_age(message, now, self.settings.moving_obstacles.timeout, subject)
+        check_track_age(message, self._now(), self.settings.moving_obstacles.timeout, subject)
+
+    def _now(self) -> int:
+        return int(self._node.get_clock().now().nanoseconds)
 
     def _publish(self, tracks: Sequence[Track]) -> None:
         """Publish tracks that were not published before; those of one time in one message."""

@@ -45,7 +45,7 @@ class LocalGrid:
         self._seen = np.full((side, side), _NEVER, dtype=np.int64)
         # Where in its cell the last beam ended [cells]: a wall is there, not in all of the cell.
         self._hits = np.zeros((side, side, 2), dtype=np.float32)
-        # Number of the object that was hit there.
+        # Number of the object that was hit there, its complement if by a beam of a cloud.
         self._owners = np.zeros((side, side), dtype=np.int64)
 
     def center_on(self, x: float, y: float) -> None:
@@ -71,16 +71,18 @@ class LocalGrid:
         """
         if owners is None:
             owners = np.zeros(len(beams.ends), np.int64)
-        arrays = self._cells, self._seen, self._hits
+        arrays = self._cells, self._seen, self._hits, self._owners
         corner = np.array([self._column, self._row], dtype=float)
         starts = beams.starts / self._resolution - corner
         ends = beams.ends / self._resolution - corner
-        clear(*arrays, starts, ends, beams.hits, beams.stamp, beams.is_sweep)
-        mark(*arrays, self._owners, ends, beams.hits, owners, beams.stamp)
+        times = beams.stamp, beams.stamp - self._memory
+        clear(*arrays, starts, ends, beams.hits, *times, beams.is_sweep)
+        mark(*arrays, ends, beams.hits, owners, beams.stamp, beams.is_sweep)
 
     def release(self, owner: int) -> None:
         """Free all cells that an object has marked: it moves."""
-        self._cells[(self._owners == owner) & (self._cells == Cell.OCCUPIED)] = Cell.FREE
+        is_owned = (self._owners == owner) | (self._owners == ~owner)
+        self._cells[is_owned & (self._cells == Cell.OCCUPIED)] = Cell.FREE
 
     def stand_at(
         self, x: float, y: float, radius: float, stamp: int, corners: Array | None = None
@@ -144,21 +146,25 @@ def clear(
     cells: Cells,
     seen: IntArray,
     hits: Places,
+    owned: IntArray,
     starts: Array,
     ends: Array,
     is_hit: BoolArray,
     stamp: int,
+    oldest: int,
     is_sweep: bool,
 ) -> None:
     """Free the cells that beams pass through, but for those at whose end is an obstacle.
 
-    A sweep frees an occupied cell only where a beam has passed close to the place that was hit, and
-    well beyond it: else those that graze a wall would open it. The space between two neighbours of
-    a sweep is seen as well, as far as the shorter one.
+    A sweep frees an occupied cell only where a sweep has hit it, and a beam has passed close to the
+    place that was hit and well beyond it: else those that graze a wall would open it, and those
+    below a table the table. A mark from before `oldest` [ns] is forgotten. The space between two
+    neighbours of a sweep is seen as well, as far as the shorter one.
     """
+    arrays = cells, seen, hits, owned
     for i in range(starts.shape[0]):
         x, y, end_x, end_y = starts[i, 0], starts[i, 1], ends[i, 0], ends[i, 1]
-        _clear_one(cells, seen, hits, x, y, end_x, end_y, is_hit[i], stamp, is_sweep)
+        _clear_one(*arrays, x, y, end_x, end_y, is_hit[i], stamp, oldest, is_sweep)
         if not is_sweep or i + 1 == starts.shape[0]:
             continue
         along_x, along_y = end_x - x, end_y - y
@@ -179,7 +185,7 @@ def clear(
             to_x = from_x + along_x + part * (next_x - along_x)
             to_y = from_y + along_y + part * (next_y - along_y)
             # Nothing was measured along it: it frees unknown cells only.
-            _clear_one(cells, seen, hits, from_x, from_y, to_x, to_y, True, stamp, False)
+            _clear_one(*arrays, from_x, from_y, to_x, to_y, True, stamp, oldest, False)
 
 
 @allocation_free
@@ -192,6 +198,7 @@ def mark(
     is_hit: BoolArray,
     owners: IntArray,
     stamp: int,
+    is_sweep: bool,
 ) -> None:
     """Occupy the cells in which beams have hit something that stands still."""
     for i in range(ends.shape[0]):
@@ -201,7 +208,7 @@ def mark(
             continue
         if cells[row, column] != _OCCUPIED or seen[row, column] <= stamp:
             cells[row, column], seen[row, column] = _OCCUPIED, stamp
-            owned[row, column] = owners[i]
+            owned[row, column] = owners[i] if is_sweep else ~owners[i]
             hits[row, column, 0] = ends[i, 0] - column
             hits[row, column, 1] = ends[i, 1] - row
 
@@ -211,12 +218,14 @@ def _clear_one(
     cells: Cells,
     seen: IntArray,
     hits: Places,
+    owned: IntArray,
     x: float,
     y: float,
     end_x: float,
     end_y: float,
     is_hit: bool,
     stamp: int,
+    oldest: int,
     sees_gone: bool,
 ) -> None:
     """Walk from cell to cell along a beam, within the grid (Amanatides and Woo 1987)."""
@@ -238,9 +247,9 @@ def _clear_one(
     for _ in range(rows + columns):
         if is_hit and column == end_column and row == end_row:
             return
-        if cells[row, column] != _OCCUPIED:
+        if cells[row, column] != _OCCUPIED or seen[row, column] < oldest:
             cells[row, column], seen[row, column] = _FREE, stamp
-        elif sees_gone and seen[row, column] <= stamp:
+        elif sees_gone and owned[row, column] >= 0 and seen[row, column] <= stamp:
             to_x = column + hits[row, column, 0] - x
             to_y = row + hits[row, column, 1] - y
             beside = abs(along_x * to_y - along_y * to_x) / length

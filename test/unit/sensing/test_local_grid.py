@@ -106,6 +106,27 @@ def test_a_late_mark_counts_where_nothing_has_been_hit_since():
     assert known(local, [(1.05, 0.05)], 6 * SECOND + 1) == [UNKNOWN]
 
 
+@pytest.mark.parametrize('is_sweep', [True, False])
+def test_a_table_above_the_beams_of_a_scanner_stays_as_long_as_it_is_remembered(is_sweep):
+    local = grid(memory=5.0)
+    table, behind = [(1.05, 0.05)], [(1.85, 0.05)]
+    local.see(beams(table, is_sweep=False))
+    for second in range(1, 6):
+        local.see(beams(behind, stamp=second * SECOND))
+        assert known(local, table, second * SECOND) == [OCCUPIED]
+    local.see(beams(behind, stamp=5 * SECOND + 1, is_sweep=is_sweep))
+    assert known(local, table, 5 * SECOND + 1) == [FREE]
+
+
+def test_all_that_sensors_have_marked_of_one_who_moves_is_freed():
+    local = grid()
+    for is_sweep, hit in ((True, (1.05, 0.02)), (False, (1.15, 0.02))):
+        local.see(beams([hit], is_sweep=is_sweep), np.array([7]))
+    assert known(local, [(1.05, 0.05), (1.15, 0.05)]) == [OCCUPIED] * 2
+    local.release(7)
+    assert known(local, [(1.05, 0.05), (1.15, 0.05)]) == [FREE] * 2
+
+
 def test_beams_that_graze_a_wall_do_not_open_it():
     """Along a wall, with few beams and noise: where it has been seen once it stays."""
     random = np.random.default_rng(1)

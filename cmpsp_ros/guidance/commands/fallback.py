@@ -22,7 +22,7 @@ class Fallback:
     def __init__(self, settings: LawSettings, validator: Validator) -> None:
         self._validator = validator
         self._period = to_nanoseconds(settings.control_period)
-        self._margin_validator = Validator(settings, with_margin=True)
+        self._margin_validator = validator.with_margin(settings.safety.margin)
 
     def shifted(
         self, plan: Plan | None, context: PlanningContext

@@ -5,7 +5,6 @@ Where no plan passes one the best leads through it, and only its first arc is ch
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -64,8 +63,7 @@ class Approach:
 
     def __init__(self, settings: LawSettings, validator: Validator) -> None:
         self._validator = validator
-        part = replace(settings.safety, margin=_OF_MARGIN * settings.safety.margin)
-        self._lag_validator = Validator(replace(settings, safety=part), with_margin=True)
+        self._lag_validator = validator.with_margin(_OF_MARGIN * settings.safety.margin)
         self._settings, self._max_change = settings, settings.max_wheel_change
         # The last answer: a step asks twice about the same plan.
         self._calmed: tuple[Plan, Validation, tuple[Plan, Validation] | None] | None = None

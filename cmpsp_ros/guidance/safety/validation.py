@@ -72,10 +72,9 @@ class Validator:
     With a limit of acceleration it is also clear to rest along plan, curvature or road.
     """
 
-    def __init__(self, settings: LawSettings, *, with_margin: bool = False) -> None:
-        self._settings = settings
-        self._margin = settings.safety.margin if with_margin else 0.0
-        self._radius = settings.robot_radius + self._margin
+    def __init__(self, settings: LawSettings, margin: float = 0.0, sweep: Any = None) -> None:
+        self._settings, self._margin = settings, margin
+        self._radius = settings.robot_radius + margin
         self._between = settings.safety.between_samples
         self._slots = settings.tracked.slots
         self._has_limits = bool(settings.robot.steering_limits or settings.robot.lateral_rows)
@@ -85,7 +84,11 @@ class Validator:
         self._found, self._scratch = np.zeros(1, SWEEP), np.empty((2, N_EDGE_CONSTRAINTS))
         start = PlanStart(np.zeros(3), settings.robot, World(OpenFloor()))
         rest = np.zeros((2, settings.robot.n_controls))
-        self._sweep = entry_for(sweep_plan, *self._arguments(start, rest, np.ones(1)))
+        self._sweep = sweep or entry_for(sweep_plan, *self._arguments(start, rest, np.ones(1)))
+
+    def with_margin(self, margin: float) -> Validator:
+        """The same checks for a robot with a margin [m] around it."""
+        return Validator(self._settings, margin, self._sweep)
 
     def _space(self, world: World) -> FreeSpace:
         """Free space of a world, which is mostly that of the last question."""

@@ -168,7 +168,7 @@ def random_map(random):
 def way_on(given, random):
     """A start and a goal with a way between them that plans may keep to, and its length [m]."""
     search = given.world.map_search(given)
-    validator = Validator(given, with_margin=True)
+    validator = Validator(given).with_margin(given.safety.margin)
     while True:
         start, goal = random.uniform([0.5, 0.5], [9.5, 7.5], (2, 2))
         line = search.line(start, tuple(goal.tolist()), 0.1)

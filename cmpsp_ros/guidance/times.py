@@ -30,10 +30,10 @@ class Horizon(NamedTuple):
     durations: Array  # length of each step, shape ``(N,)`` [s]
 
     @classmethod
-    def between(cls, instants: Sequence[int]) -> Horizon:
+    def between(cls, instants: Sequence[int] | IntArray) -> Horizon:
         """The horizon of these instants [ns]."""
-        edges = np.array(instants, dtype=np.int64)
-        return cls(edges, np.diff(edges) / NANOSECONDS)
+        edges = np.asarray(instants, dtype=np.int64)
+        return cls(edges, (edges[1:] - edges[:-1]) / NANOSECONDS)
 
 
 def remaining(now: int, period: int, final: int) -> Horizon:
@@ -45,8 +45,9 @@ def remaining(now: int, period: int, final: int) -> Horizon:
     half = period // 2
     first = -(-(now + half) // period)
     last = max((final - half) // period, first - 1)
-    instants = range(first * period, (last + 1) * period, period)
-    return Horizon.between([now, *instants, max(final, now + half)])
+    edges = np.arange(first - 1, last + 2) * period
+    edges[0], edges[-1] = now, max(final, now + half)
+    return Horizon.between(edges)
 
 
 def shift(controls: Array, old: Horizon, new: Horizon) -> Array:
@@ -54,11 +55,9 @@ def shift(controls: Array, old: Horizon, new: Horizon) -> Array:
 
     Beyond the old horizon its last step is continued; the last row, which moves nothing, is kept.
     """
-    middles = (new.edges[:-1] + new.edges[1:]) // 2
-    shifted = np.empty((len(new.edges), controls.shape[1]))
-    shifted[:-1] = controls[old.edges[1:-1].searchsorted(middles, side='right')]
-    shifted[-1] = controls[-1]
-    return shifted
+    middles, rows = (new.edges[:-1] + new.edges[1:]) // 2, np.empty(len(new.edges), np.int64)
+    rows[:-1], rows[-1] = old.edges[1:-1].searchsorted(middles, side='right'), len(controls) - 1
+    return controls.take(rows, axis=0)
 
 
 def retimed(controls: Array, old: Horizon, new: Horizon, robot: Robot) -> Array:

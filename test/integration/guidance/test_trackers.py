@@ -98,13 +98,12 @@ def test_what_cannot_be_used_is_said(start_active, client, make_odometry, tell):
 def test_a_tracker_that_is_silent_is_told(fault, start_active, client, make_odometry, tell):
     start_active({**ROOM, 'moving_obstacles.timeout': 2.0})
     client.decide(make_odometry(client.now(), POSE))
-    said = 'What moves is not known from tracker radar, tracker lidar: no message comes.'
-    fault.assert_told(client.until_health(level=DiagnosticStatus.WARN, said=said))
+    silent = 'for more than 2 s (moving_obstacles.timeout) from tracker radar, tracker lidar.'
+    fault.assert_told(client.until_health(level=DiagnosticStatus.WARN, said=silent))
     radar = (6.0, -8.0, 0.0, 0.0)
     tell(client.now(), radar, radar)
     client.until_health(level=DiagnosticStatus.OK, fallback_level='nominal')
-    said = 'not known from tracker radar, tracker lidar'
-    client.until_health(level=DiagnosticStatus.WARN, said=said)
+    client.until_health(level=DiagnosticStatus.WARN, said=silent)
 
 
 def test_a_radar_on_the_robot_tells_of_velocities_relative_to_it(

@@ -190,12 +190,14 @@ class TrackInput(SurroundingsInput):
 
     def warnings(self, now: int) -> list[str]:
         """Refusals of the last messages, and robots and trackers silent at a time [ns]."""
-        oldest = now - round(self.settings.moving_obstacles.timeout * NANOSECONDS)
+        timeout = self.settings.moving_obstacles.timeout
+        oldest = now - round(timeout * NANOSECONDS)
         lost = [name for name, each in self._heard.items() if each.is_older(oldest)]
         said = [f'Not kept clear of, for no plan comes: {", ".join(lost)}.'] if lost else []
-        silent = [name for name, told in self._told.items() if told < oldest]
+        silent = [name for name, stamp in self._received.items() if stamp < oldest]
         if silent:
-            said.append(f'What moves is not known from {", ".join(silent)}: no message comes.')
+            unheard = f'No message for more than {timeout:.3g} s (moving_obstacles.timeout)'
+            said.append(f'{unheard} from {", ".join(silent)}.')
         return [*self.refusals, *said]
 
     def forget_after(self, stamp: int) -> None:
@@ -204,8 +206,8 @@ class TrackInput(SurroundingsInput):
         self._plans.forget_after(stamp)
         # Robots never heard of cannot be missing.
         self._heard: dict[str, PeerTrajectory] = {}
-        # When each source told last; `moving_obstacles` may be used from time to time.
-        self._told = {f'tracker {each.name}': -NEVER for each, _ in self._trackers}
+        # Times of the last messages [ns]; `moving_obstacles` need not be in use.
+        self._received = {f'tracker {each.name}': -NEVER for each, _ in self._trackers}
         self._objects = [ObjectTracks(e, n) for n, (e, _) in enumerate(self._trackers, _FIRST)]
         self._tracks: list[Tracks[Track]] = [Tracks() for _ in self._trackers]
         self._fusion, self._published = TrackFusion(), dict[int, int]()
@@ -214,7 +216,7 @@ class TrackInput(SurroundingsInput):
         tracks = self._transforms.tracks_of(message)
         self._check_age(message, 'Obstacles are')
         self._add(self._obstacles, tracks)
-        self._told['moving_obstacles'] = self._now()
+        self._received['moving_obstacles'] = self._now()
 
     def _read_plan(self, namespace: str, message: Path) -> None:
         plan = PeerTrajectory.of(message, namespace, self.settings.frame_id)
@@ -230,7 +232,7 @@ class TrackInput(SurroundingsInput):
         timeout = self.settings.moving_obstacles.timeout
         tracks = self._objects[number].tracks_of(message, there, motion, timeout)
         self._add(self._tracks[number], tracks)
-        self._told[f'tracker {self._trackers[number][0].name}'] = self._now()
+        self._received[f'tracker {self._trackers[number][0].name}'] = self._now()
 
     def _add(self, known: Tracks[Any], reports: Sequence[MovingObject]) -> None:
         """Add the reports of a message; forget those too old for any step: there may be none."""

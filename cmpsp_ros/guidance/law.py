@@ -105,7 +105,8 @@ class GuidanceLaw:
         else:
             decision = self._plan(step)
         decision = supervisor.slowed(step, decision, ramp)
-        decision = decision._replace(reason=task.note + decision.reason)
+        if task.note:
+            decision = decision._replace(reason=task.note + decision.reason)
         state.estimator.begin_period(observation, state.following.previous_control)
         self._decide_in_time(estimate, decision)
         state.clock.step += 1

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 from cmpsp_ros.arrays import Array, IntArray
+from cmpsp_ros.mpsp.jit import allocation_free
 
 if TYPE_CHECKING:
     from cmpsp_ros.robots import Robot
@@ -45,9 +46,18 @@ def remaining(now: int, period: int, final: int) -> Horizon:
     half = period // 2
     first = -(-(now + half) // period)
     last = max((final - half) // period, first - 1)
-    edges = np.arange(first - 1, last + 2) * period
-    edges[0], edges[-1] = now, max(final, now + half)
-    return Horizon.between(edges)
+    edges, durations = np.empty(last - first + 3, np.int64), np.empty(last - first + 2)
+    _fill(edges, durations, now, max(final, now + half), first, period)
+    return Horizon(edges, durations)
+
+
+@allocation_free
+def _fill(edges: IntArray, durations: Array, now: int, end: int, first: int, period: int) -> None:
+    edges[0], edges[-1] = now, end
+    for k in range(1, len(durations)):
+        edges[k] = (first + k - 1) * period
+    for k in range(len(durations)):
+        durations[k] = (edges[k + 1] - edges[k]) / NANOSECONDS
 
 
 def shift(controls: Array, old: Horizon, new: Horizon) -> Array:
@@ -55,9 +65,22 @@ def shift(controls: Array, old: Horizon, new: Horizon) -> Array:
 
     Beyond the old horizon its last step is continued; the last row, which moves nothing, is kept.
     """
-    middles, rows = (new.edges[:-1] + new.edges[1:]) // 2, np.empty(len(new.edges), np.int64)
-    rows[:-1], rows[-1] = old.edges[1:-1].searchsorted(middles, side='right'), len(controls) - 1
-    return controls.take(rows, axis=0)
+    shifted = np.empty((len(new.edges), controls.shape[1]))
+    _shift(shifted, controls, old.edges, new.edges)
+    return shifted
+
+
+@allocation_free
+def _shift(shifted: Array, controls: Array, old: IntArray, new: IntArray) -> None:
+    held, last = 0, len(old) - 2
+    for k in range(len(new) - 1):
+        middle = (new[k] + new[k + 1]) // 2
+        while held < last and old[held + 1] <= middle:
+            held += 1
+        for a in range(controls.shape[1]):
+            shifted[k, a] = controls[held, a]
+    for a in range(controls.shape[1]):
+        shifted[-1, a] = controls[-1, a]
 
 
 def retimed(controls: Array, old: Horizon, new: Horizon, robot: Robot) -> Array:

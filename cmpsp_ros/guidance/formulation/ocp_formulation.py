@@ -156,8 +156,9 @@ class OcpFormulation:
                 self._ends.clear()
             self._ends[key] = goal_space(self.settings, world, target, self._samples(key[1]))
         end = self._ends[key]
-        is_last = np.arange(len(durations) + 1) == len(durations)
-        return space if end is None else space.with_some(is_last, end)
+        if end is None:
+            return space
+        return space.with_some(np.arange(len(durations) + 1) == len(durations), end)
 
     def _samples(self, longest: float) -> FreeSpace:
         if longest not in self._spaces:

@@ -30,7 +30,7 @@ from cmpsp_ros.guidance.times import Horizon, remaining, to_nanoseconds
 from cmpsp_ros.mpsp import SLACK_TOLERANCE, Dimensions, Options
 from cmpsp_ros.mpsp.qp import RICCATI_ACTIVE_SET, QPStatus
 from cmpsp_ros.mpsp.qp.riccati import Outcome
-from cmpsp_ros.mpsp.sqp import Driver
+from cmpsp_ros.mpsp.sqp import Driver, Results
 from cmpsp_ros.robots import Robot
 from cmpsp_ros.world import FreeSpace
 
@@ -125,13 +125,13 @@ class Planner:
         if self._formulation.remembers_control:
             data = problem_data(self._formulation, inner, start, self.compiled, self._end_jerk)
         self._driver.improve(self.compiled.entries, data, steps, over)
-        outcome = self._ws.run['outcome'].item()
-        if self._compiled and outcome in (Outcome.NO_CURVATURE, Outcome.ITERATION_LIMIT):
-            work = self._ws.program.head['work'].item() + _WORK_OF_BACK_END * limit * (steps + 1)
-            if outcome == Outcome.NO_CURVATURE or work <= work_limit:
+        found = self._driver.results
+        if self._compiled and found.outcome in (Outcome.NO_CURVATURE, Outcome.ITERATION_LIMIT):
+            work = found.work + _WORK_OF_BACK_END * limit * (steps + 1)
+            if found.outcome == Outcome.NO_CURVATURE or work <= work_limit:
                 return self._improve_by_back_end(guess, context, data, limit)._replace(work=work)
-        found = _summary(self._driver, context)
-        return found._replace(brakes_late=_ROUNDED_UP * self._jolt < self._end_jerk < math.inf)
+        brakes_late = _ROUNDED_UP * self._jolt < self._end_jerk < math.inf
+        return _summary(self._driver, found, context, brakes_late=brakes_late)
 
     def _improve_by_back_end(
         self, guess: Array, context: PlanningContext, data: ProblemData, limit: int
@@ -148,7 +148,7 @@ class Planner:
         other.ws.trial.U[: steps + 1] = guess
         other.ws.run['max_iterations'] = limit
         other.improve(self.compiled.entries, data, steps, 0)
-        return _summary(other, context)
+        return _summary(other, other.results, context)
 
     def _data(self, context: PlanningContext, guess: Array) -> GuidanceData:
         pose, robot, world, moving, progress, *_ = context.start
@@ -253,13 +253,14 @@ def _goal_of(target: Target) -> tuple[Array, float]:
     return np.array(target.position, dtype=float), heading
 
 
-def _summary(driver: Driver, context: PlanningContext) -> SolveResult:
+def _summary(
+    driver: Driver, found: Results, context: PlanningContext, *, brakes_late: bool = False
+) -> SolveResult:
     ws, back_end, (start, horizon) = driver.ws, driver.back_end, (context.start, context.horizon)
+    outcome, level, iterations, active_rows, qp_iterations, work = found
     stages = len(horizon.edges)
-    run, head = ws.run[0], ws.program.head[0]
-    outcome = int(run['outcome'])
     largest, left, path = 0.0, [], 0
-    if outcome == Outcome.SOLVED and run['level'] > 0:
+    if outcome == Outcome.SOLVED and level > 0:
         # A handful of numbers is searched faster in a Python list.
         slack = ws.slack.tolist()
         largest, path = max(slack), len(slack) - len(ws.now.output_error)
@@ -267,7 +268,7 @@ def _summary(driver: Driver, context: PlanningContext) -> SolveResult:
     if back_end is None:
         reason = _WORK_USED_UP if outcome == Outcome.ITERATION_LIMIT else _STATUS[outcome].value
     else:
-        reason = back_end.solution.status.value
+        qp_iterations, reason = back_end.solution.iterations, back_end.solution.status.value
     controls, poses = ws.now.U[:stages].copy(), ws.now.X[:stages, :3].copy()
     if start.robot.max_lateral_acceleration < math.inf:
         kept = start.robot.slowed_in_turns(controls)
@@ -280,9 +281,10 @@ def _summary(driver: Driver, context: PlanningContext) -> SolveResult:
         slack=largest,
         slack_where=tuple([index for index in left if index < path]),
         slack_terminal=bool(left) and left[-1] >= path,
-        iterations=int(run['iterations']),
-        qp_iterations=int(head['iterations'] if back_end is None else back_end.solution.iterations),
-        active_rows=int(run['active_rows']),
+        iterations=iterations,
+        qp_iterations=qp_iterations,
+        active_rows=active_rows,
         reason=reason,
-        work=int(head['work']),
+        work=work,
+        brakes_late=brakes_late,
     )

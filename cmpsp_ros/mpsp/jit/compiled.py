@@ -84,6 +84,20 @@ def address_of(returned: type | None, function: Callable[..., Any], *arguments: 
     return int(address)
 
 
+def words_of(value: Any) -> list[int]:
+    """Words by which compiled code knows a tuple of arrays, at the address that it is passed.
+
+    Raises:
+        TypeError: Something else than arrays is in it.
+    """
+    if isinstance(value, tuple):
+        return [word for each in value for word in words_of(each)]
+    if not isinstance(value, np.ndarray):
+        raise TypeError(f'found {value!r}, wanted an array')
+    # Numba's description; the first two are for counts of references.
+    return [0, 0, value.size, value.itemsize, value.ctypes.data, *value.shape, *value.strides]
+
+
 def _signature(kernel: Any, arguments: tuple[Any, ...]) -> tuple[Any, ...]:
     """Numba's types of arguments; a law asks hundreds of times when it is configured."""
     key = kernel, _kind(arguments)
@@ -99,6 +113,16 @@ def _kind(value: Any) -> Any:
         layout = flags.c_contiguous, flags.f_contiguous, flags.writeable, flags.aligned
         return value.dtype, value.ndim, layout
     return (type(value), *map(_kind, value)) if isinstance(value, tuple) else type(value)
+
+
+@intrinsic  # type: ignore[untyped-decorator]  # numba has no types
+def at(_context: Any, address: Any) -> Any:
+    """What lies at an address, to pass it by `call` as a tuple whose words (`words_of`) it has."""
+
+    def generate(_context: Any, builder: Any, _signature: Any, values: Any) -> Any:
+        return builder.inttoptr(values[0], cgutils.voidptr_t)
+
+    return types.voidptr(address), generate
 
 
 def _calls(returned: Any) -> Any:

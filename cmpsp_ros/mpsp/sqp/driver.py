@@ -13,10 +13,13 @@ from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.jit.compiled import (
     address_of,
     allocation_free,
+    at,
     call,
     call_for_float,
     call_for_int,
     entry_for,
+    inner,
+    words_of,
 )
 from cmpsp_ros.mpsp.problem import Dimensions, Hessian
 from cmpsp_ros.mpsp.qp import RICCATI_ACTIVE_SET, QPSolution, QPStatus, solve_qp
@@ -122,7 +125,7 @@ class BackEnd:
             program.stages['correction_U'] = 0.0
 
 
-@allocation_free
+@inner
 def run(
     ws: Workspace,
     active: ActiveSet,
@@ -153,6 +156,12 @@ def run(
             call(solver[2], (p, active, trial.output_error, trial.g))
         else:
             return
+
+
+@allocation_free
+def run_in(memory: Indices, run: int, solver: Indices, problem: Indices, data: Any) -> None:
+    """Call `run` in a driver's memory: Python takes apart no more than the data at each step."""
+    call(run, (at(memory[0]), at(memory[1]), at(memory[2]), at(memory[3]), solver, problem, data))
 
 
 class Functions(NamedTuple):
@@ -196,8 +205,9 @@ class Functions(NamedTuple):
         """Compiled functions in one piece with the iteration, for data of this type."""
         addresses = self.addresses(data, ws)
         _, active, warm = _examples(*ws.program.stages['B'].shape[1:])
-        whole = entry_for(run, ws, active, warm, warm, addresses, addresses, data)
-        return Entries(self.machine_code(data, ws), addresses, whole)
+        whole = address_of(None, run, ws, active, warm, warm, addresses, addresses, data)
+        enter = entry_for(run_in, addresses, whole, addresses, addresses, data)
+        return Entries(self.machine_code(data, ws), addresses, whole, enter)
 
 
 def _arguments(data: Any, ws: Workspace) -> tuple[tuple[Any, ...], ...]:
@@ -215,7 +225,8 @@ class Entries(NamedTuple):
 
     functions: Functions
     addresses: Indices
-    run: Callable[..., None]
+    run: int  # address
+    run_in: Callable[..., None]
 
 
 @cache
@@ -240,6 +251,17 @@ def _solver_addresses(n: int, r: int) -> tuple[int, int, int]:
         address_of(int, solve, ws.program, active, warm),
         address_of(None, correct, ws.program, active, at.output_error, at.g),
     )
+
+
+class Results(NamedTuple):
+    """Integers that came of an improvement."""
+
+    outcome: int  # `Outcome` of the last subproblem
+    level: int  # its relaxation level; 0 without slack
+    iterations: int  # done
+    active_rows: int  # constraints active in the last subproblem
+    qp_iterations: int  # iterations of the compiled solver in it
+    work: int  # visits of a stage
 
 
 class Driver:
@@ -290,6 +312,9 @@ class Driver:
         self.back_end = None
         if back_end is None:
             self._addresses = np.array(_solver_addresses(n, r))
+            memory = ws, self._active, self._warm_hard, self._warm_relaxed
+            self._words = [np.array(words_of(each)) for each in memory]
+            self._memory = np.array([each.ctypes.data for each in self._words])
         else:
             ws.program.head['work_limit'] = MOST_SWEEPS * (size.horizon + 1)
             self.space = Space(size, ws.program, self._active, self._warm_hard)
@@ -297,7 +322,16 @@ class Driver:
             self.back_end = BackEnd(*back_end, self.space, warm)
         self._phase, self._level = ws.run['phase'], ws.run['level']
         self._outcome, self._cost = ws.run['outcome'], ws.run['trial_cost']
-        self._horizon, self._begun = ws.program.head['horizon'], ws.program.head['begun']
+        head = ws.program.head
+        self._horizon, self._begun = head['horizon'], head['begun']
+        # Views of single fields are read three times as fast as fields of a record.
+        counted = [ws.run[name] for name in ('outcome', 'level', 'iterations', 'active_rows')]
+        self._counted = [*counted, head['iterations'], head['work']]
+
+    @property
+    def results(self) -> Results:
+        """What came of the last `improve`."""
+        return Results(*[each.item() for each in self._counted])
 
     def forget(self) -> None:
         """Begin the next plan without a warm start."""
@@ -320,8 +354,8 @@ class Driver:
         """Go on from the phase that the workspace is in; arguments as of `improve`."""
         if isinstance(functions, Entries):
             if self.back_end is None:
-                memory = self.ws, self._active, self._warm_hard, self._warm_relaxed
-                functions.run(*memory, self._addresses, functions.addresses, data)
+                _, problem, run, run_in = functions
+                run_in(self._memory, run, self._addresses, problem, data)
                 return
             functions = functions.functions
         ws, trial, now, program = self.ws, self.ws.trial, self.ws.now, self.ws.program

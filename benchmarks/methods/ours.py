@@ -118,7 +118,7 @@ class RiccatiActiveSet:
         ws.trial.U[: steps + 1] = U
         data = self._data._replace(pose=pose, durations=durations, progress=math.nan)
         self._driver.improve(self._functions, data, steps, over)
-        if self._outcome[0] != Outcome.SOLVED:
+        if self._driver.results.outcome != Outcome.SOLVED:
             raise BenchError('it does not solve one of its programs')
         return ws.now.U[: steps + 1].copy()
 
@@ -137,7 +137,7 @@ class RiccatiActiveSet:
         # With no change small enough, all iterations are done however good the plan is already.
         ws.run['max_iterations'], ws.run['line_search'] = ITERATIONS, 0
         ws.run['slack_tolerance'], ws.run['growth_limit'] = SLACK_TOLERANCE, math.inf
-        self._outcome, self._data = ws.run['outcome'], problem.data
+        self._data = problem.data
         self._functions = FUNCTIONS.entries(self._data, ws)
 
 

@@ -209,9 +209,12 @@ class LawState:
         self.following.commanded_at = decision.stamp
         if self.sighted is not None:
             decision = decision._replace(sighting=self.sighted)
-        lag, delay = response.lag_interval, response.delay_interval
+        lag = response.lag_interval
         if estimator.used_slip == 0.0 and not tracks and lag is None:
             return decision
         return decision._replace(
-            wheel_slip=estimator.used_slip, wheel_lag=lag, response_delay=delay, tracks=tracks
+            wheel_slip=estimator.used_slip,
+            wheel_lag=lag,
+            response_delay=response.delay_interval,
+            tracks=tracks,
         )

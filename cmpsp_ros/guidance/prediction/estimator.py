@@ -133,7 +133,7 @@ class Estimator:
             moving = self.tracker.update(stamp, pose, expected, known)
             reachable = reachable_sets(stamp, tracks, moving, known)
             touchable = as_seen(stamp, tracks, moving, known)
-        self.among_people |= any(isinstance(each, Track) for each in seen.tracks)
+            self.among_people |= any(isinstance(each, Track) for each in seen.tracks)
         if seen.sighting is not None:
             self.people.update(stamp, seen.tracks, seen.sighting, self._settings.tracked)
         if standing := self.people.standing:

@@ -56,7 +56,7 @@ class DecisionBuilder:
             fields['qp_iterations'] = result.qp_iterations
         clearances = verdict.margin, verdict.worst_margin
         times = step.seen.stamp, state.clock.now
-        return self._decision(state, times, level, reason, plan, errors, clearances, **fields)
+        return self._decision(state, times, level, reason, plan, errors, clearances, fields)
 
     def stand(self, step: Step, reason: str, result: SolveResult | None = None) -> Decision:
         """Stop at a control step, or brake as far as the wheels can."""
@@ -85,7 +85,7 @@ class DecisionBuilder:
         flags.setdefault('iterations', 0 if result is None else result.iterations)
         times, clearances = (stamp, state.clock.elapsed(stamp)), (clearance, clearance)
         level = FallbackLevel.STOP
-        return self._decision(state, times, level, reason, None, errors, clearances, **flags)
+        return self._decision(state, times, level, reason, None, errors, clearances, flags)
 
     def _decision(
         self,
@@ -96,7 +96,7 @@ class DecisionBuilder:
         plan: Plan | None,
         errors: tuple[float, float | None],
         clearances: tuple[float, float],
-        **fields: Any,
+        fields: Mapping[str, Any],
     ) -> Decision:
         control, goals = state.following.previous_control, state.mission.goals
         stamp, elapsed = times

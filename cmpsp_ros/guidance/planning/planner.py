@@ -116,7 +116,7 @@ class Planner:
         if self._max_change < math.inf:
             guess = start.followed(self._formulation.settings, guess, horizon.durations)
         self._ws.trial.U[: steps + 1] = guess
-        self._ws.run['max_iterations'], self._ws.program.head['work_limit'] = limit, work_limit
+        self._limits[0][0], self._limits[1][0] = limit, work_limit
         self._end_jerk = math.inf
         if self._is_bounded:
             self._bound_speeds(self._driver, context)
@@ -176,6 +176,7 @@ class Planner:
             self._drivers[outputs] = known
         changed = known is not getattr(self, '_driver', None)
         self._driver, self._ws = known, known.ws
+        self._limits = known.ws.run['max_iterations'], known.ws.program.head['work_limit']
         self._set_tolerances(known)
         if changed:
             self.forget()

@@ -2,13 +2,14 @@
 
 from functools import reduce
 from operator import add
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 from numba.core.errors import TypingError
 
 from cmpsp_ros.mpsp.jit import address_of, allocation_free, call, entry_for
-from cmpsp_ros.mpsp.jit.compiled import call_for_float, call_for_int
+from cmpsp_ros.mpsp.jit.compiled import at, call_for_float, call_for_int, inner, words_of
 from cmpsp_ros.mpsp.jit.intrinsics import dot
 
 
@@ -61,6 +62,48 @@ def test_each_is_called_with_its_arguments():
 def test_what_returns_something_else_is_refused():
     with pytest.raises(TypeError, match='count: found int64 returned, wanted float64'):
         address_of(float, count, np.zeros(2))
+
+
+class Pair(NamedTuple):
+    row: np.ndarray
+    counts: np.ndarray
+
+
+class Memory(NamedTuple):
+    table: np.ndarray
+    pair: Pair
+    every_other: np.ndarray
+
+
+@inner
+def mix(memory, by):
+    for i in range(memory.table.shape[0]):
+        for j in range(memory.table.shape[1]):
+            memory.table[i, j] += by * memory.pair.row[j] * memory.pair.counts[i]
+    for k in range(memory.every_other.shape[0]):
+        memory.every_other[k] = 10.0 * k
+
+
+@allocation_free
+def mix_at(address, function, by):
+    call(function, (at(address), by))
+
+
+def test_a_tuple_of_arrays_is_passed_by_the_address_of_its_words():
+    table, line = np.zeros((2, 3)), np.zeros(6)
+    pair = Pair(np.array([1.0, 2.0, 3.0]), np.array([5, 7]))
+    memory = Memory(table, pair, line[::2])
+    words = np.array(words_of(memory))
+    function = address_of(None, mix, memory, 1.0)
+    for _ in range(2):
+        mix_at(words.ctypes.data, function, 0.5)
+    assert table.tolist() == [[5.0, 10.0, 15.0], [7.0, 14.0, 21.0]]
+    assert line.tolist() == [0.0, 0.0, 10.0, 0.0, 20.0, 0.0]
+
+
+def test_words_are_of_arrays_only():
+    with pytest.raises(TypeError, match=r'found 3\.0, wanted an array'):
+        words_of((np.zeros(2), 3.0))
 
 
 RNG = np.random.default_rng(8)

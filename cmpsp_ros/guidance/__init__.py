@@ -21,6 +21,7 @@ if TYPE_CHECKING:
         waypoints,
     )
     from cmpsp_ros.guidance.goals import Follow, Goal, GoalError
+    from cmpsp_ros.guidance.horizon import remaining, shift
     from cmpsp_ros.guidance.law import GuidanceLaw
     from cmpsp_ros.guidance.prediction.estimator import Observation
     from cmpsp_ros.guidance.settings import GOAL, LawSettings
@@ -32,14 +33,7 @@ if TYPE_CHECKING:
         TaskSettings,
         Weights,
     )
-    from cmpsp_ros.guidance.times import (
-        NANOSECONDS,
-        NEVER,
-        Horizon,
-        remaining,
-        shift,
-        to_nanoseconds,
-    )
+    from cmpsp_ros.guidance.times import NANOSECONDS, NEVER, Horizon, to_nanoseconds
     from cmpsp_ros.guidance.warmup import prepare, warm_up
     from cmpsp_ros.guidance.world import MAP, SEEN, GuidanceSettings, World
 

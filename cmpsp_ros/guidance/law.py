@@ -11,6 +11,7 @@ from cmpsp_ros.guidance.commands.decision_builder import Step
 from cmpsp_ros.guidance.commands.supervisor import Supervisor
 from cmpsp_ros.guidance.decision import Decision
 from cmpsp_ros.guidance.goals import Goal
+from cmpsp_ros.guidance.horizon import remaining
 from cmpsp_ros.guidance.mission.feasibility import infeasibility_warnings
 from cmpsp_ros.guidance.mission.progress_watch import Remedy
 from cmpsp_ros.guidance.mission.return_to_goal import return_to_goal
@@ -22,7 +23,7 @@ from cmpsp_ros.guidance.prediction.estimator import Estimate, Observation
 from cmpsp_ros.guidance.safety.validation import Validation, Validator
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.state import LawState
-from cmpsp_ros.guidance.times import NEVER, Horizon, remaining
+from cmpsp_ros.guidance.times import NEVER, Horizon
 from cmpsp_ros.guidance.world import NOT_SEARCHED, World
 from cmpsp_ros.world.roads import arc_length_to
 

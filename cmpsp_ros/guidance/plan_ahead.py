@@ -2,13 +2,14 @@
 
 from dataclasses import replace
 
+from cmpsp_ros.guidance.horizon import remaining
 from cmpsp_ros.guidance.planning.candidate import Candidate
 from cmpsp_ros.guidance.planning.plan_selector import PlanSelector
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 from cmpsp_ros.guidance.prediction.estimator import Observation
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.state import LawState
-from cmpsp_ros.guidance.times import remaining, to_nanoseconds
+from cmpsp_ros.guidance.times import to_nanoseconds
 
 
 class PlanAhead:

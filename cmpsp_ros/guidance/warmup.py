@@ -9,6 +9,7 @@ from typing import get_args
 import numpy as np
 
 from cmpsp_ros.guidance.formulation.ocp_formulation import OcpFormulation
+from cmpsp_ros.guidance.horizon import remaining
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.planning.homotopy.gaps import fill_blocked
 from cmpsp_ros.guidance.planning.homotopy.path_search import searched_line
@@ -23,7 +24,7 @@ from cmpsp_ros.guidance.prediction.pending_commands import PendingCommands
 from cmpsp_ros.guidance.prediction.response_estimate import ResponseEstimate
 from cmpsp_ros.guidance.safety.validation import Validator
 from cmpsp_ros.guidance.settings import LawSettings
-from cmpsp_ros.guidance.times import NANOSECONDS, remaining, to_nanoseconds
+from cmpsp_ros.guidance.times import NANOSECONDS, to_nanoseconds
 from cmpsp_ros.guidance.world import MAP, GuidanceSettings, World
 from cmpsp_ros.mpsp import Hessian
 from cmpsp_ros.mpsp.qp import CLARABEL

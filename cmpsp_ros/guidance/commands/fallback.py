@@ -6,11 +6,12 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.decision import Plan
+from cmpsp_ros.guidance.horizon import remaining, shift
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.safety.validation import Validation, Validator
 from cmpsp_ros.guidance.settings import LawSettings
-from cmpsp_ros.guidance.times import NANOSECONDS, remaining, shift, to_nanoseconds
+from cmpsp_ros.guidance.times import NANOSECONDS, to_nanoseconds
 
 _SPEEDS: Final = (1.0, 0.75, 0.5, 0.25, 0.125)  # fractions of the speed of a late command
 _INSTANTS: Final = 5  # at which it may come into effect

@@ -8,13 +8,14 @@ the next stride is longer, else shorter. A plan with a flaw is tried with more t
 from dataclasses import dataclass, replace
 from typing import Final
 
+from cmpsp_ros.guidance.horizon import remaining
 from cmpsp_ros.guidance.planning.candidate import Candidate, reserve
 from cmpsp_ros.guidance.planning.plan_selector import PlanSelector
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 from cmpsp_ros.guidance.safety.unseen import drives_blind
 from cmpsp_ros.guidance.safety.validation import TOUCHING
 from cmpsp_ros.guidance.settings import LawSettings
-from cmpsp_ros.guidance.times import NANOSECONDS, remaining, to_nanoseconds
+from cmpsp_ros.guidance.times import NANOSECONDS, to_nanoseconds
 
 _GRID: Final = 20  # final times in a control period
 _LONGEST, _DELAY = 0.15, 0.0025  # longest stride, first one to a later end: parts of the time left

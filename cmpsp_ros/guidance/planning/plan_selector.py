@@ -10,6 +10,7 @@ from typing import Any, Final, NamedTuple
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.formulation.ocp_formulation import OcpFormulation
+from cmpsp_ros.guidance.horizon import retimed, shift
 from cmpsp_ros.guidance.planning.candidate import Candidate
 from cmpsp_ros.guidance.planning.planner import Planner
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
@@ -17,7 +18,6 @@ from cmpsp_ros.guidance.planning.selection import Selection
 from cmpsp_ros.guidance.safety.validation import Validator
 from cmpsp_ros.guidance.settings import LawSettings
 from cmpsp_ros.guidance.solver_settings import SCREENING
-from cmpsp_ros.guidance.times import retimed, shift
 from cmpsp_ros.guidance.world import World
 
 _MILLISECONDS: Final = 1e-6

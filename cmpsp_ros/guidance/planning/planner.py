@@ -22,11 +22,12 @@ from cmpsp_ros.guidance.formulation.ocp_formulation import (
 )
 from cmpsp_ros.guidance.formulation.ocp_functions import LATERAL_PART, WHEEL_ROUNDING, GuidanceData
 from cmpsp_ros.guidance.goals import Target
+from cmpsp_ros.guidance.horizon import remaining
 from cmpsp_ros.guidance.planning.candidate import SolveResult
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.solver_settings import UNLIMITED
-from cmpsp_ros.guidance.times import Horizon, remaining, to_nanoseconds
+from cmpsp_ros.guidance.times import Horizon, to_nanoseconds
 from cmpsp_ros.mpsp import SLACK_TOLERANCE, Dimensions, Options
 from cmpsp_ros.mpsp.qp import RICCATI_ACTIVE_SET, QPStatus
 from cmpsp_ros.mpsp.qp.riccati import Outcome

@@ -14,6 +14,7 @@ from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.formulation.ocp_formulation import OcpFormulation
 from cmpsp_ros.guidance.goals import Target
+from cmpsp_ros.guidance.horizon import shift
 from cmpsp_ros.guidance.planning.homotopy.gaps import HomotopyClass
 from cmpsp_ros.guidance.planning.homotopy.path_search import (
     GuidePath,
@@ -28,7 +29,7 @@ from cmpsp_ros.guidance.planning.reeds_shepp import Path, has_to_turn, manoeuvre
 from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.safety.validation import Validation
 from cmpsp_ros.guidance.settings import LawSettings
-from cmpsp_ros.guidance.times import NANOSECONDS, Horizon, shift
+from cmpsp_ros.guidance.times import NANOSECONDS, Horizon
 from cmpsp_ros.guidance.world import World
 from cmpsp_ros.world import FreeSpace
 from cmpsp_ros.world.roads import remaining_arc_length

@@ -117,7 +117,7 @@ def _kind(value: Any) -> Any:
 
 @intrinsic  # type: ignore[untyped-decorator]  # numba has no types
 def at(_context: Any, address: Any) -> Any:
-    """What lies at an address, to pass it by `call` as a tuple whose words (`words_of`) it has."""
+    """Tuple at an address, where its words (`words_of`) are: an argument of `call`."""
 
     def generate(_context: Any, builder: Any, _signature: Any, values: Any) -> Any:
         return builder.inttoptr(values[0], cgutils.voidptr_t)

@@ -6,7 +6,7 @@ from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
 from cmpsp_ros.guidance import NANOSECONDS, remaining, shift, to_nanoseconds
-from cmpsp_ros.guidance.times import retimed
+from cmpsp_ros.guidance.horizon import retimed
 from cmpsp_ros.robots import DifferentialDrive
 
 unhurried = hypothesis_settings(deadline=None)

@@ -140,12 +140,12 @@ def test_another_order_would_show():
 @pytest.mark.parametrize('length', [5, 8, 21])
 def test_what_is_not_finite_shows(length):
     for wrong in (np.nan, np.inf):
-        for at in range(length):
+        for place in range(length):
             a = A.copy()
-            a[at] = wrong
+            a[place] = wrong
             assert not np.isfinite(dot(a, B, length))
-            a[at:] = np.nan
-            assert np.isfinite(dot(a, B, at))
+            a[place:] = np.nan
+            assert np.isfinite(dot(a, B, place))
 
 
 def test_a_row_that_has_gaps_is_refused():

@@ -12,7 +12,7 @@ from cmpsp_ros.mpsp.qp.active_set import correct
 from cmpsp_ros.mpsp.qp.active_set.records import borrowed_space, fill, put_solution
 from cmpsp_ros.mpsp.qp.active_set.solver import activate
 from cmpsp_ros.mpsp.qp.riccati import Outcome
-from cmpsp_ros.mpsp.sqp.driver import BackEnd
+from cmpsp_ros.mpsp.sqp.back_end import BackEnd
 
 # What they call takes long to compile: by one worker.
 pytestmark = pytest.mark.xdist_group('riccati')

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -11,7 +11,6 @@ from rclpy.duration import Duration
 from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
-from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance import NANOSECONDS, Decision, Goal, GuidanceSettings, LawSettings, World
 from cmpsp_ros.guidance.messages import PeerTrajectory, Track
 from cmpsp_ros.guidance.safety import plan_clearance
@@ -36,7 +35,8 @@ PLENTY: Final = 0.3  # clearance beyond `safety.margin` from which on nothing is
 _LIFETIME: Final = 5.0  # control periods for which markers stay when no more come
 _WIDTH: Final = 0.06
 _RING: Final = 0.02
-_FINE: Final = 1024.0  # parts of a metre that are drawn: bags of numbers with few bits are small
+# Parts of a metre and shades of a colour that are drawn: bags of numbers with few bits are small.
+_FINE, _SHADES = 1024.0, 32
 _AHEAD: Final = 1.0  # time ahead for which positions of moving obstacles are shown [s]
 
 
@@ -151,7 +151,7 @@ class PlanMarkers:
         sec, nanosec = divmod(decision.stamp, NANOSECONDS)
         made = _Markers(self._frame_id, Time(sec=sec, nanosec=nanosec), self._lifetime)
         color = _COLORS['arrived' if decision.finished else level]
-        places = [] if plan is None else _coarse(plan.poses[:, :2])
+        places = [] if plan is None else _coarse(plan.poses[:, :2]).tolist()
         self._place = places[0] if places else self._place
         band, line = _line(places, 2.0 * _WIDTH, color), _line(places, _WIDTH, FAR)
         # Above the band, for who looks from above.
@@ -179,10 +179,10 @@ class PlanMarkers:
     def _add_track(self, made: _Markers, track: Track, age: float) -> None:
         """Add a moving obstacle that was seen so long before [s]."""
         here, tip = (
-            (track.x + since * track.vx, track.y + since * track.vy)
+            _coarse(np.array([track.x + since * track.vx, track.y + since * track.vy]))
             for since in (age, age + _AHEAD)
         )
-        disc = _disc(here, max(track.radius, _WIDTH / 2.0), _MOVING, _WIDTH, 0.0)
+        disc = _disc(here, _coarse(max(track.radius, _WIDTH / 2.0)), _MOVING, _WIDTH, 0.0)
         made.add('moving_obstacles', disc, track.id)
         made.add('moving_velocities', _arrow((here, tip), _WIDTH, _MOVING, 0.0), track.id)
         moving, kept = self._settings.moving_obstacles, self._settings.robot_radius
@@ -194,21 +194,21 @@ class PlanMarkers:
             doubt = track.position_stddev + since * track.velocity_stddev
             if track.position_stddev or track.velocity_stddev:
                 # Below the object itself.
-                pale = _disc(center, track.radius + SIGMAS * doubt, _PALE, _RING, -_WIDTH / 2.0)
+                radius = _coarse(track.radius + SIGMAS * doubt)
+                pale = _disc(center, radius, _PALE, _RING, -_WIDTH / 2.0)
                 made.add(f'moving_doubts{suffix}', pale, track.id)
             radius = track.radius + moving.growth * since + moving.quantile * doubt + kept
-            kept_clear_of = _disc(center, radius, _PALER, _RING, -_WIDTH)
+            kept_clear_of = _disc(center, _coarse(radius), _PALER, _RING, -_WIDTH)
             made.add(margin, kept_clear_of, track.id)
 
 
-def _coarse(points: Array) -> list[list[float]]:
-    places: list[list[float]] = (np.round(points * _FINE) / _FINE).tolist()
-    return places
+def _coarse(lengths: Any) -> Any:
+    return np.round(lengths * _FINE) / _FINE
 
 
 def color_of(spare: float) -> ColorRGBA:
     """Colour of a stage that is so much clearer than it must be [m]."""
-    at = min(max(spare / PLENTY, 0.0), 1.0)
+    at = round(min(max(spare / PLENTY, 0.0), 1.0) * _SHADES) / _SHADES
     scale = np.array([[each.r, each.g, each.b] for each in (NEAR, HALFWAY, FAR)]).T
     red, green, blue = (float(np.interp(at, (0.0, 0.5, 1.0), each)) for each in scale)
     return ColorRGBA(r=red, g=green, b=blue, a=1.0)

@@ -120,12 +120,12 @@ def test_what_moves_is_where_it_is_by_now_with_an_arrow_a_second_long(decision):
         ('moving_foreseen', 7),
     ]  # fmt: skip
     assert (disc.pose.position.x, disc.pose.position.y) == (4.75, -8.875)
-    assert (disc.scale.x, disc.scale.y) == (0.6, 0.6)
+    assert (disc.scale.x, disc.scale.y) == pytest.approx((0.6, 0.6), abs=1e-3)
     assert [(each.x, each.y) for each in arrow.points] == [(4.75, -8.875), (4.25, -8.625)]
     # Its radius, half a second's growth or one and a half's, the robot's radius and the margin.
     for kept, center, radius in ((now, (4.75, -8.875), 0.55), (later, (4.25, -8.625), 0.75)):
         assert (kept.pose.position.x, kept.pose.position.y) == center
-        assert (kept.scale.x, kept.scale.y) == pytest.approx((2.0 * radius, 2.0 * radius))
+        assert (kept.scale.x, kept.scale.y) == pytest.approx((2.0 * radius, 2.0 * radius), abs=1e-3)
     for each in markers:
         assert each.header.frame_id == 'map'
         assert each.lifetime.sec + each.lifetime.nanosec > 0
@@ -137,7 +137,7 @@ def test_a_track_in_doubt_has_discs_that_it_may_fill(decision):
     markers = PlanMarkers(settings_of()).fill(decision._replace(tracks=(seen,))).markers
     shown = {each.ns: each for each in markers}
     for namespace, radius in (('moving_doubts', 0.7), ('moving_doubts_foreseen', 1.1)):
-        assert shown[namespace].scale.x == pytest.approx(2.0 * radius), (
+        assert shown[namespace].scale.x == pytest.approx(2.0 * radius, abs=1e-3), (
             'two sigma after 0.5 or 1.5 s'
         )
         assert shown[namespace].color.a < 0.5
@@ -147,7 +147,7 @@ def test_a_track_in_doubt_has_discs_that_it_may_fill(decision):
     markers = PlanMarkers(wider).fill(decision._replace(tracks=(seen,))).markers
     (disc,) = (each for each in markers if each.ns == 'moving_margins')
     kept = 0.3 + 3.0 * 0.2 + wider.robot_radius + wider.safety.margin
-    assert disc.scale.x == pytest.approx(2.0 * kept)
+    assert disc.scale.x == pytest.approx(2.0 * kept, abs=1e-3)
 
 
 def test_what_moves_reddens_the_stages_that_it_comes_near(fill, decision):

@@ -202,20 +202,16 @@ def _get_ready(
 ) -> None:
     """Configure the guidance nodes, and wait until all subscriptions of the run match."""
     timeout = START_TIMEOUT * len(robots)
-    # Simulator, recorder and observer must be known to the publishers themselves.
-    listeners = {
-        'command_subscribers': 1 + record,
-        'decision_subscribers': 1 + record,
-        'path_subscribers': record,
-        'wheel_subscribers': record,
-    }
+    # Simulator and observer must be known to the publishers themselves, and to all the recorder.
+    heard = {'command_subscribers': 1 + record, 'decision_subscribers': 1 + record}
 
     def is_heard() -> bool:
         check_all(children)
         return all(
-            int(seen.health.get(key, 0)) >= count
+            int(seen.health.get(key, 0)) >= heard.get(key, int(record))
             for seen in observer.robots.values()
-            for key, count in listeners.items()
+            for key in {*heard, *seen.health}
+            if key.endswith('_subscribers')
         )
 
     for each, node in zip(robots, children[-len(robots) :], strict=True):

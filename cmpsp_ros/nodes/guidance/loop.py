@@ -50,10 +50,12 @@ class GuidanceLoop:
         self._node, self._settings, self._garbage = node, settings, garbage
         self.active, self._in_lockstep = False, values['lockstep']
         self._law = GuidanceLaw(settings, settings.world, time.perf_counter_ns)
-        self._outputs = GuidanceOutputs(node, values, settings)
         self._transforms = TransformInput(node, values['robot_frame'], settings)
         self._tracks = TrackInput(node, settings, self._transforms)
         self._sensors = SensorInput(node, settings)
+        known = {'sighting': self._sensors.publisher, 'tracks': self._tracks.publisher}
+        known = {name: each for name, each in known.items() if each is not None}
+        self._outputs = GuidanceOutputs(node, values, settings, known)
         self.road = RoadInput(node, values, self._transforms)
         self.map = MapInput(node, values, self._transforms)
         self._odometry = OdometryInput(node, self._on_odometry)

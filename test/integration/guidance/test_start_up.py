@@ -11,11 +11,13 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import TwistStamped
 from live import CASE3, LATCHED, MS
+from nav_msgs.msg import Odometry
+from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from visualization_msgs.msg import MarkerArray
 
 from cmpsp_ros.mpsp.jit import kernel_folder
-from cmpsp_ros.nodes.common.topics import DECISION
+from cmpsp_ros.nodes.common.topics import COMMAND, DECISION, OWN_TRACKS, SIGHTING, WHEELS
 
 ANNOUNCED = 'compiling, once; `cmpsp warmup` does it beforehand'
 
@@ -258,6 +260,28 @@ def test_a_recorder_that_is_asked_for_is_waited_for(start_node, client, record):
     outcome = recording.replayed()
     assert outcome.skipped == 0
     assert outcome.decisions >= 5
+
+
+def test_a_recorder_is_waited_for_until_it_hears_what_is_seen(ros, start_node, client):
+    start_node('guidance_node', {'recorder_timeout': 60.0, 'sensors.names': '[front]'})
+    recorder = Node('recorder', context=ros.node.context)
+    try:
+        recorder.create_subscription(Odometry, 'odom', print, 10)
+        for topic in (COMMAND, DECISION, WHEELS):
+            name = topic.name.replace('~', '/guidance')
+            recorder.create_subscription(topic.type, name, print, topic.qos)
+        counted = [f'{each}_subscribers' for each in ('command', 'decision', 'wheel')]
+        client.until(lambda: all(int(client.latest(each, '0')) > 1 for each in counted))
+        before = len(client.health)
+        client.until(lambda: len(client.health) > before + 2)
+        client.until_health(said='Waiting for a recorder', sighting_subscribers='0')
+        for topic in (SIGHTING, OWN_TRACKS):
+            name = topic.name.replace('~', '/guidance')
+            recorder.create_subscription(topic.type, name, print, topic.qos)
+        told = {'sighting_subscribers': '1', 'tracks_subscribers': '1'}
+        client.until_health(said='Waiting for odometry', **told)
+    finally:
+        recorder.destroy_node()
 
 
 def test_where_no_recorder_comes_it_goes_on_without(fault, start_driving, client):

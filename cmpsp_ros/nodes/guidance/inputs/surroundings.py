@@ -99,7 +99,7 @@ class SensorInput(SurroundingsInput):
             topic = replace(topics.SCAN, name=each.topic, type=_MESSAGES[each.type])
             reason = 'A message of a sensor is refused: {}.'
             self._listen(topic, partial(self._read, each), reason)
-        self._publisher = self._publish_on(topics.SIGHTING) if self._sensors else None
+        self.publisher = self._publish_on(topics.SIGHTING) if self._sensors else None
 
     def note(self, stamp: int, pose: Array) -> str:
         """Note a pose ``(3,)`` [m, m, rad] of odometry; reason to stop if a sensor is blind."""
@@ -113,8 +113,8 @@ class SensorInput(SurroundingsInput):
     def at(self, stamp: int, pose: Array) -> Sighting | None:
         """The grid at the latest odometry; published if new."""
         sighting = self._surroundings.at(stamp, pose)
-        if self._publisher is not None and sighting is not None and sighting.stamp == stamp:
-            self._publisher.publish(self._message(sighting))
+        if self.publisher is not None and sighting is not None and sighting.stamp == stamp:
+            self.publisher.publish(self._message(sighting))
         return sighting
 
     def forget(self) -> None:
@@ -169,7 +169,7 @@ class TrackInput(SurroundingsInput):
             reason = f'A message of tracker {source.name} is refused: {{}}'
             self._listen(topic, partial(self._read_objects, number), reason)
         has_more = settings.sight.sensors or known.trackers
-        self._publisher = self._publish_on(topics.OWN_TRACKS) if has_more else None
+        self.publisher = self._publish_on(topics.OWN_TRACKS) if has_more else None
 
     def at(self, stamp: int, sighting: Sighting | None) -> tuple[MovingObject, ...]:
         """Everything known to move at a time [ns]: each object once, then robots by name."""
@@ -177,7 +177,7 @@ class TrackInput(SurroundingsInput):
         known = self.settings.moving_obstacles
         told = self._obstacles.at(stamp, known.timeout)
         robots = self._plans.at(stamp, known.timeout)
-        if self._publisher is None:
+        if self.publisher is None:
             return (*told, *robots)
         seen = () if sighting is None else sighting.tracks
         others = [
@@ -251,12 +251,12 @@ class TrackInput(SurroundingsInput):
 
     def _publish(self, tracks: Sequence[Track]) -> None:
         """Publish tracks that were not published before; those of one time in one message."""
-        assert self._publisher is not None  # noqa: S101 (tracks have come)
+        assert self.publisher is not None  # noqa: S101 (tracks have come)
         new = sorted(each for each in tracks if self._published.get(each.id) != each.stamp)
         self._published = {each.id: each.stamp for each in tracks}
         for stamp in sorted({each.stamp for each in new}):
             some = [each for each in new if each.stamp == stamp]
-            self._publisher.publish(cloud_of(some, stamp, self.settings.frame_id))
+            self.publisher.publish(cloud_of(some, stamp, self.settings.frame_id))
 
 
 def _class_of(source: TrackSource) -> Any:

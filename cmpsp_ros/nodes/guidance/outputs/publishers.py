@@ -1,7 +1,7 @@
 """The topics that the guidance node publishes on while it is configured, and their listeners."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -21,10 +21,19 @@ from cmpsp_ros.parameters import Values
 
 
 class GuidanceOutputs:
-    """Publishers of one configured guidance node, and the `listeners` that a run waits for."""
+    """Publishers of one configured guidance node, and the `listeners` that a run waits for.
 
-    def __init__(self, node: LifecycleNode, values: Values, settings: GuidanceSettings) -> None:
-        self._node = node
+    `known` are publishers by name of what decisions know: it has to be in their bag.
+    """
+
+    def __init__(
+        self,
+        node: LifecycleNode,
+        values: Values,
+        settings: GuidanceSettings,
+        known: Mapping[str, Publisher],
+    ) -> None:
+        self._node, self._known = node, known
 
         # Where time stands still until it is answered nothing grows stale, and all is recorded.
         def of_a_run(topic: Topic) -> Topic:
@@ -39,9 +48,8 @@ class GuidanceOutputs:
         self._plan_markers = topics.PLAN_MARKERS.publish_on(node)
         self._corners = topics.FOOTPRINT.publish_on(node)
         self._markers = topics.MARKERS.publish_on(node)
-        self.listeners = Listeners(
-            node, self._command, (self._wheels, self._decisions), values['recorder_timeout']
-        )
+        reports = self._wheels, self._decisions, *known.values()
+        self.listeners = Listeners(node, self._command, reports, values['recorder_timeout'])
         self._robot_frame = BASE, messages.frame_bytes(BASE)
         self._footprint, self._frame_id = settings.footprint, settings.frame_id
         name = f'{node.get_fully_qualified_name()}: decision'
@@ -58,6 +66,7 @@ class GuidanceOutputs:
             'decision': self._decisions,
             'path': self._path,
             'wheel': self._wheels,
+            **self._known,
         }
         return {
             f'{name}_subscribers': int(each.get_subscription_count())

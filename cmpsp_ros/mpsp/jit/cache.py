@@ -160,6 +160,13 @@ class KernelCache:
         finally:
             _release(path)
 
+    def finished(self, sig: Any, kind: type) -> Any:
+        """Part of this kind with machine code for a signature; None where no file has it."""
+        context = self._dispatcher.targetctx
+        path = self._path(sig, context, kind.__name__)
+        found = None if path is None else _load(path, sig, context)
+        return None if found is None or found.library.machine_code is None else found
+
     def finish(self, sig: Any, part: Any, make: Callable[[Any], Any]) -> tuple[Any, Any]:
         """Have the machine code of a part made, unless a file has it.
 

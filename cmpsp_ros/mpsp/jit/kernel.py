@@ -182,9 +182,7 @@ class Kernel(CPUDispatcher):  # type: ignore[misc]  # numba has no types
         """Python's function for a signature, compiled if need be."""
         if signature not in self._entries:
             with global_compiler_lock:
-                part = self._part_for(signature)
-                make = self._make_sized if isinstance(part.library, Sized) else self._make
-                part, made = self._cache.finish(signature, part, make)
+                part, made = self._finished(signature)
                 library = made or _loaded(part)
                 found = self.targetctx.get_executable(library, part.fndesc, part.environment)
                 self._entries[signature] = found, library, part
@@ -192,8 +190,18 @@ class Kernel(CPUDispatcher):  # type: ignore[misc]  # numba has no types
                     self._insert([each._code for each in signature], found, part.objectmode)  # noqa: SLF001
         return self._entries[signature][0]
 
-    def _part_for(self, signature: tuple[Any, ...]) -> Any:
+    def _finished(self, signature: tuple[Any, ...]) -> tuple[Any, Any]:
+        """Part with machine code for a signature, and the library where it had to be made."""
         general, sizes = generalised(signature)
+        if sizes is not None and (known := self._cache.finished(signature, Sized)) is not None:
+            # Nothing is translated: the general part of one without an entry is in no file.
+            return known, None
+        part = self._part_for(signature, general, sizes)
+        make = self._make_sized if isinstance(part.library, Sized) else self._make
+        found: tuple[Any, Any] = self._cache.finish(signature, part, make)
+        return found
+
+    def _part_for(self, signature: tuple[Any, ...], general: tuple[Any, ...], sizes: Any) -> Any:
         try:
             self.compile(general)
         except NotGeneralError:

@@ -107,6 +107,9 @@ _RECORDER = 'recorder'
 _RESULTS = 'cmpsp_ros.demo.results'  # module that is imported while the nodes get ready
 # Topics that a simulator publishes again and again.
 _PUBLISHED = ('/odom', '/sim/truth', '/sim/wheel_speeds')
+# Counts of subscribers of the guidance node: heard by simulator or observer, and by the live page.
+_HEARD: Final = {'command_subscribers', 'decision_subscribers'}
+_VIEWED: Final = {'decision_subscribers', 'path_subscribers', 'sighting_subscribers'}
 
 
 def run(
@@ -170,7 +173,8 @@ def started(
         with LifecycleClient(domain, [each.namespace for each in robots]) as observer:
             if record:
                 threading.Thread(target=import_module, args=[_RESULTS], daemon=True).start()
-            _get_ready(observer, children, robots, record=record)
+            is_viewed = view_port is not None
+            _get_ready(observer, children, robots, record=record, is_viewed=is_viewed)
             yield observer, children
     finally:
         # Guidance first, so that its last zero twist is still driven, recorded and shown.
@@ -199,18 +203,20 @@ def _get_ready(
     robots: Sequence[Scenario],
     *,
     record: bool,
+    is_viewed: bool,
 ) -> None:
     """Configure the guidance nodes, and wait until all subscriptions of the run match."""
     timeout = START_TIMEOUT * len(robots)
-    # Simulator and observer must be known to the publishers themselves, and to all the recorder.
-    heard = {'command_subscribers': 1 + record, 'decision_subscribers': 1 + record}
 
     def is_heard() -> bool:
         check_all(children)
+        # The page shows the first robot.
+        viewed = _VIEWED if is_viewed else set[str]()
         return all(
-            int(seen.health.get(key, 0)) >= heard.get(key, int(record))
-            for seen in observer.robots.values()
-            for key in {*heard, *seen.health}
+            int(seen.health.get(key, 0))
+            >= record + (key in _HEARD) + (key in viewed and not number)
+            for number, seen in enumerate(observer.robots.values())
+            for key in {*_HEARD, *seen.health}
             if key.endswith('_subscribers')
         )
 

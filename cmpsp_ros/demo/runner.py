@@ -107,7 +107,8 @@ _RECORDER = 'recorder'
 _RESULTS = 'cmpsp_ros.demo.results'  # module that is imported while the nodes get ready
 # Topics that a simulator publishes again and again.
 _PUBLISHED = ('/odom', '/sim/truth', '/sim/wheel_speeds')
-# Counts of subscribers of the guidance node: heard by simulator or observer, and by the live page.
+# Subscriber counts in the guidance node's diagnostics: of topics that simulator or observer hear,
+# and of those that the live page hears.
 _HEARD: Final = {'command_subscribers', 'decision_subscribers'}
 _VIEWED: Final = {'decision_subscribers', 'path_subscribers', 'sighting_subscribers'}
 
@@ -210,15 +211,14 @@ def _get_ready(
 
     def is_heard() -> bool:
         check_all(children)
-        # The page shows the first robot.
-        viewed = _VIEWED if is_viewed else set[str]()
-        return all(
-            int(seen.health.get(key, 0))
-            >= record + (key in _HEARD) + (key in viewed and not number)
-            for number, seen in enumerate(observer.robots.values())
-            for key in {*_HEARD, *seen.health}
-            if key.endswith('_subscribers')
-        )
+        for number, seen in enumerate(observer.robots.values()):
+            # The page shows the first robot.
+            viewed = _VIEWED if is_viewed and number == 0 else ()
+            for key in {*_HEARD, *seen.health}:
+                least = record + (key in _HEARD) + (key in viewed)
+                if key.endswith('_subscribers') and int(seen.health.get(key, 0)) < least:
+                    return False
+        return True
 
     for each, node in zip(robots, children[-len(robots) :], strict=True):
         configure = partial(observer.configure, timeout, each.namespace, node.still_compiles)

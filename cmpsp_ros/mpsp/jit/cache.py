@@ -160,12 +160,11 @@ class KernelCache:
         finally:
             _release(path)
 
-    def finished(self, sig: Any, kind: type) -> Any:
+    def load_machine_code(self, sig: Any, kind: type) -> Any:
         """Part of this kind with machine code for a signature; None where no file has it."""
         context = self._dispatcher.targetctx
         path = self._path(sig, context, kind.__name__)
-        found = None if path is None else _load(path, sig, context)
-        return None if found is None or found.library.machine_code is None else found
+        return None if path is None else _load_machine_code(path, sig, context)
 
     def finish(self, sig: Any, part: Any, make: Callable[[Any], Any]) -> tuple[Any, Any]:
         """Have the machine code of a part made, unless a file has it.
@@ -186,8 +185,8 @@ class KernelCache:
             return part, make(part)
         _acquire(path, self._dispatcher)
         try:
-            found = _load(path, sig, part.target_context)
-            if found is not None and found.library.machine_code is not None:
+            found = _load_machine_code(path, sig, part.target_context)
+            if found is not None:
                 return found, None
             made = make(part)
             with suppress(OSError):  # the disk is full, or the folder has gone
@@ -248,6 +247,11 @@ def _load(path: Path, arguments: Any, target_context: Any) -> Any:
     except Exception:  # a file that cannot be used must not keep a robot from starting
         return None
     return found if tuple(found.signature.args) == tuple(arguments) else None
+
+
+def _load_machine_code(path: Path, arguments: Any, target_context: Any) -> Any:
+    found = _load(path, arguments, target_context)
+    return None if found is None or found.library.machine_code is None else found
 
 
 def is_whole(content: bytes) -> bool:

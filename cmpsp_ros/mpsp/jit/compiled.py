@@ -85,7 +85,7 @@ def address_of(returned: type | None, function: Callable[..., Any], *arguments: 
 
 
 def words_of(value: Any) -> list[int]:
-    """Words by which compiled code knows a tuple of arrays, at the address that it is passed.
+    """Memory of a tuple of arrays as compiled code passes it by reference, in words of 8 bytes.
 
     Raises:
         TypeError: Something else than arrays is in it.
@@ -116,8 +116,8 @@ def _kind(value: Any) -> Any:
 
 
 @intrinsic  # type: ignore[untyped-decorator]  # numba has no types
-def at(_context: Any, address: Any) -> Any:
-    """Tuple at an address, where its words (`words_of`) are: an argument of `call`."""
+def tuple_at(_context: Any, address: Any) -> Any:
+    """Reference to the tuple whose `words_of` are at an address, as an argument of `call`."""
 
     def generate(_context: Any, builder: Any, _signature: Any, values: Any) -> Any:
         return builder.inttoptr(values[0], cgutils.voidptr_t)

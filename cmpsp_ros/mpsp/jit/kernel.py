@@ -193,9 +193,11 @@ class Kernel(CPUDispatcher):  # type: ignore[misc]  # numba has no types
     def _finished(self, signature: tuple[Any, ...]) -> tuple[Any, Any]:
         """Part with machine code for a signature, and the library where it had to be made."""
         general, sizes = generalised(signature)
-        if sizes is not None and (known := self._cache.finished(signature, Sized)) is not None:
-            # Nothing is translated: the general part of one without an entry is in no file.
-            return known, None
+        if sizes is not None:
+            # Before its general part, which no file has for a kernel without an entry for Python.
+            known = self._cache.load_machine_code(signature, Sized)
+            if known is not None:
+                return known, None
         part = self._part_for(signature, general, sizes)
         make = self._make_sized if isinstance(part.library, Sized) else self._make
         found: tuple[Any, Any] = self._cache.finish(signature, part, make)

@@ -13,12 +13,12 @@ from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.jit.compiled import (
     address_of,
     allocation_free,
-    at,
     call,
     call_for_float,
     call_for_int,
     entry_for,
     inner,
+    tuple_at,
     words_of,
 )
 from cmpsp_ros.mpsp.problem import Dimensions, Hessian
@@ -71,8 +71,10 @@ def run(
 
 @allocation_free
 def run_in(memory: Indices, start: int, solver: Indices, problem: Indices, data: Any) -> None:
-    """Call `run` by its address in a driver's memory, given by the addresses of its words."""
-    call(start, (at(memory[0]), at(memory[1]), at(memory[2]), at(memory[3]), solver, problem, data))
+    """Call `run` by its address, on the tuples at the addresses of a driver's memory."""
+    ws, active = tuple_at(memory[0]), tuple_at(memory[1])
+    hard, relaxed = tuple_at(memory[2]), tuple_at(memory[3])
+    call(start, (ws, active, hard, relaxed, solver, problem, data))
 
 
 class Functions(NamedTuple):
@@ -236,8 +238,14 @@ class Driver:
         head = ws.program.head
         self._horizon, self._begun = head['horizon'], head['begun']
         # Single fields are read faster by views than out of a record.
-        counted = [ws.run[name] for name in ('outcome', 'level', 'iterations', 'active_rows')]
-        self._counted = [*counted, head['iterations'], head['work']]
+        self._counted = [
+            self._outcome,
+            self._level,
+            ws.run['iterations'],
+            ws.run['active_rows'],
+            head['iterations'],
+            head['work'],
+        ]
 
     @property
     def results(self) -> Results:

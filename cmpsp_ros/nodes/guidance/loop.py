@@ -53,9 +53,9 @@ class GuidanceLoop:
         self._transforms = TransformInput(node, values['robot_frame'], settings)
         self._tracks = TrackInput(node, settings, self._transforms)
         self._sensors = SensorInput(node, settings)
-        known = {'sighting': self._sensors.publisher, 'tracks': self._tracks.publisher}
-        known = {name: each for name, each in known.items() if each is not None}
-        self._outputs = GuidanceOutputs(node, values, settings, known)
+        seen = {'sighting': self._sensors.publisher, 'tracks': self._tracks.publisher}
+        seen = {name: each for name, each in seen.items() if each is not None}
+        self._outputs = GuidanceOutputs(node, values, settings, seen)
         self.road = RoadInput(node, values, self._transforms)
         self.map = MapInput(node, values, self._transforms)
         self._odometry = OdometryInput(node, self._on_odometry)

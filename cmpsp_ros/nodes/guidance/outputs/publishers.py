@@ -23,7 +23,8 @@ from cmpsp_ros.parameters import Values
 class GuidanceOutputs:
     """Publishers of one configured guidance node, and the `listeners` that a run waits for.
 
-    `known` are publishers by name of what decisions know: it has to be in their bag.
+    `seen` are publishers, by name, of the grid and the tracks that decisions use: a bag without
+    them cannot be replayed.
     """
 
     def __init__(
@@ -31,9 +32,9 @@ class GuidanceOutputs:
         node: LifecycleNode,
         values: Values,
         settings: GuidanceSettings,
-        known: Mapping[str, Publisher],
+        seen: Mapping[str, Publisher],
     ) -> None:
-        self._node, self._known = node, known
+        self._node, self._seen = node, seen
 
         # Where time stands still until it is answered nothing grows stale, and all is recorded.
         def of_a_run(topic: Topic) -> Topic:
@@ -48,7 +49,7 @@ class GuidanceOutputs:
         self._plan_markers = topics.PLAN_MARKERS.publish_on(node)
         self._corners = topics.FOOTPRINT.publish_on(node)
         self._markers = topics.MARKERS.publish_on(node)
-        reports = self._wheels, self._decisions, *known.values()
+        reports = self._wheels, self._decisions, *seen.values()
         self.listeners = Listeners(node, self._command, reports, values['recorder_timeout'])
         self._robot_frame = BASE, messages.frame_bytes(BASE)
         self._footprint, self._frame_id = settings.footprint, settings.frame_id
@@ -66,7 +67,7 @@ class GuidanceOutputs:
             'decision': self._decisions,
             'path': self._path,
             'wheel': self._wheels,
-            **self._known,
+            **self._seen,
         }
         return {
             f'{name}_subscribers': int(each.get_subscription_count())

@@ -9,7 +9,7 @@ import pytest
 from numba.core.errors import TypingError
 
 from cmpsp_ros.mpsp.jit import address_of, allocation_free, call, entry_for
-from cmpsp_ros.mpsp.jit.compiled import at, call_for_float, call_for_int, inner, words_of
+from cmpsp_ros.mpsp.jit.compiled import call_for_float, call_for_int, inner, tuple_at, words_of
 from cmpsp_ros.mpsp.jit.intrinsics import dot
 
 
@@ -86,7 +86,7 @@ def mix(memory, by):
 
 @allocation_free
 def mix_at(address, function, by):
-    call(function, (at(address), by))
+    call(function, (tuple_at(address), by))
 
 
 def test_a_tuple_of_arrays_is_passed_by_the_address_of_its_words():
@@ -140,12 +140,12 @@ def test_another_order_would_show():
 @pytest.mark.parametrize('length', [5, 8, 21])
 def test_what_is_not_finite_shows(length):
     for wrong in (np.nan, np.inf):
-        for place in range(length):
+        for at in range(length):
             a = A.copy()
-            a[place] = wrong
+            a[at] = wrong
             assert not np.isfinite(dot(a, B, length))
-            a[place:] = np.nan
-            assert np.isfinite(dot(a, B, place))
+            a[at:] = np.nan
+            assert np.isfinite(dot(a, B, at))
 
 
 def test_a_row_that_has_gaps_is_refused():

@@ -226,8 +226,9 @@ class GuidanceLaw:
         selected = self._selector.best(context)
         if self._settings.is_soonest:
             context, selected = self._ahead.at_soonest(state, context, selected)
+            step = step._replace(context=context)
         state.planned = context, selected
-        return supervisor.choose(step._replace(context=context), selected)
+        return supervisor.choose(step, selected)
 
     def _pending(self, estimate: Estimate) -> Validation | None:
         """Validation on the path under commands given before, if there is one."""

@@ -98,28 +98,29 @@ class DecisionBuilder:
         clearances: tuple[float, float],
         fields: Mapping[str, Any],
     ) -> Decision:
-        control, goals = state.following.previous_control, state.mission.goals
+        control, goals, robot = state.following.previous_control, state.mission.goals, self._robot
         stamp, elapsed = times
         left = max(0, goals.end - elapsed) / NANOSECONDS if goals.end < NEVER else math.inf
+        wheel_speeds, twist = robot.speeds_of(control), robot.twist(control)
+        # What has no default is given by position: so many keywords take microseconds.
         return Decision(
-            stamp=stamp,
-            step=state.clock.step,
-            level=level,
-            reason=reason,
-            wheel_speeds=self._robot.speeds_of(control),
-            twist=self._robot.twist(control),
-            steering_angle=self._robot.steering_of(control),
-            time_left=left,
-            plan=plan,
-            terminal_error=errors[0],
-            heading_error=errors[1],
-            clearance=clearances[0],
-            worst_clearance=clearances[1],
+            state.clock.step,
+            stamp,
+            level,
+            reason,
+            left,
+            wheel_speeds,
+            robot.steering_of(control),
+            twist,
+            plan,
+            errors[0],
+            *clearances,
             failures=state.following.failures,
             prediction_error=state.estimator.response.error,
             run=state.run,
             revision=state.revision,
             goal=goals.goal,
+            heading_error=errors[1],
             goals_received=goals.goals_received,
             **fields,
         )

@@ -85,11 +85,6 @@ class ResponseEstimate:
         self._began: tuple[int, Array] | None = None
 
     @property
-    def is_corrected(self) -> bool:
-        """True if odometry has contradicted the settings."""
-        return self.delay != self._told_delay or (self.lag > 0.0 and not self._with_lag)
-
-    @property
     def lag_interval(self) -> tuple[float, float, float] | None:
         """The lag in use, the least possible and the largest [s]; None where none is considered."""
         if not self._with_lag and not self.is_corrected:
@@ -267,6 +262,10 @@ class ResponseEstimate:
     def _use(self, number: int) -> None:
         self.delay = to_nanoseconds(float(self._delays[number]))
         self.lag = float(self._lags[number])
+        # Whether odometry has contradicted the settings.
+        self.is_corrected = self.delay != self._told_delay or (
+            self.lag > 0.0 and not self._with_lag
+        )
 
     def _deviation(self, found: Array, variance: float) -> float:
         """By how much the delay in use must change to explain one control period by itself [s]."""

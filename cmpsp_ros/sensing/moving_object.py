@@ -41,6 +41,12 @@ class MovingObject(InteractingFilters):
         self.radius += (_RISE if change > 0.0 else _FALL) * change
         self.seen, self.gone = self.stamp, 0
 
+    def part_from(self, other: MovingObject) -> None:
+        """Count as moving, with the velocity of the mover that it was taken for a part of."""
+        self.is_moving = True
+        for each in (self, self.straight, self.turn):
+            each.vx, each.vy = other.vx, other.vy
+
     def distance(self, other: MovingObject) -> float:
         """Squared Mahalanobis distance of the place of another, at the same time."""
         return self.surprise(other.x, other.y, other.position_variance + _ASIDE * _ASIDE)

@@ -49,6 +49,11 @@ class Segment(NamedTuple):
         return 2 * self.static >= len(self.members)
 
     @property
+    def is_body(self) -> bool:
+        """True if it is all that can be seen of a body."""
+        return self.radius > _LEG and not self.legs and not any(self.is_cut)
+
+    @property
     def is_background(self) -> bool:
         """True if it is what is seen of something that stands, between those before it."""
         return not self.has_entered and sum(self.is_cut) + self.is_static >= 2

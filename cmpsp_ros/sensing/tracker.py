@@ -84,12 +84,13 @@ class Tracker:
         if found is None:
             self._histories, found = {sensor: (history := ScanHistory())}, []
             self._objects = [each for each in self._objects if each.is_moving]
-        begun = []
-        for known, segment in self._associated(found, origin):
+        begun, associated = [], self._associated(found, origin)
+        for known, segment in associated:
             if known is not None and self._follow(known, segment, origin, view):
                 begun.append(known.number)
             if known is not None and known.is_moving and _is_beside(robot, segment):
                 known.still = known.unproved = 0
+        for known, segment in associated:
             owner = known or self._begin(segment, origin, beams.stamp)
             if owner is not None:
                 owners[hits[segment.members]] = MOVING if owner.is_moving else owner.number
@@ -143,15 +144,20 @@ class Tracker:
         return list(zip(objects, found, strict=True))
 
     def _begin(self, segment: Segment, origin: Array, stamp: int) -> MovingObject | None:
-        """New object, or the one that moves there already; None for what has long stood there."""
+        """New object, or the one that moves there already; None for what has long stood there.
+
+        Who walked close to a mover may have been taken for a part of it until now.
+        """
         radius = max(segment.radius, _LEGS if segment.legs else _BODY)
         x, y = segment.center(origin, radius)
-        has_parted = False
+        parted = None
         for each in self._expected:
             away = math.hypot(x - each.x, y - each.y) - each.radius
-            if each.is_moving and away < 0.0:
+            if not each.is_moving or away >= radius:
+                continue
+            if away < 0.0 and not (segment.is_body and each.seen == stamp):
                 return each
-            has_parted |= each.is_moving and away < radius
+            parted = each
         if segment.is_static:
             return None
         self._number += 1
@@ -167,9 +173,11 @@ class Tracker:
             seen=stamp,
             origin=segment.front,
             evidence=int(segment.has_entered),
-            # Who walked beside somebody may have been taken for a part of them until now.
-            sightings=1 + has_parted,
+            sightings=1 + (parted is not None),
         )
+        if parted is not None and segment.is_body and segment.has_entered:
+            new.part_from(parted)
+            new.name = self._name_of(new)
         self._objects.append(new)
         return new
 
@@ -215,6 +223,7 @@ class Tracker:
             is_double = each.is_moving and any(
                 math.hypot(each.x - other.x, each.y - other.y) < _SAME and each.moves_like(other)
                 for other in movers
+                if max(each.begun, other.begun) < view.stamp  # else they have just parted
             )
             each.is_lost = each.is_lost or is_late or is_double or each.gone >= _GONE
             if each.is_moving and not each.is_lost:

@@ -309,3 +309,19 @@ def test_who_parts_from_somebody_is_known_at_once(speed):
     near = [each for each in score.sighting.tracks if math.hypot(each.x - x, each.y - y) < 0.3]
     assert min(each.vx for each in near) < -0.3 * speed
     assert not score.false
+
+
+@pytest.mark.parametrize('speed', [1.0, 1.3])
+@pytest.mark.parametrize('behind', [0.1, 0.2])
+def test_who_comes_out_of_a_pair_is_not_where_the_other_is(behind, speed):
+    """While two look like one, both are in its disc."""
+
+    def stays(time):
+        return 5.0 - 0.4 * time, 3.3
+
+    def comes(time):
+        return 5.0 + behind - 0.4 * min(time, 3.0) - speed * max(time - 3.0, 0.0), 3.0
+
+    for time, seen in ScannedRoom(walkers=[stays, comes]).run(4.5):
+        away = [math.dist((each.x, each.y), comes(time)) - each.radius for each in seen.tracks]
+        assert time < 1.0 or min(away) < -0.1

@@ -42,7 +42,7 @@ def _kept_in_words(worst: Sample) -> str:
     'promise', 'Commands: stop in time', unit='m', of_reach=True,
     needs=('control_period',),
     good=_kept_in_words, bad=_kept_in_words, nothing='The robot is not commanded to move.',
-    gaps=(path_gap,),
+    gaps=(lambda record, _: record.unusable['moving'], path_gap),
 )  # fmt: skip
 def promise(record: AuditRecord) -> Iterator[Sample]:
     """Clearance of each command and a stop after it from all that an obstacle may reach.
@@ -57,6 +57,8 @@ def promise(record: AuditRecord) -> Iterator[Sample]:
             f'{len(missing)} obstacles that decisions used are not in the bag, such as {number} at'
             f' {record.seconds(stamp):.2f} s.'
         )
+    if not known and record.unusable['moving']:
+        raise NotJudgedError(record.unusable['moving'])
     if not known:
         raise SkippedError('Nothing that moves is in the bag.')
     if unknown := sorted(_ASSUMED - set(record.history.given)):

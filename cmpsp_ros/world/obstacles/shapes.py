@@ -73,7 +73,7 @@ class Obstacle(Shape):
     kind: ClassVar[str] = 'circle'
     name: str
     center: Point = setting((), 'm', 'Centre (x, y).')
-    radius: float = setting(0.0, 'm', 'Radius.', POSITIVE)
+    radius: float = setting(0.0, 'm', 'Radius, more than 0.', POSITIVE)
 
     @property
     def corners(self) -> tuple[Point, ...]:
@@ -89,7 +89,7 @@ class Capsule(Shape):
     name: str
     start: Point = setting((), 'm', 'One end of its middle line (x, y).')
     end: Point = setting((), 'm', 'Other end of its middle line (x, y).')
-    radius: float = setting(0.0, 'm', 'Radius.', POSITIVE)
+    radius: float = setting(0.0, 'm', 'Radius, more than 0.', POSITIVE)
 
     @property
     def corners(self) -> tuple[Point, ...]:

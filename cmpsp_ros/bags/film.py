@@ -48,7 +48,7 @@ _LOOK = """
   <visual>
     <headlight ambient="0.45 0.45 0.45" diffuse="0.4 0.4 0.4" specular="0 0 0"/>
     <map znear="0.002" zfar="5"/>
-    <quality shadowsize="8192" numslices="64"/>
+    <quality shadowsize="8192" numslices="24"/>
     <global offwidth="1920" offheight="1080"/>
   </visual>
   <asset>

@@ -15,7 +15,7 @@ from cmpsp_ros.bags.audit.finding import NotJudgedError, Sample, SkippedError, c
 from cmpsp_ros.bags.audit.legs import Commands
 from cmpsp_ros.bags.audit.path_checks import in_effect
 from cmpsp_ros.bags.audit.record import AuditRecord, path_gap
-from cmpsp_ros.bags.runs.odometry import is_within
+from cmpsp_ros.bags.runs.odometry import arc_steps, is_within
 from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings
 from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.robots import placed
@@ -168,32 +168,35 @@ def _brakes(settings: GuidanceSettings, commands: Commands, k: int) -> bool:
 def _stops(
     settings: GuidanceSettings, pose: Array, commands: Commands, k: int, plan: Array | None
 ) -> Iterator[tuple[Array, Array]]:
-    """Times ``(K,)`` and poses ``(K, 3)`` of a command and a stop: curved alike, or on the plan."""
+    """Times ``(K,)`` and poses ``(K, 3)`` of a command and a stop: curved alike, or as the plan."""
     period, twist = settings.control_period, commands.twists[k]
     if k + 1 < len(commands.stamps):
         held = float(commands.stamps[k + 1] - commands.stamps[k]) / NANOSECONDS
         period = min(max(held, 0.0), period) or period
-    count = math.ceil(period / _STEP)
-    scales, durations = [1.0] * count, [period / count] * count
-    fastest = float(np.abs(settings.robot.wheel_speeds(twist)).max())
-    scale, change = 1.0, settings.max_wheel_change / max(fastest, 1e-12)
-    while (scale := scale - change) > _AT_REST:
-        count = math.ceil(settings.control_period / _STEP)
-        scales += [scale] * count
-        durations += [settings.control_period / count] * count
-    times = np.cumsum([0.0, *durations])
-    twists = np.array(scales)[:, None] * twist
-    bent = [pose]
-    for each, duration in zip(twists, durations, strict=True):
-        bent.append(arc_ends(bent[-1][None], each[None], np.array([duration]))[0])
-    yield times, np.array(bent)
-    if plan is None:
-        return
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(plan[:, :2], axis=0).T))])
-    if along[-1] > 0.0:
-        driven = np.concatenate([[0.0], np.cumsum(np.hypot(*with_side(twists).T[:2]) * durations)])
-        columns = plan[:, 0], plan[:, 1], np.unwrap(plan[:, 2])
-        yield times, np.column_stack([np.interp(driven, along, each) for each in columns])
+    yield _stop(settings, pose, twist[None], period)
+    if plan is not None and len(plan) > 2:
+        planned = arc_steps(plan[1:-1], plan[2:]) / settings.control_period
+        planned = planned if len(twist) == 3 else planned[:, ::2]
+        yield _stop(settings, pose, np.vstack([twist, planned]), period)
+
+
+def _stop(
+    settings: GuidanceSettings, pose: Array, twists: Array, period: float
+) -> tuple[Array, Array]:
+    """Times and poses of the first twist for a period [s], and of a stop curved as the others."""
+    fastest = np.abs(settings.robot.wheel_speeds(twists)).max(axis=1)
+    top, driven = fastest[0], [(twists[0], period)]
+    while (top := top - settings.max_wheel_change) > _AT_REST * fastest[0]:
+        k = min(len(driven), len(twists) - 1)
+        slower = min(top / max(fastest[k], 1e-12), 1.0)
+        driven.append((slower * twists[k], settings.control_period))
+    poses, durations = [pose], [0.0]
+    for twist, duration in driven:
+        count = math.ceil(duration / _STEP)
+        for _ in range(count):
+            poses.append(arc_ends(poses[-1][None], twist[None], np.array([duration / count]))[0])
+        durations += [duration / count] * count
+    return np.cumsum(durations), np.array(poses)
 
 
 def _worst(

@@ -8,6 +8,7 @@ from drives import SECOND, START, drive_settings
 
 from cmpsp_ros.bags.audit import CheckOutcome
 from cmpsp_ros.guidance.messages import Track
+from cmpsp_ros.robots.motion import arc_ends
 from cmpsp_ros.sensing import REMEMBERED
 
 PASSED, FAILED, SKIPPED, NOT_JUDGED = CheckOutcome
@@ -107,6 +108,27 @@ def test_a_stop_as_hard_as_the_wheels_can_may_turn_as_promised(drive, outcomes, 
         fastest = max(fastest - fraction * change, 0.0)
         # The plan that was braked along bends to the other side.
         each.twist = robot.twist(np.array([0.7, 1.0]) * fastest)
+    assert outcomes(drive)['promise'].outcome is outcome
+
+
+@pytest.mark.parametrize(('turn_rate', 'outcome'), [(0.0, FAILED), (20.0, PASSED)])
+def test_a_stop_bends_with_each_period_as_the_plan_does(drive, outcomes, turn_rate, outcome):
+    """A robot that is slowed down to half of its plan turns no later for it."""
+    k, period, change = drive.at(4.0), drive.parameters['control_period'], 4.0
+    drive.parameters['people.max_acceleration'] = 0.0
+    drive.parameters['robot.max_wheel_acceleration'] = change / period
+    for each in drive.commands[k - 1 : k + 1]:
+        each.twist = np.array([1.0, 0.0])
+    near = 0.3 + drive_settings(drive).robot_radius + 1.5 * period
+    stamp, place, _ = ahead(drive, 4.0, near)
+    stands, gone = (7, *place, 0.0, 0.0, 0.3), (7, 50.0, 50.0, 0.0, 0.0, 0.3)
+    drive.obstacles = [(stamp, [stands]), (stamp + 1, [gone])]
+    poses = drive.decisions[k].plan.poses.copy()
+    for i, turns in enumerate([0.0, *[turn_rate] * (len(poses) - 2)]):
+        twist = np.array([[2.0, turns]])
+        poses[i + 1] = arc_ends(poses[i : i + 1], twist, np.array([period]))[0]
+    plan = drive.decisions[k].plan._replace(poses=poses)
+    drive.decisions[k] = drive.decisions[k]._replace(plan=plan)
     assert outcomes(drive)['promise'].outcome is outcome
 
 

@@ -85,8 +85,8 @@ def segments_of(
     angles, ranges = np.arctan2(away[:, 1], away[:, 0]), np.hypot(away[:, 0], away[:, 1])
     order = np.argsort(angles, kind='stable')
     angles = angles[order]
-    # Begin behind the largest gap: no object is cut in two where angles begin anew.
-    begin = int(np.argmax(np.append(angles[1:], angles[0] + math.tau) - angles)) + 1
+    # Begin between two objects: none is cut in two where angles begin anew.
+    begin = _boundary(angles, ranges[order], points[order], view[0])
     order = np.concatenate([order[begin:], order[:begin]])
     polar, places = np.empty((len(order), 2)), points[order]
     polar[:, 0] = ranges[order]
@@ -112,6 +112,15 @@ def segments_of(
         for each in found
         if len(each.members) >= _FEWEST and (not each.is_background or _is_on(movers, each))
     ]
+
+
+def _boundary(angles: Array, ranges: Array, places: Array, step: float) -> int:
+    """Index of the hit that is least likely on the same object as the one before it."""
+    turned = np.diff(angles, prepend=angles[-1] - math.tau)
+    if turned.max() > _HOLE * step:
+        return int(np.argmax(turned))
+    away = np.hypot(*np.diff(places, axis=0, prepend=places[-1:]).T)
+    return int(np.argmax(away / (_GAP + _GAP_BY_STEP * ranges * turned)))
 
 
 def _is_on(movers: Array, segment: Segment) -> bool:

@@ -135,8 +135,9 @@ class Tracker:
             variances = known[:, 2:] + noise
             costs = away / variances
             # Minus twice the logarithm of the likelihood: who is in doubt claims nothing.
-            is_near = (costs <= _GATE) | (away <= _CLOSE * _CLOSE)
-            is_near &= ~_is_wall(expected, found)
+            is_close = away <= _CLOSE * _CLOSE
+            is_near = is_close | (costs <= _GATE)
+            is_near &= ~_stands_there(expected, found, is_close)
             costs = np.where(is_near, costs + 2.0 * np.log(variances), _NEVER)
             for i, j in zip(*self._assign(costs), strict=True):
                 if costs[i, j] < _NEVER:
@@ -233,16 +234,20 @@ class Tracker:
         self._objects = sorted(kept, key=lambda each: each.number)
 
 
-def _is_wall(objects: list[MovingObject], segments: list[Segment]) -> BoolArray:
-    """True where a segment is rather part of a wall than an object ``(O, S)``.
+def _stands_there(
+    objects: list[MovingObject], segments: list[Segment], is_close: BoolArray
+) -> BoolArray:
+    """True where a segment is rather something that stands than an object, ``(O, S)``.
 
-    One in doubt is seen whole or where nothing was; one that walks is not where something stood.
+    One in doubt is seen whole or where nothing was, and far from its place not where something has
+    long stood; nor is one that walks.
     """
     is_in_doubt = np.array([[each.position_variance > _DOUBT] for each in objects])
     walks = np.array([[each.speed > _WALKS] for each in objects])
     is_part = np.array([any(each.is_cut) and not each.has_entered for each in segments])
     is_static = np.array([each.is_static for each in segments])
-    return np.asarray((is_in_doubt & is_part) | (walks & is_static))
+    is_elsewhere = walks | (is_in_doubt & ~is_close)
+    return np.asarray((is_in_doubt & is_part) | (is_elsewhere & is_static))
 
 
 def _is_beside(robot: Array, segment: Segment) -> bool:

@@ -8,7 +8,6 @@ import pytest
 from scanned_rooms import DOOR, ROOM, SENSOR, Faults, ScannedRoom, Score, straight
 
 from cmpsp_ros.sensing import Sight
-from cmpsp_ros.sensing.segments import segments_of
 from cmpsp_ros.world.grids import Cell
 
 ACROSS, SLOW = straight(5.0, 1.0, 0.0, 0.8), straight(5.0, 1.0, 0.0, 0.3)
@@ -281,17 +280,19 @@ def test_tracks_are_predicted_for_the_time_of_odometry_and_forgotten_with_it():
     assert room.known.at(0, np.zeros(3)) is None
 
 
-@pytest.mark.parametrize(('apart', 'count'), [(0.5, 1), (2.0, 2)])
-def test_edges_on_both_sides_of_the_sensor_are_no_legs_of_one(apart, count):
-    """Two ends of walls nearer to it than a stride, `apart` seen from it [rad]."""
-    middles = np.array([-apart, apart])[:, None] / 2.0
-    angles = (middles + np.linspace(-0.1, 0.1, 23)).ravel()
-    points = 0.3 * np.column_stack([np.cos(angles), np.sin(angles)])
-    labels, nobody = np.full(len(points), 2), np.empty((0, 3))
-    view = 0.2 / 22, -2.0, 2.0
-    found = segments_of(np.zeros(2), points, labels, nobody, view)
-    assert len(found) == count
-    assert max(each.radius for each in found) < 0.6
+@pytest.mark.parametrize(('begin', 'speed'), [(5.4, 0.25), (5.4, 0.3), (5.2, 0.35)])
+def test_what_has_long_stood_is_nobody_out_of_sight(begin, speed):
+    """He goes behind the scanner on his legs, and could be anywhere since."""
+    room = ScannedRoom(
+        walkers=[straight(begin, 4.4, -speed, 0.0, end=(begin - 4.2) / speed)],
+        posts=(posts := [(6.3, 5.0, 0.2), (7.5, 4.0, 0.3), (6.5, 1.5, 0.3)]),
+        robot=lambda _: (6.0, 3.0, 0.0),
+        faults=Faults(legs=True, missed=0.3),
+    )
+    tracks = [each for _, seen in room.run(14.0) for each in seen.tracks]
+    assert max(each.position_stddev for each in tracks) > 1.0
+    away = [math.dist((each.x, each.y), post[:2]) for each in tracks for post in posts]
+    assert min(away) > 0.9
 
 
 @pytest.mark.parametrize('speed', [0.8, 1.0, 1.2])

@@ -1,0 +1,38 @@
+"""Segments of scans: what is one object, and what is not."""
+
+import math
+
+import numpy as np
+import pytest
+from scanned_rooms import RADIUS, ROOM
+
+from cmpsp_ros.sensing.segments import segments_of
+from cmpsp_ros.simulator.laser import cast
+
+
+@pytest.mark.parametrize(('apart', 'count'), [(0.5, 1), (2.0, 2)])
+def test_edges_on_both_sides_of_the_sensor_are_no_legs_of_one(apart, count):
+    """Two ends of walls nearer to it than a stride, `apart` seen from it [rad]."""
+    middles = np.array([-apart, apart])[:, None] / 2.0
+    angles = (middles + np.linspace(-0.1, 0.1, 23)).ravel()
+    points = 0.3 * np.column_stack([np.cos(angles), np.sin(angles)])
+    labels, nobody = np.full(len(points), 2), np.empty((0, 3))
+    view = 0.2 / 22, -2.0, 2.0
+    found = segments_of(np.zeros(2), points, labels, nobody, view)
+    assert len(found) == count
+    assert max(each.radius for each in found) < 0.6
+
+
+@pytest.mark.parametrize('unknown', range(0, 720, 24))
+def test_angles_of_a_scan_all_around_begin_on_nobody(unknown):
+    """No beam is missing but one, in the middle of somebody or elsewhere."""
+    angles = np.delete(np.linspace(-math.pi, math.pi, 720, endpoint=False), unknown)
+    ranges = np.empty(719)
+    rays = np.column_stack([np.ones(719), np.full(719, 3.0), angles])
+    body = np.array([[0.6, 3.0, 0.0, 0.0, RADIUS]])
+    cast(ranges, rays, np.zeros(719), np.array(ROOM), body)
+    points = ranges[:, None] * np.column_stack([np.cos(angles), np.sin(angles)])
+    labels, nobody = np.zeros(719, int), np.empty((0, 3))
+    found = segments_of(np.zeros(2), points, labels, nobody, (math.tau / 720, math.nan, math.nan))
+    (seen,) = [each for each in found if math.dist(each.front, (-0.15, 0.0)) < 0.01]
+    assert seen.radius == pytest.approx(RADIUS, abs=0.02)

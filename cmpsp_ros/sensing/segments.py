@@ -11,6 +11,7 @@ from cmpsp_ros.mpsp.jit import allocation_free
 _GAP: Final = 0.1  # distance of neighbours on one object [m]
 _GAP_BY_STEP: Final = 1.5  # the same, by that of two beams at their range
 _HOLE: Final = 5.5  # angle between neighbours on one object, in steps of the scanner
+_SLIT: Final = 0.04  # width of a hole between two objects [m]: where both are near, it is narrow
 _DEEP: Final = 0.1  # depth of the notch between two round objects that touch [m]
 _WIDE: Final = 0.8  # width of more than one person, and of each part then [m]
 _PERSON: Final = 0.6
@@ -117,8 +118,9 @@ def segments_of(
 def _boundary(angles: Array, ranges: Array, places: Array, step: float) -> int:
     """Index of the hit that is least likely on the same object as the one before it."""
     turned = np.diff(angles, prepend=angles[-1] - math.tau)
-    if turned.max() > _HOLE * step:
-        return int(np.argmax(turned))
+    is_hole = (turned > _HOLE * step) & (ranges * turned > _SLIT)
+    if is_hole.any():
+        return int(np.argmax(np.where(is_hole, turned, 0.0)))
     away = np.hypot(*np.diff(places, axis=0, prepend=places[-1:]).T)
     return int(np.argmax(away / (_GAP + _GAP_BY_STEP * ranges * turned)))
 
@@ -184,7 +186,8 @@ def split(bounds: IntArray, polar: Array, places: Array, step: float) -> int:
         distance, turned = polar[i, 0], polar[i, 1] - polar[i - 1, 1]
         x, y = places[i, 0] - places[i - 1, 0], places[i, 1] - places[i - 1, 1]
         reach = _GAP + _GAP_BY_STEP * distance * turned
-        is_new = turned > _HOLE * step or x * x + y * y > reach * reach
+        is_hole = turned > _HOLE * step and distance * turned > _SLIT
+        is_new = is_hole or x * x + y * y > reach * reach
         is_notch = distance < peak - _DEEP and peak > low + _DEEP
         if is_new or is_notch:
             count += 1

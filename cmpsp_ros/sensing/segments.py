@@ -11,7 +11,7 @@ from cmpsp_ros.mpsp.jit import allocation_free
 _GAP: Final = 0.1  # distance of neighbours on one object [m]
 _GAP_BY_STEP: Final = 1.5  # the same, by that of two beams at their range
 _HOLE: Final = 5.5  # angle between neighbours on one object, in steps of the scanner
-_SLIT: Final = 0.04  # width of a hole between two objects [m]: where both are near, it is narrow
+_SLIT: Final = 0.04  # width up to which a hole is no gap between two objects [m]
 _DEEP: Final = 0.1  # depth of the notch between two round objects that touch [m]
 _WIDE: Final = 0.8  # width of more than one person, and of each part then [m]
 _PERSON: Final = 0.6

@@ -237,10 +237,10 @@ class Tracker:
 def _stands_there(
     objects: list[MovingObject], segments: list[Segment], is_close: BoolArray
 ) -> BoolArray:
-    """True where a segment is rather something that stands than an object, ``(O, S)``.
+    """True where a segment shows something that stands rather than an object, ``(O, S)``.
 
-    One in doubt is seen whole or where nothing was, and far from its place not where something has
-    long stood; nor is one that walks.
+    Part of a wall is no object in doubt. What has long stood is no object that walks, and none in
+    doubt that is expected elsewhere.
     """
     is_in_doubt = np.array([[each.position_variance > _DOUBT] for each in objects])
     walks = np.array([[each.speed > _WALKS] for each in objects])

@@ -55,9 +55,9 @@ def test_a_whole_run_is_measured(short: Path):
     assert found.runs == 1
     assert len(found.total) == len(found.own)
     assert 2 <= len(found.total) <= 10
-    # Own times may be longer: a command may be answered before its publisher goes on.
     assert (found.own > 0.0).all()
-    assert (found.total > 0.0).all()
+    # A command may be answered before it is published to all, the end of its own time.
+    assert np.median(found.total) > 0.5 * np.median(found.own)
     # It started 2.8 m away.
     assert found.miss < 2.0
     assert len(found.jitter) == len(found.total) - 1

@@ -1,7 +1,6 @@
 """Runs by `cmpsp demo`: the cases of the paper, several robots, late steps, and what is refused."""
 
 import json
-import re
 
 import pytest
 from demo_folder import TOPICS, check_bag, check_folder, commands, size_of_png
@@ -111,10 +110,9 @@ def test_what_cannot_be_run_is_said_before_anything_starts(start_demo, tmp_path,
     assert not folder.exists()
 
 
-# In real time on a busy machine odometry may be late: no robot stops for that. A late command may
-# lead it somewhat past its goal, and slows it down.
-GIVEN = 'odom_timeout=10.0', 'goal.tolerance=0.1', 'goal.may_be_late=true'
-PATIENT = [word for each in GIVEN for word in ('--set', each)]
+# In real time on a busy machine odometry may be late: no robot stops for that, and a late command
+# may lead it somewhat past its goal.
+PATIENT = ['--set', 'odom_timeout=10.0', '--set', 'goal.tolerance=0.1']
 
 
 def test_four_robots_whose_ways_cross(start_demo, start_cmpsp, tmp_path):
@@ -137,17 +135,11 @@ def test_four_robots_whose_ways_cross(start_demo, start_cmpsp, tmp_path):
     assert all(name in said[-1] for name in robots[1:])
     assert '/r1@' not in said[-1]
     for each in robots:
-        replayed = start_cmpsp('replay', '--namespace', each, folder / 'bag')
-        assert replayed.wait() == 0, replayed.stderr
-        assert 'identical: ' in replayed.stdout
-        audited = start_cmpsp('audit', '--odom', f'{each}/odom', folder / 'bag')
-        # On a busy machine the simulator obeys late.
-        assert audited.wait() == 0 or failed_checks(audited) == {'Commands: obeyed'}
-
-
-def failed_checks(audited):
-    """Titles of the checks that an audit says have failed."""
-    return set(re.findall(r'^failed (.*?: .*?): ', audited.stdout, re.MULTILINE))
+        for command in (['replay', '--namespace', each], ['audit', '--odom', f'{each}/odom']):
+            judged = start_cmpsp(*command, folder / 'bag')
+            assert judged.wait() == 0, judged.stdout + judged.stderr
+            if command[0] == 'replay':
+                assert 'identical: ' in judged.stdout
 
 
 def test_several_robots_share_no_clock_and_no_place(start_demo, tmp_path):

@@ -91,11 +91,6 @@ def distance(client, x, y):
     return math.dist((position.x, position.y), (x, y))
 
 
-def is_there(client, x, y):
-    """On a busy machine the robot stops a little late."""
-    return distance(client, x, y) < 0.5
-
-
 def test_navigate_to_pose(drive, actions, client, record):
     recording = record()
     guidance = drive({'recorder_timeout': 30.0, 'goal.wait': 'true'})
@@ -109,7 +104,7 @@ def test_navigate_to_pose(drive, actions, client, record):
 
     goal = navigate(5.0, -8.3)
     assert goal.result() == (GoalStatus.STATUS_SUCCEEDED, 0, '')
-    assert is_there(client, 5.0, -8.3)
+    assert distance(client, 5.0, -8.3) < 0.05
     left = [each.distance_remaining for each in goal.feedback]
     assert left[0] > 1.0
     assert left[-1] < 0.5
@@ -191,7 +186,7 @@ def test_follow_path(drive, actions, client, record):
     path = [(-0.5, 0.0), (2.0, 0.0), (4.0, 1.0), (5.0, 3.0)]
     goal = follow(path)
     assert goal.result() == (GoalStatus.STATUS_SUCCEEDED, 0, '')
-    assert is_there(client, 5.0, 3.0)
+    assert distance(client, 5.0, 3.0) < 0.05
     assert max(each.speed for each in goal.feedback) > 0.5
     assert goal.feedback[0].distance_to_goal > goal.feedback[-1].distance_to_goal
     status, code, reason = follow([(5.0, 3.0), (7.0, 3.0), (6.0, 3.0)]).result()
@@ -213,7 +208,7 @@ def test_follow_path_as_soon_as_possible(drive, actions, client, record):
     path = path_of({'road.points': points, 'road.closed': False, 'frame_id': 'odom'})
     goal = actions('FollowPath', 'follow_path', path=path)
     assert goal.result() == (GoalStatus.STATUS_SUCCEEDED, 0, '')
-    assert is_there(client, 5.0, 3.0)
+    assert distance(client, 5.0, 3.0) < 0.05
     assert max(each.speed for each in goal.feedback) > 1.0
     across = [abs(speed * turn_rate) for speed, turn_rate in client.commands]
     assert 0.4 < max(across) <= 0.5 * (1.0 + 1e-9)
@@ -229,7 +224,7 @@ def test_navigate_as_soon_as_possible(drive, actions, client, record):
     client.until(lambda: client.decisions)
     goal = actions('NavigateToPose', 'navigate_to_pose', pose=place(5.0, -8.3))
     assert goal.result() == (GoalStatus.STATUS_SUCCEEDED, 0, '')
-    assert is_there(client, 5.0, -8.3)
+    assert distance(client, 5.0, -8.3) < 0.05
     # At that speed it would be more than 6 s.
     assert goal.feedback[0].estimated_time_remaining.sec < 5
     guidance.end()

@@ -72,8 +72,7 @@ def test_a_run_reaches_its_goal_and_is_replayed_and_audited_without_transforms(
     localisation, start_node, record, client, make_odometry, tmp_path
 ):
     clock, recording = client.node.get_clock(), record('exclude_topics:=[/tf, /tf_static]')
-    # On a busy machine it is late.
-    patient = {'recorder_timeout': 60.0, 'odom_timeout': 10.0, 'goal.tolerance': 0.3}
+    patient = {'recorder_timeout': 60.0, 'odom_timeout': 10.0}
     guidance = start_node('guidance_node', {**PARAMETERS, **patient})
     client.until_health(state='active')
     client.connect()
@@ -91,7 +90,7 @@ def test_a_run_reaches_its_goal_and_is_replayed_and_audited_without_transforms(
 
     client.node.create_timer(0.02, tick)
     client.until(lambda: client.decisions and client.decisions[-1]['finished'] == 'true')
-    assert math.dist(pose[:2], (10.0, 0.0)) < 0.3
+    assert math.dist(pose[:2], (10.0, 0.0)) < 0.05
     assert client.decisions[-1]['missed'] == 'false'
     count = len(passed)
     client.until(lambda: len(passed) > count + 20)

@@ -83,15 +83,13 @@ def segments_of(
     if len(points) < _FEWEST:
         return []
     away = points - origin
-    angles, ranges = np.arctan2(away[:, 1], away[:, 0]), np.hypot(away[:, 0], away[:, 1])
-    order = np.argsort(angles, kind='stable')
-    angles = angles[order]
-    # Begin between two objects: none is cut in two where angles begin anew.
-    begin = _boundary(angles, ranges[order], points[order], view[0])
+    seen = np.column_stack([np.hypot(away[:, 0], away[:, 1]), np.arctan2(away[:, 1], away[:, 0])])
+    order = np.argsort(seen[:, 1], kind='stable')
+    # Begin between two objects far away: nobody is cut in two where angles begin anew.
+    begin = after_farthest_gap(seen[order], points[order], view[0])
     order = np.concatenate([order[begin:], order[:begin]])
-    polar, places = np.empty((len(order), 2)), points[order]
-    polar[:, 0] = ranges[order]
-    polar[:, 1] = np.concatenate([angles[begin:], angles[:begin] + math.tau])
+    polar, places = seen[order], points[order]
+    polar[len(order) - begin :, 1] += math.tau
     bounds, parts, keys = (np.zeros(len(points) + 1, np.int64) for _ in range(3))
     count = split(bounds, polar, places, view[0])
     sorted_labels = labels[order]
@@ -113,16 +111,6 @@ def segments_of(
         for each in found
         if len(each.members) >= _FEWEST and (not each.is_background or _is_on(movers, each))
     ]
-
-
-def _boundary(angles: Array, ranges: Array, places: Array, step: float) -> int:
-    """Index of the hit that is least likely on the same object as the one before it."""
-    turned = np.diff(angles, prepend=angles[-1] - math.tau)
-    is_hole = (turned > _HOLE * step) & (ranges * turned > _SLIT)
-    if is_hole.any():
-        return int(np.argmax(np.where(is_hole, turned, 0.0)))
-    away = np.hypot(*np.diff(places, axis=0, prepend=places[-1:]).T)
-    return int(np.argmax(away / (_GAP + _GAP_BY_STEP * ranges * turned)))
 
 
 def _is_on(movers: Array, segment: Segment) -> bool:
@@ -179,15 +167,33 @@ def _nearest(movers: Array, x: float, y: float) -> int:
 
 
 @allocation_free
+def after_farthest_gap(polar: Array, places: Array, step: float) -> int:
+    """Index of the hit after the gap that is farthest away, of hits all around; 0 without any."""
+    farthest, after = 0.0, 0
+    for i in range(polar.shape[0]):
+        away = min(polar[i, 0], polar[i - 1, 0])
+        if away > farthest and _gap(polar, places, i, step) > 1.0:
+            farthest, after = away, i
+    return after
+
+
+@allocation_free
+def _gap(polar: Array, places: Array, i: int, step: float) -> float:
+    """Gap between a hit and the one before it, above one between two objects."""
+    distance, turned = polar[i, 0], (polar[i, 1] - polar[i - 1, 1]) % math.tau
+    gap = _apart(places, i, i - 1) / (_GAP + _GAP_BY_STEP * distance * turned)
+    if distance * turned > _SLIT:
+        gap = max(gap, turned / (_HOLE * step))
+    return gap
+
+
+@allocation_free
 def split(bounds: IntArray, polar: Array, places: Array, step: float) -> int:
-    """Bounds of segments between jumps and at notches; their number is returned."""
+    """Bounds of segments between gaps and at notches; their number is returned."""
     count, low, peak, at = 0, polar[0, 0], polar[0, 0], 0
     for i in range(1, polar.shape[0]):
-        distance, turned = polar[i, 0], polar[i, 1] - polar[i - 1, 1]
-        x, y = places[i, 0] - places[i - 1, 0], places[i, 1] - places[i - 1, 1]
-        reach = _GAP + _GAP_BY_STEP * distance * turned
-        is_hole = turned > _HOLE * step and distance * turned > _SLIT
-        is_new = is_hole or x * x + y * y > reach * reach
+        distance = polar[i, 0]
+        is_new = _gap(polar, places, i, step) > 1.0
         is_notch = distance < peak - _DEEP and peak > low + _DEEP
         if is_new or is_notch:
             count += 1
@@ -302,8 +308,8 @@ def describe(
         # Comparisons with NaN are false.
         ends_left = math.cos(polar[last - 1, 1] - left) >= math.cos(_HOLE * step)
         ends_right = math.cos(polar[first, 1] - right) >= math.cos(_HOLE * step)
-        table[k, 5] = ends_left or (last < size and _hides(polar, last, last - 1, step))
-        table[k, 6] = ends_right or (first > 0 and _hides(polar, first - 1, first, step))
+        table[k, 5] = ends_left or _hides(polar, last % size, last - 1, step)
+        table[k, 6] = ends_right or _hides(polar, first - 1, first, step)
         table[k, 7], table[k, 8] = entered, static
         sine = math.sin(min((table[k, 3] - table[k, 2]) / 2.0, 1.0))
         table[k, 10] = near * sine / (1.0 - sine)
@@ -312,5 +318,5 @@ def describe(
 @allocation_free
 def _hides(polar: Array, i: int, j: int, step: float) -> bool:
     """True if a hit is before a neighbour, which may go on behind it."""
-    is_beside = abs(polar[i, 1] - polar[j, 1]) <= _HOLE * step
+    is_beside = math.cos(polar[i, 1] - polar[j, 1]) >= math.cos(_HOLE * step)
     return is_beside and polar[i, 0] < polar[j, 0] - _DEEP

@@ -39,3 +39,21 @@ def test_who_stands_before_a_scanner_all_around_is_one(first, unknown):
     found = segments_of(np.zeros(2), points, labels, nobody, (math.tau / 720, math.nan, math.nan))
     (seen,) = [each for each in found if math.hypot(*each.front) < 0.3]
     assert seen.radius == pytest.approx(RADIUS, abs=0.05)
+
+
+@pytest.mark.parametrize('gap', [0.3, 0.45, 0.6])
+@pytest.mark.parametrize('bearing', [math.radians(150.0), math.radians(210.0)])
+def test_wall_beside_somebody_all_around_goes_on_behind(bearing, gap):
+    """Two people 3 m away, `gap` [rad] between them: the wall there is no body."""
+    angles = np.linspace(-math.pi, math.pi, 720, endpoint=False)
+    rays = np.column_stack([np.full(720, 4.0), np.full(720, 3.0), angles])
+    half = gap / 2.0 + math.asin(RADIUS / 3.0)
+    places = bearing + np.array([-half, half])
+    x, y = 4.0 + 3.0 * np.cos(places), 3.0 + 3.0 * np.sin(places)
+    people = np.column_stack([x, y, np.zeros((2, 2)), np.full(2, RADIUS)])
+    ranges = np.empty(720)
+    cast(ranges, rays, np.zeros(720), np.array(ROOM), people)
+    points = ranges[:, None] * np.column_stack([np.cos(angles), np.sin(angles)])
+    labels, nobody = np.zeros(720, int), np.empty((0, 3))
+    found = segments_of(np.zeros(2), points, labels, nobody, (math.tau / 720, math.nan, math.nan))
+    assert sum(each.is_body for each in found) == 2

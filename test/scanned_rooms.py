@@ -7,6 +7,7 @@ import numpy as np
 
 from cmpsp_ros.sensing import Sensor, Sight, SightSettings, Surroundings
 from cmpsp_ros.simulator.laser import cast
+from cmpsp_ros.world.grids import Cell
 
 SENSOR = Sensor('front', 'laser')
 RADIUS = 0.25
@@ -24,6 +25,12 @@ def box(left, low, right, high):
 
 ROOM = box(0.0, 0.0, 12.0, 6.0)
 DOOR = [*ROOM, *box(5.9, 0.0, 6.1, 2.5), *box(5.9, 3.6, 6.1, 6.0)]
+
+
+def occupied(sighting):
+    """Centres of occupied cells, ``(K, 2)`` [m]."""
+    grid = sighting.grid
+    return grid.centers(*np.nonzero(grid.cells == Cell.OCCUPIED))
 
 
 def straight(x, y, vx, vy, begin=0.0, end=math.inf):

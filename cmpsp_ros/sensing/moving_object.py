@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections import deque
+from dataclasses import dataclass, field
 from typing import Final
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.sensing.motion_filter import InteractingFilters
 from cmpsp_ros.sensing.track import Track
 
@@ -13,6 +15,10 @@ _NS: Final = 1_000_000_000
 _ASIDE: Final = 0.3  # distance from where it is expected of one that was lost (one sigma) [m]
 _DIFFERENT: Final = 4.0  # squared Mahalanobis distance of velocities that differ
 _RISE, _FALL = 0.5, 0.1  # fractions by which the radius follows greater and smaller ones
+_INTO: Final = 0.1  # depth in the robot from which somebody must have stopped [m]
+_SETS_OFF: Final = 0.3  # standard deviation of the velocity of somebody who had to stop [m/s]
+_NEARBY, _SETTLED = 0.3, _NS * 8 // 10
+"""Distance within which somebody has to stay [m], and for how long, to be seen as static [ns]."""
 _STILL_SPEED, _STILL_AFTER = 0.15, _NS  # of what stands still [m/s], and until it is static [ns]
 
 
@@ -32,6 +38,8 @@ class MovingObject(InteractingFilters):
     still: int = 0  # time in sight for which it has stood still [ns]
     unproved: int = 0  # time in sight since a scan last showed that it moves [ns]
     sightings: int = 1  # number of scans that have shown it
+    # Where it was seen lately, ``(stamp, x, y)`` [ns, m, m].
+    seen_at: deque[tuple[int, float, float]] = field(default_factory=deque)
     is_lost: bool = False  # whether it may be anywhere, and is remembered only for its name
 
     def see(self, x: float, y: float, radius: float, variance: float) -> None:
@@ -40,12 +48,31 @@ class MovingObject(InteractingFilters):
         change = radius - self.radius
         self.radius += (_RISE if change > 0.0 else _FALL) * change
         self.seen, self.gone = self.stamp, 0
+        self.seen_at.append((self.stamp, self.x, self.y))
+        while len(self.seen_at) > 1 and self.seen_at[1][0] <= self.stamp - _SETTLED:
+            self.seen_at.popleft()
 
     def part_from(self, other: MovingObject) -> None:
         """Count as moving, with the velocity of the mover that it was taken for a part of."""
         self.is_moving = True
         for each in (self, self.straight, self.turn):
             each.vx, each.vy = other.vx, other.vy
+
+    def stop_before(self, robot: Array) -> None:
+        """Stand where it touches a robot of discs (x, y, radius), ``(D, 3)`` [m], if it is in it.
+
+        Nobody walks through the robot.
+        """
+        for x, y, radius in robot.tolist():
+            off_x, off_y = self.x - x, self.y - y
+            away, apart = math.hypot(off_x, off_y), self.radius + radius
+            if apart - away <= _INTO or off_x * self.vx + off_y * self.vy >= 0.0:
+                continue
+            out = (apart - away) / max(away, 1e-9)
+            for each in (self, self.straight, self.turn):
+                each.x, each.y = each.x + out * off_x, each.y + out * off_y
+                each.vx = each.vy = each.covariance = 0.0
+                each.velocity_variance = max(each.velocity_variance, _SETS_OFF * _SETS_OFF)
 
     def distance(self, other: MovingObject) -> float:
         """Squared Mahalanobis distance of the place of another, at the same time."""
@@ -61,6 +88,15 @@ class MovingObject(InteractingFilters):
     def speed(self) -> float:
         """Speed [m/s]."""
         return math.hypot(self.vx, self.vy)
+
+    @property
+    def has_settled(self) -> bool:
+        """True if it has been about here for so long that what is seen of it may be static."""
+        if not self.seen_at:
+            return False
+        since, x, y = self.seen_at[0]
+        is_near = math.hypot(self.x - x, self.y - y) <= _NEARBY
+        return is_near and self.stamp - since >= _SETTLED
 
     def settle(self, elapsed: int, *, moves: bool) -> None:
         """Count as static again after some time in sight [ns] without motion or evidence for it."""

@@ -46,8 +46,6 @@ _SAME: Final = 0.2
 """Distance of two tracks of the same object [m]."""
 _BESIDE: Final = 0.1
 """Distance from the robot at which who stands still does not count as static [m]."""
-_WALKS: Final = 0.3
-"""Speed of somebody who is not where something has long stood [m/s]."""
 _DOUBT: Final = (0.5 / 3.0) ** 2
 """Variance up to which a mover is where it is expected [m^2]."""
 
@@ -80,6 +78,8 @@ class Tracker:
         labels = history.labels(points, beams.stamp)
         for each in self._objects:
             each.predict(beams.stamp)
+            if each.is_moving:
+                each.stop_before(robot)
         found = segments_of(origin, points, labels, self._movers(doubt=_DOUBT), _view(beams))
         if found is None:
             self._histories, found = {sensor: (history := ScanHistory())}, []
@@ -88,7 +88,7 @@ class Tracker:
         for known, segment in associated:
             if known is not None and self._follow(known, segment, origin, view):
                 begun.append(known.number)
-            if known is not None and known.is_moving and _is_beside(robot, segment):
+            if known is not None and known.is_moving and _is_beside(robot, known):
                 known.still = known.unproved = 0
         for known, segment in associated:
             owner = known or self._begin(segment, origin, beams.stamp)
@@ -239,20 +239,20 @@ def _stands_there(
 ) -> BoolArray:
     """True where a segment shows something that stands rather than an object, ``(O, S)``.
 
-    Part of a wall is no object in doubt. What has long stood is no object that walks, and none in
-    doubt that is expected elsewhere.
+    Part of a wall is no object in doubt. What has long stood is no object that has just come, and
+    none in doubt that is expected elsewhere.
     """
     is_in_doubt = np.array([[each.position_variance > _DOUBT] for each in objects])
-    walks = np.array([[each.speed > _WALKS] for each in objects])
+    has_come = np.array([[not each.has_settled] for each in objects])
     is_part = np.array([any(each.is_cut) and not each.has_entered for each in segments])
     is_static = np.array([each.is_static for each in segments])
-    is_elsewhere = walks | (is_in_doubt & ~is_close)
+    is_elsewhere = has_come | (is_in_doubt & ~is_close)
     return np.asarray((is_in_doubt & is_part) | (is_elsewhere & is_static))
 
 
-def _is_beside(robot: Array, segment: Segment) -> bool:
-    """True if a segment is so near the robot that it may push it, too slowly to be seen moving."""
-    away = np.hypot(*(robot[:, :2] - segment.front).T) - robot[:, 2]
+def _is_beside(robot: Array, each: MovingObject) -> bool:
+    """True if an object is so near the robot that it may push it, too slowly to be seen moving."""
+    away = np.hypot(robot[:, 0] - each.x, robot[:, 1] - each.y) - robot[:, 2] - each.radius
     return bool(away.min() <= _BESIDE)
 
 

@@ -178,7 +178,7 @@ class StandingPeople:
         for number, (each, before) in self._slow.items():
             if number not in moving:
                 known[number] = replace(each, vx=0.0, vy=0.0, position_stddev=0.0)
-                self._beside[number] = _occupied(each, before)
+                self._beside[number] = _occupied(each, before, _ASIDE)
                 self._around[number] = _occupied(each, sighting, _AROUND)
         unseen = math.sqrt(2.0 * _ASIDE / max(settings.max_acceleration, _SLOWEST))
         rested = stamp - round(unseen * NANOSECONDS)
@@ -204,8 +204,8 @@ class StandingPeople:
         }
 
     def _is_there(self, person: Track, sighting: Sighting) -> bool:
-        """True if a newly occupied cell touches the place of a person."""
-        return _has_new(_occupied(person, sighting), self._beside[person.id], sighting)
+        """True if a newly occupied cell is where a person may be unseen."""
+        return _has_new(_occupied(person, sighting, _ASIDE), self._beside[person.id], sighting)
 
     def _leaves(self, person: Track, sighting: Sighting) -> bool:
         """True if a cell just outside the place of a person is newly occupied."""
@@ -217,8 +217,8 @@ def _has_new(occupied: Array, before: Array, sighting: Sighting) -> bool:
     return bool((apart > _BESIDE * sighting.grid.resolution).any())
 
 
-def _occupied(person: Track, sighting: Sighting, beyond: float = 0.0) -> Array:
-    """Occupied cells that touch the place of a person, or so far beyond [m], ``(K, 2)`` [m]."""
+def _occupied(person: Track, sighting: Sighting, beyond: float) -> Array:
+    """Occupied cells at the place of a person, or so far beyond [m], ``(K, 2)`` [m]."""
     center, grid = np.array([[person.x, person.y]]), sighting.grid
     radius = person.radius + beyond
     near = grid.around(center, radius)

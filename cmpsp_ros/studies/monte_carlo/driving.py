@@ -307,9 +307,8 @@ def _hand_over(plant: Plant, driven: DrivenRun, computer: Computer, stamp: int) 
     if computer.busy_until > plant.stamp_ns:
         _advance(plant, driven, computer.busy_until)
     computer.decision = None
-    if decision.finished:
-        return
-    driven.decisions.append(decision)
+    if not decision.finished:
+        driven.decisions.append(decision)
     if not decision.late and np.isfinite([*decision.twist, *decision.wheel_speeds]).all():
         plant.command(plant.stamp_ns, *decision.twist.tolist())
 

@@ -42,7 +42,7 @@ _NOISY_TURN: Final = 4  # turns through all scenes and robots, of which the last
 # Parameters of presets that every run draws for itself.
 _DRAWN: Final = ('obstacles.', 'sim.obstacles.', 'road.points', 'road.half_width')
 # Time [s], and multiple of that for the straight way, after which a run among people ends.
-_PATIENCE: Final = 30.0, 2.0
+_PATIENCE: Final = 90.0, 6.0
 # Mean speed that is asked for with a map, along the shortest path, of the nominal one.
 _PACE: Final = 0.95
 

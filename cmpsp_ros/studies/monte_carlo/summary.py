@@ -238,8 +238,8 @@ def _crowd_figures(outcomes: Sequence[StudyOutcome], tolerance: float) -> dict[s
 def _crowd_tables(values: Mapping[str, Any]) -> list[Table]:
     table = Table(
         'runs', 'number', 'active contact', 'all held', 'other contact', 'arrived',
-        'arrived told', 'both', 'time by told', 'time by empty', title='among people',
-        title_justify='left',
+        'arrived told', 'both', 'time by told', 'of nine in ten', 'time by empty',
+        title='among people', title_justify='left',
     )  # fmt: skip
     for name, group in values['groups'].items():
         table.add_row(name, *('' if each is None else f'{each:.4g}' for each in group.values()))
@@ -267,5 +267,6 @@ def _group(
         'arrived_told': sum(told),
         'arrived_both': len(both),
         'time_by_told': float(np.median(by_told)) if by_told else None,
+        'time_by_told_of_nine_in_ten': float(np.quantile(by_told, 0.9)) if by_told else None,
         'time_by_empty': float(np.median(by_empty)) if by_empty else None,
     }

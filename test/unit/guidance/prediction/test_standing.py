@@ -51,9 +51,16 @@ def after(*tracks, there, before=PERSON, beside=None):
 STOPPED = sighting((0.0, 0.25))
 
 
-@pytest.mark.parametrize('before', [PERSON, replace(PERSON, vx=0.38)], ids=['slow', 'in doubt'])
-def test_one_who_has_stopped_may_set_off_again(before):
-    start = after(there=STOPPED, before=before)
+ASIDE = sighting((0.0, 0.13))
+
+
+@pytest.mark.parametrize(
+    ('before', 'there'),
+    [(PERSON, STOPPED), (PERSON, ASIDE), (replace(PERSON, vx=0.38), STOPPED)],
+    ids=['slow', 'aside', 'in doubt'],
+)
+def test_one_who_has_stopped_may_set_off_again(before, there):
+    start = after(there=there, before=before)
     assert (start.moving.names, start.reachable.names) == ((), ('person 1',))
     x, y, vx, vy, *_ = start.reachable.states[0].tolist()
     assert (x, y, vx, vy) == (0.0, 0.45, 0.0, 0.0)

@@ -76,9 +76,9 @@ def segments_of(
     """Segments that may be people, or parts of something larger that moves; no walls.
 
     None stands for a scan in which walls seem to have moved: odometry has jumped. Hits ``(P, 2)``
-    are seen from `origin` ``(2,)``; `movers` are discs where they are expected (x, y, radius) ``(M,
-    3)`` [m]; the `view` has the angle between two beams, and directions of its edges, NaN of one
-    all around [rad].
+    are seen from `origin` ``(2,)``; `movers` are discs where they are expected (x, y, radius) [m],
+    and 1 for those that have been there for so long that they may look static, ``(M, 4)``; the
+    `view` has the angle between two beams, and directions of its edges, NaN if all around [rad].
     """
     if len(points) < _FEWEST:
         return []
@@ -93,7 +93,8 @@ def segments_of(
     bounds, parts, keys = (np.zeros(len(points) + 1, np.int64) for _ in range(3))
     count = split(bounds, polar, places, view[0])
     sorted_labels = labels[order]
-    count = divide(parts, keys, bounds[: count + 1], places, sorted_labels, movers)
+    bounds = bounds[: count + 1]
+    count = divide(parts, keys, bounds, polar, places, sorted_labels, movers, view[0])
     if count < 0:
         return None
     table = np.empty((count, 11))
@@ -211,9 +212,11 @@ def divide(
     parts: IntArray,
     keys: IntArray,
     bounds: IntArray,
+    polar: Array,
     places: Array,
     labels: IntArray,
     movers: Array,
+    step: float,
 ) -> int:
     """Bounds of parts of wide segments: a person before a wall, several people, a trolley.
 
@@ -224,7 +227,7 @@ def divide(
         first, last = bounds[k], bounds[k + 1]
         parts[count] = first
         count += 1
-        if _apart(places, first, last - 1) <= _WIDE:
+        if not _is_wide(polar, places, first, last, step):
             continue
         for i in range(first, last):
             keys[i] = _key(places, labels, movers, i)
@@ -242,8 +245,8 @@ def divide(
             width = _apart(places, begin, end - 1)
             if keys[begin] == -_ENTERED and width > _LONG:
                 return -1
-            if keys[begin] == -_ENTERED and width > _WIDE:
-                pieces, piece = math.ceil(width / _PERSON), 1
+            if keys[begin] == -_ENTERED and _is_wide(polar, places, begin, end, step):
+                pieces, piece = max(math.ceil(width / _PERSON), 2), 1
                 for i in range(begin + 1, end):
                     if piece < pieces and _apart(places, begin, i) * pieces > piece * width:
                         parts[count] = i
@@ -254,6 +257,24 @@ def divide(
 
 
 @allocation_free
+def _is_wide(polar: Array, places: Array, first: int, last: int, step: float) -> bool:
+    """True if hits are on more than one person, who may be close to the sensor."""
+    is_long = _apart(places, first, last - 1) > _WIDE
+    return is_long or _radius(polar, first, last, step) > _LARGEST
+
+
+@allocation_free
+def _radius(polar: Array, first: int, last: int, step: float) -> float:
+    """Radius of a disc that looks as wide as hits, and is as near."""
+    near = math.inf
+    for i in range(first, last):
+        near = min(near, polar[i, 0])
+    half = (polar[last - 1, 1] - polar[first, 1] + step) / 2.0
+    sine = math.sin(min(half, 1.0))
+    return near * sine / (1.0 - sine)
+
+
+@allocation_free
 def _apart(places: Array, i: int, j: int) -> float:
     return math.hypot(places[i, 0] - places[j, 0], places[i, 1] - places[j, 1])
 
@@ -261,13 +282,13 @@ def _apart(places: Array, i: int, j: int) -> float:
 @allocation_free
 def _key(places: Array, labels: IntArray, movers: Array, i: int) -> int:
     """Index of the mover that a point is on, or its label below zero."""
-    if labels[i] == _STATIC:
-        return -_STATIC
+    is_static = labels[i] == _STATIC
     best, key = _AROUND, -_ENTERED if labels[i] == _ENTERED else -_STATIC
     for j in range(movers.shape[0]):
-        away = math.hypot(places[i, 0] - movers[j, 0], places[i, 1] - movers[j, 1])
-        if away - movers[j, 2] < best:
-            best, key = away - movers[j, 2], j
+        away = math.hypot(places[i, 0] - movers[j, 0], places[i, 1] - movers[j, 1]) - movers[j, 2]
+        is_it = not is_static or (movers[j, 3] > 0.0 and away <= _BESIDE)
+        if is_it and away < best:
+            best, key = away, j
     return key
 
 
@@ -311,8 +332,7 @@ def describe(
         table[k, 5] = ends_left or _hides(polar, last % size, last - 1, step)
         table[k, 6] = ends_right or _hides(polar, first - 1, first, step)
         table[k, 7], table[k, 8] = entered, static
-        sine = math.sin(min((table[k, 3] - table[k, 2]) / 2.0, 1.0))
-        table[k, 10] = near * sine / (1.0 - sine)
+        table[k, 10] = _radius(polar, first, last, step)
 
 
 @allocation_free

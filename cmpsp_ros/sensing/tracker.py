@@ -112,15 +112,15 @@ class Tracker:
         return [each for each in self._objects if not each.is_lost]
 
     def _movers(self, around: float = 0.0, doubt: float = math.inf) -> Array:
-        """Discs of moving obstacles, enlarged (x, y, radius), ``(M, 3)`` [m].
+        """Discs of moving obstacles, enlarged (x, y, radius) [m], and 1 if settled, ``(M, 4)``.
 
         Those in more `doubt` [m^2] are left out: a wall that comes into view is no part of them.
         """
         movers = [
             each for each in self._expected if each.is_moving and each.position_variance <= doubt
         ]
-        discs = [(each.x, each.y, each.radius + around) for each in movers]
-        return np.array(discs).reshape(-1, 3)
+        discs = [(each.x, each.y, each.radius + around, each.has_settled) for each in movers]
+        return np.array(discs, dtype=float).reshape(-1, 4)
 
     def _associated(
         self, found: list[Segment], origin: Array

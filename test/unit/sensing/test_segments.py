@@ -16,7 +16,7 @@ def test_edges_on_both_sides_of_the_sensor_are_no_legs_of_one(apart, count):
     middles = np.array([-apart, apart])[:, None] / 2.0
     angles = (middles + np.linspace(-0.1, 0.1, 23)).ravel()
     points = 0.3 * np.column_stack([np.cos(angles), np.sin(angles)])
-    labels, nobody = np.full(len(points), 2), np.empty((0, 3))
+    labels, nobody = np.full(len(points), 2), np.empty((0, 4))
     view = 0.2 / 22, -2.0, 2.0
     found = segments_of(np.zeros(2), points, labels, nobody, view)
     assert len(found) == count
@@ -35,7 +35,7 @@ def test_who_stands_before_a_scanner_all_around_is_one(first, unknown):
     body = np.array([[0.6, 3.0, 0.0, 0.0, RADIUS]])
     cast(ranges, rays, np.zeros(count), np.array(ROOM), body)
     points = ranges[:, None] * np.column_stack([np.cos(angles), np.sin(angles)])
-    labels, nobody = np.zeros(count, int), np.empty((0, 3))
+    labels, nobody = np.zeros(count, int), np.empty((0, 4))
     found = segments_of(np.zeros(2), points, labels, nobody, (math.tau / 720, math.nan, math.nan))
     (seen,) = [each for each in found if math.hypot(*each.front) < 0.3]
     assert seen.radius == pytest.approx(RADIUS, abs=0.05)
@@ -54,6 +54,24 @@ def test_wall_beside_somebody_all_around_goes_on_behind(bearing, gap):
     ranges = np.empty(720)
     cast(ranges, rays, np.zeros(720), np.array(ROOM), people)
     points = ranges[:, None] * np.column_stack([np.cos(angles), np.sin(angles)])
-    labels, nobody = np.zeros(720, int), np.empty((0, 3))
+    labels, nobody = np.zeros(720, int), np.empty((0, 4))
     found = segments_of(np.zeros(2), points, labels, nobody, (math.tau / 720, math.nan, math.nan))
     assert sum(each.is_body for each in found) == 2
+
+
+@pytest.mark.parametrize('are_known', [False, True])
+def test_two_side_by_side_close_to_the_scanner_are_two(are_known):
+    """They take up a third of its view; who is known and has long stood there looks static."""
+    angles = np.linspace(-math.pi, math.pi, 720, endpoint=False)
+    rays = np.column_stack([np.full(720, 6.0), np.full(720, 3.0), angles])
+    people = np.array([[6.39, 2.8, 0.0, 0.0, RADIUS], [6.4, 3.18, 0.0, 0.0, RADIUS]])
+    ranges = np.empty(720)
+    cast(ranges, rays, np.zeros(720), np.array(ROOM), people)
+    points = ranges[:, None] * np.column_stack([np.cos(angles), np.sin(angles)])
+    labels = np.full(720, 1)
+    movers = np.column_stack([people[:, :2] - (6.0, 3.0), people[:, 4], [1.0, 1.0]])
+    if not are_known:
+        labels[ranges < 1.0], movers = 2, movers[:0]
+    view = math.tau / 720, math.nan, math.nan
+    found = segments_of(np.zeros(2), points, labels, movers, view)
+    assert [math.hypot(*each.front) < 0.3 for each in found] == [True, True]

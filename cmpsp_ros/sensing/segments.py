@@ -5,7 +5,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from cmpsp_ros.arrays import Array, BoolArray, IntArray
+from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.mpsp.jit import allocation_free
 
 _GAP: Final = 0.1  # distance of neighbours on one object [m]
@@ -16,6 +16,7 @@ _DEEP: Final = 0.1  # depth of the notch between two round objects that touch [m
 _WIDE: Final = 0.8  # width of more than one person, and of each part then [m]
 _PERSON: Final = 0.6
 _LONG: Final = 2.5  # width from which it is a wall, which does not move [m]
+_ONE: Final = 0.35  # radius from which it may be two people [m]
 _LARGEST: Final = 0.6  # radius of the largest object [m]; walls and what has parts are larger
 _FEWEST: Final = 3
 _LEG: Final = 0.15  # radius up to which a segment may be a leg [m]
@@ -218,7 +219,9 @@ def divide(
     movers: Array,
     step: float,
 ) -> int:
-    """Bounds of parts of wide segments: a person before a wall, several people, a trolley.
+    """Bounds of parts of segments: a person before a wall, several people, a trolley.
+
+    What is not wide has parts only where several movers are on it.
 
     Their number is returned, or -1 where a wall is where nothing was: odometry has jumped.
     """
@@ -227,10 +230,18 @@ def divide(
         first, last = bounds[k], bounds[k + 1]
         parts[count] = first
         count += 1
-        if not _is_wide(polar, places, first, last, step):
+        is_wide = _is_wide(polar, places, first, last, step)
+        if not is_wide and _radius(polar, first, last, step) <= _ONE:
             continue
+        lowest, highest = movers.shape[0], -1
         for i in range(first, last):
-            keys[i] = _key(places, labels, movers, i)
+            keys[i] = _key(places, labels, movers, i, False)
+            if keys[i] >= 0:
+                lowest, highest = min(lowest, keys[i]), max(highest, keys[i])
+        if not is_wide and lowest >= highest:
+            continue
+        for i in range(first, last if not is_wide else first):
+            keys[i] = _key(places, labels, movers, i, True)
         for i in range(first + 1, last - 1):
             if keys[i] < 0 and keys[i - 1] == keys[i + 1]:
                 keys[i] = keys[i - 1]
@@ -280,27 +291,18 @@ def _apart(places: Array, i: int, j: int) -> float:
 
 
 @allocation_free
-def _key(places: Array, labels: IntArray, movers: Array, i: int) -> int:
+def _key(places: Array, labels: IntArray, movers: Array, i: int, all_are_on_movers: bool) -> int:
     """Index of the mover that a point is on, or its label below zero."""
-    is_static = labels[i] == _STATIC
+    is_static = labels[i] == _STATIC and not all_are_on_movers
     best, key = _AROUND, -_ENTERED if labels[i] == _ENTERED else -_STATIC
+    if all_are_on_movers:
+        best = math.inf
     for j in range(movers.shape[0]):
         away = math.hypot(places[i, 0] - movers[j, 0], places[i, 1] - movers[j, 1]) - movers[j, 2]
         is_it = not is_static or (movers[j, 3] > 0.0 and away <= _BESIDE)
         if is_it and away < best:
             best, key = away, j
     return key
-
-
-@allocation_free
-def keep_within(chosen: BoolArray, points: Array, discs: Array) -> None:
-    """Unset those of the chosen points that are in none of some discs (x, y, radius)."""
-    for i in range(points.shape[0]):
-        is_within = False
-        for j in range(discs.shape[0]):
-            x, y = points[i, 0] - discs[j, 0], points[i, 1] - discs[j, 1]
-            is_within |= x * x + y * y < discs[j, 2] * discs[j, 2]
-        chosen[i] &= is_within
 
 
 @allocation_free

@@ -75,3 +75,20 @@ def test_two_side_by_side_close_to_the_scanner_are_two(are_known):
     view = math.tau / 720, math.nan, math.nan
     found = segments_of(np.zeros(2), points, labels, movers, view)
     assert [math.hypot(*each.front) < 0.3 for each in found] == [True, True]
+
+
+def test_two_whom_a_segment_shows_are_two_though_it_is_not_wide():
+    """One has long stood there, and looks static; the other has just come to stand beside him."""
+    angles = np.linspace(-math.pi, math.pi, 720, endpoint=False)
+    rays = np.column_stack([np.full(720, 6.0), np.full(720, 3.0), angles])
+    people = np.array([[6.36, 3.24, 0.0, 0.0, RADIUS], [6.65, 2.94, 0.0, 0.0, RADIUS]])
+    ranges = np.empty(720)
+    cast(ranges, rays, np.zeros(720), np.array(ROOM), people)
+    points = ranges[:, None] * np.column_stack([np.cos(angles), np.sin(angles)])
+    movers = np.column_stack([people[:, :2] - (6.0, 3.0), people[:, 4], [1.0, 0.0]])
+    labels, view = np.full(720, 1), (math.tau / 720, math.nan, math.nan)
+    labels[np.hypot(*(points - movers[1, :2]).T) < RADIUS + 0.01] = 2
+    found = segments_of(np.zeros(2), points, labels, movers, view)
+    places = [each.center(np.zeros(2), RADIUS) for each in found]
+    assert len(places) == 2
+    assert all(min(math.dist(each, mover[:2]) for each in places) < 0.2 for mover in movers)

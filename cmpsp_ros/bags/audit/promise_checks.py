@@ -184,12 +184,13 @@ def _stop(
     settings: GuidanceSettings, pose: Array, twists: Array, period: float
 ) -> tuple[Array, Array]:
     """Times and poses of the first twist for a period [s], and of a stop curved as the others."""
-    fastest = np.abs(settings.robot.wheel_speeds(twists)).max(axis=1)
-    top, driven = fastest[0], [(twists[0], period)]
-    while (top := top - settings.max_wheel_change) > _AT_REST * fastest[0]:
+    wheels, limit = settings.robot.wheel_speeds(twists), settings.max_wheel_change
+    fastest, driven, now = np.abs(wheels[0]).max(), [(twists[0], period)], wheels[0]
+    while np.abs(now).max() > limit + _AT_REST * fastest:
         k = min(len(driven), len(twists) - 1)
-        slower = min(top / max(fastest[k], 1e-12), 1.0)
-        driven.append((slower * twists[k], settings.control_period))
+        scale = _least_scale(now, wheels[k], limit)
+        now = scale * wheels[k]
+        driven.append((scale * twists[k], settings.control_period))
     poses, durations = [pose], [0.0]
     for twist, duration in driven:
         count = math.ceil(duration / _STEP)
@@ -197,6 +198,17 @@ def _stop(
             poses.append(arc_ends(poses[-1][None], twist[None], np.array([duration / count]))[0])
         durations += [duration / count] * count
     return np.cumsum(durations), np.array(poses)
+
+
+def _least_scale(before: Array, wheels: Array, limit: float) -> float:
+    """Least part of wheel speeds to which all wheels can change; else as the fastest one brakes."""
+    turning = np.abs(wheels) > _AT_REST
+    ends = np.array([before - limit, before + limit])[:, turning] / wheels[turning]
+    low = max(float(ends.min(axis=0).max(initial=0.0)), 0.0)
+    if low <= float(ends.max(axis=0).min(initial=math.inf)) and low < 1.0:
+        return low
+    top = max(float(np.abs(before).max()) - limit, 0.0)
+    return min(top / max(float(np.abs(wheels).max()), 1e-12), 1.0)
 
 
 def _worst(

@@ -7,6 +7,7 @@ import pytest
 from drives import SECOND, START, drive_settings
 
 from cmpsp_ros.bags.audit import CheckOutcome
+from cmpsp_ros.bags.audit.promise_checks import _least_scale
 from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.robots.motion import arc_ends
 from cmpsp_ros.sensing import REMEMBERED
@@ -130,6 +131,20 @@ def test_a_stop_bends_with_each_period_as_the_plan_does(drive, outcomes, turn_ra
     plan = drive.decisions[k].plan._replace(poses=poses)
     drive.decisions[k] = drive.decisions[k]._replace(plan=plan)
     assert outcomes(drive)['promise'].outcome is outcome
+
+
+@pytest.mark.parametrize(
+    ('before', 'wheels', 'scale'),
+    [
+        ((8.3, 10.9), (13.2, 8.3), 0.711),
+        ((8.0, 8.0), (4.0, 4.0), 0.75),
+        ((3.0, 8.0), (9.0, -2.0), 0.333),
+    ],
+    ids=['turns the other way', 'straight', 'not within the limit'],
+)
+def test_a_stop_takes_what_every_wheel_can_do(before, wheels, scale):
+    found = _least_scale(np.array(before), np.array(wheels), 5.0)
+    assert found == pytest.approx(scale, abs=1e-3)
 
 
 def test_obstacles_that_decisions_used_and_the_bag_lacks_leave_it_open(drive, outcomes):

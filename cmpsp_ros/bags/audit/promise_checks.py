@@ -19,7 +19,7 @@ from cmpsp_ros.bags.runs.odometry import arc_steps, is_within
 from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings
 from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.robots import placed
-from cmpsp_ros.robots.motion import arc_ends, with_side
+from cmpsp_ros.robots.motion import arc_ends, least_scale, with_side
 from cmpsp_ros.world.grids import Cell, GridObstacle, OccupancyGrid
 
 _STEP: Final = 0.01  # time between two samples of a path [s]
@@ -184,12 +184,16 @@ def _stop(
     settings: GuidanceSettings, pose: Array, twists: Array, period: float
 ) -> tuple[Array, Array]:
     """Times and poses of the first twist for a period [s], and of a stop curved as the others."""
-    wheels, limit = settings.robot.wheel_speeds(twists), settings.max_wheel_change
-    fastest, driven, now = np.abs(wheels[0]).max(), [(twists[0], period)], wheels[0]
-    while np.abs(now).max() > limit + _AT_REST * fastest:
+    robot, limit = settings.robot, settings.max_wheel_change
+    wheels = np.abs(robot.wheel_speeds(twists)).max(axis=1)
+    top, driven = wheels[0], [(twists[0], period)]
+    while top > limit + _AT_REST * wheels[0]:
         k = min(len(driven), len(twists) - 1)
-        scale = _least_scale(now, wheels[k], limit)
-        now = scale * wheels[k]
+        before, planned = robot.controls(driven[-1][0]), robot.controls(twists[k])
+        # As all wheels can brake; one that turns round, as the fastest one.
+        least = least_scale(planned, before, limit, robot.time_scaling)
+        scale = min(max(least, (top - limit) / max(wheels[k], 1e-12)), 1.0)
+        top = scale * wheels[k]
         driven.append((scale * twists[k], settings.control_period))
     poses, durations = [pose], [0.0]
     for twist, duration in driven:
@@ -198,17 +202,6 @@ def _stop(
             poses.append(arc_ends(poses[-1][None], twist[None], np.array([duration / count]))[0])
         durations += [duration / count] * count
     return np.cumsum(durations), np.array(poses)
-
-
-def _least_scale(before: Array, wheels: Array, limit: float) -> float:
-    """Least part of wheel speeds to which all wheels can change; else as the fastest one brakes."""
-    turning = np.abs(wheels) > _AT_REST
-    ends = np.array([before - limit, before + limit])[:, turning] / wheels[turning]
-    low = max(float(ends.min(axis=0).max(initial=0.0)), 0.0)
-    if low <= float(ends.max(axis=0).min(initial=math.inf)) and low < 1.0:
-        return low
-    top = max(float(np.abs(before).max()) - limit, 0.0)
-    return min(top / max(float(np.abs(wheels).max()), 1e-12), 1.0)
 
 
 def _worst(

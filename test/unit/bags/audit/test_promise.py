@@ -1,13 +1,15 @@
 """The audit of the promise: a stop that is clear of all that may come, after each command."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from drives import SECOND, START, drive_settings
 
 from cmpsp_ros.bags.audit import CheckOutcome
-from cmpsp_ros.bags.audit.promise_checks import _least_scale
+from cmpsp_ros.bags.audit.promise_checks import _stop
+from cmpsp_ros.bags.runs.odometry import arc_steps
 from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.robots.motion import arc_ends
 from cmpsp_ros.sensing import REMEMBERED
@@ -134,17 +136,19 @@ def test_a_stop_bends_with_each_period_as_the_plan_does(drive, outcomes, turn_ra
 
 
 @pytest.mark.parametrize(
-    ('before', 'wheels', 'scale'),
-    [
-        ((8.3, 10.9), (13.2, 8.3), 0.711),
-        ((8.0, 8.0), (4.0, 4.0), 0.75),
-        ((3.0, 8.0), (9.0, -2.0), 0.333),
-    ],
-    ids=['turns the other way', 'straight', 'not within the limit'],
+    ('wheels', 'slowed'),
+    [((13.2, 8.3), 0.711), ((8.3, 10.9), 0.541), ((-2.0, 9.0), 0.656)],
+    ids=['turns the other way', 'goes straight on', 'turns one wheel round'],
 )
-def test_a_stop_takes_what_every_wheel_can_do(before, wheels, scale):
-    found = _least_scale(np.array(before), np.array(wheels), 5.0)
-    assert found == pytest.approx(scale, abs=1e-3)
+def test_a_stop_takes_what_every_wheel_can_do(drive, wheels, slowed):
+    settings = drive_settings(drive)
+    robot = settings.robot
+    change, period = 5.0, settings.control_period
+    limited = replace(robot, max_wheel_acceleration=change / period)
+    twists = np.array([robot.twist(np.array(each)) for each in ((8.3, 10.9), wheels)])
+    _, poses = _stop(replace(settings, robot=limited), np.zeros(3), twists, period)
+    twist = arc_steps(poses[20:21], poses[21:22])[0, ::2] / 0.01
+    assert twist == pytest.approx(slowed * twists[1], rel=1e-2)
 
 
 def test_obstacles_that_decisions_used_and_the_bag_lacks_leave_it_open(drive, outcomes):

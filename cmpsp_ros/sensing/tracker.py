@@ -6,10 +6,10 @@ from typing import Final
 import numpy as np
 
 from cmpsp_ros.arrays import Array, BoolArray, IntArray
-from cmpsp_ros.mpsp.jit import allocation_free
 from cmpsp_ros.sensing.beams import Beams
 from cmpsp_ros.sensing.moving_object import MovingObject
 from cmpsp_ros.sensing.scan_history import N_DIRECTIONS, Label, ScanHistory, View
+from cmpsp_ros.sensing.scan_parts import keep_within
 from cmpsp_ros.sensing.segments import Segment, segments_of
 from cmpsp_ros.sensing.track import Track
 
@@ -233,17 +233,6 @@ class Tracker:
             if age <= (_FORGOTTEN if each.name else _BRIEF) and (each.name or not each.is_lost):
                 kept.append(each)
         self._objects = sorted(kept, key=lambda each: each.number)
-
-
-@allocation_free
-def keep_within(chosen: BoolArray, points: Array, discs: Array) -> None:
-    """Unset those of the chosen points that are in none of some discs (x, y, radius)."""
-    for i in range(points.shape[0]):
-        is_within = False
-        for j in range(discs.shape[0]):
-            x, y = points[i, 0] - discs[j, 0], points[i, 1] - discs[j, 1]
-            is_within |= x * x + y * y < discs[j, 2] * discs[j, 2]
-        chosen[i] &= is_within
 
 
 def _stands_there(

@@ -70,6 +70,14 @@ def test_a_run_that_takes_too_long_ends_at_rest_and_not_blind():
     assert not any(np.any(each.twist) for each in driven.motions if each.stamp_ns > 7_000_000_000)
 
 
+def test_a_robot_brakes_from_the_final_time_on():
+    driven = drive(Study('people', scene='hall', robot='own', told=True).run(0))
+    ending = next(k for k, each in enumerate(driven.motions) if each.stamp_ns == driven.end)
+    at_once = [each for each in driven.motions[ending:] if each.stamp_ns == driven.end]
+    assert driven.motions[ending - 1].twist[0] > 0.5
+    assert at_once[-1].twist[0] < driven.motions[ending - 1].twist[0] - 0.1
+
+
 def past(walker, speed, walls=(), acceleration=50.0):
     """A robot that drives straight on from the origin, whoever is there."""
     task = Study('people', scene='hall', robot='own').run(0)

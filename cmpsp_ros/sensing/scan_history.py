@@ -19,7 +19,8 @@ from cmpsp_ros.mpsp.jit import allocation_free
 N_DIRECTIONS: Final = 720
 _WIDTH: Final = math.tau / N_DIRECTIONS
 _NS: Final = 1_000_000_000
-_OFF: Final = 0.1  # distance by which odometry and beams may be wrong [m]
+_OFF: Final = 0.1  # distance by which odometry and beams may be wrong, from 1 m on [m]
+_OFF_CLOSE: Final = 0.04  # the same at the sensor, where who stands side by side has to be told [m]
 _OFF_BY_RANGE: Final = 0.01
 _TURNED: Final = math.radians(1.0)  # angle by which odometry may be wrong
 _DENSE, _SPAN, _SLOT = _NS * 55 // 100, _NS * 16 // 10, _NS // 4
@@ -141,12 +142,13 @@ def status(ranges: Array, origin: Array, at_x: float, at_y: float) -> int:
     distance = math.sqrt(x * x + y * y)
     if distance < _OFF:
         return _UNKNOWN
-    margin = _OFF + _OFF_BY_RANGE * distance
+    off = _OFF_CLOSE + (_OFF - _OFF_CLOSE) * min(distance, 1.0)
+    margin = off + _OFF_BY_RANGE * distance
     middle = direction(x, y)
     # A hit at the place itself decides, and there most hits are.
     if abs(ranges[middle] - distance) <= margin:
         return _HIT
-    half = 1 + math.ceil(max(_OFF / distance, _TURNED) / _WIDTH)
+    half = 1 + math.ceil(max(off / distance, _TURNED) / _WIDTH)
     beyond, unknown, is_hidden = 0.0, 0, False
     for k in range(middle - half, middle + half + 1):
         found = ranges[k]

@@ -74,7 +74,7 @@ def divide(
 ) -> int:
     """Bounds of parts of segments: a person before a wall, several people, a trolley.
 
-    What is not wide has parts only where several movers are on it.
+    What is not wide has parts only where several movers are on it, or more than one who stands.
 
     Their number is returned, or -1 where a wall is where nothing was: odometry has jumped.
     """
@@ -92,10 +92,12 @@ def divide(
             if keys[i] >= 0:
                 lowest, highest = min(lowest, keys[i]), max(highest, keys[i])
         if not is_wide:
-            if lowest >= highest:
+            if lowest > highest or (lowest == highest and movers[lowest, 3] == 0.0):
                 continue
             for i in range(first, last):
                 keys[i] = _nearest_to(places, movers, i)
+                if lowest == highest and _off(places, movers, i, lowest) > BESIDE:
+                    keys[i] = -_STATIC
         for i in range(first + 1, last - 1):
             if keys[i] < 0 and keys[i - 1] == keys[i + 1]:
                 keys[i] = keys[i - 1]
@@ -110,7 +112,9 @@ def divide(
             width = _apart(places, begin, end - 1)
             if keys[begin] == -_ENTERED and width > _LONG:
                 return -1
-            if keys[begin] == -_ENTERED and _is_wide(polar, places, begin, end, step):
+            is_long = keys[begin] == -_ENTERED and width > _WIDE
+            is_seen_close = keys[begin] != -_STATIC and _radius(polar, begin, end, step) > LARGEST
+            if is_long or is_seen_close:
                 pieces, piece = max(math.ceil(width / _PERSON), 2), 1
                 for i in range(begin + 1, end):
                     if piece < pieces and _apart(places, begin, i) * pieces > piece * width:

@@ -70,3 +70,27 @@ def test_nobody_is_expected_in_the_robot():
     tracks = [each for _, seen in room.run(7.0) for each in seen.tracks]
     away = [math.dist((each.x, each.y), (6.0, 3.0)) for each in tracks]
     assert 0.38 < min(away) < 0.6
+
+
+@pytest.mark.parametrize('bearing', [-0.5, 0.0, 0.5])
+@pytest.mark.parametrize('spacing', [0.3, 0.4, 0.5, 0.6])
+def test_who_comes_to_stand_beside_somebody_at_the_robot_is_another(spacing, bearing):
+    """He is seen where the first one, who has long stood there, nearly is."""
+    half = math.asin(spacing / 2.0 / 0.55)
+    (first_x, first_y), (second_x, second_y) = (
+        (1.8 + 0.55 * math.cos(each), 3.0 + 0.55 * math.sin(each))
+        for each in (bearing + half, bearing - half)
+    )
+
+    def first(time):
+        return first_x + max(2.0 - 0.8 * time, 0.0), first_y
+
+    def second(time):
+        return second_x + max(8.0 - 1.3 * time, 0.0), second_y
+
+    room = ScannedRoom(walkers=[first, second], robot=lambda _: (1.8, 3.0, 0.0))
+    for time, seen in room.run(12.0):
+        if time > 6.5:
+            for x, y in (first(time), second(time)):
+                away = [math.dist((each.x, each.y), (x, y)) - each.radius for each in seen.tracks]
+                assert min(away) < -0.05

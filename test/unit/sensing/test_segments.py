@@ -77,6 +77,13 @@ def test_two_side_by_side_close_to_the_scanner_are_two(are_known):
     assert [math.hypot(*each.front) < 0.3 for each in found] == [True, True]
 
 
+def test_two_in_one_track_close_to_the_scanner_are_two():
+    """They have long stood there, and were taken for one, whose disc covers both."""
+    points, labels = hits_around(6.0, 3.0, [(6.39, 2.8), (6.4, 3.18)]), np.full(720, 1)
+    found = segments_of(np.zeros(2), points, labels, np.array([(0.58, 0.0, 0.44, 1.0)]), AROUND)
+    assert [math.hypot(*each.front) < 0.3 for each in found if each.is_body] == [True, True]
+
+
 def test_two_whom_a_segment_shows_are_two_though_it_is_not_wide():
     """One has long stood there, and looks static; the other has just come to stand beside him."""
     points, labels = hits_around(6.0, 3.0, [(6.36, 3.24), (6.65, 2.94)]), np.full(720, 1)

@@ -5,7 +5,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from cmpsp_ros.arrays import Array, IntArray
+from cmpsp_ros.arrays import Array, BoolArray, IntArray
 from cmpsp_ros.sensing.scan_parts import (
     BESIDE,
     LARGEST,
@@ -18,6 +18,8 @@ from cmpsp_ros.sensing.scan_parts import (
 _FEWEST: Final = 3
 _LEG: Final = 0.15  # radius up to which a segment may be a leg [m]
 _STRIDE: Final = 0.6  # distance of the legs of one person [m]
+_SAME: Final = 0.2  # distance of two centres of the same thing [m]
+_LATELY: Final = 2_000_000_000  # time for which scenery is remembered [ns]
 
 
 class Segment(NamedTuple):
@@ -63,6 +65,25 @@ class Segment(NamedTuple):
         cosine, sine = math.cos(middle), math.sin(middle)
         x, y = origin.tolist()
         return x + ahead * cosine - across * sine, y + ahead * sine + across * cosine
+
+
+class Scenery:
+    """Places that lately looked static, and were no mover."""
+
+    def __init__(self) -> None:
+        """Start with none."""
+        self._scans: list[tuple[int, Array]] = []
+
+    def add(self, stamp: int, places: Array) -> None:
+        """Remember places ``(S, 2)`` [m] that a scan shows [ns], and forget old ones."""
+        self._scans = [each for each in self._scans if each[0] >= stamp - _LATELY]
+        self._scans.append((stamp, places))
+
+    def has(self, places: Array) -> BoolArray:
+        """True for those of some places ``(P, 2)`` [m] where it is."""
+        known = np.concatenate([np.empty((0, 2)), *(each for _, each in self._scans)])
+        away = np.square(places[:, None] - known).sum(axis=2).min(axis=1, initial=math.inf)
+        return np.asarray(away <= _SAME * _SAME)
 
 
 def segments_of(

@@ -10,7 +10,7 @@ from cmpsp_ros.sensing.beams import Beams
 from cmpsp_ros.sensing.moving_object import MovingObject
 from cmpsp_ros.sensing.scan_history import N_DIRECTIONS, Label, ScanHistory, View
 from cmpsp_ros.sensing.scan_parts import keep_within
-from cmpsp_ros.sensing.segments import Segment, segments_of
+from cmpsp_ros.sensing.segments import Scenery, Segment, segments_of
 from cmpsp_ros.sensing.track import Track
 
 MOVING: Final = -1
@@ -61,6 +61,7 @@ class Tracker:
         self._assign = linear_sum_assignment
         self._histories: dict[str, ScanHistory] = {}
         self._objects: list[MovingObject] = []
+        self._scenery = Scenery()
         self._number, self._name = 0, 0
 
     def update(self, sensor: str, beams: Beams, robot: Array) -> tuple[IntArray, list[int]]:
@@ -84,6 +85,7 @@ class Tracker:
         found = segments_of(origin, points, labels, self._movers(doubt=_DOUBT), _view(beams))
         if found is None:
             self._histories, found = {sensor: (history := ScanHistory())}, []
+            self._scenery = Scenery()
             self._objects = [each for each in self._objects if each.is_moving]
         begun, associated = [], self._associated(found, origin)
         for known, segment in associated:
@@ -98,6 +100,7 @@ class Tracker:
         on_movers = labels != Label.STATIC
         keep_within(on_movers, points, self._movers(_AROUND))
         owners[hits[on_movers]] = MOVING
+        self._scenery.add(beams.stamp, self._scenery_in(associated, origin, beams.stamp))
         self._drop(view)
         if len(beams.ends):  # an empty cloud shows no place
             history.add(view)
@@ -138,12 +141,25 @@ class Tracker:
             # Minus twice the logarithm of the likelihood: who is in doubt claims nothing.
             is_close = away <= _CLOSE * _CLOSE
             is_near = is_close | (costs <= _GATE)
-            is_near &= ~_stands_there(expected, found, is_close)
+            is_near &= ~_stands_there(expected, found, is_close, self._scenery.has(seen))
             costs = np.where(is_near, costs + 2.0 * np.log(variances), _NEVER)
             for i, j in zip(*self._assign(costs), strict=True):
                 if costs[i, j] < _NEVER:
                     objects[j] = expected[i]
         return list(zip(objects, found, strict=True))
+
+    def _scenery_in(
+        self, associated: list[tuple[MovingObject | None, Segment]], origin: Array, stamp: int
+    ) -> Array:
+        """Centres of what looks static and is no mover, and where none is expected, ``(S, 2)``."""
+        unseen = [each for each in self._expected if each.is_moving and each.seen < stamp]
+        places = [
+            segment.center(origin, max(segment.radius, _BODY))
+            for known, segment in associated
+            if segment.is_static and not (known and known.is_moving)
+        ]
+        away = [min((math.dist(p, (e.x, e.y)) for e in unseen), default=math.inf) for p in places]
+        return np.array(places).reshape(-1, 2)[np.array(away) > _CLOSE]
 
     def _begin(self, segment: Segment, origin: Array, stamp: int) -> MovingObject | None:
         """New object, or the one that moves there already; None for what has long stood there.
@@ -236,19 +252,20 @@ class Tracker:
 
 
 def _stands_there(
-    objects: list[MovingObject], segments: list[Segment], is_close: BoolArray
+    objects: list[MovingObject], segments: list[Segment], is_close: BoolArray, is_known: BoolArray
 ) -> BoolArray:
     """True where a segment shows something that stands rather than an object, ``(O, S)``.
 
-    Part of a wall is no object in doubt. What has long stood is no object that has just come, and
-    none in doubt that is expected elsewhere.
+    Part of a wall is no object in doubt. What has long stood is none in doubt that is expected
+    elsewhere, and none that has just come if it is cut, or `is_known` as scenery.
     """
     is_in_doubt = np.array([[each.position_variance > _DOUBT] for each in objects])
     has_come = np.array([[not each.has_settled] for each in objects])
-    is_part = np.array([any(each.is_cut) and not each.has_entered for each in segments])
+    is_cut = np.array([any(each.is_cut) for each in segments])
+    has_entered = np.array([each.has_entered for each in segments])
     is_static = np.array([each.is_static for each in segments])
-    is_elsewhere = has_come | (is_in_doubt & ~is_close)
-    return np.asarray((is_in_doubt & is_part) | (is_elsewhere & is_static))
+    is_other = (has_come & (is_cut | is_known)) | (is_in_doubt & ~is_close)
+    return np.asarray((is_in_doubt & is_cut & ~has_entered) | (is_other & is_static))
 
 
 def _is_beside(robot: Array, each: MovingObject) -> bool:

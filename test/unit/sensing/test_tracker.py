@@ -292,3 +292,25 @@ def test_who_comes_out_of_a_pair_is_not_where_the_other_is(behind, speed):
     for time, seen in ScannedRoom(walkers=[stays, comes]).run(4.5):
         away = [math.dist((each.x, each.y), comes(time)) - each.radius for each in seen.tracks]
         assert time < 1.0 or min(away) < -0.1
+
+
+@pytest.mark.parametrize('later', [2.2, 2.66])
+@pytest.mark.parametrize('aside', [-0.15, 0.0, 0.15])
+@pytest.mark.parametrize('turns_at', [2.5, 2.69, 2.9])
+def test_who_turns_back_where_another_did_is_not_lost(turns_at, aside, later):
+    """His front hides where nobody was since: all that is known is that somebody was there."""
+    turns = 4.2 + later
+
+    def first(time):
+        since = min(max(time - 4.2, -3.0), 3.0)
+        return 2.7 - 0.36 * since**2, 3.0 + aside - 0.21 * since**2
+
+    def second(time):
+        since = max(time - turns, -2.5)
+        return turns_at - 0.36 * since**2, 3.0 - 0.035 * since**2
+
+    room = ScannedRoom(walkers=[first, second], robot=lambda _: (1.04, 3.65, 0.0))
+    for time, seen in room.run(turns + 0.4):
+        if time > turns - 1.5:
+            away = [math.dist((each.x, each.y), second(time)) for each in seen.tracks]
+            assert min(away) < 0.25

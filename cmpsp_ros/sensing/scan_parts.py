@@ -5,6 +5,7 @@ from typing import Final
 
 from cmpsp_ros.arrays import Array, BoolArray, IntArray
 from cmpsp_ros.mpsp.jit import allocation_free
+from cmpsp_ros.sensing.scan_history import Label
 
 _GAP: Final = 0.1  # distance of neighbours on one object [m]
 _GAP_BY_STEP: Final = 1.5  # the same, by that of two beams at their range
@@ -18,7 +19,7 @@ _ONE: Final = 0.35  # radius from which it may be two people [m]
 LARGEST: Final = 0.6  # radius of the largest object [m]; walls and what has parts are larger
 _AROUND: Final = 0.15  # distance from where a mover is expected at which a hit may be on it [m]
 BESIDE: Final = 0.05  # distance from a mover up to which the nearest hit of a segment is on it [m]
-_STATIC, _ENTERED = 1, 2
+_STATIC, _ENTERED = int(Label.STATIC), int(Label.ENTERED)
 
 
 @allocation_free
@@ -74,7 +75,8 @@ def divide(
 ) -> int:
     """Bounds of parts of segments: a person before a wall, several people, a trolley.
 
-    What is not wide has parts only where several movers are on it, or more than one who stands.
+    A segment that is not wide is divided between several movers on it, or into one who stands and
+    the rest.
 
     Their number is returned, or -1 where a wall is where nothing was: odometry has jumped.
     """

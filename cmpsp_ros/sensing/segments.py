@@ -19,7 +19,7 @@ _FEWEST: Final = 3
 _LEG: Final = 0.15  # radius up to which a segment may be a leg [m]
 _STRIDE: Final = 0.6  # distance of the legs of one person [m]
 _SAME: Final = 0.2  # distance of two centres of the same thing [m]
-_LATELY: Final = 2_000_000_000  # time for which scenery is remembered [ns]
+_LATELY: Final = 2_000_000_000  # time for which scenery is remembered, as movers are [ns]
 
 
 class Segment(NamedTuple):

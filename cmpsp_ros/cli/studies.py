@@ -118,6 +118,9 @@ def study(
     told: Annotated[
         bool, typer.Option('--told', help='In study people: they are known exactly, not seen.')
     ] = False,
+    seen: Annotated[
+        bool, typer.Option('--seen', help='In study people: nothing to compare with is driven.')
+    ] = False,
     assignments: Assignments = None,
 ) -> None:
     """Drive many random courses and count the outcomes.
@@ -126,7 +129,7 @@ def study(
     """
     from cmpsp_ros.studies import monte_carlo  # noqa: PLC0415 (plots, kernels)
 
-    chosen = monte_carlo.Study(name, seed, obstacles, tuple(assignments or ()), robot, scene, told)
+    chosen = monte_carlo.Study(name, seed, obstacles, tuple(assignments or ()), robot, scene, told, seen)
     folder = output or Path(f'study_{name}')
     with writing_to(folder), exit_on(monte_carlo.StudyError, ParameterError, code=1):
         if only is not None:

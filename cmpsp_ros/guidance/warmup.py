@@ -64,13 +64,17 @@ def prepare(settings: GuidanceSettings) -> None:
 
 
 def _see_something(settings: GuidanceSettings) -> None:
-    """Run the kernels of sensing on a few beams."""
+    """Run the kernels of sensing: somebody stands before a wall, and is gone."""
     sensor, nowhere = settings.sight.sensors[0], np.zeros(3)
     surroundings = Surroundings(settings.sight, settings.robot_radius, settings.footprint)
-    ends, is_hit = np.column_stack([np.ones(4), 0.02 * np.arange(4.0)]), np.ones(4, dtype=bool)
-    for stamp in (0, NANOSECONDS // 10):
-        stamps = np.full(4, stamp)
-        sight = Sight(sensor, stamp, stamps, np.zeros((4, 2)), ends, is_hit, is_sweep=True)
+    angles = np.linspace(-0.6, 0.6, 32)
+    beams, starts = np.column_stack([np.cos(angles), np.sin(angles)]), np.zeros((32, 2))
+    wall, is_hit = np.full(32, 2.0), np.ones(32, dtype=bool)
+    somebody = np.where(abs(angles) < 0.15, 1.0, wall)
+    for k, ranges in enumerate((somebody, somebody, wall)):
+        stamp, ends = k * NANOSECONDS // 10, ranges[:, None] * beams
+        stamps = np.full(32, stamp)
+        sight = Sight(sensor, stamp, stamps, starts, ends, is_hit, is_sweep=True)
         surroundings.add(sight)
         surroundings.update(stamp, nowhere)
     if (sighting := surroundings.at(stamp, nowhere)) is not None:

@@ -164,6 +164,7 @@ def open_results_log(folder: Path, study: Study) -> dict[int, StudyOutcome]:
         'robot': study.robot,
         'scene': study.scene,
         'told': study.told,
+        'seen': study.seen,
         'obstacles': study.most_obstacles,
         'parameters': study.values(),
     }

@@ -184,7 +184,7 @@ def _made(study: Study, number: int) -> StudyOutcome:
     """One run; among people beside the same with people known exactly, and without any."""
     task = study.run(number)
     made = outcome(drive(task))
-    if task.crowd is None or made.crowd is None or study.told:
+    if task.crowd is None or made.crowd is None or study.told or study.seen:
         return made
     told = replace(task, crowd=replace(task.crowd, told=True))
     empty = replace(told, scenario=replace(task.scenario, people=None))

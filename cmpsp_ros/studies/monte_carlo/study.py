@@ -64,6 +64,7 @@ class Study:
     robot: str = ''  # name or file of a robot, for which the courses are made then
     scene: str = ''  # name of the scene of all runs with people; empty for all scenes in turn
     told: bool = False  # true if people are known exactly instead of seen
+    seen: bool = False  # true if runs among people are made without those to compare with
 
     @property
     def tolerance(self) -> float:
@@ -82,8 +83,10 @@ class Study:
         given = load_parameter_file(self.kind.preset)
         given = {key: value for key, value in given.items() if not key.startswith(_DRAWN)}
         given |= {**_ALWAYS, **self.kind.changes}
-        if not self.kind.has_people and (self.scene or self.told):
-            raise StudyError(f'--scene, --told: found study {self.name}, wanted people')
+        if not self.kind.has_people and (self.scene or self.told or self.seen):
+            raise StudyError(f'--scene, --told, --seen: found study {self.name}, wanted people')
+        if self.told and self.seen:
+            raise StudyError('--told, --seen: found both, wanted one of them')
         if self.scene and self.scene not in SCENES:
             raise StudyError(f'--scene: found {self.scene!r}, wanted one of {", ".join(SCENES)}')
         assigned = dict(parse_assignment(each) for each in self.assignments)
@@ -183,6 +186,7 @@ class Study:
             *([f'--robot {self.robot}'] * bool(self.robot)),
             *([f'--scene {self.scene}'] * bool(self.scene)),
             *(['--told'] * self.told),
+            *(['--seen'] * self.seen),
             *([f'--obstacles {self.most_obstacles}'] * (self.most_obstacles != MOST_OBSTACLES)),
             *(f'--set {each}' for each in self.assignments),
         )

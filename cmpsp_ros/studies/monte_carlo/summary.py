@@ -256,6 +256,8 @@ def _group(
     told = [crowd.told_time is not None for _, crowd in runs]
     both = [(each, crowd) for (each, crowd), *good in zip(runs, arrived, told, strict=True)
             if all(good)]  # fmt: skip
+    # Of runs driven alone nothing is known of those to compare with.
+    is_compared = any(told) or any(crowd.empty_time is not None for _, crowd in runs)
     by_told = [each.time / crowd.told_time for each, crowd in both if crowd.told_time]
     by_empty = [each.time / crowd.empty_time for each, crowd in both if crowd.empty_time]
     return {
@@ -264,8 +266,8 @@ def _group(
         'all_held': sum(any(met.reason == ALL_HELD for met in crowd.active) for _, crowd in runs),
         'other_contact': sum(len(crowd.contacts) > len(crowd.active) for _, crowd in runs),
         'arrived': sum(arrived),
-        'arrived_told': sum(told),
-        'arrived_both': len(both),
+        'arrived_told': sum(told) if is_compared else None,
+        'arrived_both': len(both) if is_compared else None,
         'time_by_told': float(np.median(by_told)) if by_told else None,
         'time_by_told_of_nine_in_ten': float(np.quantile(by_told, 0.9)) if by_told else None,
         'time_by_empty': float(np.median(by_empty)) if by_empty else None,

@@ -48,7 +48,7 @@ _A_DISC = MovingDiscs(('disc',), np.zeros((1, 7)), np.zeros(1, np.int64))
 def prepare(settings: GuidanceSettings) -> None:
     """Decide in all the ways that settings or live changes may ask for, so that all is compiled."""
     if settings.sight.sensors:
-        _see_something(settings)
+        run_sensing(settings)
     settings = _made_short(settings)
     run_kernels(settings)
     warm_up(settings)
@@ -63,7 +63,7 @@ def prepare(settings: GuidanceSettings) -> None:
             _meet_trouble(each)
 
 
-def _see_something(settings: GuidanceSettings) -> None:
+def run_sensing(settings: GuidanceSettings) -> None:
     """Run the kernels of sensing: somebody stands before a wall, and is gone."""
     sensor, nowhere = settings.sight.sensors[0], np.zeros(3)
     surroundings = Surroundings(settings.sight, settings.robot_radius, settings.footprint)

@@ -1,6 +1,7 @@
 """After the preparation nothing is compiled, nor loaded, whatever a run may bring."""
 
 import math
+import os
 import subprocess
 import sys
 from dataclasses import replace
@@ -124,6 +125,39 @@ def test_no_code_is_missing_after_it(limits):
         [sys.executable, '-c', PROGRAM, *limits.split()], capture_output=True, text=True, check=True
     )
     assert done.stdout.split() == []
+
+
+SENSING = """
+import numpy as np
+from scanned_rooms import ScannedRoom, straight
+
+from cmpsp_ros.guidance.warmup import run_sensing
+from cmpsp_ros.mpsp.jit import kernel_folder
+from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
+
+
+def files():
+    found = kernel_folder().glob('cmpsp_ros.sensing.*')
+    return {each.name: each.read_bytes() for each in found}
+
+
+run_sensing(guidance_settings(TABLE.resolve(load_parameter_file('people'))))
+before = files()
+assert before
+room = ScannedRoom(walkers=[straight(4.0, 1.0, 0.0, 0.8), straight(6.0, 5.0, 0.0, -0.5)])
+assert max(len(seen.tracks) for _, seen in room.run(5.0)) == 2
+after = files()
+print(*(name for name in after if after[name] != before.get(name)))
+"""
+
+
+@pytest.mark.slow
+def test_people_who_come_and_go_are_no_reason_to_compile(tmp_path, monkeypatch):
+    """A kernel that others have called may still lack what Python calls."""
+    monkeypatch.setenv('NUMBA_CACHE_DIR', str(tmp_path))
+    monkeypatch.setenv('PYTHONPATH', os.pathsep.join(sys.path))
+    done = subprocess.run([sys.executable, '-c', SENSING], capture_output=True, text=True)
+    assert (done.stdout.split(), done.stderr) == ([], '')
 
 
 def test_a_solver_that_rounding_leads_round_comes_to_an_end():

@@ -52,6 +52,8 @@ def test_options_that_do_not_fit_are_named():
         Study('people', scene='attic').values()
     with pytest.raises(StudyError, match='found study nominal, wanted people'):
         Study('nominal', told=True).values()
+    with pytest.raises(StudyError, match='--told, --seen: found both, wanted one of them'):
+        Study('people', told=True, seen=True).values()
 
 
 def test_a_robot_that_is_told_arrives():

@@ -105,7 +105,7 @@ class Sight:
         axes = _axes(poses[:, 2] + turned)
         starts, ends = (places + _turned(each, *axes) for each in (self.begins, self.ends))
         # An empty cloud has no beams.
-        origin = places.mean(axis=0) if len(places) else np.zeros(2)
+        origin = places.sum(axis=0) / max(len(places), 1)
         return Beams(self.stamp, origin, starts, ends, self.hits, self.is_sweep)
 
 

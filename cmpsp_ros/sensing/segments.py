@@ -102,10 +102,12 @@ def segments_of(
     seen = np.column_stack([np.hypot(away[:, 0], away[:, 1]), np.arctan2(away[:, 1], away[:, 0])])
     order = np.argsort(seen[:, 1], kind='stable')
     # Begin between two objects far away: nobody is cut in two where angles begin anew.
-    begin = after_farthest_gap(seen[order], points[order], view[0])
-    order = np.concatenate([order[begin:], order[:begin]])
     polar, places = seen[order], points[order]
-    polar[len(order) - begin :, 1] += math.tau
+    if begin := after_farthest_gap(polar, places, view[0]):
+        order, polar, places = (
+            np.concatenate([each[begin:], each[:begin]]) for each in (order, polar, places)
+        )
+        polar[len(order) - begin :, 1] += math.tau
     bounds, parts, keys = (np.zeros(len(points) + 1, np.int64) for _ in range(3))
     count = split(bounds, polar, places, view[0])
     sorted_labels = labels[order]

@@ -134,9 +134,8 @@ class Tracker:
         if found and (expected := self._expected):
             known = np.array([(each.x, each.y, each.position_variance) for each in expected])
             seen = np.array([each.center(origin, max(each.radius, _BODY)) for each in found])
-            noise = np.array([[_variance(each, of.radius) for each in found] for of in expected])
             away = np.square(known[:, None, :2] - seen).sum(axis=2)
-            variances = known[:, 2:] + noise
+            variances = known[:, 2:] + _variances(found, expected)
             costs = away / variances
             # Minus twice the logarithm of the likelihood: who is in doubt claims nothing.
             is_close = away <= _CLOSE * _CLOSE
@@ -261,17 +260,18 @@ def _stands_there(
     """
     is_in_doubt = np.array([[each.position_variance > _DOUBT] for each in objects])
     has_come = np.array([[not each.has_settled] for each in objects])
-    is_cut = np.array([any(each.is_cut) for each in segments])
-    has_entered = np.array([each.has_entered for each in segments])
-    is_static = np.array([each.is_static for each in segments])
+    looks = [(any(each.is_cut), each.has_entered, each.is_static) for each in segments]
+    is_cut, has_entered, is_static = np.array(looks).T
     is_other = (has_come & (is_cut | is_known)) | (is_in_doubt & ~is_close)
     return np.asarray((is_in_doubt & is_cut & ~has_entered) | (is_other & is_static))
 
 
 def _is_beside(robot: Array, each: MovingObject) -> bool:
     """True if an object is so near the robot that it may push it, too slowly to be seen moving."""
-    away = np.hypot(robot[:, 0] - each.x, robot[:, 1] - each.y) - robot[:, 2] - each.radius
-    return bool(away.min() <= _BESIDE)
+    return any(
+        math.hypot(x - each.x, y - each.y) - radius - each.radius <= _BESIDE
+        for x, y, radius in robot.tolist()
+    )
 
 
 def _hits(beams: Beams) -> IntArray:
@@ -302,12 +302,23 @@ def _view(beams: Beams) -> tuple[float, float, float]:
     return step, *((right, left) if is_sector else nowhere)
 
 
+def _variances(segments: list[Segment], objects: list[MovingObject]) -> Array:
+    """Variances of the centres of objects in segments, ``(O, S)`` [m^2]."""
+    radii = np.array([[max(each.radius, _BODY)] for each in objects])
+    more = np.maximum(np.array([each.radius for each in segments]) - radii, 0.0)
+    return np.asarray(np.square(np.array([_stddev(each) for each in segments]) + more))
+
+
 def _variance(segment: Segment, radius: float) -> float:
     """Variance of the centre of an object of some radius [m] in a segment [m^2].
 
     A larger one shows more than the object.
     """
-    stddev = _NOISE + _NOISE_BY_RANGE * segment.near + _CUT_NOISE[sum(segment.is_cut)]
-    stddev += _LEG_NOISE / len(segment.legs) if segment.legs else 0.0
-    stddev += max(segment.radius - max(radius, _BODY), 0.0)
+    stddev = _stddev(segment) + max(segment.radius - max(radius, _BODY), 0.0)
     return stddev * stddev
+
+
+def _stddev(segment: Segment) -> float:
+    """Standard deviation of the centre of a segment that shows no more than an object [m]."""
+    legs = _LEG_NOISE / len(segment.legs) if segment.legs else 0.0
+    return _NOISE + _NOISE_BY_RANGE * segment.near + _CUT_NOISE[sum(segment.is_cut)] + legs

@@ -129,7 +129,9 @@ def study(
     """
     from cmpsp_ros.studies import monte_carlo  # noqa: PLC0415 (plots, kernels)
 
-    chosen = monte_carlo.Study(name, seed, obstacles, tuple(assignments or ()), robot, scene, told, seen)
+    chosen = monte_carlo.Study(
+        name, seed, obstacles, tuple(assignments or ()), robot, scene, told, seen
+    )
     folder = output or Path(f'study_{name}')
     with writing_to(folder), exit_on(monte_carlo.StudyError, ParameterError, code=1):
         if only is not None:

@@ -21,6 +21,7 @@ Places = NDArray[np.float32]
 
 _NEVER = np.iinfo(np.int64).min
 _FREE, _OCCUPIED = int(Cell.FREE), int(Cell.OCCUPIED)
+_UNKNOWN, _REMEMBERED = int(Cell.UNKNOWN), int(Cell.REMEMBERED)
 
 _UNSEEN = 2.0  # width of the strip around the footprint that no beam need ever pass [cells]
 _BESIDE = 0.25  # distance from an earlier beam's end at which another shows it gone [cells]
@@ -122,10 +123,9 @@ class LocalGrid:
 
         Those seen longer ago than `in_sight` [ns], if it is given, are remembered at best.
         """
-        cells = np.where(self._seen >= stamp - self._memory, self._cells, np.uint8(Cell.UNKNOWN))
-        if in_sight is not None:
-            is_old = self._seen < stamp - in_sight
-            cells[is_old & (cells == Cell.FREE)] = Cell.REMEMBERED
+        cells = np.empty_like(self._cells)
+        in_sight = self._memory if in_sight is None else in_sight
+        remember(cells, self._cells, self._seen, stamp - self._memory, stamp - in_sight)
         origin = self._column * self._resolution, self._row * self._resolution, 0.0
         return OccupancyGrid(origin, self._resolution, cells)
 
@@ -186,6 +186,17 @@ def clear(
             to_y = from_y + along_y + part * (next_y - along_y)
             # Nothing was measured along it: it frees unknown cells only.
             _clear_one(*arrays, from_x, from_y, to_x, to_y, True, stamp, oldest, False)
+
+
+@allocation_free
+def remember(known: Cells, cells: Cells, seen: IntArray, oldest: int, in_sight: int) -> None:
+    """Fill in what is known of cells, by the earliest times that count [ns]."""
+    for i in range(cells.shape[0]):
+        for j in range(cells.shape[1]):
+            cell = cells[i, j]
+            known[i, j] = _REMEMBERED if cell == _FREE and seen[i, j] < in_sight else cell
+            if seen[i, j] < oldest:
+                known[i, j] = _UNKNOWN
 
 
 @allocation_free

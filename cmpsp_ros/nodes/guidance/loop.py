@@ -249,15 +249,10 @@ class GuidanceLoop:
         self._begun = True
         if self.decision is None or decision.goal != self.decision.goal:
             self._scenery_changed = True
-        taken = {'step': step_ms, 'odometry_to_command': answer_ms}
-        several = is_transformed or self._odometry.publishers > 1
-        self._note(
-            decision._replace(
-                skipped=newest is not data,
-                pose=tuple(self._pose) if several else None,
-                phases={**decision.phases, **taken},
-            )
-        )
+        phases = {**decision.phases, 'step': step_ms, 'odometry_to_command': answer_ms}
+        is_unclear = is_transformed or self._odometry.publishers > 1
+        used = tuple(self._pose) if is_unclear else None
+        self._note(decision._replace(skipped=newest is not data, pose=used, phases=phases))
         if failure:
             self._halt_for(failure)
         self._use_slack(period - (time.perf_counter_ns() - began) / 1e9)
@@ -334,6 +329,9 @@ class GuidanceLoop:
             self._halted_at = now
 
     def _note(self, decision: Decision) -> None:
+        # The command has not waited for these.
+        self._sensors.publish()
+        self._tracks.publish()
         self._outputs.report(decision, self._pose)
         self._goals.note(decision, self._pose)
         before = self.decision

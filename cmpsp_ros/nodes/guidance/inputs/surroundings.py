@@ -87,7 +87,7 @@ class SurroundingsInput(Listener):
 
 
 class SensorInput(SurroundingsInput):
-    """Listens to all sensors, and publishes the grid that a decision uses."""
+    """Listens to all sensors, and publishes the grid that a decision used."""
 
     def __init__(self, node: LifecycleNode, settings: GuidanceSettings) -> None:
         super().__init__(node)
@@ -100,6 +100,8 @@ class SensorInput(SurroundingsInput):
             reason = 'A message of a sensor is refused: {}.'
             self._listen(topic, partial(self._read, each), reason)
         self.publisher = self._publish_on(topics.SIGHTING) if self._sensors else None
+        self._sighting: Sighting | None = None
+        self._published: Sighting | None = None
 
     def note(self, stamp: int, pose: Array) -> str:
         """Note a pose ``(3,)`` [m, m, rad] of odometry; reason to stop if a sensor is blind."""
@@ -111,11 +113,17 @@ class SensorInput(SurroundingsInput):
         return ' '.join([blind, *self.refusals]) if blind else ''
 
     def at(self, stamp: int, pose: Array) -> Sighting | None:
-        """The grid at the latest odometry; published if new."""
-        sighting = self._surroundings.at(stamp, pose)
-        if self.publisher is not None and sighting is not None and sighting.stamp == stamp:
-            self.publisher.publish(self._message(sighting))
-        return sighting
+        """The grid at the latest odometry, and what moves."""
+        self._sighting = self._surroundings.at(stamp, pose)
+        return self._sighting
+
+    def publish(self) -> None:
+        """Publish the grid of a decision, once."""
+        sighting, self._sighting = self._sighting, None
+        if self.publisher is None or sighting is None or sighting is self._published:
+            return
+        self._published = sighting
+        self.publisher.publish(self._message(sighting))
 
     def forget(self) -> None:
         """Forget everything: time has jumped back."""
@@ -142,7 +150,7 @@ class SensorInput(SurroundingsInput):
 
 
 class TrackInput(SurroundingsInput):
-    """Receives tracks of all sources, fuses them, and publishes those that a decision uses.
+    """Receives tracks of all sources, fuses them, and publishes those that a decision used.
 
     Tracks that `moving_obstacles` brings are in the bag already. Raises ParameterError for
     types whose package is not installed.
@@ -159,6 +167,8 @@ class TrackInput(SurroundingsInput):
             for each in known.trackers
         ]
         self._obstacles, self._plans = Tracks[Track](), Tracks[PeerTrajectory]()
+        # Tracks that the last decision used, and which of them were told.
+        self._used: tuple[Sequence[Track], Sequence[Track]] = (), ()
         self.forget_after(NEVER)
         if known.capacity:
             self._listen(topics.GUIDANCE_MOVING, self._read_obstacles)
@@ -185,8 +195,20 @@ class TrackInput(SurroundingsInput):
             for each in (seen, *(each.at(stamp, known.timeout) for each in self._tracks))
         ]
         fused = self._fusion.update(stamp, (told, *others))
-        self._publish([each for each in fused if each not in told])
+        self._used = fused, told
         return (*fused, *robots)
+
+    def publish(self) -> None:
+        """Publish the tracks of a decision that were not published before, by their times."""
+        if self.publisher is None:
+            return
+        fused, told = self._used
+        tracks = [each for each in fused if each not in told]
+        new = sorted(each for each in tracks if self._published.get(each.id) != each.stamp)
+        self._published = {each.id: each.stamp for each in tracks}
+        for stamp in sorted({each.stamp for each in new}):
+            some = [each for each in new if each.stamp == stamp]
+            self.publisher.publish(cloud_of(some, stamp, self.settings.frame_id))
 
     def warnings(self, now: int) -> list[str]:
         """Refusals of the last messages, and robots and trackers silent at a time [ns]."""
@@ -211,6 +233,7 @@ class TrackInput(SurroundingsInput):
         self._objects = [ObjectTracks(e, n) for n, (e, _) in enumerate(self._trackers, _FIRST)]
         self._tracks: list[Tracks[Track]] = [Tracks() for _ in self._trackers]
         self._fusion, self._published = TrackFusion(), dict[int, int]()
+        self._used = (), ()
 
     def _read_obstacles(self, message: PointCloud2) -> None:
         tracks = self._transforms.tracks_of(message)
@@ -248,15 +271,6 @@ class TrackInput(SurroundingsInput):
 
     def _now(self) -> int:
         return int(self._node.get_clock().now().nanoseconds)
-
-    def _publish(self, tracks: Sequence[Track]) -> None:
-        """Publish tracks that were not published before; those of one time in one message."""
-        assert self.publisher is not None  # noqa: S101 (tracks have come)
-        new = sorted(each for each in tracks if self._published.get(each.id) != each.stamp)
-        self._published = {each.id: each.stamp for each in tracks}
-        for stamp in sorted({each.stamp for each in new}):
-            some = [each for each in new if each.stamp == stamp]
-            self.publisher.publish(cloud_of(some, stamp, self.settings.frame_id))
 
 
 def _class_of(source: TrackSource) -> Any:

@@ -71,9 +71,10 @@ def run_sensing(settings: GuidanceSettings) -> None:
     beams, starts = np.column_stack([np.cos(angles), np.sin(angles)]), np.zeros((32, 2))
     wall, is_hit = np.full(32, 2.0), np.ones(32, dtype=bool)
     somebody = np.where(abs(angles) < 0.15, 1.0, wall)
-    for k, ranges in enumerate((somebody, somebody, wall)):
-        stamp, ends = k * NANOSECONDS // 10, ranges[:, None] * beams
-        stamps = np.full(32, stamp)
+    stamp = 0
+    for ranges in (somebody, somebody, wall):
+        stamp += NANOSECONDS // 10
+        stamps, ends = np.full(32, stamp), ranges[:, None] * beams
         sight = Sight(sensor, stamp, stamps, starts, ends, is_hit, is_sweep=True)
         surroundings.add(sight)
         surroundings.update(stamp, nowhere)

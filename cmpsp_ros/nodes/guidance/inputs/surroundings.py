@@ -169,6 +169,7 @@ class TrackInput(SurroundingsInput):
         self._obstacles, self._plans = Tracks[Track](), Tracks[PeerTrajectory]()
         # Tracks that the last decision used, and which of them were told.
         self._used: tuple[Sequence[Track], Sequence[Track]] = (), ()
+        self._published: dict[int, int] = {}
         self.forget_after(NEVER)
         if known.capacity:
             self._listen(topics.GUIDANCE_MOVING, self._read_obstacles)
@@ -232,7 +233,7 @@ class TrackInput(SurroundingsInput):
         self._received = {f'tracker {each.name}': -NEVER for each, _ in self._trackers}
         self._objects = [ObjectTracks(e, n) for n, (e, _) in enumerate(self._trackers, _FIRST)]
         self._tracks: list[Tracks[Track]] = [Tracks() for _ in self._trackers]
-        self._fusion, self._published = TrackFusion(), dict[int, int]()
+        self._fusion, self._published = TrackFusion(), {}
         self._used = (), ()
 
     def _read_obstacles(self, message: PointCloud2) -> None:

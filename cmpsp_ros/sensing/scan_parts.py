@@ -75,40 +75,20 @@ def divide(
 ) -> int:
     """Bounds of parts of segments: a person before a wall, several people, a trolley.
 
-    A segment that is not wide is divided between several movers on it, or into one who stands and
-    the rest.
-
     Their number is returned, or -1 where a wall is where nothing was: odometry has jumped.
     """
     count = 0
     for k in range(bounds.shape[0] - 1):
-        first, last = bounds[k], bounds[k + 1]
-        parts[count] = first
+        begin, last = bounds[k], bounds[k + 1]
+        parts[count] = begin
         count += 1
-        is_wide = _is_wide(polar, places, first, last, step)
-        if not is_wide and _radius(polar, first, last, step) <= _ONE:
+        if not _assign(keys, polar, places, labels, movers, begin, last, step):
             continue
-        lowest, highest = movers.shape[0], -1
-        for i in range(first, last):
-            keys[i] = _key(places, labels, movers, i)
-            if keys[i] >= 0:
-                lowest, highest = min(lowest, keys[i]), max(highest, keys[i])
-        if not is_wide:
-            if lowest > highest or (lowest == highest and movers[lowest, 3] == 0.0):
-                continue
-            for i in range(first, last):
-                keys[i] = _nearest_to(places, movers, i)
-                if lowest == highest and _off(places, movers, i, lowest) > BESIDE:
-                    keys[i] = -_STATIC
-        for i in range(first + 1, last - 1):
-            if keys[i] < 0 and keys[i - 1] == keys[i + 1]:
-                keys[i] = keys[i - 1]
-        begin = first
         while begin < last:
             end = begin + 1
             while end < last and keys[end] == keys[begin]:
                 end += 1
-            if begin > first:
+            if begin > bounds[k]:
                 parts[count] = begin
                 count += 1
             width = _apart(places, begin, end - 1)
@@ -117,13 +97,57 @@ def divide(
             is_long = keys[begin] == -_ENTERED and width > _WIDE
             is_seen_close = keys[begin] != -_STATIC and _radius(polar, begin, end, step) > LARGEST
             if is_long or is_seen_close:
-                pieces, piece = max(math.ceil(width / _PERSON), 2), 1
-                for i in range(begin + 1, end):
-                    if piece < pieces and _apart(places, begin, i) * pieces > piece * width:
-                        parts[count] = i
-                        count, piece = count + 1, piece + 1
+                count = _cut(parts, count, places, begin, end, width)
             begin = end
     parts[count] = bounds[bounds.shape[0] - 1]
+    return count
+
+
+@allocation_free
+def _assign(
+    keys: IntArray,
+    polar: Array,
+    places: Array,
+    labels: IntArray,
+    movers: Array,
+    first: int,
+    last: int,
+    step: float,
+) -> bool:
+    """Fill in the keys of a segment's hits, equal in one part; False if it has no parts.
+
+    One that is not wide is divided between several movers on it, or into one who stands and the
+    rest.
+    """
+    is_wide = _is_wide(polar, places, first, last, step)
+    if not is_wide and _radius(polar, first, last, step) <= _ONE:
+        return False
+    lowest, highest = movers.shape[0], -1
+    for i in range(first, last):
+        keys[i] = _key(places, labels, movers, i)
+        if keys[i] >= 0:
+            lowest, highest = min(lowest, keys[i]), max(highest, keys[i])
+    if not is_wide:
+        if lowest > highest or (lowest == highest and movers[lowest, 3] == 0.0):
+            return False
+        for i in range(first, last):
+            keys[i] = _nearest_to(places, movers, i)
+            if lowest == highest and _off(places, movers, i, lowest) > BESIDE:
+                keys[i] = -_STATIC
+    for i in range(first + 1, last - 1):
+        if keys[i] < 0 and keys[i - 1] == keys[i + 1]:
+            keys[i] = keys[i - 1]
+    return True
+
+
+@allocation_free
+def _cut(parts: IntArray, count: int, places: Array, begin: int, end: int, width: float) -> int:
+    """Cut hits into pieces as wide as a person, two at least; the number of parts after it."""
+    pieces, piece = max(math.ceil(width / _PERSON), 2), 1
+    for i in range(begin + 1, end):
+        if piece < pieces and _apart(places, begin, i) * pieces > piece * width:
+            parts[count] = i
+            count, piece = count + 1, piece + 1
     return count
 
 

@@ -99,6 +99,7 @@ class ScanHistory:
 
 
 _UNKNOWN, _FREE, _HIT = 0, 1, 2
+_STATIC, _ENTERED = int(Label.STATIC), int(Label.ENTERED)
 
 
 @allocation_free
@@ -188,6 +189,6 @@ def label(labels: IntArray, points: Array, views: Array, origins: Array, ages: A
                     break
                 free, oldest = 0, ages[k]
         if free == _IN_A_ROW:
-            labels[i] = 2
+            labels[i] = _ENTERED
         elif oldest >= _LONG_AGO:
-            labels[i] = 1
+            labels[i] = _STATIC

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cmpsp_ros.simulator import Motion, PeopleSettings, Walker
-from cmpsp_ros.studies.monte_carlo import Study, StudyError
+from cmpsp_ros.studies.monte_carlo import Order, Study, StudyError
 from cmpsp_ros.studies.monte_carlo.contacts import (
     ALL_HELD,
     OUTSIDE,
@@ -20,7 +20,9 @@ from cmpsp_ros.studies.monte_carlo.contacts import (
 )
 from cmpsp_ros.studies.monte_carlo.courses.crowds import SCENES
 from cmpsp_ros.studies.monte_carlo.driving import DrivenRun, drive, outcome
-from cmpsp_ros.studies.monte_carlo.outcome import StudyOutcome
+from cmpsp_ros.studies.monte_carlo.outcome import StudyOutcome, open_results_log
+from cmpsp_ros.studies.monte_carlo.run import make_runs
+from cmpsp_ros.studies.monte_carlo.summary import figures
 from cmpsp_ros.world import FreeSpace
 from cmpsp_ros.world.obstacles import Capsule
 from cmpsp_ros.world.roads import OpenFloor
@@ -61,6 +63,15 @@ def test_a_robot_that_is_told_arrives():
     made = outcome(drive(study.run(0)))
     assert made.miss <= study.tolerance
     assert StudyOutcome.from_values(json.loads(made.to_json())) == made
+
+
+def test_what_was_not_driven_has_no_figure(tmp_path):
+    study = Study('people', scene='hall', robot='own', seen=True)
+    open_results_log(tmp_path / 'seen', study)
+    made = list(make_runs(Order(study, 1, tmp_path / 'seen'), [0], lambda _: None))
+    found = figures(study, made, {}, {})['people']['groups']['all']
+    assert found['arrived'] == 1
+    assert (found['arrived_told'], found['time_by_told'], found['time_by_empty']) == (None,) * 3
 
 
 def test_a_run_that_takes_too_long_ends_at_rest_and_not_blind():

@@ -1,6 +1,7 @@
 """A study from its first run to its pictures; processes or a Dask cluster share its runs."""
 
 import contextlib
+import gc
 import json
 import threading
 from collections.abc import Callable, Iterator, Sequence
@@ -182,6 +183,8 @@ def _make_and_log(study: Study, folder: Path, numbers: Sequence[int]) -> list[St
 
 def _made(study: Study, number: int) -> StudyOutcome:
     """One run; among people beside the same with people known exactly, and without any."""
+    # The last one has left cycles, and in them grids: a gigabyte after a hundred.
+    gc.collect()
     task = study.run(number)
     made = outcome(drive(task))
     if task.crowd is None or made.crowd is None or study.told or study.seen:

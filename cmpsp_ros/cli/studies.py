@@ -119,7 +119,7 @@ def study(
         bool, typer.Option('--told', help='In study people: they are known exactly, not seen.')
     ] = False,
     seen: Annotated[
-        bool, typer.Option('--seen', help='In study people: nothing to compare with is driven.')
+        bool, typer.Option('--seen', help='In study people: skip the comparison runs.')
     ] = False,
     assignments: Assignments = None,
 ) -> None:

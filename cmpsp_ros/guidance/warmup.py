@@ -64,15 +64,15 @@ def prepare(settings: GuidanceSettings) -> None:
 
 
 def run_sensing(settings: GuidanceSettings) -> None:
-    """Run the kernels of sensing: somebody stands before a wall, and is gone."""
+    """Run the kernels of sensing: a person stands before a wall, and then is gone."""
     sensor, nowhere = settings.sight.sensors[0], np.zeros(3)
     surroundings = Surroundings(settings.sight, settings.robot_radius, settings.footprint)
     angles = np.linspace(-0.6, 0.6, 32)
     beams, starts = np.column_stack([np.cos(angles), np.sin(angles)]), np.zeros((32, 2))
     wall, is_hit = np.full(32, 2.0), np.ones(32, dtype=bool)
-    somebody = np.where(abs(angles) < 0.15, 1.0, wall)
+    person = np.where(abs(angles) < 0.15, 1.0, wall)
     stamp = 0
-    for ranges in (somebody, somebody, wall):
+    for ranges in (person, person, wall):
         stamp += NANOSECONDS // 10
         stamps, ends = np.full(32, stamp), ranges[:, None] * beams
         sight = Sight(sensor, stamp, stamps, starts, ends, is_hit, is_sweep=True)

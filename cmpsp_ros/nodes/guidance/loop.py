@@ -250,9 +250,9 @@ class GuidanceLoop:
         if self.decision is None or decision.goal != self.decision.goal:
             self._scenery_changed = True
         phases = {**decision.phases, 'step': step_ms, 'odometry_to_command': answer_ms}
-        is_unclear = is_transformed or self._odometry.publishers > 1
-        used = tuple(self._pose) if is_unclear else None
-        self._note(decision._replace(skipped=newest is not data, pose=used, phases=phases))
+        keeps_pose = is_transformed or self._odometry.publishers > 1
+        recorded = tuple(self._pose) if keeps_pose else None
+        self._note(decision._replace(skipped=newest is not data, pose=recorded, phases=phases))
         if failure:
             self._halt_for(failure)
         self._use_slack(period - (time.perf_counter_ns() - began) / 1e9)

@@ -64,7 +64,7 @@ class Study:
     robot: str = ''  # name or file of a robot, for which the courses are made then
     scene: str = ''  # name of the scene of all runs with people; empty for all scenes in turn
     told: bool = False  # true if people are known exactly instead of seen
-    seen: bool = False  # true if runs among people are made without those to compare with
+    seen: bool = False  # true if the comparison runs of study people are skipped
 
     @property
     def tolerance(self) -> float:

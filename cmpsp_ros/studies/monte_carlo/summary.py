@@ -256,7 +256,7 @@ def _group(
     told = [crowd.told_time is not None for _, crowd in runs]
     both = [(each, crowd) for (each, crowd), *good in zip(runs, arrived, told, strict=True)
             if all(good)]  # fmt: skip
-    # Of runs driven alone nothing is known of those to compare with.
+    # Where comparison runs were skipped, their figures are unknown, not 0.
     is_compared = any(told) or any(crowd.empty_time is not None for _, crowd in runs)
     by_told = [each.time / crowd.told_time for each, crowd in both if crowd.told_time]
     by_empty = [each.time / crowd.empty_time for each, crowd in both if crowd.empty_time]

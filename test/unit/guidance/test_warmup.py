@@ -128,7 +128,6 @@ def test_no_code_is_missing_after_it(limits):
 
 
 SENSING = """
-import numpy as np
 from scanned_rooms import ScannedRoom, straight
 
 from cmpsp_ros.guidance.warmup import run_sensing

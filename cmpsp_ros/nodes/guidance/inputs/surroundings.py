@@ -100,8 +100,7 @@ class SensorInput(SurroundingsInput):
             reason = 'A message of a sensor is refused: {}.'
             self._listen(topic, partial(self._read, each), reason)
         self.publisher = self._publish_on(topics.SIGHTING) if self._sensors else None
-        self._sighting: Sighting | None = None
-        self._published: Sighting | None = None
+        self._unpublished: Sighting | None = None
 
     def note(self, stamp: int, pose: Array) -> str:
         """Note a pose ``(3,)`` [m, m, rad] of odometry; reason to stop if a sensor is blind."""
@@ -113,17 +112,17 @@ class SensorInput(SurroundingsInput):
         return ' '.join([blind, *self.refusals]) if blind else ''
 
     def at(self, stamp: int, pose: Array) -> Sighting | None:
-        """The grid at the latest odometry, and what moves."""
-        self._sighting = self._surroundings.at(stamp, pose)
-        return self._sighting
+        """The grid at the latest odometry, and the tracks."""
+        sighting = self._surroundings.at(stamp, pose)
+        if sighting is not None and sighting.stamp == stamp:
+            self._unpublished = sighting
+        return sighting
 
     def publish(self) -> None:
-        """Publish the grid of a decision, once."""
-        sighting, self._sighting = self._sighting, None
-        if self.publisher is None or sighting is None or sighting is self._published:
-            return
-        self._published = sighting
-        self.publisher.publish(self._message(sighting))
+        """Publish the grid of the last decision, if it was a new one."""
+        if self.publisher is not None and self._unpublished is not None:
+            self.publisher.publish(self._message(self._unpublished))
+            self._unpublished = None
 
     def forget(self) -> None:
         """Forget everything: time has jumped back."""
@@ -167,8 +166,8 @@ class TrackInput(SurroundingsInput):
             for each in known.trackers
         ]
         self._obstacles, self._plans = Tracks[Track](), Tracks[PeerTrajectory]()
-        # Tracks that the last decision used, and which of them were told.
-        self._used: tuple[Sequence[Track], Sequence[Track]] = (), ()
+        # Tracks that the last decision used, without those told on `moving_obstacles`.
+        self._used: list[Track] = []
         self._published: dict[int, int] = {}
         self.forget_after(NEVER)
         if known.capacity:
@@ -196,17 +195,15 @@ class TrackInput(SurroundingsInput):
             for each in (seen, *(each.at(stamp, known.timeout) for each in self._tracks))
         ]
         fused = self._fusion.update(stamp, (told, *others))
-        self._used = fused, told
+        self._used = [each for each in fused if each not in told]
         return (*fused, *robots)
 
     def publish(self) -> None:
-        """Publish the tracks of a decision that were not published before, by their times."""
+        """Publish new tracks of the last decision, a message for each stamp."""
         if self.publisher is None:
             return
-        fused, told = self._used
-        tracks = [each for each in fused if each not in told]
-        new = sorted(each for each in tracks if self._published.get(each.id) != each.stamp)
-        self._published = {each.id: each.stamp for each in tracks}
+        new = sorted(each for each in self._used if self._published.get(each.id) != each.stamp)
+        self._published = {each.id: each.stamp for each in self._used}
         for stamp in sorted({each.stamp for each in new}):
             some = [each for each in new if each.stamp == stamp]
             self.publisher.publish(cloud_of(some, stamp, self.settings.frame_id))
@@ -234,7 +231,7 @@ class TrackInput(SurroundingsInput):
         self._objects = [ObjectTracks(e, n) for n, (e, _) in enumerate(self._trackers, _FIRST)]
         self._tracks: list[Tracks[Track]] = [Tracks() for _ in self._trackers]
         self._fusion, self._published = TrackFusion(), {}
-        self._used = (), ()
+        self._used = []
 
     def _read_obstacles(self, message: PointCloud2) -> None:
         tracks = self._transforms.tracks_of(message)

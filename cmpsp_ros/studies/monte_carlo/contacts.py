@@ -36,7 +36,6 @@ _LOOKING_BACK: Final = 3.0
 # Time in sight after which the tracker has confirmed a person who walks, at the latest [s].
 _CONFIRMED: Final = 0.6
 
-_INTO: Final = 0.1  # depth of one person in another from which both look like one [m]
 _RAYS: Final = 9
 
 
@@ -170,10 +169,7 @@ def _reason(driven: DrivenRun, person: int, time: float, free: Array) -> str:
 
 
 def _sight(driven: DrivenRun, step: int, person: int) -> bool | None:
-    """True if any part of a person is seen at a step; None outside the field of view.
-
-    Nobody can be told from somebody whom they walk through, as people do who look at nobody.
-    """
+    """True if any part of a person is seen at a step; None outside the field of view."""
     task = driven.task
     assert task.scanner is not None  # noqa: S101 (people are seen by scanners alone)
     stamp, states = driven.people[step]
@@ -193,11 +189,8 @@ def _sight(driven: DrivenRun, step: int, person: int) -> bool | None:
     if not inside.any():
         return None
     rays = np.column_stack([np.full(_RAYS, x), np.full(_RAYS, y), bearings])[inside]
-    shapes, people = task.scenario.obstacles, np.delete(states, person, axis=0)
-    apart = np.hypot(people[:, 0] - at_x, people[:, 1] - at_y) - people[:, 4] - radius
-    if apart.min(initial=math.inf) < -_INTO:
-        return False
-    others = np.vstack([discs_of(shapes), people])
+    shapes = task.scenario.obstacles
+    others = np.vstack([discs_of(shapes), np.delete(states, person, axis=0)])
     first, own = np.empty(len(rays)), np.empty(len(rays))
     cast(first, rays, np.zeros(len(rays)), edges_of(shapes), others)
     cast(own, rays, np.zeros(len(rays)), np.empty((0, 4)), states[person : person + 1])

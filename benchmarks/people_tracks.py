@@ -62,7 +62,7 @@ class Seen(NamedTuple):
 def crowd(
     scene: str, count: int, twist: tuple[float, float], missed: float, seed: int = 1
 ) -> Iterator[Seen]:
-    """Scans of a robot that drives a circle among people of whom half look at nobody."""
+    """Scans of a robot that drives a circle among people of whom half look at no robot."""
     walls = Study('people', scene=scene).run(0).scenario.obstacles
     begin = (6.0, 3.0 if scene == 'hall' else 6.0, 0.0)
     random = np.random.default_rng([seed, count])

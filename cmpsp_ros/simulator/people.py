@@ -1,7 +1,7 @@
 """People on foot around the simulated robot: paths, right of way, and what a scanner sees of them.
 
-They walk from one waypoint to the next with limited acceleration, never through walls, and stop at
-the robot when they bump into it. Some give way; the others look at nobody.
+They walk from one waypoint to the next with limited acceleration, never through walls or each
+other, and stop at the robot when they bump into it. Some give way; the others brake for people alone.
 """
 
 import math
@@ -25,11 +25,12 @@ _REMEMBERED: Final = 100  # steps that are kept: a scan finds people where they 
 _ARRIVED, _STUCK, _SLOW = 0.2, 1.0, 0.05
 
 _SPACING: Final = 0.7  # distance between the members of a group [m]
+_BETWEEN: Final = 0.05  # gap that people leave between each other [m]
 
 _FROM_WALL, _SHORTEST, _ATTEMPTS = 0.1, 0.5, 16
 # Radius of a leg, half the distance of both, length of two steps, amplitude of a foot [m].
 _LEG, _HALF_STANCE, _STRIDE, _SWING = 0.06, 0.1, 1.3, 0.16
-_BRAKING: Final = 0.8  # fraction of the acceleration limit planned before walls and waypoints
+_BRAKING: Final = 0.8  # fraction of the acceleration limit planned before all in the way
 # Social force: relaxation [s], size [m/s^2], decay with the gap [m], foresight [s], turn [rad].
 _RELAXATION, _PUSH, _RANGE, _FORESIGHT, _ASIDE = 0.5, 4.0, 0.35, 3.0, 0.7
 
@@ -243,13 +244,25 @@ def choose_velocities(
         new_u, new_v = u + part * du, v + part * dv
         part = min(1.0, top / max(math.sqrt(new_u * new_u + new_v * new_v), 1e-12))
         new_u, new_v = part * new_u, part * new_v
-        # No faster towards the nearest wall than that it can still brake before it.
+        # No faster towards anybody, or the nearest wall, than that it can still brake before them.
+        for j in range(places.shape[0]):
+            if j != i:
+                new_u, new_v = _behind(
+                    new_u, new_v, places[j, 0] - x, places[j, 1] - y,
+                    velocities[j, 0], velocities[j, 1], radius + people[j, 0], limit,
+                )  # fmt: skip
         away_x, away_y, gap = nearest_wall(x, y, radius, edges, posts)
         allowed = math.sqrt(2.0 * _BRAKING * limit * max(gap, 0.0))
         excess = max(-(new_u * away_x + new_v * away_y) - allowed, 0.0)
         du, dv = new_u + excess * away_x - u, new_v + excess * away_y - v
         part = min(1.0, step / max(math.sqrt(du * du + dv * dv), 1e-12))
         u, v = u + part * du, v + part * dv
+        for j in range(places.shape[0]):
+            to_x, to_y, apart = places[j, 0] - x, places[j, 1] - y, radius + people[j, 0]
+            squared = to_x * to_x + to_y * to_y
+            if 0.0 < squared <= apart * apart:
+                part = max(u * to_x + v * to_y, 0.0) / squared
+                u, v = u - part * to_x, v - part * to_y
         _, _, after = nearest_wall(x + duration * u, y + duration * v, radius, edges, posts)
         blocked = after < -radius / 2.0 and after < gap
         for j in range(robot.shape[0]):
@@ -259,6 +272,27 @@ def choose_velocities(
             nearer = next_x * next_x + next_y * next_y < squared
             blocked = blocked or (nearer and squared <= reach * reach)
         chosen[i, 0], chosen[i, 1] = (0.0, 0.0) if blocked else (u, v)
+
+
+@allocation_free
+def _behind(
+    u: float,
+    v: float,
+    x: float,
+    y: float,
+    other_u: float,
+    other_v: float,
+    apart: float,
+    limit: float,
+) -> tuple[float, float]:
+    """Velocity of somebody who can brake before another at an offset, who brakes as well [m/s]."""
+    distance = max(math.sqrt(x * x + y * y), 1e-9)
+    to_x, to_y = x / distance, y / distance
+    leaving = max(other_u * to_x + other_v * to_y, 0.0)
+    gap = max(distance - apart - _BETWEEN, 0.0)
+    allowed = math.sqrt(_BRAKING * (limit * gap + leaving * leaving))
+    excess = max(u * to_x + v * to_y - allowed, 0.0)
+    return u - excess * to_x, v - excess * to_y
 
 
 @allocation_free

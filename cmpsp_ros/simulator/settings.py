@@ -147,7 +147,7 @@ class Walker:
     speed: float = setting(1.0, 'm/s', 'Walking speed.', Range(0.0, 10.0), live=False)
     radius: float = setting(0.25, 'm', 'Radius of the body.', POSITIVE, live=False)
     gives_way: bool = setting(True, '',
-        'Whether this person avoids the robot and other people; otherwise looks at nobody.',
+        'Whether this person avoids the robot and other people; otherwise brakes for people alone.',
         live=False)
     count: int = setting(1, '', 'Number of people who walk together.', Range(1, 12), live=False)
 

@@ -32,19 +32,22 @@ def in_a_room(*walkers, **rest):
 def crowd():
     random = [Walker(f'r{k}', (1.0 + k, 1.0), 'random', speed=1.2) for k in range(5)]
     straight = [
-        Walker(f's{k}', (1.5, 3.0 + 0.4 * k), heading=0.7 * k, speed=0.6 + 0.3 * k, gives_way=False)
+        Walker(f's{k}', (1.5, 2.8 + 0.6 * k), heading=0.7 * k, speed=0.6 + 0.3 * k, gives_way=False)
         for k in range(4)
     ]
     return in_a_room(*random, *straight, acceleration=1.0, seed=3)
 
 
-def test_nobody_walks_through_walls_or_accelerates_too_much():
+def test_nobody_walks_through_walls_or_people_or_accelerates_too_much():
     states = walk(crowd(), 60.0)
     away = np.hypot(*(states[..., :2] - PILLAR.center).transpose(2, 0, 1)) - PILLAR.radius
     inside = np.minimum(states[..., 0], 8.0 - states[..., 0])
     inside = np.minimum(inside, np.minimum(states[..., 1], 5.0 - states[..., 1]))
     assert inside.min() > 0.1
     assert away.min() > 0.1
+    one, other = np.triu_indices(states.shape[1], 1)
+    apart = np.hypot(*(states[:, one, :2] - states[:, other, :2]).transpose(2, 0, 1))
+    assert (apart - states[:, one, 4] - states[:, other, 4]).min() > -0.01
     changes = np.hypot(*np.diff(states[..., 2:4], axis=0).transpose(2, 0, 1)) / (STEP / 1e9)
     assert np.quantile(changes, 0.999) <= 1.0 + 1e-9
     assert np.hypot(*states[..., 2:4].transpose(2, 0, 1)).max() <= 1.5 + 1e-9
@@ -79,6 +82,20 @@ def test_a_robot_in_the_way_is_avoided_or_bumped_into_but_never_entered(gives_wa
     states = walk(people, 6.0, np.array([[4.0, 1.0]]), 0.3)
     gap = np.hypot(*(states[:, 0, :2] - (4.0, 1.0)).T) - 0.55
     assert gap.min() > 0.0 if gives_way else -0.03 < gap.min() <= 0.0
+
+
+def test_two_people_who_walk_straight_at_each_other_brake_and_turn_round():
+    people = in_a_room(
+        Walker('a', (1.0, 1.2), speed=1.0, gives_way=False),
+        Walker('b', (7.0, 1.2), heading=math.pi, speed=1.0, gives_way=False),
+        acceleration=1.0,
+    )
+    states = walk(people, 8.0)
+    gap = states[:, 1, 0] - states[:, 0, 0] - 0.5
+    assert 0.0 < gap.min() < 0.2
+    assert gap[-1] > 2.0
+    changes = np.abs(np.diff(states[..., 2], axis=0)) / (STEP / 1e9)
+    assert changes.max() <= 1.0 + 1e-9
 
 
 def test_two_people_who_give_way_pass_each_other():

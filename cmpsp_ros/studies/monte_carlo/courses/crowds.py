@@ -34,7 +34,7 @@ class _Place:
 
 
 def crowd_scenario(settings: GuidanceSettings, seed: int, number: int, scene: str) -> Scenario:
-    """A scene of that name with people, half of whom look at nobody, by seed and number."""
+    """A scene of that name with people, half of whom look at no robot, by seed and number."""
     random = np.random.default_rng(np.random.SeedSequence([seed, number]))
     plant_seed = int(random.integers(2**31))
     place = SCENES[scene](random, settings, seed, number)
@@ -48,7 +48,7 @@ def crowd_scenario(settings: GuidanceSettings, seed: int, number: int, scene: st
 
 
 def _hall(random: Random, *_run: object) -> _Place:
-    """12 m by 6 m, with four people who walk straight on and look at nobody."""
+    """12 m by 6 m, with four people who walk straight on whatever the robot does."""
     start, goal = ((x, float(random.uniform(1.0, 5.0))) for x in (0.8, 11.2))
     walkers = list[Walker]()
     while len(walkers) < 4:

@@ -255,15 +255,17 @@ def _stands_there(
 ) -> BoolArray:
     """True where a segment shows something that stands rather than an object, ``(O, S)``.
 
-    Part of a wall is no object in doubt. What has long stood is none in doubt that is expected
-    elsewhere, and none that has just come if it is cut, or `is_known` as scenery.
+    Part of a wall is no object in doubt, unless close to where that is expected it ends on one side.
+    What has long stood is none in doubt that is expected elsewhere, and none that has just come if
+    it is cut, or `is_known` as scenery.
     """
     is_in_doubt = np.array([[each.position_variance > _DOUBT] for each in objects])
     has_come = np.array([[not each.has_settled] for each in objects])
-    looks = [(any(each.is_cut), each.has_entered, each.is_static) for each in segments]
-    is_cut, has_entered, is_static = np.array(looks).T
-    is_other = (has_come & (is_cut | is_known)) | (is_in_doubt & ~is_close)
-    return np.asarray((is_in_doubt & is_cut & ~has_entered) | (is_other & is_static))
+    looks = [(sum(each.is_cut), each.has_entered, each.is_static) for each in segments]
+    cut, has_entered, is_static = np.array(looks).T
+    is_part = is_in_doubt & (cut > np.where(is_close, 1, 0)) & ~has_entered.astype(bool)
+    is_other = (has_come & ((cut > 0) | is_known)) | (is_in_doubt & ~is_close)
+    return np.asarray(is_part | (is_other & is_static.astype(bool)))
 
 
 def _is_beside(robot: Array, each: MovingObject) -> bool:

@@ -255,9 +255,9 @@ def _stands_there(
 ) -> BoolArray:
     """True where a segment shows something that stands rather than an object, ``(O, S)``.
 
-    Part of a wall is no object in doubt, unless close to where that is expected it ends on one side.
-    What has long stood is none in doubt that is expected elsewhere, and none that has just come if
-    it is cut, or `is_known` as scenery.
+    Part of a wall is no object in doubt, unless it ends on one side, close to where that is
+    expected. What has long stood is none in doubt that is expected elsewhere, and none that has
+    just come if it is cut, or `is_known` as scenery.
     """
     is_in_doubt = np.array([[each.position_variance > _DOUBT] for each in objects])
     has_come = np.array([[not each.has_settled] for each in objects])

@@ -1,7 +1,8 @@
 """People on foot around the simulated robot: paths, right of way, and what a scanner sees of them.
 
 They walk from one waypoint to the next with limited acceleration, never through walls or each
-other, and stop at the robot when they bump into it. Some give way; the others brake for people alone.
+other, and stop at the robot when they bump into it. Some give way; the others brake for people
+alone.
 """
 
 import math

@@ -21,6 +21,7 @@ _ROUNDING: Final = 1e-9
 _ASIDE: Final = 0.1  # distance up to which somebody who sets off is not seen to [m]
 _SLOWEST: Final = 0.1  # least acceleration with which somebody sets off [m/s^2]
 _TRACKED: Final = 1_000_000_000  # time in which somebody who sets off is tracked again [ns]
+_FORGOTTEN: Final = 6_000_000_000  # time out of sight after which they are, as movers are [ns]
 _AROUND: Final = 0.3  # distance up to which they are looked for meanwhile [m]
 _BESIDE: Final = 1.5  # distance from a cell occupied before in which another is not new [cells]
 
@@ -151,7 +152,8 @@ class StandingPeople:
     """Remembers seen people whose tracks end where the grid has somebody stand from then on.
 
     Moving obstacles mark no cell: occupied cells beside a track belong to something else. Until
-    they are tracked again, people may have set off as far as the grid does not show it.
+    they are tracked again, people may have set off as far as the grid does not show it: at any time
+    since they were last in sight.
     """
 
     def __init__(self) -> None:
@@ -186,6 +188,10 @@ class StandingPeople:
         for number, each in known.items():
             if number in moving:
                 continue
+            if not _is_in_sight(each, sighting):
+                if stamp - each.stamp <= _FORGOTTEN:
+                    standing.append(each)
+                continue
             leaves = self._leaves(each, sighting)
             if leaves and rested - each.stamp <= _TRACKED:
                 standing.append(each)
@@ -217,11 +223,21 @@ def _has_new(occupied: Array, before: Array, sighting: Sighting) -> bool:
     return bool((apart > _BESIDE * sighting.grid.resolution).any())
 
 
+def _is_in_sight(person: Track, sighting: Sighting) -> bool:
+    """True if sensors look at a place beside a person."""
+    return len(_cells(person, sighting, _ASIDE, Cell.FREE)) > 0
+
+
 def _occupied(person: Track, sighting: Sighting, beyond: float) -> Array:
     """Occupied cells at the place of a person, or so far beyond [m], ``(K, 2)`` [m]."""
+    return _cells(person, sighting, beyond, Cell.OCCUPIED)
+
+
+def _cells(person: Track, sighting: Sighting, beyond: float, kind: Cell) -> Array:
+    """Cells of a kind at the place of a person, or so far beyond [m], ``(K, 2)`` [m]."""
     center, grid = np.array([[person.x, person.y]]), sighting.grid
     radius = person.radius + beyond
     near = grid.around(center, radius)
-    occupied = near.centers(*np.nonzero(near.cells == Cell.OCCUPIED))
-    touching: Array = occupied[np.hypot(*(occupied - center).T) <= radius]
+    found = near.centers(*np.nonzero(near.cells == kind))
+    touching: Array = found[np.hypot(*(found - center).T) <= radius]
     return touching

@@ -88,6 +88,23 @@ def test_who_sets_off_is_where_they_may_be_before_they_are_tracked_again(directi
             assert away <= radii[0, 0] + 1e-9
 
 
+def test_who_has_stopped_may_have_set_off_since_they_were_last_in_sight():
+    estimator, world, rest = Estimator(SETTINGS), World(OpenFloor()), ROBOT.at_rest
+    hidden = sighting((0.0, 0.25))
+    hidden.grid.cells[hidden.grid.cells == Cell.FREE] = Cell.REMEMBERED
+    radii = []
+    for step in range(40):
+        tracks, seen = ((PERSON,), sighting()) if step == 0 else ((), STOPPED)
+        here = Observation(step * STEP, np.zeros(3), tracks, hidden if step > 4 else seen)
+        start = estimator.update(here, world, rest).start
+        radii.append(start.reachable.states[0, 4] if start.reachable.names else 0.0)
+    # In sight they are where they were, behind it for 6 s anywhere from there on.
+    assert radii[2] == pytest.approx(radii[4])
+    assert np.diff(radii[4:30]).min() > 0.0
+    assert radii[30] > 8.0
+    assert radii[39] == 0.0
+
+
 @pytest.mark.parametrize(
     ('before', 'tracks', 'there'),
     [

@@ -92,11 +92,8 @@ class MovingObject(InteractingFilters):
     @property
     def has_settled(self) -> bool:
         """True if it has been about here for so long that what is seen of it may be static."""
-        if not self.seen_at:
-            return False
-        since, x, y = self.seen_at[0]
-        is_near = math.hypot(self.x - x, self.y - y) <= _NEARBY
-        return is_near and self.stamp - since >= _SETTLED
+        before = [each for each in self.seen_at if each[0] <= self.stamp - _SETTLED]
+        return bool(before) and math.dist(before[-1][1:], (self.x, self.y)) <= _NEARBY
 
     def settle(self, elapsed: int, *, moves: bool) -> None:
         """Count as static again after some time in sight [ns] without motion or evidence for it."""

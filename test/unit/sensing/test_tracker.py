@@ -209,6 +209,20 @@ def test_two_who_meet_are_two(speed, apart):
     assert not score.false
 
 
+@pytest.mark.parametrize(('speed', 'end'), [(0.4, 3.4), (0.5, 3.45), (0.6, 3.5)])
+def test_who_stops_half_behind_a_pillar_is_not_lost(speed, end):
+    def walker(time):
+        return 5.0, min(1.0 + 0.8 * min(time, 2.0) + speed * max(time - 2.0, 0.0), end)
+
+    room = ScannedRoom(
+        walkers=[walker], posts=[(4.0, 3.0, 0.3)], robot=lambda _time: (1.0, 3.0, 0.0)
+    )
+    for time, seen in room.run(6.0):
+        if time > 3.8:
+            assert all(each.position_stddev < 0.1 for each in seen.tracks)
+            assert all(math.dist((each.x, each.y), walker(time)) < 0.1 for each in seen.tracks)
+
+
 def test_who_comes_to_where_another_was_lost_is_kept():
     """The track in doubt goes where two are at one place."""
 

@@ -48,7 +48,7 @@ _LOOK = """
   <visual>
     <headlight ambient="0.45 0.45 0.45" diffuse="0.4 0.4 0.4" specular="0 0 0"/>
     <map znear="0.002" zfar="5"/>
-    <quality shadowsize="8192" numslices="24"/>
+    <quality shadowsize="4096" numslices="24"/>
     <global offwidth="1920" offheight="1080"/>
   </visual>
   <asset>
@@ -166,7 +166,7 @@ def _line(corners: Array, radius: float, color: str, height: float = 0.0) -> Ite
         if math.dist((x0, y0), (x1, y1)) > _SHORTEST:
             ends = f'{x0} {y0} {height} {x1} {y1} {height}'
             yield (
-                f'<geom type="capsule" fromto="{ends}" size="{radius}" rgba="{color}" '
+                f'<geom type="box" fromto="{ends}" size="{radius}" rgba="{color}" '
                 'contype="0" conaffinity="0"/>'
             )
 

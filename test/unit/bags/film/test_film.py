@@ -44,6 +44,12 @@ def drawing(bag):
     return run
 
 
+def lines_in(model):
+    """True for pieces of lines: they are as high as they are wide."""
+    is_square = model.geom_size[:, 0] == model.geom_size[:, 1]
+    return (model.geom_type == mujoco.mjtGeom.mjGEOM_BOX) & is_square & (model.geom_bodyid == 0)
+
+
 def test_the_scene_has_road_obstacles_goal_way_and_robot():
     settings = guidance_settings(TABLE.resolve(load_parameter_file('case3')))
     way = np.array([[0.0, -9.25], [1.0, -9.0], [1.0, -9.0], [2.0, -8.5]])
@@ -59,7 +65,7 @@ def test_the_scene_has_road_obstacles_goal_way_and_robot():
     there = {(*place[i, :2].tolist(), float(size[i, 0])) for i in np.flatnonzero(discs)}
     assert {(*each.center, each.radius) for each in settings.obstacles} < there
     assert settings.goal in {each[:2] for each in there}
-    lines = (kinds == mujoco.mjtGeom.mjGEOM_CAPSULE) & in_world
+    lines = lines_in(model)
     distances = np.hypot(*place[lines, :2].T)
     for edge in settings.road.edges():
         radius = np.hypot(*edge[0])
@@ -92,8 +98,7 @@ def test_where_it_starts_and_ends_is_on_the_floor_and_hidden_obstacles_are_pale(
         for more in ((), (ends, [crate]))
     )
     # Four sides and a line to the front, twice.
-    capsules = [np.sum(each.geom_type == mujoco.mjtGeom.mjGEOM_CAPSULE) for each in (plain, shown)]
-    assert capsules[1] - capsules[0] == 10
+    assert lines_in(shown).sum() - lines_in(plain).sum() == 10
     (index,) = np.flatnonzero(shown.geom_type == mujoco.mjtGeom.mjGEOM_CYLINDER)
     assert shown.geom_pos[index, :2].tolist() == [5.0, 5.0]
     assert shown.geom_rgba[index].tolist() == pytest.approx([0.92, 0.62, 0.58, 1.0])

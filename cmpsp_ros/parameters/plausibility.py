@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterator
 from typing import Final
 
+from cmpsp_ros.parameters.roads import unused_road_keys
 from cmpsp_ros.parameters.robots import footprint_of
 from cmpsp_ros.parameters.table import Values
 
@@ -39,6 +40,8 @@ def plausibility_warnings(values: Values) -> Iterator[str]:
         yield 'robot.footprint looks like millimetres: it is in metres.'
     if corners and values['robot.radius']:
         yield 'robot.radius does not count: robot.footprint says what the robot takes up.'
+    for key in unused_road_keys(values):
+        yield f'{key} does not count: road.type is {values["road.type"]}.'
     limit, acceleration = values['robot.max_wheel_speed'], values['robot.max_wheel_acceleration']
     if limit > _LONGEST_BRAKING * acceleration > 0.0:
         yield (

@@ -78,6 +78,14 @@ def road_keys(values: Values) -> tuple[str, ...]:
     return _KINDS[values['road.type']].keys
 
 
+def unused_road_keys(values: Values) -> Iterator[str]:
+    """Parameters that were changed, but that the road does not use, for it is of another type."""
+    used = ('road.type', 'road.source', *_KINDS[values['road.type']].own)
+    for each in road_parameters(Group('')):
+        if each.name not in used and values[each.name] != each.default:
+            yield each.name
+
+
 def _annulus(values: Values) -> Annulus:
     center = tuple(values['road.center'])
     return roads.Annulus(center, values['road.inner_radius'], values['road.outer_radius'])
@@ -135,19 +143,22 @@ def _placeholder(kept: float) -> Corridor:
 
 
 class _Kind(NamedTuple):
-    """A type of road: its maker, parameters that its checks need, and problems if it is narrow."""
+    """A type of road: its maker, its own parameters, those that its checks need, and problems."""
 
     make: Callable[[Values], Road]
+    own: tuple[str, ...]
     keys: tuple[str, ...]
     narrow: Callable[[Any, float, str], Iterator[Problem]]
 
 
+_RING: Final = 'road.center', 'road.inner_radius', 'road.outer_radius'
+_WIDTHS: Final = 'road.half_width', 'road.left_width', 'road.right_width'
+_LINE: Final = 'road.points', 'road.closed', *_WIDTHS
+
 _KINDS: Final = {
-    'annulus': _Kind(
-        _annulus, ('road.center', 'road.inner_radius', 'road.outer_radius'), _narrow_annulus
-    ),
-    'corridor': _Kind(_corridor, ('road.type', 'road.points'), _narrow_corridor),
-    'none': _Kind(lambda _: roads.OpenFloor(), ('road.type',), lambda *_: iter(())),
+    'annulus': _Kind(_annulus, _RING, _RING, _narrow_annulus),
+    'corridor': _Kind(_corridor, _LINE, ('road.type', 'road.points'), _narrow_corridor),
+    'none': _Kind(lambda _: roads.OpenFloor(), (), ('road.type',), lambda *_: iter(())),
 }
 """Types of roads, by their names in `road.type`."""
 

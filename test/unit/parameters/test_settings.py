@@ -206,6 +206,19 @@ def test_headings_of_waypoints_too():
     assert said.startswith('waypoints.a.heading = 45 ')
 
 
+@pytest.mark.parametrize(
+    ('kind', 'key', 'value'),
+    [
+        ('annulus', 'road.points', [0.0, 0.0, 1.0, 0.0]),
+        ('none', 'road.half_width', [2.0]),
+        ('corridor', 'road.inner_radius', 8.0),
+    ],
+)
+def test_parameters_of_another_type_of_road_are_named(kind, key, value):
+    (said,) = plausibility_warnings(TABLE.resolve({'road.type': kind, key: value}))
+    assert said == f'{key} does not count: road.type is {kind}.'
+
+
 @pytest.mark.parametrize(('timeout', 'said'), [(0.0, 0), (0.25, 0), (0.2, 1), (0.1, 1)])
 def test_a_robot_that_stops_between_two_commands_is_told(timeout, said):
     found = list(plausibility_warnings(TABLE.resolve({'cmd_vel_timeout': timeout})))

@@ -1,4 +1,4 @@
-"""How people walk: towards their waypoints, never through walls or each other.
+"""Motion of people on foot: towards their waypoints, never through walls or each other.
 
 They accelerate within a limit, and stop at the robot when they bump into it. Some give way to the
 robot and to others, by a social force; the others brake for people alone.

@@ -98,7 +98,7 @@ def main() -> None:
         keep(RUNS / preset / 'trajectory.png', preset)
     physics = drive('case3', '--set', 'plant=mujoco', name='film')
     # at the start, at the first obstacle, past it, before the goal; people at the door
-    for folder, times in ((physics, (0.5, 5.5, 6.0, 9.0)), (RUNS / 'doorway', (3, 9, 16, 19))):
+    for folder, times in ((physics, (0.5, 5.5, 6.0, 9.0)), (RUNS / 'doorway', (3, 14, 19, 22))):
         frames = [each for second in times for each in ('--at', str(second))]
         cmpsp('film', folder / 'bag', '--output', folder / 'film.png', *frames)
         keep(folder / 'film.png', folder.name)

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from cmpsp_ros.sensing.local_grid import LocalGrid
     from cmpsp_ros.sensing.messages import FARTHEST, is_place, points_of, sight_of, stamp_of
     from cmpsp_ros.sensing.motion_filter import MotionFilter
+    from cmpsp_ros.sensing.projection import projected
     from cmpsp_ros.sensing.surroundings import Sighting, Surroundings
     from cmpsp_ros.sensing.track import Track, TrackSource
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Final, Literal
 
-import numpy as np
-
 from cmpsp_ros.arrays import Array, BoolArray, IntArray
 from cmpsp_ros.setting import NOT_NEGATIVE, POSITIVE, Range, setting
 
@@ -98,16 +96,6 @@ class Sight:
     # heights: one may pass above an obstacle that another one met.
     is_sweep: bool
 
-    def projected(self, poses: Array) -> Beams:
-        """Beams in the frame of odometry, from the robot's pose at each stamp, ``(B, 3)``."""
-        ahead, left, turned = self.sensor.pose
-        places = poses[:, :2] + _turned(np.array([ahead, left]), *_axes(poses[:, 2]))
-        axes = _axes(poses[:, 2] + turned)
-        starts, ends = (places + _turned(each, *axes) for each in (self.begins, self.ends))
-        # An empty cloud has no beams.
-        origin = places.sum(axis=0) / max(len(places), 1)
-        return Beams(self.stamp, origin, starts, ends, self.hits, self.is_sweep)
-
 
 @dataclass(frozen=True, eq=False)
 class Beams:
@@ -121,13 +109,3 @@ class Beams:
     ends: Array
     hits: BoolArray
     is_sweep: bool
-
-
-def _axes(angles: Array) -> tuple[Array, Array]:
-    return np.cos(angles), np.sin(angles)
-
-
-def _turned(points: Array, cosine: Array, sine: Array) -> Array:
-    x, y, turned = points[..., 0], points[..., 1], np.empty((len(cosine), 2))
-    turned[:, 0], turned[:, 1] = cosine * x - sine * y, sine * x + cosine * y
-    return turned

@@ -10,6 +10,7 @@ from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.robots import Footprint, placed
 from cmpsp_ros.sensing.beams import Beams, Sight, SightSettings
 from cmpsp_ros.sensing.local_grid import LocalGrid
+from cmpsp_ros.sensing.projection import projected
 from cmpsp_ros.sensing.track import Track
 from cmpsp_ros.sensing.tracker import Tracker
 from cmpsp_ros.world.grids import OccupancyGrid
@@ -63,7 +64,7 @@ class Surroundings:
         self._grid.center_on(float(pose[0]), float(pose[1]))
         for each in sorted(come, key=lambda each: (each.stamp, each.sensor.name)):
             if self._is_usable(each):
-                self._see(each.sensor.name, each.projected(self._poses.at(each.stamps)), pose)
+                self._see(each.sensor.name, projected(each, self._poses.at(each.stamps)), pose)
                 self._seen[each.sensor.name] = each.stamp
                 self._is_stale = True
 
@@ -138,11 +139,16 @@ class PoseHistory:
         return bool(self._stamps) and self._stamps[0] > stamp
 
     def at(self, stamps: IntArray) -> Array:
-        """Poses ``(K, 3)`` [m, m, rad] at times ``(K,)`` [ns] from the first to the last."""
+        """Poses [m, m, rad] at ascending times ``(K,)`` [ns] from the first to the last.
+
+        Shape ``(K, 3)``, or ``(1, 3)`` if all times are the same.
+        """
         low = max(bisect_right(self._stamps, stamps.min(initial=self._stamps[-1])) - 1, 0)
         high = bisect_left(self._stamps, stamps.max(initial=self._stamps[0])) + 1
         # An empty cloud has no stamps.
         high, first = max(high, low + 1), self._stamps[low]
         known = np.array(self._stamps[low:high]) - first
         poses = np.array(self._poses[low:high])
+        if len(stamps) and stamps[0] == stamps[-1]:
+            stamps = stamps[:1]
         return np.column_stack([np.interp(stamps - first, known, each) for each in poses.T])

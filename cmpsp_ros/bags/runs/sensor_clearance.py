@@ -24,6 +24,7 @@ from cmpsp_ros.sensing import (
     Sensor,
     Sight,
     grid_of,
+    projected,
     sight_of,
     stamp_of,
 )
@@ -317,7 +318,7 @@ def _beams(sight: Sight, paths: Sequence[DrivenPath]) -> Iterator[Beams]:
     first = int(sight.stamps[0]) if len(sight.stamps) else sight.stamp
     for each in paths:
         if each.stamps[0] <= first and sight.stamp <= each.stamps[-1]:
-            yield sight.projected(each.at_all(sight.stamps))
+            yield projected(sight, each.at_all(sight.stamps))
             return
 
 

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cmpsp_ros.sensing import ScanError, Sensor, sight_of
+from cmpsp_ros.sensing import ScanError, Sensor, projected, sight_of
 from cmpsp_ros.sensing.surroundings import PoseHistory
 from cmpsp_ros.simulator import Laser, LaserSettings, Motion
 
@@ -111,14 +111,14 @@ def test_beams_end_on_walls_while_the_robot_moves():
         angle_increment=0.01, time_increment=4e-4, range_min=0.1,
     )  # fmt: skip
     sight = sight_of(message, SENSOR)
-    beams = sight.projected(history.at(sight.stamps))
+    beams = projected(sight, history.at(sight.stamps))
     ends = beams.ends[beams.hits]
     assert len(ends) > 200
     from_walls = np.minimum(np.abs(ends[:, 0] - 3.0), np.abs(ends[:, 0] + 4.0))
     from_walls = np.minimum(from_walls, np.abs(ends[:, 1] - 3.0))
     # An arc of 20 ms strays 50 um from its chord.
     assert from_walls.max() < 1e-3
-    still = sight.projected(history.at(np.full(401, seen.stamp_ns)))
+    still = projected(sight, history.at(np.full(401, seen.stamp_ns)))
     assert np.abs(still.ends - beams.ends).max() > 0.3
 
 
@@ -207,10 +207,10 @@ def test_the_origin_of_beams_is_the_place_of_the_sensor():
     camera = replace(DEPTH_CAMERA, pose=(0.3, -0.1, 0.5), heights=(-1.4, -0.3))
     sight = sight_of(cloud([(1.0, 0.5, -1.0), (2.0, 0.0, -1.5)]), camera)
     driven = np.array([[1.0, 2.0, math.pi / 2.0], [1.2, 2.0, math.pi / 2.0]])
-    beams = sight.projected(driven)
+    beams = projected(sight, driven)
     assert beams.origin == pytest.approx([1.2, 2.3])
     assert np.hypot(*(beams.starts - beams.origin).T).min() > 0.2
-    nothing = sight_of(cloud([]), camera).projected(np.empty((0, 3)))
+    nothing = projected(sight_of(cloud([]), camera), np.empty((0, 3)))
     assert nothing.origin.tolist() == [0.0, 0.0]
 
 

@@ -36,7 +36,7 @@ MISSED: Final = (0.0, 0.3)
 _SCANS, _PERIOD, _STEPS = 600, 100_000_000, 5
 _REACH: Final = 12.0
 _SENSOR: Final = Sensor('front', reach=_REACH)
-_ANGLES: Final = np.linspace(-0.75 * math.pi, 0.75 * math.pi, 541)
+_ANGLES: Final = np.linspace(-0.75 * math.pi, 0.75 * math.pi, 720)
 _STDDEV: Final = 0.01
 _ODOMETRY: Final = np.array([0.005, 0.005, math.radians(0.3)])
 _ROBOT, _BODY, _FROM_WALL = 0.35, 0.25, 0.1

@@ -37,23 +37,25 @@ class MotionState:
         off_x, off_y = x - self.x, y - self.y
         return (off_x * off_x + off_y * off_y) / (self.position_variance + variance)
 
-    def mean(self, other: MotionState, weight: float) -> MotionState:
-        """Mean of two states at one time and its covariance, with the `weight` of the other."""
-        x, y, vx, vy = other.x - self.x, other.y - self.y, other.vx - self.vx, other.vy - self.vy
+    def mix(self, one: MotionState, other: MotionState, weight: float) -> None:
+        """Become the mean of two states at one time, with its covariance; `weight` of the other."""
+        x, y, vx, vy = other.x - one.x, other.y - one.y, other.vx - one.vx, other.vy - one.vy
         left, spread = 1.0 - weight, 0.5 * weight * (1.0 - weight)
-        return MotionState(
-            self.stamp,
-            self.x + weight * x,
-            self.y + weight * y,
-            left * self.position_variance
+        self.stamp = one.stamp
+        self.x, self.y = one.x + weight * x, one.y + weight * y
+        self.vx, self.vy = one.vx + weight * vx, one.vy + weight * vy
+        self.position_variance = (
+            left * one.position_variance
             + weight * other.position_variance
-            + spread * (x * x + y * y),
-            self.vx + weight * vx,
-            self.vy + weight * vy,
-            left * self.covariance + weight * other.covariance + spread * (x * vx + y * vy),
-            left * self.velocity_variance
+            + spread * (x * x + y * y)
+        )
+        self.covariance = (
+            left * one.covariance + weight * other.covariance + spread * (x * vx + y * vy)
+        )
+        self.velocity_variance = (
+            left * one.velocity_variance
             + weight * other.velocity_variance
-            + spread * (vx * vx + vy * vy),
+            + spread * (vx * vx + vy * vy)
         )
 
     def take(self, other: MotionState) -> None:
@@ -121,12 +123,13 @@ class InteractingFilters(MotionState):
         before, self.turning = self.turning, _USUAL + (self.turning - _USUAL) * kept
         ended = before * (1.0 - _USUAL) * (1.0 - kept)
         begun = (1.0 - before) * _USUAL * (1.0 - kept)
-        straight = self.straight.mean(self.turn, ended / (1.0 - self.turning))
-        turn = self.straight.mean(self.turn, 1.0 - begun / self.turning)
-        for each, state in ((self.straight, straight), (self.turn, turn)):
-            each.take(state)
-            each.predict(stamp)
-        self.take(self.straight.mean(self.turn, self.turning))
+        straight, turn = self.straight, self.turn
+        self.mix(straight, turn, 1.0 - begun / self.turning)
+        straight.mix(straight, turn, ended / (1.0 - self.turning))
+        turn.take(self)
+        straight.predict(stamp)
+        turn.predict(stamp)
+        self.mix(straight, turn, self.turning)
 
     def correct(self, x: float, y: float, variance: float) -> None:
         """Take in a centre [m] that was seen with a variance [m^2]."""
@@ -139,4 +142,4 @@ class InteractingFilters(MotionState):
         self.turning = turns / (turns + (1.0 - self.turning))
         self.straight.correct(*seen)
         self.turn.correct(*seen)
-        self.take(self.straight.mean(self.turn, self.turning))
+        self.mix(self.straight, self.turn, self.turning)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from cmpsp_ros.sensing.motion_filter import InteractingFilters, MotionFilter
+from cmpsp_ros.sensing.motion_filter import InteractingFilters, MotionFilter, MotionState
 
 PERIOD = 100_000_000
 NOISE = 0.02
@@ -55,7 +55,8 @@ def test_velocities_are_as_wrong_as_is_said():
 def test_state_is_the_mean_and_its_covariance():
     one = MotionFilter(0, 1.0, 2.0, 0.04, 0.5, -0.5, 0.01, 0.09)
     other = MotionFilter(0, 1.4, 1.0, 0.02, 0.1, 0.3, 0.02, 0.16)
-    found = one.mean(other, 0.3)
+    found = MotionState(0, 0.0, 0.0, 0.0)
+    found.mix(one, other, 0.3)
     random = np.random.default_rng(1)
     samples = []
     for state, count in ((one, 140_000), (other, 60_000)):

@@ -92,8 +92,12 @@ class MovingObject(InteractingFilters):
     @property
     def has_settled(self) -> bool:
         """True if it has been about here for so long that what is seen of it may be static."""
-        before = [each for each in self.seen_at if each[0] <= self.stamp - _SETTLED]
-        return bool(before) and math.dist(before[-1][1:], (self.x, self.y)) <= _NEARBY
+        before, latest = None, self.stamp - _SETTLED
+        for each in self.seen_at:
+            if each[0] > latest:
+                break
+            before = each
+        return before is not None and math.dist(before[1:], (self.x, self.y)) <= _NEARBY
 
     def settle(self, elapsed: int, *, moves: bool) -> None:
         """Count as static again after some time in sight [ns] without motion or evidence for it."""

@@ -261,11 +261,13 @@ def _stands_there(
     """
     is_in_doubt = np.array([[each.position_variance > _DOUBT] for each in objects])
     has_come = np.array([[not each.has_settled] for each in objects])
-    looks = [(sum(each.is_cut), each.has_entered, each.is_static) for each in segments]
-    cut, has_entered, is_static = np.array(looks).T
-    is_part = is_in_doubt & (cut > np.where(is_close, 1, 0)) & ~has_entered.astype(bool)
-    is_other = (has_come & ((cut > 0) | is_known)) | (is_in_doubt & ~is_close)
-    return np.asarray(is_part | (is_other & is_static.astype(bool)))
+    looks = [
+        (any(each.is_cut), all(each.is_cut), each.has_entered, each.is_static) for each in segments
+    ]
+    is_cut, has_no_end, has_entered, is_static = np.array(looks).T
+    is_part = is_in_doubt & ~has_entered & np.where(is_close, has_no_end, is_cut)
+    is_other = (has_come & (is_cut | is_known)) | (is_in_doubt & ~is_close)
+    return np.asarray(is_part | (is_other & is_static))
 
 
 def _is_beside(robot: Array, each: MovingObject) -> bool:

@@ -180,9 +180,11 @@ def _key(places: Array, labels: IntArray, movers: Array, i: int) -> int:
     is_static = labels[i] == _STATIC
     best, key = _AROUND, -_ENTERED if labels[i] == _ENTERED else -_STATIC
     for j in range(movers.shape[0]):
+        is_far = abs(places[i, 0] - movers[j, 0]) - movers[j, 2] >= best
+        if is_far or (is_static and movers[j, 3] == 0.0):
+            continue
         away = _off(places, movers, i, j)
-        is_it = not is_static or (movers[j, 3] > 0.0 and away <= BESIDE)
-        if is_it and away < best:
+        if away < best and (not is_static or away <= BESIDE):
             best, key = away, j
     return key
 

@@ -62,14 +62,14 @@ def choose_velocities(
         # No faster towards anybody, or the nearest wall, than that it can still brake before them.
         for j in range(places.shape[0]):
             if j != i:
-                new_u, new_v = _behind(
+                new_u, new_v = _braked(
                     new_u, new_v, places[j, 0] - x, places[j, 1] - y,
                     velocities[j, 0], velocities[j, 1], radius + people[j, 0], limit,
                 )  # fmt: skip
         away_x, away_y, gap = _nearest_wall(x, y, radius, edges, posts)
         allowed = math.sqrt(2.0 * _BRAKING * limit * max(gap, 0.0))
-        excess = max(-(new_u * away_x + new_v * away_y) - allowed, 0.0)
-        du, dv = new_u + excess * away_x - u, new_v + excess * away_y - v
+        new_u, new_v = _limited(new_u, new_v, -away_x, -away_y, allowed)
+        du, dv = new_u - u, new_v - v
         part = min(1.0, step / max(math.sqrt(du * du + dv * dv), 1e-12))
         u, v = u + part * du, v + part * dv
         for j in range(places.shape[0]):
@@ -90,7 +90,7 @@ def choose_velocities(
 
 
 @allocation_free
-def _behind(
+def _braked(
     u: float,
     v: float,
     x: float,
@@ -106,7 +106,13 @@ def _behind(
     leaving = max(other_u * to_x + other_v * to_y, 0.0)
     gap = max(distance - apart - _BETWEEN, 0.0)
     allowed = math.sqrt(_BRAKING * (limit * gap + leaving * leaving))
-    excess = max(u * to_x + v * to_y - allowed, 0.0)
+    return _limited(u, v, to_x, to_y, allowed)
+
+
+@allocation_free
+def _limited(u: float, v: float, to_x: float, to_y: float, top: float) -> tuple[float, float]:
+    """Velocity of at most a speed in a direction [m/s]."""
+    excess = max(u * to_x + v * to_y - top, 0.0)
     return u - excess * to_x, v - excess * to_y
 
 

@@ -48,7 +48,7 @@ def crowd_scenario(settings: GuidanceSettings, seed: int, number: int, scene: st
 
 
 def _hall(random: Random, *_run: object) -> _Place:
-    """12 m by 6 m, with four people who walk straight on whatever the robot does."""
+    """12 m by 6 m, with four people who walk straight on and look at no robot."""
     start, goal = ((x, float(random.uniform(1.0, 5.0))) for x in (0.8, 11.2))
     walkers = list[Walker]()
     while len(walkers) < 4:

@@ -219,6 +219,8 @@ def test_who_stops_half_behind_a_pillar_is_not_lost(speed, end):
     )
     for time, seen in room.run(6.0):
         if time > 3.8:
+            # A second after he has stopped he counts as static.
+            assert len(seen.tracks) == 1 or time > 4.2
             assert all(each.position_stddev < 0.1 for each in seen.tracks)
             assert all(math.dist((each.x, each.y), walker(time)) < 0.1 for each in seen.tracks)
 

@@ -28,6 +28,7 @@ from cmpsp_ros.guidance.times import NANOSECONDS, to_nanoseconds
 from cmpsp_ros.guidance.world import MAP, GuidanceSettings, World
 from cmpsp_ros.mpsp import Hessian
 from cmpsp_ros.mpsp.qp import CLARABEL
+from cmpsp_ros.robots import TwistLimits
 from cmpsp_ros.robots.motion import with_lag
 from cmpsp_ros.sensing import Sight, Surroundings
 from cmpsp_ros.world import FreeSpace
@@ -113,7 +114,9 @@ def run_kernels(settings: LawSettings) -> None:
     _A_DISC.along(pose[None], twists, durations, durations)
     place = np.zeros((1, 1, 2))
     spread(np.zeros((2, 1, 1), dtype=bool), blocked[:1], place, place, np.zeros((1, 1)))
+    _A_DISC.tightened(np.arange(2.0), TwistLimits(1.0, 1.0), 1.0, pose)
     start = PlanStart(pose, on_road.robot, World(_A_ROAD), _A_DISC, previous_control=controls[0])
+    start = start._replace(reachable=_A_DISC, touchable=_A_DISC)
     Validator(on_road).check(start, controls, durations)
     along_road(on_road, start, on_road.target, durations)
     if may_need_manoeuvres(on_road):

@@ -9,6 +9,7 @@ Other placements are milder. The worst arc that can be driven counts
 (``doc/method/mathematics.md``).
 """
 
+import math
 from collections.abc import Callable
 from functools import lru_cache
 from typing import Any, TypeVar
@@ -17,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.arrays import Array
+from cmpsp_ros.mpsp.jit import allocation_free
 from cmpsp_ros.robots import TwistLimits
 
 Scalar = TypeVar('Scalar', bound=np.generic)
@@ -24,6 +26,7 @@ Scalar = TypeVar('Scalar', bound=np.generic)
 _GRID = 256
 _REFINEMENTS = 3
 _RANGES = 32
+_CLEARLY = 1.0 - 1e-9
 
 # A straight line is taken for an arc that turns this little [rad/s], on the safe side.
 _STRAIGHT = 1e-6
@@ -90,21 +93,22 @@ def inside_known(distance: float, twists: Array, period: float) -> Array:
 
 
 def outside_moving(distance: Array, speeds: Array, limits: TwistLimits, period: float) -> Array:
-    """Margin as `outside`, for points at constant velocity, distances ``(..., M)`` [m].
+    """Margin as `outside`, for points at constant velocity, distances ``(N, M)`` [m].
 
     Seen from such a point the robot drives no arc, but strays from the chord of its path by no
     more than ``v w T^2 / 8``, and the chord is no longer than ``(v + u) T`` with the point's speed
     ``u``. A few ranges of ``w`` each count with their maxima: slightly conservative.
     """
     twists, beyond = _ranges(limits)
-    grown = _outside_moving(distance[..., None], speeds[..., None], twists, beyond, period)
-    return np.asarray(grown.max(axis=-1))
+    found, astray = np.empty(distance.shape), _astray(twists, beyond, period)
+    _put_outside_moving(found, distance, speeds, twists, astray, period)
+    return found
 
 
 def outside_moving_known(distance: Array, speeds: Array, twists: Array, period: float) -> Array:
     """Like `outside_moving`, for distances ``(N, M)`` and one known arc each."""
     v, w = np.abs(twists[:, :1]), np.abs(twists[:, 1:])
-    return _outside_moving(distance, speeds, v, w, period)
+    return np.hypot(distance + _astray(v, w, period), (v + speeds) * period / 2.0)
 
 
 def at_ends(worse: Callable[[Any, Any], Any], of_arcs: NDArray[Scalar]) -> NDArray[Scalar]:
@@ -122,9 +126,28 @@ def _ranges(limits: TwistLimits) -> tuple[Array, Array]:
     return np.maximum(np.maximum(speeds[:-1], speeds[1:]), 0.0), w[1:]
 
 
-def _outside_moving(distance: Array, speeds: Array, v: Array, w: Array, period: float) -> Array:
-    astray, half_chord = v * w * period**2 / 8.0, (v + speeds) * period / 2.0
-    return np.asarray(np.hypot(distance + astray, half_chord))
+def _astray(v: Array, w: Array, period: float) -> Array:
+    """Distance by which a path may stray from its chord [m]."""
+    return np.asarray(v * w * period**2 / 8.0)
+
+
+@allocation_free
+def _put_outside_moving(
+    found: Array, distance: Array, speeds: Array, v: Array, astray: Array, period: float
+) -> None:
+    for k in range(found.shape[0]):
+        for j in range(found.shape[1]):
+            largest, most = 0.0, 0.0
+            for i in range(v.shape[0]):
+                away, half_chord = distance[k, j] + astray[i], (v[i] + speeds[k, j]) * period / 2.0
+                squared = away * away + half_chord * half_chord
+                # Where it is clearly less, so is the root, which takes longer.
+                if squared < _CLEARLY * most:
+                    continue
+                root, most = math.hypot(away, half_chord), max(most, squared)
+                if not root <= largest:  # NaN is largest
+                    largest = root
+            found[k, j] = largest
 
 
 def _arcs(twists: Array, period: float) -> tuple[Array, Array]:

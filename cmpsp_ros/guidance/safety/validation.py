@@ -266,8 +266,8 @@ class Validator:
         static = space.at(pose[None], progress)[0]
         if not moving.names:
             return np.asarray(static)
-        away = [moving.clearance(point) for point in placed(space.discs, pose)]
-        return np.concatenate([static, np.min(away, axis=0) - self._radius])
+        away = moving.clearance(placed(space.discs, pose)).min(axis=0)
+        return np.concatenate([static, away - self._radius])
 
     def why_no_start(self, world: World, pose: Array) -> str:
         """Reason not to start at a pose ``(3,)`` [m, m, rad]: it is inside an obstacle; '' if none.

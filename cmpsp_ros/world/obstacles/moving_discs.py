@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -49,7 +49,7 @@ class MovingDiscs:
         states[:, _PLACE], states[:, _RADIUS] = centers[0], radii[0]
         states[:, _GROWTH] += seconds * states[:, _BEND]
         ways = {index: way - np.array([seconds, 0.0, 0.0]) for index, way in self.ways.items()}
-        return replace(self, states=states, ways=ways)
+        return MovingDiscs(self.names, states, self.slots, ways)
 
     def grown(self, distance: float) -> MovingDiscs:
         """The same with greater radii [m]."""
@@ -57,13 +57,13 @@ class MovingDiscs:
             return self
         states = self.states.copy()
         states[:, _RADIUS] += distance
-        return replace(self, states=states)
+        return MovingDiscs(self.names, states, self.slots, self.ways)
 
     def at_rest(self) -> MovingDiscs:
         """The same where they are now, for ever."""
         states = self.states.copy()
         states[:, _VELOCITY], states[:, _GROWTH:] = 0.0, 0.0
-        return replace(self, states=states, ways={})
+        return MovingDiscs(self.names, states, self.slots)
 
     def within(self, point: Array, reach: float, seconds: float) -> IntArray:
         """Indices of those that may come as near to a point (x, y) as `reach` [m] in a time [s]."""
@@ -87,10 +87,10 @@ class MovingDiscs:
         slots = np.concatenate([self.slots, other.slots])
         return MovingDiscs((*self.names, *other.names), states, slots, self.ways)
 
-    def clearance(self, point: Array) -> Array:
-        """Distance of a point (x, y) from each at this instant, negative within; ``(M,)`` [m]."""
-        away = point[:2] - self.states[:, :2]
-        return np.asarray(np.hypot(away[:, 0], away[:, 1]) - self.states[:, _RADIUS])
+    def clearance(self, points: Array) -> Array:
+        """Distances ``(..., M)`` of points ``(..., 2)`` from each now, negative within [m]."""
+        away = points[..., None, :2] - self.states[:, :2]
+        return np.asarray(np.hypot(away[..., 0], away[..., 1]) - self.states[:, _RADIUS])
 
     def at_times(self, times: Array) -> tuple[Array, Array]:
         """Centres ``(K, M, 2)`` and radii ``(K, M)`` [m] at times from now on ``(K,)`` [s]."""
@@ -108,15 +108,12 @@ class MovingDiscs:
         """
         if not len(self):
             return _NO_LEGS
-        times = np.concatenate([[0.0], np.cumsum(durations)])
-        centers, radii = self.at_times(times)
-        legs = np.zeros((len(durations), len(self), _COLUMNS))
-        legs[..., _PLACE], legs[..., _RADIUS] = centers[:-1], radii[:-1]
-        legs[..., _VELOCITY] = self.states[:, _VELOCITY]
-        middle = 0.5 * (times[:-1] + times[1:])
-        legs[..., _GROWTH] = self.states[:, _GROWTH] + middle[:, None] * self.states[:, _BEND]
+        legs = np.empty((len(durations), len(self), _COLUMNS))
+        _put_legs(legs, self.states, durations)
+        times = np.concatenate([[0.0], np.cumsum(durations)]) if self.ways else durations
         for index, way in self.ways.items():
-            places = centers[:, index]
+            places = _on(way, times)
+            legs[:, index, _PLACE] = places[:-1]
             legs[:, index, _VELOCITY] = np.diff(places, axis=0) / durations[:, None]
             legs[:, index, _RADIUS] += _astray(way, times, places)
         return legs
@@ -165,13 +162,17 @@ class MovingDiscs:
         points the nearest counts.
         """
         clearance = np.empty((len(poses), len(self)))
-        states = self._states_on_arcs(times, durations) if self.ways else self.states[None]
         arrays = (np.ascontiguousarray(each) for each in (poses, twists, durations, times))
-        _along(clearance, points, states, *arrays)
+        put_clearance(clearance, points, self.on_arcs(times, durations), *arrays)
         return clearance
 
-    def _states_on_arcs(self, times: Array, durations: Array) -> Array:
-        """States ``(K, M, 7)`` from which each disc drives straight on in the time of each arc."""
+    def on_arcs(self, times: Array, durations: Array) -> Array:
+        """States ``(K, M, 7)`` from which each disc drives straight on in the time of each arc.
+
+        One for all arcs, ``(1, M, 7)``, where they do so all the time.
+        """
+        if not self.ways:
+            return self.states[None]
         states = np.tile(self.states, (len(times), 1, 1))
         instants = np.append(times, times[-1:] + durations[-1:])
         for index, way in self.ways.items():
@@ -213,7 +214,21 @@ def _astray(way: Array, times: Array, places: Array) -> Array:
 
 
 @allocation_free
-def _along(
+def _put_legs(legs: Array, states: Array, durations: Array) -> None:
+    begin = 0.0
+    for k in range(durations.shape[0]):
+        end = begin + durations[k]
+        for j in range(states.shape[0]):
+            x, y, u, v, radius, _ = disc_after(states, j, begin, 0.0)
+            leg = legs[k, j]
+            leg[0], leg[1], leg[2], leg[3], leg[4] = x, y, u, v, radius
+            leg[_GROWTH] = states[j, _GROWTH] + 0.5 * (begin + end) * states[j, _BEND]
+            leg[_BEND] = 0.0
+        begin = end
+
+
+@allocation_free
+def put_clearance(
     clearance: Array,
     points: Array,
     states: Array,
@@ -222,11 +237,13 @@ def _along(
     durations: Array,
     times: Array,
 ) -> None:
+    """Fill in the clearance of `MovingDiscs.along`; of poses, twists and states one may do."""
     for k in range(durations.shape[0]):
-        whole = arc_under(poses, twists, k, durations[k])
+        at = min(k, twists.shape[0] - 1)
+        whole = arc_under(poses, twists, at, durations[k])
         of_arc = states[min(k, states.shape[0] - 1)]
         for i in range(points.shape[0]):
-            arc = arc_of_point(whole, poses[k, 2], points, i)
+            arc = arc_of_point(whole, poses[at, 2], points, i)
             for j in range(states.shape[1]):
                 x, y, u, v, radius, growth = disc_after(of_arc, j, times[k], durations[k])
                 bound = np.inf if i == 0 else clearance[k, j] + radius

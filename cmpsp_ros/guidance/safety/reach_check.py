@@ -4,6 +4,7 @@ Each command and the stop after it are clear of every place that a moving obstac
 then. By induction, nothing touches the robot while it moves.
 """
 
+import math
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -11,8 +12,9 @@ import numpy as np
 from cmpsp_ros.arrays import Array, BoolArray
 from cmpsp_ros.guidance.prediction.estimator import PlanStart
 from cmpsp_ros.guidance.settings import LawSettings
+from cmpsp_ros.mpsp.jit import allocation_free
 from cmpsp_ros.robots import placed
-from cmpsp_ros.world.obstacles import ROUGHNESS, MovingDiscs
+from cmpsp_ros.world.obstacles import ROUGHNESS, MovingDiscs, put_clearance
 
 _ROUNDING: Final = 1e-6
 
@@ -23,6 +25,8 @@ CREEP: Final = 0.05
 """Speed up to which the robot counts as standing [m/s]: faster, a contact would be one of a robot
 that moves."""
 
+_AT_REST: Final = np.zeros((1, 2))
+
 
 class _Sets(NamedTuple):
     """Obstacles about a start, grown by the robot."""
@@ -31,9 +35,8 @@ class _Sets(NamedTuple):
     moving: MovingDiscs  # what may be reached from there
     discs: MovingDiscs  # the same, grown
     begins: Array  # its clearance at the start [m]
-    seen: MovingDiscs  # the same obstacles as they were seen, at rest there
+    seen: MovingDiscs  # the same obstacles as they were seen
     there: Array  # their clearance at the start [m]
-    stands: BoolArray  # whether each stood when it was seen
     is_lost: BoolArray  # whether each is out of sight, far away, and does not come at the robot
 
 
@@ -56,36 +59,30 @@ class ReachCheck:
 
         `controls` ``(K, r)``, `durations` ``(K,)`` [s].
         """
-        moving = start.reachable
-        if not moving.names:
+        if not start.reachable.names:
             return ''
-        twists = start.robot.twist(controls)
-        moves = np.flatnonzero(twists.any(axis=1))
-        if not len(moves):
-            return ''
-        count = int(moves[-1]) + 1
-        twists, durations = twists[:count], durations[:count]
-        sets = self._sets(start)
-        poses = start.robot.roll_out(start.pose, controls[:count], durations)[:-1]
+        sets, robot, discs = self._sets(start), start.robot, self._discs
         times = np.cumsum(durations) - durations
-        arcs = poses, twists, durations, times, self._discs
-        begins, there, touched = sets.begins, sets.there, sets.there < 0.0
-        swept = sets.discs.along(*arcs)
-        least = swept.min(axis=0)
-        short = np.where(begins < 0.0, begins - ROUGHNESS, 0.0) - least
-        if sets.is_lost.any():
-            at_rest = np.tile(start.pose, (count, 1)), np.zeros_like(twists), *arcs[2:]
-            nearer = (sets.discs.along(*at_rest) - swept).max(axis=0)
-            short[sets.is_lost & (nearer <= ROUGHNESS)] = 0.0
-        short[touched] = np.inf
-        if np.abs(self._footprint.speeds_and_turns(twists)[:, 0]).max() <= CREEP:
-            kept = np.where(sets.stands, np.minimum(there, 0.0), there) - ROUGHNESS
-            short[sets.seen.along(*arcs).min(axis=0) >= kept] = 0.0
+        twists = np.ascontiguousarray(robot.twist(controls))
+        poses = robot.roll_out(start.pose, controls, durations)
+        states, found = sets.discs.on_arcs(times, durations), np.empty((2, len(sets.begins)))
+        swept = np.empty((2, len(times), len(sets.begins)))
+        arcs, limits = (poses, twists, durations, times), (sets.begins, sets.there, sets.is_lost)
+        count = _fall_short(found, swept, *limits, discs, states, *arcs, _AT_REST)
+        short, least = found
         worst = int(short.argmax())
         if short[worst] <= _ROUNDING:
             return ''
-        name = moving.names[worst]
-        if touched[worst]:
+        if np.abs(self._footprint.speeds_and_turns(twists)[:, 0]).max() <= CREEP:
+            stands = np.hypot(*sets.seen.states[:, 2:4].T) <= CREEP
+            kept = np.where(stands, np.minimum(sets.there, 0.0), sets.there) - ROUGHNESS
+            path = poses[:count], twists[:count], durations[:count], times[:count]
+            short[sets.seen.at_rest().along(*path, discs).min(axis=0) >= kept] = 0.0
+            worst = int(short.argmax())
+        if short[worst] <= _ROUNDING:
+            return ''
+        name = start.reachable.names[worst]
+        if sets.there[worst] < 0.0:
             return f'{name} touches the robot, which creeps at most until it has gone.'
         return f'{name} could be {-float(least[worst]):.3g} m into the robot before it is at rest.'
 
@@ -95,16 +92,54 @@ class ReachCheck:
         if known is None or known.pose is not start.pose or known.moving is not start.reachable:
             discs = start.reachable.grown(self._radius)
             seen = start.touchable.grown(self._radius)
-            stands = np.hypot(*seen.states[:, 2:4].T) <= CREEP
-            begins, there = self._clearance(start, discs), self._clearance(start, seen)
+            places = placed(self._discs, start.pose)
+            begins, there = (each.clearance(places).min(axis=0) for each in (discs, seen))
             is_lost = discs.states[:, 4] - seen.states[:, 4] > LOST
             toward = start.pose[:2] - seen.states[:, :2]
             is_lost &= (there > _APART) & ((toward * seen.states[:, 2:4]).sum(axis=1) <= 0.0)
-            self._known = known = _Sets(
-                start.pose, start.reachable, discs, begins, seen.at_rest(), there, stands, is_lost
-            )
+            moving = start.reachable
+            self._known = known = _Sets(start.pose, moving, discs, begins, seen, there, is_lost)
         return known
 
-    def _clearance(self, start: PlanStart, discs: MovingDiscs) -> Array:
-        places = placed(self._discs, start.pose)
-        return np.asarray(np.min([discs.clearance(each) for each in places], axis=0))
+
+@allocation_free
+def _fall_short(
+    found: Array,  # filled in: by how much each set is too near, and its clearance, ``(2, M)``
+    swept: Array,  # the clearance on each arc, and that of a robot at rest, ``(2, K, M)``
+    begins: Array,
+    there: Array,
+    is_lost: BoolArray,
+    points: Array,
+    states: Array,
+    poses: Array,
+    twists: Array,
+    durations: Array,
+    times: Array,
+    at_rest: Array,
+) -> int:
+    """Sweep a path past sets as of `put_clearance`; the number of steps up to its last that moves.
+
+    `begins`, `there` and `is_lost` are as in `_Sets`; `at_rest` is a twist ``(1, 2)``.
+    """
+    count = 0
+    for k in range(twists.shape[0]):
+        for a in range(twists.shape[1]):
+            if twists[k, a] != 0.0:
+                count = k + 1
+    driven, standing, durations = swept[0], swept[1], durations[:count]
+    put_clearance(driven, points, states, poses, twists, durations, times)
+    if is_lost.any():
+        put_clearance(standing, points, states, poses, at_rest, durations, times)
+    for j in range(begins.shape[0]):
+        least, is_no_nearer = math.inf, is_lost[j]
+        for k in range(count):
+            if driven[k, j] < least or math.isnan(driven[k, j]):
+                least = driven[k, j]
+            is_no_nearer = is_no_nearer and standing[k, j] - driven[k, j] <= ROUGHNESS
+        short = (begins[j] - ROUGHNESS if begins[j] < 0.0 else 0.0) - least
+        if count == 0 or is_no_nearer:
+            short = 0.0
+        elif there[j] < 0.0:
+            short = math.inf
+        found[0, j], found[1, j] = short, least
+    return count

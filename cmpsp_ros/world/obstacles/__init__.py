@@ -9,6 +9,7 @@ if TYPE_CHECKING:
         NOTHING_MOVES,
         MovingDiscs,
         disc_after,
+        put_clearance,
         sweep_moving,
     )
     from cmpsp_ros.world.obstacles.shape_functions import (

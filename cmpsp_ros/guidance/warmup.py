@@ -20,6 +20,7 @@ from cmpsp_ros.guidance.planning.planner import Planner
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 from cmpsp_ros.guidance.planning.retreat import spread
 from cmpsp_ros.guidance.prediction.estimator import Observation, PlanStart
+from cmpsp_ros.guidance.prediction.obstacle_tracker import StandingPeople
 from cmpsp_ros.guidance.prediction.pending_commands import PendingCommands
 from cmpsp_ros.guidance.prediction.response_estimate import ResponseEstimate
 from cmpsp_ros.guidance.safety.validation import Validator
@@ -30,7 +31,7 @@ from cmpsp_ros.mpsp import Hessian
 from cmpsp_ros.mpsp.qp import CLARABEL
 from cmpsp_ros.robots import TwistLimits
 from cmpsp_ros.robots.motion import with_lag
-from cmpsp_ros.sensing import Sight, Surroundings
+from cmpsp_ros.sensing import Sight, Sighting, Surroundings, Track
 from cmpsp_ros.world import FreeSpace
 from cmpsp_ros.world.grids import NO_FIELD, GridObstacle, OccupancyGrid
 from cmpsp_ros.world.obstacles import Capsule, MovingDiscs
@@ -43,6 +44,7 @@ _OFF = 1e-11
 # Corridors have the same code, and need scipy, which takes a third of a second to import.
 _A_ROAD = Annulus()
 _A_GRID = OccupancyGrid((50.0, 50.0, 0.0), 0.1, np.eye(8, dtype=np.uint8))
+_A_PERSON = Track(Track.SEEN, 0, _POST, *_A_GRID.origin[:2], 0.0, 0.0)
 _A_DISC = MovingDiscs(('disc',), np.zeros((1, 7)), np.zeros(1, np.int64))
 
 
@@ -118,6 +120,9 @@ def run_kernels(settings: LawSettings) -> None:
     start = PlanStart(pose, on_road.robot, World(_A_ROAD), _A_DISC, previous_control=controls[0])
     start = start._replace(reachable=_A_DISC, touchable=_A_DISC)
     Validator(on_road).check(start, controls, durations)
+    people, sighting = StandingPeople(), Sighting(0, _A_GRID)
+    for tracks in ((_A_PERSON,), ()):
+        people.update(0, tracks, sighting, settings.tracked)
     along_road(on_road, start, on_road.target, durations)
     if may_need_manoeuvres(on_road):
         ManoeuvreSearch(on_road, start, on_road.target._replace(heading=0.0)).advance()

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -11,8 +11,9 @@ from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.messages.tracks import MovingObject, PeerTrajectory, Track
 from cmpsp_ros.guidance.solver_settings import MovingObstacles
 from cmpsp_ros.guidance.times import NANOSECONDS
+from cmpsp_ros.mpsp.jit import allocation_free
 from cmpsp_ros.sensing import Sighting
-from cmpsp_ros.world.grids import Cell
+from cmpsp_ros.world.grids import Cell, Cells
 from cmpsp_ros.world.obstacles import NOTHING_MOVES, MovingDiscs
 
 _AHEAD: Final = 10.0  # time after which no encounter is predicted [s]
@@ -235,9 +236,30 @@ def _occupied(person: Track, sighting: Sighting, beyond: float) -> Array:
 
 def _cells(person: Track, sighting: Sighting, beyond: float, kind: Cell) -> Array:
     """Cells of a kind at the place of a person, or so far beyond [m], ``(K, 2)`` [m]."""
-    center, grid = np.array([[person.x, person.y]]), sighting.grid
-    radius = person.radius + beyond
-    near = grid.around(center, radius)
-    found = near.centers(*np.nonzero(near.cells == kind))
-    touching: Array = found[np.hypot(*(found - center).T) <= radius]
-    return touching
+    grid, radius = sighting.grid, person.radius + beyond
+    (x, y, yaw), around = grid.origin, math.ceil(radius / grid.resolution)
+    places = np.empty(((2 * around + 1) ** 2, 2))
+    frame = x, y, math.cos(yaw), math.sin(yaw), grid.resolution
+    disc = person.x, person.y, radius
+    return places[: _put_cells(places, grid.cells, int(kind), around, frame, disc)]
+
+
+@allocation_free
+def _put_cells(places: Array, cells: Cells, kind: int, around: int, frame: Any, disc: Any) -> int:
+    """Fill in the centres of cells of a kind in a disc (x, y, radius); how many there are."""
+    (left, low, cosine, sine, cell), (x, y, radius), count = frame, disc, 0
+    rows, columns = cells.shape
+    row = math.floor((cosine * (y - low) - sine * (x - left)) / cell) - around
+    column = math.floor((cosine * (x - left) + sine * (y - low)) / cell) - around
+    first, begin = min(max(row, 0), rows - 1), min(max(column, 0), columns - 1)
+    # Places are those of a grid that begins here.
+    left = left + cosine * (begin * cell) - sine * (first * cell)
+    low = low + sine * (begin * cell) + cosine * (first * cell)
+    for i in range(first, min(row + 2 * around + 1, rows)):
+        for j in range(begin, min(column + 2 * around + 1, columns)):
+            along, across = (j - begin + 0.5) * cell, (i - first + 0.5) * cell
+            place = left + cosine * along - sine * across, low + sine * along + cosine * across
+            if cells[i, j] == kind and math.hypot(place[0] - x, place[1] - y) <= radius:
+                places[count, 0], places[count, 1] = place
+                count += 1
+    return count

@@ -5,7 +5,6 @@ left in the end, it goes to a near one where it can stay for long.
 """
 
 import math
-from dataclasses import replace
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -54,12 +53,13 @@ class RetreatPlanner:
         reach = self._kept + self._cell * _CELLS
         near = moving.within(start.pose, reach, seconds)
         speeds = np.hypot(*moving.states[near, 2:4].T)
-        begins = self._clearance(start, moving.chosen(near), np.zeros(1))[0]
-        own = np.array([index not in moving.ways for index in near.tolist()], dtype=bool)
-        chosen = moving.chosen(near[(speeds > _MOVES) & (begins > 0.0) & own])
-        states = chosen.states.copy()
-        states[:, 5:] = 0.0
-        return replace(chosen, states=states)
+        places = placed(self._settings.footprint.discs, start.pose)
+        begins = moving.clearance(places).min(axis=0)[near]
+        is_threat = (speeds > _MOVES) & (begins > self._settings.robot_radius)
+        own = [index for index in near[is_threat].tolist() if index not in moving.ways]
+        chosen = moving.chosen(np.array(own, dtype=np.int64))
+        chosen.states[:, 5:] = 0.0
+        return chosen
 
     def touched_at_rest(self, start: PlanStart, threats: MovingDiscs) -> str:
         """Name of the first that touches a robot at rest; '' if none does."""

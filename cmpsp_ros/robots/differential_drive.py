@@ -1,6 +1,7 @@
 """The two-wheeled robot of the paper (91)."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -28,7 +29,7 @@ class DifferentialDrive(Robot):
         """Addresses of the functions below."""
         return addresses(_displace, _differentiate, _steer)
 
-    @property
+    @cached_property
     def wheels(self) -> Array:
         """The controls."""
         return np.eye(2)

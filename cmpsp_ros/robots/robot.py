@@ -52,7 +52,7 @@ class TwistLimits:
 
     def __post_init__(self) -> None:
         bounds = (self.speed, self.turn_rate, self.half_track)
-        if not np.isfinite(bounds).all() or min(bounds[:2]) < 0.0:
+        if not all(map(math.isfinite, bounds)) or min(bounds[:2]) < 0.0:
             wanted = 'finite numbers, speed and turn rate >= 0'
             raise ValueError(f'twist limits: found {bounds}, wanted {wanted}')
 
@@ -151,7 +151,7 @@ class Robot(ABC):
         """Names of the wheels in pictures."""
         return 'right', 'left'
 
-    @property
+    @cached_property
     def time_scaling(self) -> TimeScaling:
         """Time scaling of its controls along a path."""
         return TimeScaling(self.wheels, self.n_speeds)

@@ -140,7 +140,8 @@ class Validator:
             return reason, NO_RAMP
         still = start._replace(moving=NOTHING_MOVES)
         for ramp in self._ramps(start, controls, durations):
-            held = np.append(durations[:1], np.full(len(ramp), self._period))
+            held = np.full(len(ramp) + 1, self._period)
+            held[0] = durations[0]
             path = np.vstack([controls[:1], ramp])
             found = self._swept(still, path, held, len(held))
             if found.shortfall > _ROUNDING:
@@ -311,7 +312,7 @@ def reason_not_to_change(settings: LawSettings, start: PlanStart, controls: Arra
     """Reason not to send the first of controls ``(K, r)``, by acceleration or jerk; else ''."""
     commands, robot = np.vstack([start.previous_control, controls]), start.robot
     limit = settings.max_wheel_change
-    change = float(np.abs(np.diff(commands, axis=0) @ robot.rate_limits.T).max())
+    change = float(np.abs((commands[1:] - commands[:-1]) @ robot.rate_limits.T).max())
     if not change <= limit + CHANGE_ROUNDING:
         return (
             f'The plan changes a wheel by {change!r} rad/s from one command to the next, the'

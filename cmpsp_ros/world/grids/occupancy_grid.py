@@ -52,7 +52,7 @@ class OccupancyGrid:
             raise GridError('resolution', f'{self.resolution} m', 'a finite number > 0')
         shape = self.cells.shape
         check_size(shape)
-        if self.cells.dtype != np.uint8 or self.cells.max() > max(Cell):
+        if self.cells.dtype != np.uint8 or self.cells.max() > Cell.REMEMBERED:
             raise GridError('cells', f'{self.cells.dtype}, up to {self.cells.max()}', 'uint8, 0-3')
 
     @property

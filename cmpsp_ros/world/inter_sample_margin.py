@@ -100,7 +100,7 @@ def outside_moving(distance: Array, speeds: Array, limits: TwistLimits, period: 
     ``u``. A few ranges of ``w`` each count with their maxima: slightly conservative.
     """
     twists, beyond = _ranges(limits)
-    found, astray = np.empty(distance.shape), _astray(twists, beyond, period)
+    found, astray = np.empty(distance.shape), twists * beyond * period**2 / 8.0
     _put_outside_moving(found, distance, speeds, twists, astray, period)
     return found
 
@@ -108,7 +108,7 @@ def outside_moving(distance: Array, speeds: Array, limits: TwistLimits, period: 
 def outside_moving_known(distance: Array, speeds: Array, twists: Array, period: float) -> Array:
     """Like `outside_moving`, for distances ``(N, M)`` and one known arc each."""
     v, w = np.abs(twists[:, :1]), np.abs(twists[:, 1:])
-    return np.hypot(distance + _astray(v, w, period), (v + speeds) * period / 2.0)
+    return np.hypot(distance + v * w * period**2 / 8.0, (v + speeds) * period / 2.0)
 
 
 def at_ends(worse: Callable[[Any, Any], Any], of_arcs: NDArray[Scalar]) -> NDArray[Scalar]:
@@ -124,11 +124,6 @@ def _ranges(limits: TwistLimits) -> tuple[Array, Array]:
     w = np.linspace(0.0, limits.turn_rate, _RANGES + 1)
     speeds = limits.speed - limits.half_track * w
     return np.maximum(np.maximum(speeds[:-1], speeds[1:]), 0.0), w[1:]
-
-
-def _astray(v: Array, w: Array, period: float) -> Array:
-    """Distance by which a path may stray from its chord [m]."""
-    return np.asarray(v * w * period**2 / 8.0)
 
 
 @allocation_free

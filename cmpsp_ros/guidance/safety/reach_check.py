@@ -5,7 +5,7 @@ then. By induction, nothing touches the robot while it moves.
 """
 
 import math
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -62,14 +62,13 @@ class ReachCheck:
         if not start.reachable.names:
             return ''
         sets, robot, discs = self._sets(start), start.robot, self._discs
-        times = np.cumsum(durations) - durations
+        times, obstacles = np.cumsum(durations) - durations, len(sets.begins)
         twists = np.ascontiguousarray(robot.twist(controls))
         poses = robot.roll_out(start.pose, controls, durations)
-        states, found = sets.discs.on_arcs(times, durations), np.empty((2, len(sets.begins)))
-        swept = np.empty((2, len(times), len(sets.begins)))
+        found = short, least = np.empty(obstacles), np.empty(obstacles)
+        swept, states = np.empty((2, len(times), obstacles)), sets.discs.on_arcs(times, durations)
         arcs, limits = (poses, twists, durations, times), (sets.begins, sets.there, sets.is_lost)
-        count = _fall_short(found, swept, *limits, discs, states, *arcs, _AT_REST)
-        short, least = found
+        count = _fall_short(found, swept, discs, states, arcs, limits, _AT_REST)
         worst = int(short.argmax())
         if short[worst] <= _ROUNDING:
             return ''
@@ -104,42 +103,32 @@ class ReachCheck:
 
 @allocation_free
 def _fall_short(
-    found: Array,  # filled in: by how much each set is too near, and its clearance, ``(2, M)``
-    swept: Array,  # the clearance on each arc, and that of a robot at rest, ``(2, K, M)``
-    begins: Array,
-    there: Array,
-    is_lost: BoolArray,
-    points: Array,
-    states: Array,
-    poses: Array,
-    twists: Array,
-    durations: Array,
-    times: Array,
-    at_rest: Array,
+    found: Any, swept: Array, points: Array, states: Array, arcs: Any, limits: Any, at_rest: Array
 ) -> int:
     """Sweep a path past sets as of `put_clearance`; the number of steps up to its last that moves.
 
-    `begins`, `there` and `is_lost` are as in `_Sets`; `at_rest` is a twist ``(1, 2)``.
+    Fills in by how much each set is too near and its clearance, ``(M,)`` each, and that on each arc
+    and of a robot at rest, ``(2, K, M)``. `limits` are those of `_Sets`, `at_rest` a twist.
     """
+    (short, least), (poses, twists, durations, times) = found, arcs
+    begins, there, is_lost = limits
     count = 0
     for k in range(twists.shape[0]):
-        for a in range(twists.shape[1]):
-            if twists[k, a] != 0.0:
-                count = k + 1
+        if twists[k].any():
+            count = k + 1
     driven, standing, durations = swept[0], swept[1], durations[:count]
     put_clearance(driven, points, states, poses, twists, durations, times)
     if is_lost.any():
         put_clearance(standing, points, states, poses, at_rest, durations, times)
     for j in range(begins.shape[0]):
-        least, is_no_nearer = math.inf, is_lost[j]
+        least[j], is_no_nearer = math.inf, is_lost[j]
         for k in range(count):
-            if driven[k, j] < least or math.isnan(driven[k, j]):
-                least = driven[k, j]
+            if driven[k, j] < least[j] or math.isnan(driven[k, j]):
+                least[j] = driven[k, j]
             is_no_nearer = is_no_nearer and standing[k, j] - driven[k, j] <= ROUGHNESS
-        short = (begins[j] - ROUGHNESS if begins[j] < 0.0 else 0.0) - least
+        short[j] = (begins[j] - ROUGHNESS if begins[j] < 0.0 else 0.0) - least[j]
         if count == 0 or is_no_nearer:
-            short = 0.0
+            short[j] = 0.0
         elif there[j] < 0.0:
-            short = math.inf
-        found[0, j], found[1, j] = short, least
+            short[j] = math.inf
     return count

@@ -6,7 +6,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import accumulate
 from typing import NamedTuple
 
 import numpy as np
@@ -72,7 +71,7 @@ class FreeSpace:
             road,
             road.space(distance),
             np.array(corners, dtype=float).reshape(1, -1, 2),
-            np.array([0, *accumulate(counts)], dtype=np.int64),
+            np.array([0, *counts], dtype=np.int64).cumsum(),
             np.array([obstacle.radius + distance for obstacle in obstacles], dtype=float),
             tuple(each for each in obstacles if isinstance(each, GridObstacle)),
             discs,

@@ -69,15 +69,14 @@ class ReachCheck:
         swept, states = np.empty((2, len(times), obstacles)), sets.discs.on_arcs(times, durations)
         arcs, limits = (poses, twists, durations, times), (sets.begins, sets.there, sets.is_lost)
         count = _fall_short(found, swept, discs, states, arcs, limits, _AT_REST)
-        worst = int(short.argmax())
-        if short[worst] <= _ROUNDING:
+        if short.max() <= _ROUNDING:
             return ''
         if np.abs(self._footprint.speeds_and_turns(twists)[:, 0]).max() <= CREEP:
             stands = np.hypot(*sets.seen.states[:, 2:4].T) <= CREEP
             kept = np.where(stands, np.minimum(sets.there, 0.0), sets.there) - ROUGHNESS
             path = poses[:count], twists[:count], durations[:count], times[:count]
             short[sets.seen.at_rest().along(*path, discs).min(axis=0) >= kept] = 0.0
-            worst = int(short.argmax())
+        worst = int(short.argmax())
         if short[worst] <= _ROUNDING:
             return ''
         name = start.reachable.names[worst]

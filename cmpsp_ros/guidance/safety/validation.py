@@ -140,8 +140,7 @@ class Validator:
             return reason, NO_RAMP
         still = start._replace(moving=NOTHING_MOVES)
         for ramp in self._ramps(start, controls, durations):
-            held = np.full(len(ramp) + 1, self._period)
-            held[0] = durations[0]
+            held = np.array([durations[0], *[self._period] * len(ramp)])
             path = np.vstack([controls[:1], ramp])
             found = self._swept(still, path, held, len(held))
             if found.shortfall > _ROUNDING:
@@ -235,10 +234,8 @@ class Validator:
     ) -> tuple[Any, ...]:
         """Arguments of `sweep_plan`, each always of the same type."""
         pose, robot, world, moving, progress, *_ = start
-        space, legs = self._space(world), _NO_LEGS
+        legs = moving.grown(self._radius).legs(durations) if moving.names else _NO_LEGS
         things = len(world.names) + len(moving.names)
-        if moving.names:
-            legs = moving.grown(self._radius).legs(durations)
         if self._scratch.shape[1] != things:
             self._scratch = np.empty((2, things))
         return (
@@ -250,7 +247,7 @@ class Validator:
             robot.kinematics,
             committed,
             self._between,
-            space.data,
+            self._space(world).data,
             legs,
             float(progress),
         )

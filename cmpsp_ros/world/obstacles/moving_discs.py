@@ -167,10 +167,7 @@ class MovingDiscs:
         return clearance
 
     def on_arcs(self, times: Array, durations: Array) -> Array:
-        """States ``(K, M, 7)`` from which each disc drives straight on in the time of each arc.
-
-        One for all arcs, ``(1, M, 7)``, where they do so all the time.
-        """
+        """States from which discs go straight on during each arc, ``(K, M, 7)`` or one for all."""
         if not self.ways:
             return self.states[None]
         states = np.tile(self.states, (len(times), 1, 1))

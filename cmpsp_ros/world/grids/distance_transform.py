@@ -26,7 +26,8 @@ def distance_field(grid: OccupancyGrid, *, unknown_is_free: bool = False) -> Dis
     frame['cosine'], frame['sine'] = math.cos(grid.origin[2]), math.sin(grid.origin[2])
     frame['cell'], frame['is_free_beyond'] = grid.resolution, unknown_is_free
     distances = signed_distances(occupied)
-    np.clip(distances, -_FAR, _FAR, out=distances)
+    if math.isinf(distances[0, 0]):
+        np.clip(distances, -_FAR, _FAR, out=distances)
     distances *= grid.resolution
     return DistanceField(frame, distances)
 
@@ -72,8 +73,12 @@ def _transform(
         first = 0
         for j in range(1, columns + 1):
             if j == columns or marked[i, j] != marked[i, first]:
-                _along_run(distances, marked[i, first], i, first, j, heights, begins, lowest)
+                _along_run(distances[i], first, j, heights, begins, lowest)
                 first = j
+    # All roots at once are vector instructions.
+    for i in range(rows):
+        for j in range(columns):
+            distances[i, j] = (-0.5 if marked[i, j] else 0.5) * math.sqrt(distances[i, j])
 
 
 @allocation_free
@@ -95,32 +100,22 @@ def _along_columns(distances: Array, marked: BoolArray) -> None:
 
 @allocation_free
 def _along_run(
-    distances: Array,
-    is_marked: bool,
-    i: int,
-    first: int,
-    end: int,
-    heights: Array,
-    begins: Array,
-    lowest: IntArray,
+    row: Array, first: int, end: int, heights: Array, begins: Array, lowest: IntArray
 ) -> None:
-    """Distances of a run of cells of one kind, from those in their columns [cells]."""
+    """Squares of the distances of a run of cells of one kind, from those in their columns."""
     before = 0.0 if first > 0 else math.inf
     for j in range(first, end):
-        away = distances[i, j] * distances[i, j]
-        heights[j], before = min(before, away), away
-    heights[end] = 0.0 if end < distances.shape[1] else before
+        row[j] = row[j] * row[j]
+        heights[j], before = min(before, row[j]), row[j]
+    heights[end] = 0.0 if end < len(row) else before
     count = _envelope(heights, first, end, begins, lowest)
     j = first
     for k in range(count):
         lowest_k, height = lowest[k], heights[lowest[k]]
         while j < end and not begins[k + 1] < j + 0.5:
             away = 2.0 * (j - lowest_k) + 1.0
-            distances[i, j] = min(distances[i, j], math.sqrt(height + away * away))
+            row[j] = min(row[j], height + away * away)
             j += 1
-    sign = -0.5 if is_marked else 0.5
-    for j in range(first, end):
-        distances[i, j] = sign * distances[i, j]
 
 
 @allocation_free

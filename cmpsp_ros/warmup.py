@@ -36,7 +36,7 @@ from cmpsp_ros.parameters import TABLE, ParameterError, guidance_settings, load_
 from cmpsp_ros.parameters.files import preset_names, robots_in
 from cmpsp_ros.sensing import Beams, LocalGrid
 from cmpsp_ros.simulator import People, PeopleSettings, Walker, cast
-from cmpsp_ros.world.grids import GridObstacle
+from cmpsp_ros.world.grids import GridObstacle, small_groups
 
 
 def new_pool(workers: int, *begin: Any) -> ProcessPoolExecutor:
@@ -213,6 +213,7 @@ def _scans() -> None:
     grid = LocalGrid(1.0, 0.1, 1.0)
     grid.see(Beams(0, ends[0], ends, ends, np.ones(1, dtype=bool), is_sweep=True))
     _ = GridObstacle('seen', grid.at(0)).islands
+    small_groups(np.zeros((3, 3), dtype=bool), 1, 1)
 
 
 def _method() -> None:

@@ -9,6 +9,7 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.messages.tracks import MovingObject, Track
+from cmpsp_ros.guidance.prediction.bystanders import bystanders
 from cmpsp_ros.guidance.prediction.obstacle_tracker import (
     ObstacleTracker,
     StandingPeople,
@@ -124,20 +125,22 @@ class Estimator:
 
         Wheels that lag by ``T`` move as ones that obey at once, so much later.
         """
-        stamp, pose, road = seen.stamp, seen.pose, world.road
+        stamp, pose, road, known = seen.stamp, seen.pose, world.road, self._settings.tracked
         moving = reachable = touchable = NOTHING_MOVES
         if seen.tracks or self.tracker.ids:
-            known, tracks = self._settings.tracked, seen.tracks
-            tracks = within_reach(tracks, pose, self.robot.max_speed)
+            tracks = within_reach(seen.tracks, pose, self.robot.max_speed)
             expected = as_expected(tracks, self._settings.control_period)
             moving = self.tracker.update(stamp, pose, expected, known)
             reachable = reachable_sets(stamp, tracks, moving, known)
             touchable = as_seen(stamp, tracks, moving, known)
             self.among_people |= any(isinstance(each, Track) for each in seen.tracks)
         if seen.sighting is not None:
-            self.people.update(stamp, seen.tracks, seen.sighting, self._settings.tracked)
-        if standing := self.people.standing:
-            known = self._settings.tracked
+            self.people.update(stamp, seen.tracks, seen.sighting, known)
+        standing = self.people.standing
+        if self.among_people and seen.sighting is not None:
+            near = bystanders(stamp, pose, seen.sighting, world, known.max_acceleration)
+            standing = (*standing, *near)
+        if standing:
             planned = ObstacleTracker().update(stamp, pose, standing, known)
             reachable = reachable.joined(reachable_sets(stamp, standing, planned, known))
             touchable = touchable.joined(as_seen(stamp, standing, planned, known))

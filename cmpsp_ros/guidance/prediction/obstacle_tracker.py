@@ -149,6 +149,11 @@ def _velocities(seen: Track, top: float) -> tuple[float, float, float]:
     return scale * seen.vx, scale * seen.vy, math.sqrt(max(top * top - along * along, 0.0))
 
 
+def time_to_walk(distance: float, acceleration: float) -> int:
+    """Time in which somebody who sets off [m/s^2] has walked so far [m], in [ns]."""
+    return round(math.sqrt(2.0 * distance / max(acceleration, _SLOWEST)) * NANOSECONDS)
+
+
 class StandingPeople:
     """Remembers seen people whose tracks end where the grid has somebody stand from then on.
 
@@ -183,8 +188,7 @@ class StandingPeople:
                 known[number] = replace(each, vx=0.0, vy=0.0, position_stddev=0.0)
                 self._beside[number] = _occupied(each, before, _ASIDE)
                 self._around[number] = _occupied(each, sighting, _AROUND)
-        unseen = math.sqrt(2.0 * _ASIDE / max(settings.max_acceleration, _SLOWEST))
-        rested = stamp - round(unseen * NANOSECONDS)
+        rested = stamp - time_to_walk(_ASIDE, settings.max_acceleration)
         standing = []
         for number, each in known.items():
             if number in moving:

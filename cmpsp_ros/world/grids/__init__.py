@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from cmpsp_ros.front_door import lazy_exports
 
 if TYPE_CHECKING:
+    from cmpsp_ros.world.grids.cell_groups import small_groups
     from cmpsp_ros.world.grids.distance_transform import distance_field
     from cmpsp_ros.world.grids.field_functions import NO_FIELD, DistanceField, Fields
     from cmpsp_ros.world.grids.grid_obstacle import GridObstacle

@@ -1,14 +1,13 @@
 """The occupied cells of a grid as one obstacle that stands still."""
 
-import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar, Final
+from typing import Any, ClassVar
 
 import numpy as np
 
-from cmpsp_ros.arrays import Array, BoolArray, IntArray
-from cmpsp_ros.mpsp.jit import allocation_free
+from cmpsp_ros.arrays import Array, BoolArray
+from cmpsp_ros.world.grids.cell_groups import islands_of
 from cmpsp_ros.world.grids.distance_transform import AROUND, distance_field
 from cmpsp_ros.world.grids.field_functions import DistanceField
 from cmpsp_ros.world.grids.occupancy_grid import Cell, GridError, OccupancyGrid
@@ -61,61 +60,6 @@ class GridObstacle(Shape):
         within = self.field.distances[AROUND:-AROUND, AROUND:-AROUND] <= distance
         found = [self.grid.corners(*loop) for loop in loops(within)]
         return sorted(found, key=lambda line: -len(line))
-
-
-_MOST: Final = 24
-
-
-def islands_of(occupied: BoolArray) -> tuple[IntArray, IntArray]:
-    """Rows and columns of the middlemost cell of the largest groups that do not touch the rim.
-
-    `occupied` ``(rows, columns)``; groups hang together at corners, too.
-    """
-    cells = np.empty(np.count_nonzero(occupied), dtype=np.int64)
-    middles, sizes = np.empty_like(cells), np.empty_like(cells)
-    count = _collect(middles, sizes, cells, occupied.copy())
-    largest = np.argsort(-sizes[:count], kind='stable')[:_MOST]
-    rows, columns = np.divmod(middles[largest], occupied.shape[1])
-    return rows, columns
-
-
-@allocation_free
-def _collect(middles: IntArray, sizes: IntArray, cells: IntArray, left: BoolArray) -> int:
-    """Fill in the groups, in the order of their first cells; how many there are."""
-    rows, columns = left.shape
-    count = 0
-    for i in range(rows):
-        for j in range(columns):
-            if not left[i, j]:
-                continue
-            left[i, j], cells[0], size, is_inner = False, i * columns + j, 1, True
-            at = row_sum = column_sum = 0
-            while at < size:
-                row, column = cells[at] // columns, cells[at] % columns
-                row_sum, column_sum, at = row_sum + row, column_sum + column, at + 1
-                is_inner &= 0 < row < rows - 1 and 0 < column < columns - 1
-                for m in range(max(row - 1, 0), min(row + 2, rows)):
-                    for n in range(max(column - 1, 0), min(column + 2, columns)):
-                        if left[m, n]:
-                            left[m, n], cells[size] = False, m * columns + n
-                            size += 1
-            if is_inner:
-                middle = _nearest(cells, size, columns, row_sum / size, column_sum / size)
-                middles[count], sizes[count] = middle, size
-                count += 1
-    return count
-
-
-@allocation_free
-def _nearest(cells: IntArray, size: int, columns: int, row: float, column: float) -> int:
-    """The first of the cells that are nearest to a place."""
-    nearest, least = 0, math.inf
-    for k in range(size):
-        away_row, away_column = cells[k] // columns - row, cells[k] % columns - column
-        away = away_row * away_row + away_column * away_column
-        if away < least or (away == least and cells[k] < nearest):
-            nearest, least = cells[k], away
-    return nearest
 
 
 Node = tuple[int, int]

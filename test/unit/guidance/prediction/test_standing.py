@@ -120,10 +120,10 @@ def test_nobody_else_is_remembered(before, tracks, there):
 
 
 def test_a_wall_beside_a_track_that_ends_is_nobody_who_stands():
-    wall, shifted = (0.0, 0.67), (0.0, 0.62)
-    near = sighting(wall)
-    assert after(there=sighting(wall, shifted), beside=near).reachable.names == ()
-    assert after(there=sighting(wall, (0.0, 0.25)), beside=near).reachable.names == ('person 1',)
+    wall, shifted = [(0.05 * k + 0.02, 0.67) for k in range(-8, 9)], (0.0, 0.62)
+    near = sighting(*wall)
+    assert after(there=sighting(*wall, shifted), beside=near).reachable.names == ()
+    assert after(there=sighting(*wall, (0.0, 0.25)), beside=near).reachable.names == ('person 1',)
 
 
 def test_one_who_sets_off_is_not_there_twice():

@@ -17,7 +17,7 @@ class Track:
     DOUBTS: ClassVar = ('position_stddev', 'velocity_stddev')
     """Further ones, which a message may lack: then they are 0."""
 
-    id: int  # its number, the same in each message; negative for one that may be somebody
+    id: int  # its number, the same in each message
     stamp: int  # time at which it was seen [ns]
     radius: float  # [m]
     x: float  # centre [m]
@@ -30,8 +30,6 @@ class Track:
     @property
     def name(self) -> str:
         """Name in messages."""
-        if self.id < 0:
-            return 'somebody standing'
         source, number = divmod(self.id, self.SEEN)
         if self.is_seen:
             return f'person {number}'

@@ -22,17 +22,26 @@ _SIDES: Final = 0.1, 0.7  # longest side of the cells of a leg, and of a person 
 _KNOWN: Final = 0.15  # distance from a known obstacle up to which it is that what is seen [m]
 
 
+class Bystander(Track):
+    """Somebody who may stand somewhere; the number is of one control step alone."""
+
+    @property
+    def name(self) -> str:
+        """Name in messages."""
+        return 'somebody standing'
+
+
 def bystanders(
     stamp: int, pose: Array, sighting: Sighting, world: World, acceleration: float
-) -> tuple[Track, ...]:
-    """Tracks at rest of all that may be a person near a pose ``(3,)`` at a time [ns].
+) -> tuple[Bystander, ...]:
+    """All that may be a person near a pose ``(3,)`` at a time [ns].
 
     The disc of each begins where the robot sees it, and lies behind. With an `acceleration`
     [m/s^2] they may have walked since the time stamp of the track.
     """
     grid = sighting.grid.around(pose[None, :2], _NEAR)
     sides = [round(each / grid.resolution) for each in _SIDES]
-    since, found = stamp - time_to_walk(grid.resolution, acceleration), list[Track]()
+    since, found = stamp - time_to_walk(grid.resolution, acceleration), list[Bystander]()
     for cells in small_groups(grid.cells == Cell.OCCUPIED, *sides):
         away = grid.centers(*cells.T) - pose[:2]
         distances = np.hypot(*away.T)
@@ -40,7 +49,7 @@ def bystanders(
         radius = grid.resolution * float(np.ptp(cells, axis=0).max() + 1) / 2.0
         behind = (radius - grid.resolution / 2.0) / max(float(distances[nearest]), 2.0 * radius)
         x, y = (pose[:2] + (1.0 + behind) * away[nearest]).tolist()
-        found.append(Track(-1 - len(found), since, radius, x, y, 0.0, 0.0))
+        found.append(Bystander(len(found), since, radius, x, y, 0.0, 0.0))
     is_known = _are_known(np.array([(each.x, each.y, each.radius) for each in found]), world)
     return tuple(each for each, known in zip(found, is_known, strict=True) if not known)
 

@@ -193,7 +193,7 @@ class StandingPeople:
         for number, each in known.items():
             if number in moving:
                 continue
-            if not len(_cells(each, sighting, _ASIDE, Cell.FREE)):  # out of sight
+            if not _is_in_sight(each, sighting):
                 if stamp - each.stamp <= _FORGOTTEN:
                     standing.append(each)
                 continue
@@ -226,6 +226,11 @@ class StandingPeople:
 def _has_new(occupied: Array, before: Array, sighting: Sighting) -> bool:
     apart = np.linalg.norm(occupied[:, None] - before, axis=-1).min(axis=1, initial=math.inf)
     return bool((apart > _BESIDE * sighting.grid.resolution).any())
+
+
+def _is_in_sight(person: Track, sighting: Sighting) -> bool:
+    """True if sensors look at a place beside a person."""
+    return len(_cells(person, sighting, _ASIDE, Cell.FREE)) > 0
 
 
 def _occupied(person: Track, sighting: Sighting, beyond: float) -> Array:

@@ -1,10 +1,11 @@
 """Reading bags, ours and those of `ros2 bag`, with bounded memory."""
 
+import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Self, cast
+from typing import Any, Final, Self, cast
 
 from rosbags.interfaces import Connection, ConnectionExtRosbag2, Qos
 from rosbags.rosbag2 import Reader, ReaderError
@@ -22,6 +23,9 @@ from cmpsp_ros.bags.definitions import types_of
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.storage.checks import check_bag
 from cmpsp_ros.bags.storage.common import METADATA, SUFFIXES, is_locked
+
+Window = tuple[float, float]  # times of reception [ns], up to but without the last
+ALWAYS: Final = (-math.inf, math.inf)
 
 _MAX_REASON = 500
 
@@ -91,14 +95,18 @@ class Bag:
         for connection, stamp, raw in self._records(*topics):
             yield connection.topic, stamp, raw
 
-    def messages(self, topic: str) -> Iterator[tuple[int, Any]]:
+    def messages(self, topic: str, window: Window = ALWAYS) -> Iterator[tuple[int, Any]]:
         """Iterate as `raw`, with objects that have the fields of the message's type."""
-        for _, stamp, message in self.together([topic]):
+        for _, stamp, message in self.together([topic], window):
             yield stamp, message
 
-    def together(self, topics: Sequence[str]) -> Iterator[tuple[str, int, Any]]:
+    def together(
+        self, topics: Sequence[str], window: Window = ALWAYS
+    ) -> Iterator[tuple[str, int, Any]]:
         """Iterate as `messages` over several topics in order of time, the topic's name first."""
         for connection, stamp, raw in self._records(*topics):
+            if not window[0] <= stamp < window[1]:
+                continue
             name, topic = connection.msgtype, connection.topic
             if name not in self._types:
                 with self._readable(f'topic {topic} cannot be read'):

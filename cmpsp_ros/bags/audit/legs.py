@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
+from operator import attrgetter
 
 import numpy as np
 
 from cmpsp_ros.arrays import Array, BoolArray, IntArray
 from cmpsp_ros.bags.decision_record import DecisionRecord
-from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.bags.reader import Bag, Window
 from cmpsp_ros.bags.runs.odometry import (
     Hole,
     OdometrySeries,
@@ -23,6 +24,7 @@ from cmpsp_ros.bags.runs.odometry import (
 )
 from cmpsp_ros.bags.runs.run import DrivenPath
 from cmpsp_ros.guidance import GuidanceSettings, to_nanoseconds
+from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.robots.motion import plain, with_side
 from cmpsp_ros.sensing import stamp_of
 
@@ -30,6 +32,8 @@ _TWIST, _STAMPED = 'geometry_msgs/msg/Twist', 'geometry_msgs/msg/TwistStamped'
 
 # Difference up to which a command is what a decision says [m/s, rad/s]: it is computed anew.
 _SAME = 1e-9
+
+_stamp = attrgetter('stamp')
 
 
 @dataclass(frozen=True)
@@ -164,8 +168,28 @@ class Leg:
     truth: OdometrySeries | None  # the true poses, in order of time; None without a simulator
     commands: Commands  # in order of time
     runs: tuple[RunSpan, ...]  # in order of time; none before the first command
-    window: tuple[float, float]  # reception of its first odometry, and of that of the next leg [ns]
+    window: Window  # reception of its first odometry, and of that of the next leg [ns]
     settings: GuidanceSettings  # in force at first
+    decisions: tuple[DecisionRecord, ...]  # none in the bag of another program
+    tracks: tuple[Track, ...] = ()  # moving obstacles as received, by id and time
+    people: tuple[Track, ...] = ()  # people in the simulator as they truly were, by id and time
+    # Paths of the other robots to be avoided, by namespace.
+    others: Mapping[str, DrivenPath] = field(default_factory=dict)
+
+    @cached_property
+    def last_used(self) -> dict[tuple[int | str, int], int]:
+        """Stamp of the last decision that used a track [ns], by its key."""
+        return {key: each.stamp for each in self.decisions for key in each.tracks}
+
+    @cached_property
+    def people_stamps(self) -> IntArray:
+        """Times at which people are known [ns]."""
+        return np.unique(np.array([each.stamp for each in self.people], dtype=np.int64))
+
+    @cached_property
+    def moving(self) -> tuple[list[Track], list[Track]]:
+        """Moving obstacles and people, in order of time."""
+        return sorted(self.tracks, key=_stamp), sorted(self.people, key=_stamp)
 
     @cached_property
     def path(self) -> DrivenPath:
@@ -252,7 +276,7 @@ def split(
             true = None if truth is None else truth.received_within(begin, end)
             last = int(max(each.stamps[-1], 0 if true is None else true.stamps[-1]))
             runs = _runs(some, inside, last, settings)
-            yield Leg(each, true, some, runs, (begin, end), settings)
+            yield Leg(each, true, some, runs, (begin, end), settings, tuple(inside))
 
 
 def _runs(

@@ -1,7 +1,8 @@
 """Checks of the path: clear, feasible for the wheels, and at the goal in the end."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
+from itertools import chain
 from typing import Final
 
 import numpy as np
@@ -15,11 +16,11 @@ from cmpsp_ros.bags.audit.finding import (
     check,
 )
 from cmpsp_ros.bags.audit.legs import Commands, Leg
-from cmpsp_ros.bags.audit.record import EDGES, AuditRecord, Sweep, path_gap
+from cmpsp_ros.bags.audit.record import EDGES, AuditRecord, Met, Sweep, path_gap
 from cmpsp_ros.bags.audit.sensor_gaps import sensor_gap
 from cmpsp_ros.bags.decision_record import DecisionRecord
 from cmpsp_ros.bags.runs.odometry import interpolated, is_within
-from cmpsp_ros.bags.runs.sensor_clearance import EXACT, Encounter, driven_into
+from cmpsp_ros.bags.runs.sensor_clearance import EXACT, driven_into
 from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings
 from cmpsp_ros.robots.motion import arc_ends
 from cmpsp_ros.world.obstacles import ROUGHNESS
@@ -95,11 +96,12 @@ def _apart_in_words(worst: Sample) -> str:
     return f'{said} Something moves {-stood:.3g} m into it while it stands.' if stood < 0 else said
 
 
-def _apart(met: Sequence[Encounter], where: str) -> Iterator[Sample]:
+def _apart(legs: Met, where: str) -> Iterator[Sample]:
+    met = [each for some in legs for each in some]
     stood = min(float(each.clearance[each.stands].min(initial=math.inf)) for each in met)
     if all(each.stands.all() for each in met):
         raise NothingMetError('The robot stands while anything moves.')
-    for each, clearance in driven_into(met):
+    for each, clearance in chain.from_iterable(map(driven_into, legs)):
         value, at = float(clearance.min()), int(each.stamps[clearance.argmin()])
         words = {'nearest': each.name, 'where': where, 'stood': stood}
         yield Sample(value, 0.0, at, -value - _ROUNDING, words=words)
@@ -114,7 +116,7 @@ _APART: Final = {'unit': 'm', 'good': _apart_in_words, 'bad': _apart_in_words}
 )  # fmt: skip
 def moving(record: AuditRecord) -> Iterator[Sample]:
     """Clearance from moving obstacles at their predicted positions, while the robot moved."""
-    if not record.encounters:
+    if not any(record.encounters):
         if record.unusable['moving']:
             raise NotJudgedError(record.unusable['moving'])
         known = (key for each in record.decisions for key, _ in each.tracks)
@@ -137,7 +139,7 @@ def people(record: AuditRecord) -> Iterator[Sample]:
         if record.history.has_people:
             raise NotJudgedError(f'The bag lacks the people in {record.places.people}.')
         raise SkippedError('No people are known to walk about.')
-    if not record.people_met:
+    if not any(record.people_met):
         raise NothingMetError('Nobody comes near the robot.')
     yield from _apart(record.people_met, ', at its true position')
 
@@ -150,7 +152,7 @@ def others(record: AuditRecord) -> Iterator[Sample]:
     """Clearance from the other robots at their positions, while the robot moved."""
     if not record.settings.moving_obstacles.others:
         raise SkippedError('No other robots are to be kept clear of (others.namespaces).')
-    if not record.robot_encounters:
+    if not any(record.robot_encounters):
         reason = 'The bag has no path of others at the time of this one.'
         raise NotJudgedError(record.others_sentence or reason)
     yield from _apart(record.robot_encounters, '')
@@ -248,7 +250,7 @@ def commanded(record: AuditRecord) -> Iterator[Sample]:
 
 def in_effect(record: AuditRecord, leg: Leg) -> tuple[Commands, Array, Array]:
     """Finite commands of a leg, delays of their effects ``(M,)`` [s], and poses then ``(M, 3)``."""
-    decisions = {each.stamp: each for each in record.decisions}
+    decisions = {each.stamp: each for each in leg.decisions}
     commands = leg.commands.chosen(np.all(np.isfinite(leg.commands.twists), axis=1))
     delays = [
         _effect_delay(record.history.at(each), decisions.get(each))

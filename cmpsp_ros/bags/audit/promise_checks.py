@@ -16,6 +16,7 @@ from cmpsp_ros.bags.audit.legs import Commands
 from cmpsp_ros.bags.audit.path_checks import in_effect
 from cmpsp_ros.bags.audit.record import AuditRecord, path_gap
 from cmpsp_ros.bags.runs.odometry import arc_steps, is_within
+from cmpsp_ros.bags.runs.run import Planned
 from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings
 from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.robots import placed
@@ -49,26 +50,31 @@ def promise(record: AuditRecord) -> Iterator[Sample]:
 
     A command that brakes as hard as the wheels can is not judged.
     """
-    known = {each.key: each for each in record.tracks}
-    wanted = {key for each in record.decisions for key in each.tracks if isinstance(key[0], int)}
-    if missing := sorted(wanted - known.keys()):
+    missing = sorted(
+        key
+        for leg in record.legs
+        for key in leg.last_used.keys() - {each.key for each in leg.tracks}
+        if isinstance(key[0], int)
+    )
+    if missing:
         number, stamp = missing[0]
         raise NotJudgedError(
             f'{len(missing)} obstacles that decisions used are not in the bag, such as {number} at'
             f' {record.seconds(stamp):.2f} s.'
         )
-    if not known and record.unusable['moving']:
+    if not record.tracks and record.unusable['moving']:
         raise NotJudgedError(record.unusable['moving'])
-    if not known:
+    if not record.tracks:
         raise SkippedError('Nothing that moves is in the bag.')
     if unknown := sorted(_ASSUMED - set(record.history.given)):
         raise NotJudgedError(f'The parameters do not say {", ".join(unknown)}.')
-    used = {
-        each.stamp: [known[key] for key in each.tracks if key in known and known[key].is_seen]
-        for each in record.decisions
-    }
-    tracks = sorted(record.tracks, key=lambda each: (each.stamp, each.id))
-    for leg in record.legs:
+    for leg, plans in zip(record.legs, record.plans, strict=True):
+        known = {each.key: each for each in leg.tracks}
+        used = {
+            each.stamp: [known[key] for key in each.tracks if key in known and known[key].is_seen]
+            for each in leg.decisions
+        }
+        tracks = sorted(leg.tracks, key=lambda each: (each.stamp, each.id))
         commands, delays, poses = in_effect(record, leg)
         stamps = commands.stamps.tolist()
         latest, following = {}, iter([*tracks, None])
@@ -83,7 +89,7 @@ def promise(record: AuditRecord) -> Iterator[Sample]:
             if not seen or is_lost or not commands.moving[k] or _brakes(settings, commands, k):
                 continue
             begin = stamp + delays[k] * NANOSECONDS
-            stops = _stops(settings, poses[k], commands, k, record.plans.get(stamp))
+            stops = _stops(settings, poses[k], commands, k, plans.get(stamp))
             found = [_worst(settings, stop, seen, begin) for stop in stops]
             spare, name = max(found, key=lambda each: each[0])
             yield Sample(spare, 0.0, stamp, -spare - _TOLERANCE, words={'name': name})
@@ -118,7 +124,8 @@ def unseen(record: AuditRecord) -> Iterator[Sample]:
         raise NotJudgedError('The parameters do not say safety.stop_within_sight.')
     ids = ((each.stamp, key) for each in record.decisions for key, _ in each.tracks)
     moved = min((at for at, key in ids if isinstance(key, int)), default=math.inf)
-    for leg, seeing in zip(record.legs, record.knowledge(), strict=True):
+    known = zip(record.legs, record.plans, record.knowledge(), strict=True)
+    for leg, plans, seeing in known:
         commands, _, poses = in_effect(record, leg)
         for k, stamp in enumerate(commands.stamps.tolist()):
             settings = record.history.at(stamp)
@@ -130,7 +137,7 @@ def unseen(record: AuditRecord) -> Iterator[Sample]:
             if stamp < moved or not commands.moving[k]:
                 continue
             speed = float(np.hypot(*with_side(commands.twists[k : k + 1])[0, :2]))
-            stops = _stops(settings, poses[k], commands, k, record.plans.get(stamp))
+            stops = _stops(settings, poses[k], commands, k, plans.get(stamp))
             is_slow = speed <= _CREEP or _brakes(settings, commands, k)
             if is_slow or not all(_is_out_of_sight(settings, grids[-1], each) for each in stops):
                 speed = 0.0
@@ -166,7 +173,7 @@ def _brakes(settings: GuidanceSettings, commands: Commands, k: int) -> bool:
 
 
 def _stops(
-    settings: GuidanceSettings, pose: Array, commands: Commands, k: int, plan: Array | None
+    settings: GuidanceSettings, pose: Array, commands: Commands, k: int, plan: Planned | None
 ) -> Iterator[tuple[Array, Array]]:
     """Times ``(K,)`` and poses ``(K, 3)`` of a command and a stop: curved alike, or as the plan."""
     period, twist = settings.control_period, commands.twists[k]
@@ -174,8 +181,9 @@ def _stops(
         held = float(commands.stamps[k + 1] - commands.stamps[k]) / NANOSECONDS
         period = min(max(held, 0.0), period) or period
     yield _stop(settings, pose, twist[None], period)
-    if plan is not None and len(plan) > 2:
-        planned = arc_steps(plan[1:-1], plan[2:]) / settings.control_period
+    durations = np.empty(0) if plan is None else np.diff(plan.stamps[1:]) / NANOSECONDS
+    if plan is not None and len(durations) and durations.min() > 0.0:
+        planned = arc_steps(plan.poses[1:-1], plan.poses[2:]) / durations[:, None]
         planned = planned if len(twist) == 3 else planned[:, ::2]
         yield _stop(settings, pose, np.vstack([twist, planned]), period)
 

@@ -19,8 +19,15 @@ from cmpsp_ros.bags.audit.legs import Commands, Leg, Pairs
 from cmpsp_ros.bags.decision_record import DecisionRecord
 from cmpsp_ros.bags.names import Names
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.runs.odometry import OdometrySeries, holes, in_words, longest_interval, pieces
-from cmpsp_ros.bags.runs.run import DrivenPath, lifetime, plans_in, seen_at
+from cmpsp_ros.bags.runs.odometry import (
+    Hole,
+    OdometrySeries,
+    holes,
+    in_words,
+    longest_interval,
+    pieces,
+)
+from cmpsp_ros.bags.runs.run import DrivenPath, Planned, lifetime, plans_in, seen_at
 from cmpsp_ros.bags.runs.sensor_clearance import (
     Encounter,
     Knowledge,
@@ -35,8 +42,13 @@ from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.world.roads import FAR
 
 _NEAR = 3.0  # distance from the robot within which people are judged [m]
-_stamp = attrgetter('stamp')
+_NO_STAMPS = np.empty(0, np.int64)
+_stamp, _key = attrgetter('stamp'), attrgetter('key')
 EDGES = 2  # the first columns of a clearance are the road's edges
+
+
+Met = tuple[tuple[Encounter, ...], ...]
+"""Encounters in each leg."""
 
 
 @dataclass(frozen=True)
@@ -86,14 +98,22 @@ class AuditRecord:
     odometry: OdometrySeries
     commands: Commands
     decisions: tuple[DecisionRecord, ...]  # none in the bag of another program
-    tracks: tuple[Track, ...]  # moving obstacles as received, by id and time
-    people: tuple[Track, ...]  # people in the simulator as they truly were, by id and time
-    others: Mapping[str, DrivenPath]  # paths of the other robots to be avoided, by namespace
+    others: tuple[str, ...]  # namespaces of the other robots that are to be avoided and are known
     # Data that are lacking or cannot be used, in sentences, by the name of their check.
     unusable: Mapping[str, str]
     pairs: Pairs
     is_ours: bool  # true if the bag has the parameters of a guidance node of this package
     legs: tuple[Leg, ...]  # parts in which time does not jump back and commands were sent
+
+    @cached_property
+    def tracks(self) -> tuple[Track, ...]:
+        """Moving obstacles as received, by id and time."""
+        return tuple(sorted((e for leg in self.legs for e in leg.tracks), key=_key))
+
+    @cached_property
+    def people(self) -> tuple[Track, ...]:
+        """People in the simulator as they truly were, by id and time."""
+        return tuple(sorted((e for leg in self.legs for e in leg.people), key=_key))
 
     @cached_property
     def sweeps(self) -> tuple[Sweep, ...]:
@@ -133,7 +153,8 @@ class AuditRecord:
     def _look(self, bag: Bag, leg: Leg) -> list[SensorClearance]:
         """Sightings beside the path of a leg, by the outline of the robot at each time."""
         best = next((each.pieces for each in leg.known if each.pieces), ())
-        around = (best, leg.by_odometry.pieces), self._moving_at, leg.window
+        paths = best, leg.by_odometry.pieces
+        around = paths, partial(self._moving_at, leg), leg.window
         found, before = list[SensorClearance](), None
         for epoch in self.history.epochs:
             settings = epoch.settings
@@ -152,124 +173,115 @@ class AuditRecord:
                 yield Knowledge(sightings(bag, self.places.sighting, leg.window)).of
 
     @cached_property
-    def plans(self) -> dict[int, Array]:
-        """Poses ``(K, 3)`` [m, m, rad] of recorded plans, by the stamps of their decisions [ns]."""
+    def plans(self) -> tuple[dict[int, Planned], ...]:
+        """Recorded plans of each leg, by the stamps of their decisions [ns]."""
         with Bag(self.path) as bag:
-            return {each.stamp: each.poses for each in plans_in(bag, self.places.path)}
+            found = [plans_in(bag, self.places.path, leg.window) for leg in self.legs]
+        return tuple({each.stamp: each for each in plans} for plans in found)
 
     @cached_property
-    def encounters(self) -> tuple[Encounter, ...]:
+    def encounters(self) -> Met:
         """The same path, with the moving obstacles at their predicted positions."""
 
-        def along(path: DrivenPath, settings: GuidanceSettings) -> Iterator[Encounter]:
-            lasts = partial(self._lifetime, settings=settings)
-            return encounters(path, self.tracks, settings.bodies, lasts)
+        def along(leg: Leg, path: DrivenPath, settings: GuidanceSettings) -> Iterator[Encounter]:
+            lasts = partial(_lifetime, leg, settings)
+            return encounters(path, leg.tracks, settings.bodies, lasts)
 
-        return tuple(self._met(along))
-
-    @cached_property
-    def _last_used(self) -> dict[tuple[int | str, int], int]:
-        """Stamp of the last decision that used a track [ns], by its key."""
-        return {key: each.stamp for each in self.decisions for key in each.tracks}
-
-    def _lifetime(self, track: Track, settings: GuidanceSettings) -> float:
-        """Time for which a track counts [s]; between scans, as long as decisions use it."""
-        lasts = lifetime(track, settings)
-        if track.is_seen and track.key in self._last_used:
-            used = (self._last_used[track.key] - track.stamp) / NANOSECONDS
-            lasts = max(lasts, used + settings.control_period)
-        return lasts
+        return self._met(along)
 
     @cached_property
-    def people_met(self) -> tuple[Encounter, ...]:
+    def people_met(self) -> Met:
         """The same path, with the people near it at their true positions."""
-        stamps = self._people_stamps
-        longest = longest_interval(stamps, self.settings)
-        ages = np.append(np.diff(stamps), longest).clip(max=longest) / NANOSECONDS
-        lasts = dict(zip(stamps.tolist(), ages.tolist(), strict=True))
 
-        def along(path: DrivenPath, settings: GuidanceSettings) -> Iterator[Encounter]:
+        def along(leg: Leg, path: DrivenPath, settings: GuidanceSettings) -> Iterator[Encounter]:
+            stamps = leg.people_stamps
+            longest = longest_interval(stamps, self.settings)
+            ages = np.diff(np.append(stamps, stamps[-1:] + longest)).clip(max=longest) / NANOSECONDS
+            lasts = dict(zip(stamps.tolist(), ages.tolist(), strict=True))
             bodies, near = settings.bodies, _NEAR + settings.circumscribed_radius
-            at = np.searchsorted(path.stamps, [each.stamp for each in self.people], side='right')
+            at = np.searchsorted(path.stamps, [each.stamp for each in leg.people], side='right')
             places = path.poses[np.clip(at - 1, 0, len(path.poses) - 1), :2].tolist()
-            for each, place in zip(self.people, places, strict=True):
+            for each, place in zip(leg.people, places, strict=True):
                 if math.dist(place, (each.x, each.y)) < near + each.radius:
                     for met in encounters(path, (each,), bodies, lambda one: lasts[one.stamp]):
                         yield replace(met, name=f'person {each.id}')
 
-        return tuple(self._met(along))
+        return self._met(along)
 
     @cached_property
-    def robot_encounters(self) -> tuple[Encounter, ...]:
+    def robot_encounters(self) -> Met:
         """The same path, with the positions of the other robots at that time."""
 
-        def along(path: DrivenPath, settings: GuidanceSettings) -> Iterator[Encounter]:
+        def along(leg: Leg, path: DrivenPath, settings: GuidanceSettings) -> Iterator[Encounter]:
             known = settings.moving_obstacles
             around = known.others_radius, settings.bodies, known.timeout
-            for name, other in self.others.items():
+            for name, other in leg.others.items():
                 longest = longest_interval(other.stamps, self.settings)
                 for part in pieces(other, int(path.stamps[0]), int(path.stamps[-1]), longest):
                     first, last = (int(part.stamps[k]) for k in (0, -1))
                     yield from robot_encounters(path.between(first, last), {name: part}, *around)
 
-        return tuple(self._met(along))
+        return self._met(along)
 
     @cached_property
     def others_sentence(self) -> str:
         """Paths of other robots that are not recorded, in sentences; empty if all are."""
-        known = self.others.items()
-        gaps = (self._gap(f'The path of {name} is', path.stamps) for name, path in known)
+        gaps = []
+        for name in self.others:
+            found = (leg.others.get(name) for leg in self.legs)
+            stamps = [_NO_STAMPS if each is None else each.stamps for each in found]
+            gaps.append(self._gap(f'The path of {name} is', stamps))
         return ' '.join(filter(None, (self.unusable['others'], *gaps)))
 
     @cached_property
     def people_sentence(self) -> str:
         """When people in the simulator are not recorded, in sentences; empty if they always are."""
-        gap = self._gap('People are', self._people_stamps)
+        gap = self._gap('People are', [leg.people_stamps for leg in self.legs])
         return ' '.join(filter(None, (self.unusable['people'], gap)))
 
-    @cached_property
-    def _people_stamps(self) -> IntArray:
-        return np.unique([each.stamp for each in self.people])
+    def _gap(self, subject: str, stamps: Iterable[IntArray]) -> str:
+        """Holes from the first run to the end of the last, in a sentence; empty if none.
 
-    def _gap(self, subject: str, stamps: IntArray) -> str:
-        """Holes from the first run to the end of the last, in a sentence; empty if none."""
-        longest = longest_interval(stamps, self.settings)
-        spans = ((leg.runs[0].start, leg.runs[-1].end) for leg in self.legs)
-        found = [hole for span in spans for hole in holes(stamps, *span, longest)]
+        `stamps` are the times of what was recorded in each leg [ns].
+        """
+        found = list[Hole]()
+        for leg, known in zip(self.legs, stamps, strict=True):
+            longest = longest_interval(known, self.settings)
+            found += holes(known, leg.runs[0].start, leg.runs[-1].end, longest)
         return f'{subject} not recorded {in_words(found, self.start)}.' if found else ''
 
     def _met(
-        self, found_along: Callable[[DrivenPath, GuidanceSettings], Iterable[Encounter]]
-    ) -> Iterator[Encounter]:
+        self, found_along: Callable[[Leg, DrivenPath, GuidanceSettings], Iterable[Encounter]]
+    ) -> Met:
         """Encounters along the path by each source, with the parameters in force."""
-        for known in (each for leg in self.legs for each in leg.known):
-            for path in known.pieces:
-                for epoch, at in self.history.periods(path.stamps[:-1]):
-                    part = path.chosen(np.append(at, at[-1] + 1))
-                    for each in found_along(part, epoch.settings):
-                        yield replace(each, clearance=each.clearance + known.tolerance)
 
-    def _moving_at(self, stamp: int) -> Array:
+        def met(leg: Leg) -> Iterator[Encounter]:
+            for known in leg.known:
+                for path in known.pieces:
+                    for epoch, at in self.history.periods(path.stamps[:-1]):
+                        part = path.chosen(np.append(at, at[-1] + 1))
+                        for each in found_along(leg, part, epoch.settings):
+                            yield replace(each, clearance=each.clearance + known.tolerance)
+
+        return tuple(tuple(met(leg)) for leg in self.legs)
+
+    def _moving_at(self, leg: Leg, stamp: int) -> Array:
         """Discs of all that is known to move at a time [ns], ``(D, 3)`` [m]."""
         settings = self.history.at(stamp)
         moving = settings.moving_obstacles
         since = stamp - to_nanoseconds(moving.timeout)
         tracks = list[Track]()
-        for known in self._by_time:
+        for known in leg.moving:
             first = bisect_left(known, since, key=_stamp)
             last = bisect_right(known, stamp, key=_stamp)
             tracks += seen_at(known[first:last], stamp, settings)
         robots = [
             [*each.at(stamp)[:2].tolist(), moving.others_radius]
-            for each in self.others.values()
+            for each in leg.others.values()
             if each.stamps[0] <= stamp <= each.stamps[-1]
         ]
         discs = [[each.x, each.y, each.radius] for each in tracks]
         return np.array(discs + robots).reshape(-1, 3)
-
-    @cached_property
-    def _by_time(self) -> tuple[list[Track], ...]:
-        return sorted(self.tracks, key=_stamp), sorted(self.people, key=_stamp)
 
     @property
     def settings(self) -> GuidanceSettings:
@@ -289,6 +301,15 @@ class AuditRecord:
     def seconds(self, stamp: int) -> float:
         """Time since then [s]."""
         return (stamp - self.start) / NANOSECONDS
+
+
+def _lifetime(leg: Leg, settings: GuidanceSettings, track: Track) -> float:
+    """Time for which a track counts [s]; between scans, as long as decisions use it."""
+    lasts = lifetime(track, settings)
+    if track.is_seen and track.key in leg.last_used:
+        used = (leg.last_used[track.key] - track.stamp) / NANOSECONDS
+        lasts = max(lasts, used + settings.control_period)
+    return lasts
 
 
 def _changed(before: SensorClearance, after: SensorClearance, since: int) -> SensorClearance:

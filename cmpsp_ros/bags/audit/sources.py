@@ -1,18 +1,18 @@
 """Read a bag for its audit: choice of node and topics, and their messages."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from cmpsp_ros.bags.audit.history import read_history
-from cmpsp_ros.bags.audit.legs import pair, read_commands, split, timed
+from cmpsp_ros.bags.audit.legs import Leg, pair, read_commands, split, timed
 from cmpsp_ros.bags.audit.record import AuditRecord
 from cmpsp_ros.bags.decision_record import read_decisions, wheel_speeds
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.names import Names
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.runs.odometry import path_through, read_odometry
-from cmpsp_ros.bags.runs.run import DrivenPath, read_tracks, truth_topic
+from cmpsp_ros.bags.runs.odometry import OdometrySeries, path_through, read_odometry
+from cmpsp_ros.bags.runs.run import ReceivedTracks, read_tracks, truth_topic
 
 _NODE = 'guidance'
 
@@ -71,8 +71,11 @@ def _record(bag: Bag, sources: Sources) -> AuditRecord:
             f'found no two messages of {places.odom} around any of {places.cmd_vel}, wanted a drive'
         )
     moving = bag.as_decided_on(places.node, 'moving_obstacles')
+    topics = moving, places.tracks, places.people
+    found = [[read_tracks(bag, each, frame_id, leg.window) for each in topics] for leg in legs]
     told, seen, people = (
-        read_tracks(bag, topic, frame_id) for topic in (moving, places.tracks, places.people)
+        ' '.join(dict.fromkeys(each.refused for each in some if each.refused))
+        for some in zip(*found, strict=True)
     )
     names = [each for each in settings.moving_obstacles.others if each != places.namespace]
     others, unknown = _others(bag, names, frame_id)
@@ -83,28 +86,36 @@ def _record(bag: Bag, sources: Sources) -> AuditRecord:
         odometry=odometry,
         commands=commands,
         decisions=decisions,
-        tracks=told.tracks + seen.tracks,
-        people=people.tracks,
-        others=others,
+        others=tuple(others),
         unusable={
-            'moving': ' '.join(filter(None, (told.refused, seen.refused))),
-            'people': people.refused,
+            'moving': ' '.join(filter(None, (told, seen))),
+            'people': people,
             'others': unknown,
         },
         pairs=pairs,
         is_ours=places.node in bag.parameters,
-        legs=legs,
+        legs=tuple(_among(*each, others) for each in zip(legs, found, strict=True)),
     )
 
 
-def _others(bag: Bag, names: Sequence[str], frame_id: str) -> tuple[dict[str, DrivenPath], str]:
-    """Paths of other robots by namespace, the true ones if known; those lacking, in sentences."""
+def _among(
+    leg: Leg, received: Sequence[ReceivedTracks], others: Mapping[str, OdometrySeries]
+) -> Leg:
+    """A leg with all that moved then: obstacles told and seen, people, and other robots."""
+    told, seen, people = (each.tracks for each in received)
+    heard = {name: each.received_within(*leg.window) for name, each in others.items()}
+    paths = {name: path_through(each) for name, each in heard.items() if each is not None}
+    return replace(leg, tracks=told + seen, people=people, others=paths)
+
+
+def _others(bag: Bag, names: Sequence[str], frame_id: str) -> tuple[dict[str, OdometrySeries], str]:
+    """Poses of other robots by namespace, the true ones if known; those lacking, in sentences."""
     known, lacking = {}, []
     for each in names:
         heard = bag.as_decided_on(f'{each}/guidance', 'odom')
         try:
             topic = _topic(bag, truth_topic(bag, each, heard) or heard, '--odom')
-            known[each] = path_through(read_odometry(bag, topic, frame_id).by_stamp)
+            known[each] = read_odometry(bag, topic, frame_id)
         except BagError as error:
             reason = str(error).removeprefix(f'{bag.path}: ')
             lacking.append(f'The path of {each} is not known: {reason.rstrip(".")}.')

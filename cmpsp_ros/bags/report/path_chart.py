@@ -32,7 +32,7 @@ def moving(views: Sequence[View]) -> list[dict[str, Any]]:
             't': drawing.numbers(view.times),
             **_columns(_POSE, view.poses),
             'body': drawing.coordinates(drawing.body(view.settings)),
-            'others': [_of_robot(view, each) for each in view.others.values()],
+            'others': [_of_robot(view, each) for _, each in view.others],
             'disc': drawing.coordinates(drawing.disc(view.settings.moving_obstacles.others_radius)),
             'clearance': {
                 't': drawing.numbers(view.clearance[0]),
@@ -146,7 +146,7 @@ def frame_of(views: Sequence[View]) -> list[tuple[float, float]]:
     points = [np.array([goal.position for goal in goals_of(view)]) for view in views]
     points = [view.poses[:, :2] for view in views] + [each for each in points if len(each)]
     points += [drawing.map_corners(view.settings) for view in views]
-    points += [other.poses[:, :2] for view in views for other in view.others.values()]
+    points += [other.poses[:, :2] for view in views for _, other in view.others]
     points += [line for view in views for each in view.run[-1:] for line in each.lines]
     shapes = [shape for view in views for shape in (*view.shapes, *view.hidden)]
     low, high = drawing.frame(points, shapes, _ROOM * views[0].settings.road.width)

@@ -4,7 +4,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import groupby, pairwise
+from itertools import chain, groupby, pairwise
 from pathlib import Path
 
 import numpy as np
@@ -97,7 +97,7 @@ class View:
             ),
             Part('tracked', tuple(_places(each) for each in self.tracks if each[0].is_seen)),
             *(self._person(each) for each in self.people),
-            *(self._other(name, each) for name, each in self.others.items()),
+            *(self._other(name, each) for name, each in self.others),
             trail(self.settings, self.poses),
             bodies(body(self.settings), self.poses[[0, -1]]),
         )
@@ -108,14 +108,14 @@ class View:
         return _by_id(self.record.tracks)
 
     @cached_property
-    def others(self) -> dict[str, DrivenPath]:
-        """Paths of the other robots since the beginning, thinned, by namespace."""
-        found = {}
-        for name, each in self.record.others.items():
+    def others(self) -> tuple[tuple[str, DrivenPath], ...]:
+        """Namespaces of the other robots, and their paths since the beginning, thinned."""
+        found = []
+        for name, each in (pair for leg in self.record.legs for pair in leg.others.items()):
             chosen = thinned(np.flatnonzero(each.stamps >= self.record.start), MOST_POINTS)
             if len(chosen):
-                found[name] = each.chosen(chosen)
-        return found
+                found.append((name, each.chosen(chosen)))
+        return tuple(found)
 
     @property
     def end(self) -> float:
@@ -172,7 +172,7 @@ class View:
             (obstacles, self.record.encounters),
             (robots, self.record.robot_encounters),
         ):
-            for each in found:
+            for each in chain.from_iterable(found):
                 index = np.searchsorted(times, self._seconds(each.stamps), side='right') - 1
                 np.minimum.at(values, np.maximum(index, 0), each.clearance)
         settings, there = self.settings, World(self.settings.road, self.hidden)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.bags.decision_record import DecisionRecord, read_decisions
-from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.bags.reader import ALWAYS, Bag, Window
 from cmpsp_ros.guidance import NANOSECONDS, Goal, GuidanceSettings
 from cmpsp_ros.guidance.messages import Track, TrackError, heading_of, tracks_of
 from cmpsp_ros.robots.motion import arc_ends, plain
@@ -31,11 +31,13 @@ class ReceivedTracks(NamedTuple):
     refused: str  # messages that cannot be used, in a sentence; empty if there are none
 
 
-def read_tracks(bag: Bag, topic: str, frame_id: str | None) -> ReceivedTracks:
+def read_tracks(
+    bag: Bag, topic: str, frame_id: str | None, window: Window = ALWAYS
+) -> ReceivedTracks:
     """Messages of a topic in a frame, or in any; none if it is not there."""
     found: dict[tuple[int, int], Track] = {}
     refused: list[TrackError] = []
-    for _, message in bag.messages(topic) if topic in bag.topics else ():
+    for _, message in bag.messages(topic, window) if topic in bag.topics else ():
         try:
             for each in tracks_of(
                 message, message.header.frame_id if frame_id is None else frame_id
@@ -81,10 +83,11 @@ def lifetime(track: Track, settings: GuidanceSettings) -> float:
 
 @dataclass(frozen=True)
 class Planned:
-    """A plan as published on `~/predicted_path`: time [ns] and poses ``(N + 1, 3)`` [m, m, rad]."""
+    """A plan as published on `~/predicted_path`."""
 
-    stamp: int
-    poses: Array
+    stamp: int  # time at which it was made [ns]
+    stamps: IntArray  # time of each pose [ns], shape ``(N + 1,)``
+    poses: Array  # shape ``(N + 1, 3)`` [m, m, rad]
 
     @property
     def points(self) -> Array:
@@ -195,18 +198,19 @@ def truth_topic(bag: Bag, namespace: str, odom: str) -> str:
     return truth if truth in bag.topics and odom == f'{namespace}/odom' else ''
 
 
-def plans_in(bag: Bag, topic: str) -> tuple[Planned, ...]:
+def plans_in(bag: Bag, topic: str, window: Window = ALWAYS) -> tuple[Planned, ...]:
     """The plans that a bag has in a topic; none if it has no such topic."""
     plans = []
     bag.require_type(topic, 'nav_msgs/msg/Path')
-    for _, message in bag.messages(topic) if topic in bag.topics else ():
+    for _, message in bag.messages(topic, window) if topic in bag.topics else ():
         poses = [
             (each.pose.position.x, each.pose.position.y, heading_of(each.pose.orientation))
             for each in message.poses
         ]
         # One pose is where the robot stands.
         if len(poses) > 1:
-            plans.append(Planned(stamp_of(message), np.array(poses)))
+            stamps = np.array([stamp_of(each) for each in message.poses], dtype=np.int64)
+            plans.append(Planned(stamp_of(message), stamps, np.array(poses)))
     return tuple(plans)
 
 

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from cmpsp_ros.arrays import Array, BoolArray, IntArray
-from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.bags.reader import Bag, Window
 from cmpsp_ros.bags.runs.odometry import Hole, holes, longest_interval
 from cmpsp_ros.bags.runs.run import DrivenPath
 from cmpsp_ros.guidance import NANOSECONDS, SEEN, GuidanceSettings, to_nanoseconds
@@ -116,8 +116,6 @@ def _tracks(driven: DrivenPath) -> list[Track]:
     return [Track(0, stamp, 0.0, x, y, vx, vy) for stamp, (x, y), (vx, vy) in rows]
 
 
-Window = tuple[float, float]
-
 EXACT: Final = 0.05  # error of ranges, odometry and cells together [m]
 _GRID: Final = 'nav_msgs/msg/OccupancyGrid'
 
@@ -172,10 +170,9 @@ class Knowledge:
 def sightings(bag: Bag, topic: str, window: Window) -> Iterator[tuple[int, OccupancyGrid]]:
     """Stamp [ns] and grid of each `~/sighting` that was received in a time [ns]."""
     if topic in bag.topics and bag.topics[topic].msgtype == _GRID:
-        for received, message in bag.messages(topic):
-            if window[0] <= received < window[1]:
-                with suppress(GridError):
-                    yield stamp_of(message), grid_of(message, message.header.frame_id)
+        for _, message in bag.messages(topic, window):
+            with suppress(GridError):
+                yield stamp_of(message), grid_of(message, message.header.frame_id)
 
 
 def look(
@@ -305,8 +302,8 @@ def _scans(
         name = each.topic_in(namespace)
         if name in bag.topics and bag.topics[name].msgtype == each.message_type:
             sensors.setdefault(name, []).append(each)
-    for name, received, message in bag.together(list(sensors)) if sensors else ():
-        for sensor in sensors[name] if window[0] <= received < window[1] else ():
+    for name, _, message in bag.together(list(sensors), window) if sensors else ():
+        for sensor in sensors[name]:
             # The node refuses it too.
             with suppress(ScanError):
                 sight = sight_of(message, sensor)

@@ -28,6 +28,7 @@ from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 START = 1_700_000_000 * SECOND
 ODOM_PERIOD = SECOND // 50
 LATENCY = 4_000_000
+AGAIN = 60 * SECOND  # time until messages of a drive are received once more
 
 
 @dataclass
@@ -68,6 +69,7 @@ class Drive:
     stamped: bool = False
     odom: str = 'odom'
     cmd_vel: str = 'cmd_vel'
+    records: list = field(default_factory=list)  # further ones: topic, time of reception, message
 
     def copy(self):
         return copy.deepcopy(self)
@@ -102,6 +104,16 @@ class Drive:
         drive.decisions = [
             each._replace(stamp=each.stamp + shift, run=run) for each in drive.decisions
         ]
+        return drive
+
+    def again(self):
+        """The same drive, and once more after time has jumped back, without decisions."""
+        drive, other = self.copy(), self.copy()
+        for each in (*other.odometry, *other.commands):
+            each.received += AGAIN
+        drive.odometry += other.odometry
+        drive.commands += other.commands
+        drive.decisions = []
         return drive
 
     def write(self, path):
@@ -145,6 +157,7 @@ class Drive:
             yield changes, stamp, parameter_event(node, {key: value}, stamp)
         for since, values in [(START, self.parameters), *self.restarts] if self.restarts else ():
             yield f'{node}/parameters', since, all_parameters(node, values, since)
+        yield from self.records
 
 
 def drive_case(preset='case3', rest=0.4, **changes):

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from drives import SECOND, START
+from drives import AGAIN, SECOND, START
 from test_people_met import beside, scanned
 
 from cmpsp_ros.bags.audit import CheckOutcome, Sources
@@ -30,6 +30,17 @@ def test_another_robot_is_judged_by_its_path(drive, outcomes, away, outcome):
     found = outcomes(with_other(drive, away))['others']
     assert found.outcome is outcome
     assert found.worst == pytest.approx(away - 0.3, abs=0.01)
+
+
+@pytest.mark.parametrize('is_near', [0, 1], ids=['before', 'after'])
+def test_after_time_has_jumped_back_another_robot_is_elsewhere(drive, outcomes, is_near):
+    ways = [with_other(drive.copy(), away).other for away in (2.0, 0.2)]
+    drive = with_other(drive).again()
+    later = [replace(each, received=each.received + AGAIN) for each in ways[is_near]]
+    drive.other = ways[1 - is_near] + later
+    found = outcomes(drive)['others']
+    assert found.outcome is FAILED
+    assert found.worst == pytest.approx(-0.1, abs=0.01)
 
 
 @pytest.mark.parametrize(

@@ -6,8 +6,8 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from bag_messages import header, make
-from drives import SECOND, START, drive_settings
+from bag_messages import cloud, header, make
+from drives import AGAIN, SECOND, START, drive_settings
 from test_promise import SCANNER
 
 from cmpsp_ros.bags.audit import CheckOutcome
@@ -20,11 +20,11 @@ from cmpsp_ros.world.obstacles import Obstacle
 PASSED, FAILED, SKIPPED, NOT_JUDGED = CheckOutcome
 
 
-def beside(drive, distance, begin=3.0, end=5.0):
+def beside(drive, distance, begin=3.0, end=5.0, else_at=50.0):
     """Somebody who keeps at a distance to the left of the robot for a while, else far away."""
     for each in drive.odometry:
         x, y, heading = each.pose
-        away = distance if begin <= (each.stamp - START) / 1e9 <= end else 50.0
+        away = distance if begin <= (each.stamp - START) / 1e9 <= end else else_at
         place = x - away * math.sin(heading), y + away * math.cos(heading)
         drive.people.append((each.stamp, [(0, *place, 0.0, 0.0, 0.25)]))
     return drive
@@ -36,6 +36,21 @@ def test_people_are_judged_by_their_true_positions(drive, outcomes, distance, ou
     assert found.outcome is outcome
     assert found.worst == pytest.approx(distance - 0.25, abs=0.03)
     assert 'person 0' in found.sentence
+
+
+@pytest.mark.parametrize('away', [50.0, -50.0], ids=['left', 'right'])
+@pytest.mark.parametrize('is_met', [0, 1], ids=['before', 'after'])
+def test_after_time_has_jumped_back_people_are_others(drive, outcomes, is_met, away):
+    """The same instants come again, and the robot meets somebody in one of both legs only."""
+    met = beside(drive.copy(), 0.2, else_at=away).people
+    unmet = beside(drive.copy(), away, else_at=away).people
+    legs = (unmet, met) if is_met else (met, unmet)
+    drive = drive.again()
+    drive.people = legs[0]
+    drive.records = [('/sim/people', t + AGAIN, cloud(t, *said)) for t, *said in legs[1]]
+    found = outcomes(drive)['people']
+    assert found.outcome is FAILED
+    assert found.worst == pytest.approx(-0.05, abs=0.03)
 
 
 @pytest.mark.parametrize(('distance', 'outcome'), [(3.9, FAILED), (4.3, PASSED), (9.0, SKIPPED)])

@@ -5,11 +5,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from drives import SECOND, START, drive_settings
+from bag_messages import cloud
+from drives import AGAIN, SECOND, START, drive_settings
 
 from cmpsp_ros.bags.audit import CheckOutcome
-from cmpsp_ros.bags.audit.promise_checks import _stop
+from cmpsp_ros.bags.audit.legs import Commands
+from cmpsp_ros.bags.audit.promise_checks import _stop, _stops
 from cmpsp_ros.bags.runs.odometry import arc_steps
+from cmpsp_ros.bags.runs.run import Planned
 from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.robots.motion import arc_ends
 from cmpsp_ros.sensing import REMEMBERED
@@ -133,6 +136,33 @@ def test_a_stop_bends_with_each_period_as_the_plan_does(drive, outcomes, turn_ra
     plan = drive.decisions[k].plan._replace(poses=poses)
     drive.decisions[k] = drive.decisions[k]._replace(plan=plan)
     assert outcomes(drive)['promise'].outcome is outcome
+
+
+@pytest.mark.parametrize('away', [2.5, -2.5], ids=['left', 'right'])
+@pytest.mark.parametrize('is_near', [0, 1], ids=['before', 'after'])
+def test_after_time_has_jumped_back_other_obstacles_are_there(drive, outcomes, is_near, away):
+    places = [beside(drive.copy(), 4.0, *each).obstacles[0] for each in ((away,), (0.4, 1.6))]
+    drive = drive.again()
+    drive.obstacles = [places[1 - is_near]]
+    stamp, *said = places[is_near]
+    drive.records = [('/moving_obstacles', stamp + AGAIN, cloud(stamp, *said))]
+    assert outcomes(drive)['promise'].outcome is FAILED
+
+
+@pytest.mark.parametrize('lasts', [0.5, 1.0, 1.5])
+def test_the_last_interval_of_a_plan_is_shorter_or_longer_than_a_period(drive, lasts):
+    """It is driven as fast as the others, whose speed falls by a fifth a period."""
+    settings = drive_settings(drive)
+    period, robot = settings.control_period, settings.robot
+    change = 0.2 * np.abs(robot.wheel_speeds(np.array([1.0, 0.0]))).max()
+    robot = replace(robot, max_wheel_acceleration=change / period)
+    times = np.array([0.0, 1.0, 2.0, 2.0 + lasts]) * period
+    poses = np.column_stack([times, np.zeros((4, 2))])
+    plan = Planned(0, np.round(times * SECOND).astype(np.int64), poses)
+    stamps = np.array([0])
+    commands = Commands(stamps, stamps, np.array([[1.0, 0.0]]), stamped=True)
+    stop = [*_stops(replace(settings, robot=robot), np.zeros(3), commands, 0, plan)][1]
+    assert stop[1][-1] == pytest.approx([3.0 * period, 0.0, 0.0])
 
 
 @pytest.mark.parametrize(

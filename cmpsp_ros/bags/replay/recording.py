@@ -126,7 +126,8 @@ class Recording:
         self.goals: deque[tuple[int, int, Goal]] = deque(maxlen=_MAX_MESSAGES)
         self._commands: deque[tuple[int, tuple[float, float, float]]] = deque(maxlen=_MAX_MESSAGES)
         self._paths: dict[int, tuple[Waypoint, ...]] = {}
-        self._tracks: dict[tuple[int | str, int], messages.MovingObject] = {}
+        # Time of reception [ns] and moving obstacle, by the key of a decision.
+        self._tracks: dict[tuple[int | str, int], tuple[int, messages.MovingObject]] = {}
         self._sightings: dict[int, Sighting] = {}
         self._first = True
 
@@ -160,7 +161,7 @@ class Recording:
                     what = f'the plan that {number} made'
                     topic = messages.PeerTrajectory.topic(number)
                 raise self._lacks(decision, what, stamp, topic)
-        return tuple(self._tracks[key] for key in decision.tracks)
+        return tuple(self._tracks[key][1] for key in decision.tracks)
 
     def sighting(self, decision: DecisionRecord) -> Sighting | None:
         """Surroundings as known to a decision; raises `BagError` if they are not in the bag."""
@@ -189,13 +190,13 @@ class Recording:
         twist = getattr(message, 'twist', message)
         self._commands.append((received, (twist.linear.x, twist.linear.y, twist.angular.z)))
 
-    def _read_tracks(self, _received: int, message: Any, peer: str | None = None) -> None:
+    def _read_tracks(self, received: int, message: Any, peer: str | None = None) -> None:
         # The node refused invalid ones, too.
         with suppress(messages.TrackError):
             if peer is None:
-                self._note(messages.tracks_of(message, self._frame_id))
+                self._note(received, messages.tracks_of(message, self._frame_id))
             else:
-                self._note([messages.PeerTrajectory.of(message, peer, self._frame_id)])
+                self._note(received, [messages.PeerTrajectory.of(message, peer, self._frame_id)])
 
     def _read_sighting(self, _received: int, message: Any) -> None:
         stamp = stamp_of(message)
@@ -219,9 +220,12 @@ class Recording:
         if (changed := changes_in(message, self._names.node)) is not None:
             self.changes.append((received, changed))
 
-    def _note(self, tracks: Iterable[messages.MovingObject]) -> None:
+    def _note(self, received: int, tracks: Iterable[messages.MovingObject]) -> None:
         for each in tracks:
-            self._tracks[each.key] = max(each, self._tracks.get(each.key, each))
+            at, known = self._tracks.pop(each.key, (received, each))
+            # Where time has jumped back, the same instant comes again.
+            is_again = received - at > SLACK
+            self._tracks[each.key] = received, each if is_again else max(each, known)
         while len(self._tracks) > _MAX_TRACKS:
             del self._tracks[next(iter(self._tracks))]
 

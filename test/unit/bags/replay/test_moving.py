@@ -98,6 +98,20 @@ def test_replayed_bit_for_bit(met):
     assert outcome.decisions == len(decisions) == 51
 
 
+@pytest.mark.parametrize('aside', [-1.0, 1.0])
+def test_after_time_has_jumped_back_it_is_elsewhere_at_the_same_instants(tmp_path, aside):
+    bag, (x, *rest) = tmp_path / 'bag', ONCOMING
+    with Encounter(bag) as run:
+        run.go(2.5)
+        run.law.reset()
+        run.behind, run.known = 2 * SECOND, Tracks()
+        run.mover = x + aside, *rest
+        run.go(2.5)
+    used = [track.key for each in run.decisions for track in each.tracks]
+    assert len(used) > len(set(used)) > 5
+    assert replay(bag, Names.under('')).differences == 0
+
+
 def test_a_bag_without_them_is_refused(met, tmp_path):
     kind, bag, _ = met
     lacking = altered(bag, tmp_path / 'lacking', dropping(kind.topic))

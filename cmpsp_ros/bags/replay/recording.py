@@ -108,14 +108,14 @@ class Recording:
             EVENTS: self._read_change,
             names.cmd_vel: self._read_command,
             names.path: self._read_path,
-            names.moving: self._read_tracks,
-            f'{names.node}/moving_obstacles': self._read_tracks,
+            names.moving: self._read_told,
+            f'{names.node}/moving_obstacles': self._read_told,
             names.tracks: self._read_tracks,
             names.sighting: self._read_sighting,
             goal_pose: self._read_goal,
         }
         for topic, namespace in names.others(others).items():
-            self._read[topic] = partial(self._read_tracks, peer=namespace)
+            self._read[topic] = partial(self._read_plan, peer=namespace)
         there = [topic for topic in self._read if topic in bag.topics and topic != names.odom]
         self._topics = [names.odom, names.decision, *there]
         self.odometry: deque[OdometrySample] = deque(maxlen=_MAX_MESSAGES)
@@ -190,13 +190,18 @@ class Recording:
         twist = getattr(message, 'twist', message)
         self._commands.append((received, (twist.linear.x, twist.linear.y, twist.angular.z)))
 
-    def _read_tracks(self, received: int, message: Any, peer: str | None = None) -> None:
-        # The node refused invalid ones, too.
+    # The node refused invalid ones, too.
+    def _read_told(self, received: int, message: Any) -> None:
         with suppress(messages.TrackError):
-            if peer is None:
-                self._note(received, messages.tracks_of(message, self._frame_id))
-            else:
-                self._note(received, [messages.PeerTrajectory.of(message, peer, self._frame_id)])
+            self._note(received, messages.told_tracks_of(message, self._frame_id))
+
+    def _read_tracks(self, received: int, message: Any) -> None:
+        with suppress(messages.TrackError):
+            self._note(received, messages.tracks_of(message, self._frame_id))
+
+    def _read_plan(self, received: int, message: Any, peer: str) -> None:
+        with suppress(messages.TrackError):
+            self._note(received, [messages.PeerTrajectory.of(message, peer, self._frame_id)])
 
     def _read_sighting(self, _received: int, message: Any) -> None:
         stamp = stamp_of(message)

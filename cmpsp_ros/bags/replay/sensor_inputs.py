@@ -53,7 +53,7 @@ class SensorInputs:
                     self._refused.setdefault(topic, str(error))
             try:
                 if topic == names.moving:
-                    told.add(messages.tracks_of(message, settings.frame_id))
+                    told.add(messages.told_tracks_of(message, settings.frame_id))
                 elif topic == names.odom and (odometry := self._odometry(received, message)):
                     stamp, pose = odometry.stamp, odometry.pose
                     known.update(stamp, pose)

@@ -11,8 +11,6 @@ if TYPE_CHECKING:
     from cmpsp_ros.guidance.messages.poses import (
         OdometryError,
         OdometryReading,
-        TransformError,
-        Transforms,
         compose,
         goal_of,
         heading_of,
@@ -24,8 +22,10 @@ if TYPE_CHECKING:
         Tracks,
         check_track_age,
         read_keys,
+        told_tracks_of,
         tracks_of,
     )
+    from cmpsp_ros.guidance.messages.transforms import TransformError, Transforms
     from cmpsp_ros.sensing import Track
 
 __getattr__, __all__ = lazy_exports(__name__, __file__)

@@ -11,7 +11,7 @@ import numpy as np
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.messages.objects import TrackedObject, objects_of
 from cmpsp_ros.guidance.messages.poses import compose
-from cmpsp_ros.guidance.messages.tracks import MAX_TRACKS, PeerTrajectory, TrackError, problem_of
+from cmpsp_ros.guidance.messages.tracks import PeerTrajectory, TrackError, problem_of
 from cmpsp_ros.guidance.times import NANOSECONDS
 from cmpsp_ros.sensing import MotionFilter, Track, TrackSource, stamp_of
 
@@ -43,8 +43,6 @@ class ObjectTracks:
         `motion` ``(3,)`` its velocity; an object not seen for `timeout` [s] is forgotten.
         """
         objects, stamp = objects_of(message, self._source.type), stamp_of(message)
-        if len(objects) > MAX_TRACKS:
-            raise TrackError(f'There are {len(objects)} objects, wanted {MAX_TRACKS} at most.')
         seen = [self._placed(each, stamp, there, motion) for each in objects]
         self._forget(stamp - round(timeout * NANOSECONDS))
         found = []
@@ -138,7 +136,10 @@ def _with_state(track: Track, estimate: MotionFilter) -> Track:
 
 
 class TrackFusion:
-    """Association of tracks of one object, of which the surest is kept until another is surer."""
+    """Association of tracks of one object, of which the surest is kept until another is surer.
+
+    So is one that covers more: one source may see a part of a vehicle, or somebody beside it.
+    """
 
     def __init__(self) -> None:
         self._paired: set[frozenset[int]] = set()
@@ -154,10 +155,14 @@ class TrackFusion:
                 objects[row].append(tracks[column])
             taken = {column for _, column in found}
             objects += [[each] for k, each in enumerate(tracks) if k not in taken]
-        kept = [min(each, key=lambda track: self._doubt(track, stamp)) for each in objects]
+        surest = [min(each, key=lambda track: self._doubt(track, stamp)) for each in objects]
         self._paired = {frozenset({one.id, a.id}) for one, *rest in objects for a in rest}
-        self._chosen = {each.id for each in kept}
-        return kept
+        self._chosen = {each.id for each in surest}
+        return [
+            each
+            for best, tracks in zip(surest, objects, strict=True)
+            for each in (best, *(one for one in tracks if _sticks_out(one, best, stamp)))
+        ]
 
     def _distance(self, one: Track, other: Track, stamp: int) -> float:
         """Squared Mahalanobis distance; infinite where neither centre is in the other's disc."""
@@ -189,6 +194,13 @@ def without_robots(
         for each in tracks
         if all(math.dist(_place(each, stamp)[0], place) > radius for place in places)
     ]
+
+
+def _sticks_out(one: Track, other: Track, stamp: int) -> bool:
+    """True if a disc is not within another one, by more than the doubt about their places."""
+    (place, stddev), (place_, stddev_) = _place(one, stamp), _place(other, stamp)
+    doubt = math.hypot(stddev, stddev_, _CENTER * min(one.radius, other.radius))
+    return math.dist(place, place_) + one.radius - other.radius > 3.0 * doubt
 
 
 def _place(track: Track, stamp: int) -> tuple[tuple[float, float], float]:

@@ -4,14 +4,20 @@ Covariances become the standard deviation of their worst axis, shapes a disc tha
 """
 
 import math
+from collections import Counter
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
+from itertools import islice
 from typing import Any, Final, NamedTuple, get_args, get_type_hints
 
 from cmpsp_ros.guidance.messages.poses import check_frame, heading_of
-from cmpsp_ros.guidance.messages.tracks import TrackError, tracks_of
-from cmpsp_ros.sensing import TrackSource
+from cmpsp_ros.guidance.messages.tracks import MAX_TRACKS, TrackError, tracks_of
+from cmpsp_ros.guidance.times import NANOSECONDS
+from cmpsp_ros.sensing import TrackSource, stamp_of
 
+_YAW: Final = 35  # index of the variance of the heading in a covariance of 6 x 6
 _CYLINDER, _POLYGON = 1, 2  # shapes of autoware_perception_msgs
+_LATE: Final = 0.1  # difference of stamps of an object and its message that does not matter [s]
+_UPRIGHT: Final = math.cos(math.radians(20.0))  # least cosine of the lean of a box that is upright
 _TRACKED: Final = 1  # detection level of derived_object_msgs from which on a velocity is valid
 
 
@@ -32,9 +38,11 @@ def objects_of(message: Any, kind: str) -> list[TrackedObject]:
 
     A name that occurs twice names nobody, as the id 0 of a costmap_converter without tracking.
     """
-    found = list(_CONVERTERS[kind](message))
-    names = [each.name for each in found]
-    return [each._replace(name=None) if names.count(each.name) > 1 else each for each in found]
+    found = list(islice(_CONVERTERS[kind](message), MAX_TRACKS + 1))
+    if len(found) > MAX_TRACKS:
+        raise TrackError(f'There are more than {MAX_TRACKS} objects, wanted that many at most.')
+    counts = Counter(each.name for each in found)
+    return [each._replace(name=None) if counts[each.name] > 1 else each for each in found]
 
 
 def is_relative(kind: str) -> bool:
@@ -55,7 +63,14 @@ def _detections(message: Any) -> Iterator[TrackedObject]:
         place, size = each.bbox.center.position, each.bbox.size
         surest = max(each.results, key=lambda one: one.hypothesis.score, default=None)
         stddev = 0.0 if surest is None else _worst_axis(surest.pose.covariance, 7)
-        yield TrackedObject(each.id or None, place.x, place.y, _of_box(size), None, stddev)
+        yield TrackedObject(
+            each.id or None,
+            place.x,
+            place.y,
+            _of_box(size, each.bbox.center.orientation),
+            None,
+            stddev,
+        )
 
 
 def _autoware(message: Any) -> Iterator[TrackedObject]:
@@ -63,10 +78,14 @@ def _autoware(message: Any) -> Iterator[TrackedObject]:
     for each in message.objects:
         posed, moved = each.kinematics.pose_with_covariance, each.kinematics.twist_with_covariance
         place, twist = posed.pose.position, moved.twist.linear
-        heading = heading_of(posed.pose.orientation)
+        turned, speed = posed.pose.orientation, math.hypot(twist.x, twist.y)
+        if speed > 0.0 and not math.hypot(turned.x, turned.y, turned.z, turned.w) > 0.0:
+            name = bytes(each.object_id.uuid).hex()
+            raise TrackError(f'Object {name} moves without an orientation, wanted a quaternion.')
+        heading = heading_of(turned)
         cosine, sine = math.cos(heading), math.sin(heading)
         velocity = cosine * twist.x - sine * twist.y, sine * twist.x + cosine * twist.y
-        radius = _of_box(each.shape.dimensions)
+        radius = _of_box(each.shape.dimensions, turned)
         if each.shape.type == _CYLINDER:
             radius = each.shape.dimensions.x / 2.0
         elif each.shape.type == _POLYGON:
@@ -78,7 +97,11 @@ def _autoware(message: Any) -> Iterator[TrackedObject]:
             radius,
             velocity,
             _worst_axis(posed.covariance, 7),
-            _worst_axis(moved.covariance, 7),
+            # Of one whose heading is in doubt, so is the direction in which it moves.
+            math.hypot(
+                _worst_axis(moved.covariance, 7),
+                speed * min(math.sqrt(max(posed.covariance[_YAW], 0.0)), 2.0),
+            ),
         )
 
 
@@ -116,7 +139,9 @@ def _derived(message: Any) -> Iterator[TrackedObject]:
         _check_frame(message, each)
         place, twist = each.pose.position, each.twist.linear
         velocity = (twist.x, twist.y) if each.detection_level == _TRACKED else None
-        yield TrackedObject(each.id, place.x, place.y, _of_solid(each.shape), velocity)
+        corners = (math.dist((one.x, one.y), (place.x, place.y)) for one in each.polygon.points)
+        radius = max(_of_solid(each.shape), *corners, 0.0)
+        yield TrackedObject(each.id, place.x, place.y, radius, velocity)
 
 
 _CONVERTERS: Final[dict[str, Callable[[Any], Iterable[TrackedObject]]]] = dict(
@@ -129,10 +154,13 @@ _CONVERTERS: Final[dict[str, Callable[[Any], Iterable[TrackedObject]]]] = dict(
 
 
 def _check_frame(message: Any, part: Any) -> None:
-    """Refuse an object that names another frame than the header of all."""
+    """Refuse an object of another frame or time than the header of all, if it names one."""
     if part.header.frame_id:
         frame_id = message.header.frame_id
         check_frame('An object is', part.header.frame_id, frame_id, TrackError)
+    off = (stamp_of(message) - stamp_of(part)) / NANOSECONDS
+    if stamp_of(part) != 0 and abs(off) > _LATE:
+        raise TrackError(f'An object was seen {off:.3f} s before its message, wanted its stamp.')
 
 
 def _worst_axis(covariance: Sequence[float], yy: int) -> float:
@@ -142,8 +170,14 @@ def _worst_axis(covariance: Sequence[float], yy: int) -> float:
     return math.sqrt(variance) if variance > 0.0 else variance
 
 
-def _of_box(size: Any) -> float:
-    return math.hypot(size.x, size.y) / 2.0
+def _of_box(size: Any, turned: Any = None) -> float:
+    """Radius of a box; of one that leans, all around it."""
+    height = 0.0
+    if turned is not None:
+        length = turned.x**2 + turned.y**2 + turned.z**2 + turned.w**2
+        up = turned.w**2 + turned.z**2 - turned.x**2 - turned.y**2
+        height = size.z if up < _UPRIGHT * length else 0.0
+    return math.hypot(size.x, size.y, height) / 2.0
 
 
 def _of_solid(shape: Any) -> float:

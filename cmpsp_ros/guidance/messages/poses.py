@@ -1,11 +1,8 @@
-"""Poses in messages, the checks that all messages share, and transforms from `/tf`."""
+"""Poses in messages, and the checks that all messages share."""
 
 from __future__ import annotations
 
 import math
-from bisect import bisect_right
-from collections import deque
-from functools import reduce
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -16,7 +13,6 @@ from cmpsp_ros.guidance.times import NANOSECONDS
 from cmpsp_ros.sensing import is_place, stamp_of
 
 RECEIVED: Final = 'goal_pose'  # name of a goal that is received during a run
-_MAX_KEPT: Final = 1000  # transforms of a frame that are remembered
 
 
 class OdometryError(ValueError):
@@ -107,95 +103,6 @@ def check_age(
         raise error(
             f'{subject} {-age:.3f} s ahead of the clock ({key} {timeout} s); is use_sim_time right?'
         )
-
-
-class TransformError(ValueError):
-    """A transform is not known; the message names the frames, and says why."""
-
-
-class _Known(NamedTuple):
-    """Poses of a frame in its parent at some instants [ns]."""
-
-    parent: str
-    is_static: bool
-    stamps: deque[int]
-    poses: deque[Array]
-
-
-class Transforms:
-    """Buffer of transforms."""
-
-    def __init__(self) -> None:
-        self._known: dict[str, _Known] = {}
-
-    def add(self, message: Any, *, is_static: bool = False) -> None:
-        """Add a `tf2_msgs/TFMessage`, but for transforms not finite; later ones are forgotten."""
-        for each in message.transforms:
-            parent, child, stamp = each.header.frame_id, each.child_frame_id, stamp_of(each)
-            moved, turned = each.transform.translation, each.transform.rotation
-            pose = np.array([moved.x, moved.y, heading_of(turned)])
-            known = self._known.get(child)
-            if known is None or (known.parent, known.is_static) != (parent, is_static):
-                known = _Known(parent, is_static, deque(maxlen=_MAX_KEPT), deque(maxlen=_MAX_KEPT))
-                self._known[child] = known
-            if np.isfinite(pose).all():
-                while known.stamps and known.stamps[-1] >= stamp:
-                    known.stamps.pop()
-                    known.poses.pop()
-                known.stamps.append(stamp)
-                known.poses.append(pose)
-
-    def look_up(self, target: str, source: str, stamp: int, timeout: float) -> Array:
-        """Pose ``(3,)`` of the source frame in the target frame at `stamp` [ns], 0 for the latest.
-
-        Interpolated; TransformError if the nearest is farther away than `timeout` [s].
-        """
-        chains = [self._ancestors(each) for each in (target, source)]
-        common = next((each for each in chains[1] if each in chains[0]), None)
-        if common is None:
-            raise TransformError(
-                f'no transform from {source!r} to {target!r} has come on /tf or /tf_static'
-            )
-        to_target, to_source = (
-            reduce(
-                lambda pose, frame: compose(self._at(frame, stamp, timeout), pose),
-                chain[: chain.index(common)],
-                np.zeros(3),
-            )
-            for chain in chains
-        )
-        x, y, heading = -to_target
-        back = compose(np.array([0.0, 0.0, heading]), np.array([x, y, 0.0]))
-        return compose(back, to_source)
-
-    def _ancestors(self, frame: str) -> list[str]:
-        """Frames from this one up to the root of its tree."""
-        chain = [frame]
-        while (known := self._known.get(chain[-1])) is not None and known.stamps:
-            if known.parent in chain:
-                raise TransformError(f'the transforms lead in a circle at {known.parent!r}')
-            chain.append(known.parent)
-        return chain
-
-    def _at(self, frame: str, stamp: int, timeout: float) -> Array:
-        """Pose of a frame in its parent."""
-        parent, is_static, stamps, poses = self._known[frame]
-        if is_static or stamp == 0:
-            return poses[-1]
-        after = bisect_right(stamps, stamp)
-        if 0 < after < len(stamps):
-            before, later = poses[after - 1], poses[after]
-            fraction = (stamp - stamps[after - 1]) / (stamps[after] - stamps[after - 1])
-            change = later - before
-            change[2] = math.remainder(change[2], math.tau)
-            return np.asarray(before + fraction * change)
-        nearest = max(after - 1, 0)
-        off = abs(stamp - stamps[nearest]) / NANOSECONDS
-        if off > timeout:
-            raise TransformError(
-                f'the transform from {frame!r} to {parent!r} is {off:.3f} s off (odom_timeout)'
-            )
-        return poses[nearest]
 
 
 def compose(first: Array, second: Array) -> Array:

@@ -173,6 +173,15 @@ def tracks_of(message: Any, frame_id: str) -> list[Track]:
     return tracks
 
 
+def told_tracks_of(message: Any, frame_id: str) -> list[Track]:
+    """The obstacles in a message of `moving_obstacles`, or TrackError and no obstacle."""
+    tracks = tracks_of(message, frame_id)
+    for each in tracks:
+        if each.id >= Track.SEEN:
+            raise TrackError(f'Obstacle {each.id} has a number too large, wanted < {Track.SEEN}.')
+    return tracks
+
+
 def check_track_age(message: Any, now: int, timeout: float, subject: str) -> None:
     """Raise `TrackError` for a message whose stamp does not fit the clock [ns, s].
 
@@ -209,6 +218,8 @@ def problem_of(track: Track) -> str:
         return f'a radius of {track.radius:.3g} m, wanted 0 or more'
     if min(stddevs) < 0.0:
         return f'a standard deviation of {min(stddevs):.3g}, wanted 0 or more'
+    if max(stddevs) > FARTHEST:
+        return f'a standard deviation of {max(stddevs):.3g}, wanted one on Earth'
     if max(abs(track.x), abs(track.y), track.radius) > FARTHEST:
         return f'a position of {track.x:.3g}, {track.y:.3g} m, wanted one on Earth'
     if max(abs(track.vx), abs(track.vy)) > _FASTEST:

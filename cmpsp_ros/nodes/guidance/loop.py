@@ -291,6 +291,7 @@ class GuidanceLoop:
         self._law.reset()
         self._goals.end(said)
         self._begun = False
+        self._transforms.forget_after(stamp)
         self._tracks.forget_after(stamp)
         self._sensors.forget()
 

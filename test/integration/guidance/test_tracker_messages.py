@@ -22,9 +22,9 @@ SECOND = 1_000_000_000
 FIRST = 2 * Track.SEEN
 
 
-def covariance(xx, xy, yy):
+def covariance(xx, xy, yy, heading=0.0):
     """A covariance of six coordinates, with the plane in it and a height that is unknown."""
-    rows = np.diag([xx, yy, 1e6, 1.0, 1.0, 1.0])
+    rows = np.diag([xx, yy, 1e6, 1.0, 1.0, heading])
     rows[0, 1] = rows[1, 0] = xy
     return rows.ravel()
 
@@ -79,6 +79,32 @@ def test_detections(make):
         TrackedObject('ann', 1.0, 2.0, 0.5, None, 0.2),
         TrackedObject(None, 3.0, 2.0, 0.5, None),
     ]
+
+
+def test_a_box_that_lies_down_is_covered_as_one_that_stands_is_not(make):
+    box = make('vision_msgs/Detection3D', bbox={'size': {'x': 0.5, 'y': 0.3, 'z': 1.8}})
+    for roll, radius in ((0.0, 0.292), (0.2, 0.292), (math.pi / 2.0, 0.946), (math.pi, 0.946)):
+        turned = {'x': math.sin(roll / 2.0), 'w': math.cos(roll / 2.0)}
+        fill(box, bbox={'center': {'orientation': turned}})
+        (found,) = objects_of(detections(make, [box]), KINDS[1])
+        assert found.radius == pytest.approx(radius, abs=1e-3)
+
+
+@pytest.mark.parametrize(('heading', 'doubt'), [(0.0, 0.5), (0.09, 0.523), (1e3, 1.136)])
+def test_who_walks_in_a_direction_in_doubt_may_walk_another_way(make, heading, doubt):
+    kinematics = {
+        'pose_with_covariance': {'covariance': covariance(0.0, 0.0, 0.0, heading)},
+        'twist_with_covariance': {
+            'twist': {'linear': {'x': 0.5, 'y': 0.1}},
+            'covariance': covariance(0.25, 0.0, 0.0),
+        },
+    }
+    found = make('autoware_perception_msgs/TrackedObject', kinematics=kinematics)
+    message = make('autoware_perception_msgs/TrackedObjects', header=stamped(), objects=[found])
+    assert objects_of(message, KINDS[2])[0].velocity_stddev == pytest.approx(doubt, abs=1e-3)
+    fill(found, kinematics={'pose_with_covariance': {'pose': {'orientation': {'w': 0.0}}}})
+    with pytest.raises(TrackError, match='moves without an orientation, wanted a quaternion'):
+        objects_of(message, KINDS[2])
 
 
 def test_objects_of_autoware(make):
@@ -193,6 +219,26 @@ def test_derived_objects(make, kind, sizes, radius):
     assert [each.radius for each in (detected, tracked)] == pytest.approx([radius, radius])
 
 
+def test_a_derived_object_is_as_large_as_its_polygon_and_seen_when_its_message_is(make):
+    corners = [Point32(x=float(x), y=float(y)) for x, y in ((2, -1), (4, -1), (4, 1), (2, 1))]
+    found = make('derived_object_msgs/Object', pose={'position': {'x': 3.0}})
+    found.polygon.points = corners
+    message = make('derived_object_msgs/ObjectArray', header=stamped(), objects=[found])
+    for seen in (0, SECOND, SECOND - SECOND // 20):
+        fill(found, header=stamped(seen))
+        assert objects_of(message, KINDS[5])[0].radius == pytest.approx(math.sqrt(2.0))
+    fill(found, header=stamped(SECOND * 2 // 5))
+    with pytest.raises(TrackError, match=r'An object was seen 0\.600 s before its message'):
+        objects_of(message, KINDS[5])
+
+
+def test_more_objects_than_any_tracker_has_are_refused_without_a_look_at_them(make):
+    found = [detection(make, 0.0, str(k)) for k in range(1001)]
+    assert len(objects_of(detections(make, found[:-1]), KINDS[1])) == 1000
+    with pytest.raises(TrackError, match='more than 1000 objects'):
+        objects_of(detections(make, found * 100), KINDS[1])
+
+
 def test_names_become_numbers_and_keep_them():
     tracks = ObjectTracks(TrackSource('people'), 2)
     names, places = (70, 3, -5), ((1.0, 0.0), (2.0, 0.0), (3.0, 0.0))
@@ -246,6 +292,7 @@ def test_detections_get_their_velocity_from_their_places(make, named):
         ({'radius': -0.1}, 'a radius of -0.1 m'),
         ({'vx': 1e5}, 'a velocity of 1e+05'),
         ({'position_stddev': -1.0}, 'a standard deviation of -1'),
+        ({'velocity_stddev': 1e200}, 'a standard deviation of 1e+200, wanted one on Earth'),
     ],
 )
 def test_a_message_with_a_bad_object_is_refused_as_a_whole(change, said):

@@ -14,7 +14,7 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.guidance import NANOSECONDS, Goal, GoalError, GuidanceSettings, messages
+from cmpsp_ros.guidance import Goal, GoalError, GuidanceSettings, messages
 from cmpsp_ros.nodes.common.messages import cloud_of, road_in, set_pose
 from cmpsp_ros.nodes.common.topic import Listener, Topic
 from cmpsp_ros.nodes.common.topics import OWN_GOAL_POSE, OWN_MOVING, OWN_ODOM
@@ -27,8 +27,6 @@ except ImportError:  # tf2 is not among the wheels
     TFMessage = None
 
 _DEPTH = 500
-
-_MOTION = 100_000_000  # time over which a frame's motion is measured [ns]
 
 
 class TransformInput(Listener):
@@ -51,6 +49,10 @@ class TransformInput(Listener):
         for name, latched, hear in topics if TFMessage is not None else ():
             topic = Topic('guidance', 'in', name, TFMessage, '', depth=_DEPTH, latched=latched)
             self._subscriptions.append(topic.listen_on(node, hear, raw=True))
+
+    def forget_after(self, stamp: int) -> None:
+        """Forget transforms of another run: time has jumped back to an instant [ns]."""
+        self._transforms.forget_after(stamp)
 
     def robot_frame(self, child_frame: str) -> str:
         """Frame of the robot's centre, where odometry is of a child frame."""
@@ -93,7 +95,7 @@ class TransformInput(Listener):
     def tracks_of(self, message: PointCloud2) -> list[messages.Track]:
         """Moving obstacles in a message; velocities are over ground, along its axes; TrackError."""
         wanted, frame = self.settings.frame_id, message.header.frame_id
-        tracks, stamp = messages.tracks_of(message, frame), stamp_of(message)
+        tracks, stamp = messages.told_tracks_of(message, frame), stamp_of(message)
         if frame == wanted:
             return tracks
         there = self._in_frame('Obstacles are', frame, stamp, messages.TrackError)
@@ -108,11 +110,13 @@ class TransformInput(Listener):
     def frame_at(self, frame: str, stamp: int, *, with_motion: bool) -> tuple[Array, Array]:
         """Pose and velocity ``(3,)`` of a tracker's frame in that of the course; TrackError."""
         there = self._in_frame('Objects are', frame, stamp, messages.TrackError)
-        if not with_motion:
+        wanted, timeout = self.settings.frame_id, self.settings.odom_timeout
+        if not with_motion or frame == wanted:
             return there, np.zeros(3)
-        change = there - self._in_frame('Objects are', frame, stamp - _MOTION, messages.TrackError)
-        change[2] = math.remainder(change[2], math.tau)
-        return there, change / (_MOTION / NANOSECONDS)
+        try:
+            return self._transforms.motion(wanted, frame, stamp, timeout)
+        except messages.TransformError as why:
+            raise messages.TrackError(f'Objects are in frame {frame!r}: {why}.') from why
 
     def road_in(self, message: Path) -> dict[str, Any]:
         """Parameters of a road, placed by the latest transform, or ParameterError."""

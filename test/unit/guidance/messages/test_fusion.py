@@ -61,6 +61,23 @@ def test_two_objects_stay_two(one, other):
     assert len(TrackFusion().update(SECOND, ([one], [other]))) == 2
 
 
+@pytest.mark.parametrize(
+    ('other', 'covered'),
+    [
+        (track(OTHERS + 1, 3.6, 0.0, 0.8), False),
+        (track(OTHERS + 1, 4.0, 1.3, 0.7), False),
+        (track(OTHERS + 1, 4.3, 0.2, 0.7, radius=1.3), True),
+    ],
+    ids=['a part of it', 'somebody beside it', 'all of it'],
+)
+def test_a_vehicle_is_not_lost_behind_a_surer_track_of_less(other, covered):
+    vehicle = track(SEEN + 1, 4.0, 0.0, 0.8, stddevs=(0.1, 0.2), radius=1.44)
+    fusion = TrackFusion()
+    for _ in range(2):
+        fused = fusion.update(SECOND, ([], [vehicle], [other]))
+        assert fused == ([other] if covered else [other, vehicle])
+
+
 def test_a_pair_stays_together_that_would_not_be_made():
     one, other = track(SEEN + 1, 0.0), track(OTHERS + 1, 0.45, 0.0, 0.5)
     assert len(TrackFusion().update(SECOND, ([one], [other]))) == 2

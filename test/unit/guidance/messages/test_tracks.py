@@ -13,6 +13,7 @@ from cmpsp_ros.guidance.messages import (
     Tracks,
     check_track_age,
     read_keys,
+    told_tracks_of,
     tracks_of,
 )
 from cmpsp_ros.guidance.messages.tracks import track_keys
@@ -130,6 +131,15 @@ def test_messages_of_other_things_are_refused_in_words(fault):
         with pytest.raises(TrackError) as caught:
             tracks_of(message, 'odom')
         fault.assert_said('—', 1, str(caught.value))
+
+
+def test_numbers_of_own_tracks_are_not_taken_by_others():
+    rows = [(*ROWS[0][:-1], Track.SEEN + offset) for offset in (-1, 0)]
+    fitting, own = (cloud([row]) for row in rows)
+    assert told_tracks_of(fitting, 'odom')[0].id == Track.SEEN - 1
+    assert tracks_of(own, 'odom')[0].id == Track.SEEN
+    with pytest.raises(TrackError, match='Obstacle 16777216 has a number too large'):
+        told_tracks_of(own, 'odom')
 
 
 def test_age():

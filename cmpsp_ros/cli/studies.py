@@ -133,7 +133,8 @@ def study(
         name, seed, obstacles, tuple(assignments or ()), robot, scene, told, seen
     )
     folder = output or Path(f'study_{name}')
-    with writing_to(folder), exit_on(monte_carlo.StudyError, ParameterError, code=1):
+    wrong, failed = (monte_carlo.UsageError, ParameterError), monte_carlo.StudyError
+    with writing_to(folder), exit_on(failed, code=1), exit_on(*wrong, code=2):
         if only is not None:
             outcome, changes, picture = monte_carlo.run_one(chosen, only, folder)
             say('\n'.join(changes))

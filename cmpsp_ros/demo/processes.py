@@ -206,6 +206,8 @@ def make_folder(output: Path | None, *, force: bool) -> Path:
     folder = output or _RUNS / datetime.now().astimezone().strftime('%Y-%m-%d_%H-%M-%S')
     try:
         if folder.exists():
+            if not folder.is_dir():
+                raise DemoError(f'{folder}: found a file, wanted a new folder')
             if not force:
                 raise DemoError(
                     f'{folder}: found an existing folder, wanted a new one; --force replaces the'

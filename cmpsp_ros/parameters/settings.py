@@ -29,10 +29,13 @@ from cmpsp_ros.parameters.roads import road_of
 from cmpsp_ros.parameters.robots import footprint_of, robot_of, robot_problems
 from cmpsp_ros.parameters.table import Values
 from cmpsp_ros.sensing import Sensor, SightSettings, TrackSource
+from cmpsp_ros.world import FreeSpace
 from cmpsp_ros.world.obstacles import Shape
+from cmpsp_ros.world.roads import OpenFloor
 
 _MOST_STEPS: Final = 10_000  # control steps whose matrices would not fill the memory
 _LARGEST: Final = 1e9
+_ROUNDING: Final = 1e-9  # of places [m]
 _SMALLEST: Final = 1e-6
 _DIVISORS: Final = ('robot.wheel_radius', 'robot.half_track', 'weights.control_change')
 """Divisors of the law, beside a wheel limit that is not 0."""
@@ -145,9 +148,26 @@ def check_simulation(values: Values) -> None:
         problems += [each for each in of_road if not each.where.startswith('road.')]
         x, y, heading = values['initial_pose']
         problems += course.place_problems('initial_pose', (x, y), heading)
-    problems.attempt(partial(people_settings, values))
+    people = problems.attempt(partial(people_settings, values))
+    problems += () if people is None else _crowding_problems(values, people)
     problems.check()
     Problems(_pace_problems(values)).check()
+
+
+def _crowding_problems(values: Values, people: simulator.PeopleSettings) -> Iterator[Problem]:
+    """Problems of people who begin inside an obstacle, or the robot."""
+    obstacles, _ = scenery(values) if people.walkers else ((), ())
+    for each in people.walkers:
+        place, wanted = np.array([[*each.position, 0.0]]), f'a place where {each.name} has room'
+        space = FreeSpace.of(OpenFloor(), obstacles, each.radius)
+        clearance = space.at(place)[0, len(OpenFloor.edge_names) :].tolist()
+        apart = math.dist(each.position, values['initial_pose'][:2]) - values['robot.radius']
+        names = *(f'obstacle {one.name}' for one in obstacles), 'the robot (initial_pose)'
+        for name, away in zip(names, [*clearance, apart - each.radius], strict=True):
+            if away < -_ROUNDING:
+                yield Problem(
+                    f'sim.people.{each.name}.position', f'{-away:.3g} m inside {name}', wanted
+                )
 
 
 def _pace_problems(values: Values) -> Iterator[Problem]:

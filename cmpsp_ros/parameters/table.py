@@ -114,7 +114,9 @@ class ParameterTable:
         problems = []
         for name in resolved[names_key]:
             if _NAME.fullmatch(name) is None or prefix + name in self._single:
-                wanted = 'a name of letters, digits and _, a letter first, and not "names"'
+                wanted = 'a name of letters, digits and _, a letter first'
+                if prefix + name in self._single:
+                    wanted = f'another name: {prefix}{name} is a parameter'
                 problems.append(Problem(names_key, describe(name), wanted))
                 of_this = [key for key in given if str(key).startswith(f'{prefix}{name}.')]
                 for key in of_this:

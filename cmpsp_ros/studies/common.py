@@ -37,6 +37,10 @@ class StudyError(ValueError):
     """A study cannot be run as requested; the message names finding and expectation."""
 
 
+class UsageError(StudyError):
+    """A study was asked for in a way that cannot be."""
+
+
 @contextmanager
 def disk_errors(path: Path) -> Iterator[None]:
     """Turn a refusal of the disk into a `StudyError`."""

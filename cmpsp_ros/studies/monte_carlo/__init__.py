@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from cmpsp_ros.front_door import lazy_exports
 
 if TYPE_CHECKING:
-    from cmpsp_ros.studies.common import StudyError
+    from cmpsp_ros.studies.common import StudyError, UsageError
     from cmpsp_ros.studies.monte_carlo.eyes import Eyes
     from cmpsp_ros.studies.monte_carlo.kinds import KINDS
     from cmpsp_ros.studies.monte_carlo.run import Order, run_one, run_study

@@ -3,6 +3,7 @@
 import contextlib
 import gc
 import json
+import multiprocessing
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import as_completed
@@ -14,7 +15,7 @@ from types import ModuleType
 from typing import Any, Final
 
 from cmpsp_ros.guidance import NANOSECONDS
-from cmpsp_ros.studies.common import StudyError, disk_errors
+from cmpsp_ros.studies.common import StudyError, UsageError, disk_errors
 from cmpsp_ros.studies.monte_carlo import judging, pictures
 from cmpsp_ros.studies.monte_carlo.driving import DrivenRun, drive, outcome
 from cmpsp_ros.studies.monte_carlo.outcome import (
@@ -85,6 +86,8 @@ def run_study(order: Order, progress: Progress) -> dict[str, Any]:
 def run_one(study: Study, number: int, folder: Path) -> tuple[StudyOutcome, list[str], Path]:
     """Make one run again; its outcome, the changes of level and all contacts, and the picture."""
     study.values()
+    if folder.exists() and not folder.is_dir():
+        raise UsageError(f'{folder}: found a file, wanted a folder or a new one (--output)')
     driven = drive(study.run(number))
     with disk_errors(folder):
         folder.mkdir(parents=True, exist_ok=True)
@@ -105,16 +108,20 @@ def make_runs(
                 yield from make([number])
                 advance(1)
             return
-        pool = new_pool(order.workers)
+        pool, is_finished = new_pool(order.workers), False
         try:
             chunks = [pool.submit(make, each) for each in _chunks(numbers)]
             for done in as_completed(chunks):
                 yield from done.result()
                 advance(len(done.result()))
+            is_finished = True
         except BrokenProcessPool as error:
             text = f'a worker has died; what it had finished {_CONTINUES}'
             raise StudyError(f'{order.folder}: {text}') from error
         finally:
+            # What they have finished is in the log; the runs that they make may take minutes.
+            for worker in () if is_finished else multiprocessing.active_children():
+                worker.terminate()
             pool.shutdown(cancel_futures=True)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
@@ -20,7 +21,7 @@ from cmpsp_ros.parameters import (
 )
 from cmpsp_ros.parameters.files import load_robot, parse_assignment
 from cmpsp_ros.simulator import LaserSettings, People, PlantSettings, discs_of, edges_of
-from cmpsp_ros.studies.common import StudyError
+from cmpsp_ros.studies.common import UsageError
 from cmpsp_ros.studies.monte_carlo.contacts import Crowd
 from cmpsp_ros.studies.monte_carlo.courses.crowds import SCENES, crowd_scenario
 from cmpsp_ros.studies.monte_carlo.courses.ring_courses import (
@@ -40,6 +41,7 @@ MOST_OBSTACLES: Final = 4
 
 _NOISY_TURN: Final = 4  # turns through all scenes and robots, of which the last has noise
 # Parameters of presets that every run draws for itself.
+_CHOSEN_AMONG_PEOPLE: Final = 'sim.people.', 'goal.position', 'final_time', 'initial_pose'
 _DRAWN: Final = ('obstacles.', 'sim.obstacles.', 'road.points', 'road.half_width')
 # Time [s], and multiple of that for the straight way, after which a run among people ends.
 _PATIENCE: Final = 90.0, 6.0
@@ -77,20 +79,23 @@ class Study:
         return KINDS[self.name]
 
     def values(self) -> dict[str, Any]:
-        """All parameters, without obstacles; raises StudyError or ParameterError."""
+        """All parameters, without obstacles; raises UsageError or ParameterError."""
         if self.name not in KINDS:
-            raise StudyError(f'study: found {self.name!r}, wanted one of {", ".join(KINDS)}')
+            raise UsageError(f'study: found {self.name!r}, wanted one of {", ".join(KINDS)}')
         given = load_parameter_file(self.kind.preset)
         given = {key: value for key, value in given.items() if not key.startswith(_DRAWN)}
         given |= {**_ALWAYS, **self.kind.changes}
         if not self.kind.has_people and (self.scene or self.told or self.seen):
-            raise StudyError(f'--scene, --told, --seen: found study {self.name}, wanted people')
+            raise UsageError(f'--scene, --told, --seen: found study {self.name}, wanted people')
         if self.told and self.seen:
-            raise StudyError('--told, --seen: found both, wanted one of them')
+            raise UsageError('--told, --seen: found both, wanted one of them')
         if self.scene and self.scene not in SCENES:
-            raise StudyError(f'--scene: found {self.scene!r}, wanted one of {", ".join(SCENES)}')
+            raise UsageError(f'--scene: found {self.scene!r}, wanted one of {", ".join(SCENES)}')
         assigned = dict(parse_assignment(each) for each in self.assignments)
         if self.kind.has_people:
+            for key in assigned:
+                if key.startswith(_CHOSEN_AMONG_PEOPLE):
+                    raise UsageError(f'{key}: found in --set, wanted none: the study chooses it')
             own = {} if self.robot in {'', OWN} else load_robot(self.robot)
             given |= {**own, **ROBOTS.get(self.robot, {}), **_ALWAYS}
         elif self.robot:
@@ -100,24 +105,28 @@ class Study:
         plant_settings(values)
         wanted = 'none' if self.kind.sees or self.kind.has_map else 'annulus'
         if values['road.type'] != wanted:
-            raise StudyError(f'road.type: found {values["road.type"]}, wanted {wanted}')
+            raise UsageError(f'road.type: found {values["road.type"]}, wanted {wanted}')
         width = settings.road.width
         scale = width / WIDTH
         needed = scale * max(GAP, 2.0 * FROM_EDGE) + 2.0 * settings.robot_radius
+        if width <= needed and wanted == 'annulus':
+            raise UsageError(f'road: found {width:g} m of width, wanted more than {needed:g} m')
         if width <= needed:
-            raise StudyError(f'road: found {width:g} m of width, wanted more than {needed:g} m')
+            most = settings.robot_radius - (needed - width) / 2.0
+            found = f'found {settings.robot_radius:g} m, wanted less than {most:g} m'
+            raise UsageError(f'robot.radius: {found}')
         if settings.obstacles:
-            raise StudyError('obstacles.names: found obstacles, wanted none: they are drawn')
+            raise UsageError('obstacles.names: found obstacles, wanted none: they are drawn')
         return dict(values)
 
     def _fitted(self, given: Mapping[str, Any], assigned: Mapping[str, Any]) -> dict[str, Any]:
         if self.kind is not KINDS['nominal']:
-            raise StudyError(f'--robot: found study {self.name}, wanted nominal: it has its own')
+            raise UsageError(f'--robot: found study {self.name}, wanted nominal: it has its own')
         changes = load_robot(self.robot) | _ALWAYS
         values = TABLE.resolve({**given, **changes, **assigned})
         robot = plant_settings(values).robot
         if not math.isfinite(robot.max_speed):
-            raise StudyError('robot.max_wheel_speed: found 0.0, wanted a limit for --robot')
+            raise UsageError('robot.max_wheel_speed: found 0.0, wanted a limit for --robot')
         return changes | in_proportion(robot, given, values['robot.radius'])
 
     def setup(self) -> tuple[GuidanceSettings, PlantSettings]:
@@ -183,12 +192,12 @@ class Study:
         """The command that makes one run again."""
         words: Sequence[str] = (
             f'cmpsp study {self.name} --seed {self.seed} --run {number}',
-            *([f'--robot {self.robot}'] * bool(self.robot)),
+            *([f'--robot {shlex.quote(self.robot)}'] * bool(self.robot)),
             *([f'--scene {self.scene}'] * bool(self.scene)),
             *(['--told'] * self.told),
             *(['--seen'] * self.seen),
             *([f'--obstacles {self.most_obstacles}'] * (self.most_obstacles != MOST_OBSTACLES)),
-            *(f'--set {each}' for each in self.assignments),
+            *(f'--set {shlex.quote(each)}' for each in self.assignments),
         )
         return ' '.join(words)
 

@@ -15,6 +15,7 @@ from cmpsp_ros.parameters import (
 DISC = {'obstacles.names': ['a'], 'obstacles.a.center': [10.0, 0.5], 'obstacles.a.radius': 0.4}
 FOLLOWED = {'follow.speed': 1.0}
 SCANNER = {'sim.scan.rate': 10.0}
+WALKER = {'sim.people.names': ['ann'], 'initial_pose': [0.0, -9.25, 0.0]}
 CORNERS = 'wanted corners around the robot'
 
 
@@ -159,6 +160,12 @@ def test_obstacles_and_footprints_of_either_node(check, given, said):
         ({'initial_pose': [0.0, -8.0, 0.0]}, 'initial_pose: found 1 m .* the inner road edge'),
         (DISC | {'initial_pose': [10.0, 0.75, 0.0], 'robot.radius': 0.1},
          'initial_pose: found 0.25 m inside or beyond obstacle a, wanted .* robot.radius'),
+        ({**WALKER, 'sim.people.ann.position': [0.0, -9.3]},
+         r'ann.position: found 0.2 m inside the robot \(initial_pose\), wanted .* ann has room'),
+        (DISC | WALKER | {'sim.people.ann.position': [10.0, 1.0]},
+         'ann.position: found 0.15 m inside obstacle a, wanted a place where ann has room'),
+        (WALKER | {'sim.people.names': ['legs']},
+         "sim.people.names: found 'legs', wanted another name: sim.people.legs is a parameter"),
         (BEND | {'initial_pose': [1.0, -1.2, 0.0]}, 'initial_pose: found .* the right road edge'),
         (BEND | {'initial_pose': [-0.5, 0.0, 0.0]}, r'initial_pose: found 0.499\d* m beyond'),
         (WAYPOINTS | {'waypoints.a.time': 4.1, 'lockstep': True}, 'a.time: found 4.1 .* multiple'),

@@ -3,6 +3,7 @@
 import json
 import math
 import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -164,6 +165,34 @@ def test_an_interrupt_ends_it_with_a_word_on_how_to_go_on(tmp_path, interruptibl
     assert 2 <= len(results_of(folder)) < 400
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize('is_of_all', [False, True], ids=['alone', 'as in a terminal'])
+def test_an_interrupt_does_not_wait_for_runs_that_take_minutes(tmp_path, interruptible, is_of_all):
+    folder = tmp_path / 'people'
+    line = [sys.executable, '-m', 'cmpsp_ros.cli', 'study', 'people', '--seen', '--robot', 'own']
+    arguments = [*line, '--scene', 'hall', '--runs', '40', '--workers', '2', '--output', folder]
+    with interruptible():
+        child = subprocess.Popen(
+            arguments, stderr=subprocess.PIPE, text=True, start_new_session=True
+        )
+    with child:
+        deadline = time.monotonic() + 250.0
+        while len(lines_of(folder)) < 1 and time.monotonic() < deadline:
+            time.sleep(0.05)
+        (os.killpg if is_of_all else os.kill)(child.pid, signal.SIGINT)
+        _, said = child.communicate(timeout=30)
+    assert child.returncode == 130
+    assert said.splitlines()[-1] == f'{folder}: interrupted; the same command continues'
+    assert 'Traceback' not in said
+
+
+def test_a_run_is_repeated_by_the_command_as_a_shell_reads_it():
+    given = Study('people', 3, 4, ('sim.scan.pose=[0.05, 0.0, 0.0]',), 'my robot.yaml', seen=True)
+    words = shlex.split(given.command(7))
+    assert words[:8] == ['cmpsp', 'study', 'people', '--seed', '3', '--run', '7', '--robot']
+    assert words[8:] == ['my robot.yaml', '--seen', '--set', 'sim.scan.pose=[0.05, 0.0, 0.0]']
+
+
 def len_of(_):
     return None
 
@@ -213,21 +242,26 @@ def test_a_folder_with_something_else_is_left_alone(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ('arguments', 'code', 'text'),
+    ('arguments', 'text'),
     [
-        (('nominall',), 1, "study: found 'nominall', wanted one of nominal, disturbed, realtime"),
-        (('nominal', '--set', 'robot.radios=1'), 1, 'robot.radios'),
-        (('nominal', '--set', 'obstacles.names=[a]'), 1, 'obstacles.a.center'),
-        (('nominal', '--run', 3, '--set', 'final_time=x'), 1, 'final_time'),
-        (('nominal', '--runs', 0), 2, '--runs'),
-        (('nominal', '--seed', -1), 2, '--seed'),
-        (('nominal', '--obstacles', 7), 2, '--obstacles'),
-        ((), 2, 'NAME'),
+        (('nominall',), "study: found 'nominall', wanted one of nominal, disturbed, realtime"),
+        (('nominal', '--set', 'robot.radios=1'), 'robot.radios'),
+        (('nominal', '--set', 'obstacles.names=[a]'), 'obstacles.a.center'),
+        (('nominal', '--run', 3, '--set', 'final_time=x'), 'final_time'),
+        (('nominal', '--runs', 0), '--runs'),
+        (('nominal', '--seed', -1), '--seed'),
+        (('nominal', '--obstacles', 7), '--obstacles'),
+        ((), 'NAME'),
+        (('people', '--set', 'sim.people.legs=true'), 'sim.people.legs: found in --set'),
+        (('people', '--set', 'final_time=9.0'), 'final_time: found in --set'),
+        (('people', '--robot', 'car'), 'robot.radius: found 3.764 m, wanted less than'),
+        (('sight', '--told'), 'found study sight, wanted people'),
+        (('nominal', '--robot', 'nope'), "'nope': found no such robot"),
     ],
 )
-def test_bad_input_is_told(tmp_path, arguments, code, text):
+def test_bad_input_is_told(tmp_path, arguments, text):
     result = command('study', *arguments, '--output', tmp_path / 'study')
-    assert result.exit_code == code
+    assert result.exit_code == 2
     assert text in result.output
     assert 'Traceback' not in result.output
     assert not (tmp_path / 'study').exists()

@@ -79,8 +79,11 @@ def wheel_limits(record: AuditRecord) -> Iterator[Sample]:
     if not math.isfinite(limit):
         raise SkippedError('The wheels have no limit (robot.max_wheel_speed is 0).')
     yield Sample(-1.0, limit, record.start, -math.inf)
-    for stamp, twist in zip(record.commands.stamps, record.commands.twists, strict=True):
-        robot = record.history.at(int(stamp)).robot
+    commands = record.commands
+    for received, stamp, twist in zip(
+        commands.received, commands.stamps, commands.twists, strict=True
+    ):
+        robot = record.history.received_by(int(received)).settings.robot
         speed, limit = float(np.abs(robot.wheel_speeds(twist)).max()), robot.max_wheel_speed
         if not math.isnan(speed):
             yield Sample(speed, limit, int(stamp), speed / limit - (1.0 + _ROUNDING))

@@ -12,6 +12,7 @@ from operator import attrgetter
 import numpy as np
 
 from cmpsp_ros.arrays import Array, BoolArray, IntArray
+from cmpsp_ros.bags.audit.history import History
 from cmpsp_ros.bags.decision_record import DecisionRecord
 from cmpsp_ros.bags.reader import Bag, Window
 from cmpsp_ros.bags.runs.odometry import (
@@ -169,12 +170,17 @@ class Leg:
     commands: Commands  # in order of time
     runs: tuple[RunSpan, ...]  # in order of time; none before the first command
     window: Window  # reception of its first odometry, and of that of the next leg [ns]
-    settings: GuidanceSettings  # in force at first
+    history: History  # its parameters
     decisions: tuple[DecisionRecord, ...]  # none in the bag of another program
     tracks: tuple[Track, ...] = ()  # moving obstacles as received, by id and time
     people: tuple[Track, ...] = ()  # people in the simulator as they truly were, by id and time
     # Paths of the other robots to be avoided, by namespace.
     others: Mapping[str, DrivenPath] = field(default_factory=dict)
+
+    @property
+    def settings(self) -> GuidanceSettings:
+        """In force at first."""
+        return self.history.epochs[0].settings
 
     @cached_property
     def last_used(self) -> dict[tuple[int | str, int], int]:
@@ -263,10 +269,10 @@ def split(
     truth: OdometrySeries | None,
     commands: Commands,
     decisions: Sequence[DecisionRecord],
-    settings: GuidanceSettings,
+    history: History,
 ) -> Iterator[Leg]:
     """The legs of a recording; arguments as of `AuditRecord`."""
-    parts = odometry.legs(settings.odom_timeout)
+    parts = odometry.legs(history.epochs[0].settings.odom_timeout)
     begins = [int(each.received[0]) for each in parts]
     windows = zip([0, *begins[1:]], [*begins[1:], math.inf], strict=True)
     for each, (begin, end) in zip(parts, windows, strict=True):
@@ -275,8 +281,9 @@ def split(
         if len(some.stamps) and each.stamps[-1] > each.stamps[0]:
             true = None if truth is None else truth.received_within(begin, end)
             last = int(max(each.stamps[-1], 0 if true is None else true.stamps[-1]))
-            runs = _runs(some, inside, last, settings)
-            yield Leg(each, true, some, runs, (begin, end), settings, tuple(inside))
+            own = history.within((begin, end), each)
+            runs = _runs(some, inside, last, own.epochs[0].settings)
+            yield Leg(each, true, some, runs, (begin, end), own, tuple(inside))
 
 
 def _runs(

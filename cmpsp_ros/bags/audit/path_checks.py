@@ -227,13 +227,13 @@ def commanded(record: AuditRecord) -> Iterator[Sample]:
     commanded not to get closer.
     """
     for leg, seeing in zip(record.legs, record.knowledge(), strict=True):
-        commands, _, poses = in_effect(record, leg)
+        commands, _, poses = in_effect(leg)
         stamps, near = commands.stamps.tolist(), math.nan
         for index, (pose, twist) in enumerate(zip(poses, commands.twists, strict=True)):
             stamp = stamps[index]
             if is_within(stamp, leg.by_odometry.holes):
                 continue
-            epoch = record.history.epoch_at(stamp)
+            epoch = leg.history.epoch_at(stamp)
             settings = seeing(epoch.course, stamp)
             period = settings.control_period
             if index + 1 < len(stamps):
@@ -248,12 +248,12 @@ def commanded(record: AuditRecord) -> Iterator[Sample]:
             yield Sample(least, 0.0, stamp, -least - ROUGHNESS - _ROUNDING, words=words)
 
 
-def in_effect(record: AuditRecord, leg: Leg) -> tuple[Commands, Array, Array]:
+def in_effect(leg: Leg) -> tuple[Commands, Array, Array]:
     """Finite commands of a leg, delays of their effects ``(M,)`` [s], and poses then ``(M, 3)``."""
     decisions = {each.stamp: each for each in leg.decisions}
     commands = leg.commands.chosen(np.all(np.isfinite(leg.commands.twists), axis=1))
     delays = [
-        _effect_delay(record.history.at(each), decisions.get(each))
+        _effect_delay(leg.history.at(each), decisions.get(each))
         for each in commands.stamps.tolist()
     ]
     return commands, np.array(delays), _measured(leg, commands.stamps, np.array(delays))

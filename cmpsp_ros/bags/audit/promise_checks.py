@@ -75,7 +75,7 @@ def promise(record: AuditRecord) -> Iterator[Sample]:
             for each in leg.decisions
         }
         tracks = sorted(leg.tracks, key=lambda each: (each.stamp, each.id))
-        commands, delays, poses = in_effect(record, leg)
+        commands, delays, poses = in_effect(leg)
         stamps = commands.stamps.tolist()
         latest, following = {}, iter([*tracks, None])
         upcoming = next(following)
@@ -83,7 +83,7 @@ def promise(record: AuditRecord) -> Iterator[Sample]:
             while upcoming is not None and upcoming.stamp <= stamp:
                 latest[upcoming.id] = upcoming
                 upcoming = next(following)
-            settings = record.history.at(stamp)
+            settings = leg.history.at(stamp)
             seen = _tracks_at(stamp, latest.values(), used.get(stamp), settings)
             is_lost = is_within(stamp, leg.by_odometry.holes)
             if not seen or is_lost or not commands.moving[k] or _brakes(settings, commands, k):
@@ -126,9 +126,9 @@ def unseen(record: AuditRecord) -> Iterator[Sample]:
     moved = min((at for at, key in ids if isinstance(key, int)), default=math.inf)
     known = zip(record.legs, record.plans, record.knowledge(), strict=True)
     for leg, plans, seeing in known:
-        commands, _, poses = in_effect(record, leg)
+        commands, _, poses = in_effect(leg)
         for k, stamp in enumerate(commands.stamps.tolist()):
-            settings = record.history.at(stamp)
+            settings = leg.history.at(stamp)
             obstacles = seeing(settings, stamp).obstacles
             grids = [each.grid for each in obstacles if isinstance(each, GridObstacle)]
             is_lost = is_within(stamp, leg.by_odometry.holes)

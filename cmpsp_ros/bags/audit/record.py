@@ -121,9 +121,12 @@ class AuditRecord:
 
         Clearance is infinite inside holes.
         """
-        epochs = tuple(replace(each, hidden=()) for each in self.history.epochs)
-        told = replace(self.history, epochs=epochs)
-        found = [(leg, each) for leg in self.legs for each in sweep(leg.guided, told)]
+        told = (
+            replace(leg.history, epochs=tuple(replace(e, hidden=()) for e in leg.history.epochs))
+            for leg in self.legs
+        )
+        swept = zip(self.legs, told, strict=True)
+        found = [(leg, each) for leg, known in swept for each in sweep(leg.guided, known)]
         for leg, each in found:
             for hole in leg.by_odometry.holes:
                 inside = (each.stamps >= hole.begin) & (each.stamps < hole.end)
@@ -133,12 +136,14 @@ class AuditRecord:
     @cached_property
     def evidence(self) -> tuple[Sweep, ...]:
         """The path by all sources, without holes, and its clearance from all that is known."""
-        known = (each for leg in self.legs for each in reversed(leg.known))
-        driven = ((path, each) for each in known for path in each.pieces)
         swept = (
-            sweep(path, self.history, each.by, each.tolerance, each.off) for path, each in driven
+            sweep(path, leg.history, each.by, each.tolerance, each.off)
+            for leg in self.legs
+            for each in reversed(leg.known)
+            for path in each.pieces
         )
-        seen = (Sweep.of_seen(self.history, one) for each in self.seen for one in each)
+        looked = zip(self.legs, self.seen, strict=False)
+        seen = (Sweep.of_seen(leg.history, one) for leg, found in looked for one in found)
         return tuple(chain.from_iterable((*swept, *seen)))
 
     @cached_property
@@ -156,7 +161,7 @@ class AuditRecord:
         paths = best, leg.by_odometry.pieces
         around = paths, partial(self._moving_at, leg), leg.window
         found, before = list[SensorClearance](), None
-        for epoch in self.history.epochs:
+        for epoch in leg.history.epochs:
             settings = epoch.settings
             used = settings.footprint, settings.robot_radius, settings.sight
             if used != before:
@@ -258,7 +263,7 @@ class AuditRecord:
         def met(leg: Leg) -> Iterator[Encounter]:
             for known in leg.known:
                 for path in known.pieces:
-                    for epoch, at in self.history.periods(path.stamps[:-1]):
+                    for epoch, at in leg.history.periods(path.stamps[:-1]):
                         part = path.chosen(np.append(at, at[-1] + 1))
                         for each in found_along(leg, part, epoch.settings):
                             yield replace(each, clearance=each.clearance + known.tolerance)
@@ -267,7 +272,7 @@ class AuditRecord:
 
     def _moving_at(self, leg: Leg, stamp: int) -> Array:
         """Discs of all that is known to move at a time [ns], ``(D, 3)`` [m]."""
-        settings = self.history.at(stamp)
+        settings = leg.history.at(stamp)
         moving = settings.moving_obstacles
         since = stamp - to_nanoseconds(moving.timeout)
         tracks = list[Track]()

@@ -65,7 +65,7 @@ def _record(bag: Bag, sources: Sources) -> AuditRecord:
     commands = timed(commands, odometry, pairs, decisions)
     truth_on = truth_topic(bag, places.namespace, places.odom)
     truth = read_odometry(bag, truth_on, frame_id) if truth_on else None
-    legs = tuple(split(odometry, truth, commands, decisions, settings))
+    legs = tuple(split(odometry, truth, commands, decisions, history))
     if not legs:
         raise bag.error(
             f'found no two messages of {places.odom} around any of {places.cmd_vel}, wanted a drive'

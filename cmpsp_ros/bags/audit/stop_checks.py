@@ -69,7 +69,7 @@ def rate(record: AuditRecord) -> Iterator[Sample]:
     for leg in record.legs:
         commands = leg.commands
         for run in leg.runs:
-            settings = record.history.at(run.start)
+            settings = leg.history.at(run.start)
             end = min(run.end, run.start + to_nanoseconds(settings.final_time))
             inside = (commands.stamps >= run.start) & (commands.stamps < end)
             is_expected = np.append(True, commands.moving[inside])
@@ -157,7 +157,7 @@ def stop_at_end(record: AuditRecord) -> Iterator[Sample]:
     leg = record.legs[-1]
     last, received = int(leg.commands.stamps[-1]), int(leg.odometry.stamps[-1])
     run = leg.runs[-1]
-    settings = record.history.at(run.start)
+    settings = leg.history.at(run.start)
     speed, turn = speeds_and_turns(leg.commands.twists[-1])
     final = run.start + to_nanoseconds(settings.final_time)
     is_under_way = received - last <= LATE * settings.control_period * NANOSECONDS
@@ -189,7 +189,7 @@ def _wrong_with(record: AuditRecord, decision: DecisionRecord, brakes: bool) -> 
     if not decision.reason.strip():
         return f'has level {level} without a reason'
     if level == 'stop' and not brakes:
-        robot = record.history.at(decision.stamp).robot
+        robot = record.history.received_by(decision.received).settings.robot
         if robot.twist_of_wheels(decision.wheel_speeds).any():
             return 'has level stop with wheels that turn'
     if decision.finished and level != 'stop':
@@ -249,9 +249,9 @@ def _passings(record: AuditRecord) -> tuple[list[tuple[Passing, GuidanceSettings
     passings, missing = [], ''
     for leg in record.legs:
         for run in leg.runs:
-            for place in _goals_of(record, run):
+            for place in _goals_of(leg, run):
                 stamp = run.start + to_nanoseconds(place.time)
-                settings = record.history.at(stamp)
+                settings = leg.history.at(stamp)
                 poses = [pose for each in leg.known if (pose := each.at(stamp)) is not None]
                 found = (Passing.of(settings, place, stamp, pose) for pose in poses)
                 passings += [(each, settings) for each in found]
@@ -263,17 +263,17 @@ def _passings(record: AuditRecord) -> tuple[list[tuple[Passing, GuidanceSettings
     return passings, missing
 
 
-def _goals_of(record: AuditRecord, run: RunSpan) -> list[Goal]:
+def _goals_of(leg: Leg, run: RunSpan) -> list[Goal]:
     """Goals of a run that were in force at their times; later ones replace pending ones."""
-    may_move = record.history.at(run.start).moves_final_time
-    received = [each for each in record.decisions if run.start <= each.stamp <= run.end]
+    may_move = leg.history.at(run.start).moves_final_time
+    received = [each for each in leg.decisions if run.start <= each.stamp <= run.end]
     received = [
         each for each in received if each.goal is not None and (each.goals_received or may_move)
     ]
     until = math.inf if not received else (received[0].stamp - run.start) / NANOSECONDS
     goals = []
-    for index, goal in enumerate(record.history.at(run.start).goals):
-        then = record.history.at(run.start + round(goal.time * NANOSECONDS)).goals
+    for index, goal in enumerate(leg.history.at(run.start).goals):
+        then = leg.history.at(run.start + round(goal.time * NANOSECONDS)).goals
         if goal.time <= until:
             goals.append(replace(then[index], time=goal.time))
     for each, after in zip_longest(received, received[1:]):

@@ -113,6 +113,15 @@ class OdometrySeries:
         inside = np.flatnonzero((self.received >= begin) & (self.received < end))
         return self._part(inside).by_stamp if len(inside) else None
 
+    def instants(self, received: IntArray) -> IntArray:
+        """Stamps ``(M,)`` of times of reception [ns], by the messages received around them.
+
+        So the recorder's clock may be any; before the first message and after the last it counts.
+        """
+        since = np.interp(received, self.received, self.stamps - self.stamps[0])
+        beyond = received - np.clip(received, self.received[0], self.received[-1])
+        return np.asarray(self.stamps[0] + since.astype(np.int64) + beyond)
+
     @property
     def by_stamp(self) -> OdometrySeries:
         """The same by ascending stamps."""

@@ -8,6 +8,7 @@ from typing import Final
 
 import numpy as np
 
+from cmpsp_ros.arrays import IntArray
 from cmpsp_ros.bags.audit.command_checks import LATE
 from cmpsp_ros.bags.audit.finding import NotJudgedError, Sample, SkippedError, check
 from cmpsp_ros.bags.audit.legs import Leg, RunSpan
@@ -35,12 +36,12 @@ _MOVED: Final = 0.01  # distance beyond which a robot without commands is not at
 
 
 def _odometry_gap(record: AuditRecord, _worst: Sample) -> str:
-    stamps = []
-    for leg in record.legs:
-        for each in _lost(record, leg):
-            k = np.searchsorted(leg.odometry.received, each).tolist()
-            stamps.append(Hole(*(int(leg.odometry.stamps[index]) for index in k)))
-    return f'Odometry is not recorded {in_words(stamps, record.start)}.' if stamps else ''
+    found = [
+        Hole(*leg.odometry.instants(np.array(each)).tolist())
+        for leg in record.legs
+        for each in _lost(record, leg)
+    ]
+    return f'Odometry is not recorded {in_words(found, record.start)}.' if found else ''
 
 
 def _uncommanded(record: AuditRecord, _worst: Sample) -> str:
@@ -129,7 +130,7 @@ def silence(record: AuditRecord) -> Iterator[Sample]:
     limit = record.settings.odom_timeout + _SLACK
     worst, at, longest = 0.0, record.start, 0.0
     for leg in record.legs:
-        received, commands = leg.odometry.received, leg.commands
+        received, commands = _receptions(leg), leg.commands
         gaps = np.diff(received) / NANOSECONDS
         gaps[np.isin(received[:-1], [each.begin for each in _lost(record, leg)])] = 0.0
         longest = max(longest, float(gaps.max()))
@@ -296,7 +297,8 @@ def _lost(record: AuditRecord, leg: Leg) -> list[Hole]:
     recorded.
     """
     limit = record.settings.odom_timeout + _SLACK
-    received, stamps = leg.odometry.received, leg.odometry.stamps
+    received = _receptions(leg)
+    stamps = np.append(leg.odometry.stamps, np.iinfo(np.int64).max)
     answers = [each for each in record.decisions if not each.halted]
     at = np.array([each.received for each in answers], dtype=np.int64)
     true = np.empty(0, np.int64) if leg.truth is None else leg.truth.received
@@ -308,6 +310,13 @@ def _lost(record: AuditRecord, leg: Leg) -> list[Hole]:
         heard = any(stamps[k] < each.stamp < stamps[k + 1] for each in answers[first:last])
         around = answers[max(first - 1, 0) : last + 1]
         heard |= any(a.run == b.run and b.step > a.step + 1 for a, b in pairwise(around))
-        if heard or not ((alive > hole.begin) & (alive < hole.end)).any():
+        if heard or not ((alive > hole.begin) & (alive <= hole.end)).any():
             lost.append(hole)
     return lost
+
+
+def _receptions(leg: Leg) -> IntArray:
+    """Receptions of odometry, and of the last message after it, up to which it may be silent."""
+    others = [leg.commands] if leg.truth is None else [leg.commands, leg.truth]
+    last = max(int(each.received[-1]) for each in (leg.odometry, *others))
+    return np.append(leg.odometry.received, last)

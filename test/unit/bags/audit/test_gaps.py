@@ -8,7 +8,7 @@ from drives import SECOND, START, failed
 
 from cmpsp_ros.bags.audit import CheckOutcome
 
-PASSED, NOT_JUDGED = CheckOutcome.PASSED, CheckOutcome.NOT_JUDGED
+PASSED, FAILED, _, NOT_JUDGED = CheckOutcome
 
 CENTER = 'obstacles.a.center'
 
@@ -109,3 +109,27 @@ def test_a_recording_that_begins_late_is_not_judged_by_another_time_0(drive, out
     assert findings['goal'].outcome is PASSED
     assert findings['goal'].at == pytest.approx(10.0)
     assert 'not recorded from 0.00 to 2.1' in findings['road'].sentence
+
+
+@pytest.mark.parametrize(('stop', 'left', 'outcome'), [(0.3, 0.4, PASSED), (1.5, 1.6, FAILED)])
+def test_odometry_may_be_silent_for_good(drive, outcomes, stop, left, outcome):
+    drive.decisions, end = [], START + 3 * SECOND
+    drive.odometry = [each for each in drive.odometry if each.stamp <= end]
+    drive.commands = [each for each in drive.commands if each.stamp <= end + 2 * SECOND]
+    for each in drive.commands:
+        if each.stamp > end + stop * SECOND:
+            each.twist = 0.0 * each.twist
+    finding = outcomes(drive)['silence']
+    assert finding.outcome is outcome
+    assert finding.worst == pytest.approx(left, abs=0.01)
+    assert finding.at == pytest.approx(3.0)
+
+
+def test_odometry_that_decisions_used_to_the_end_is_not_recorded_rather_than_silent(
+    drive, outcomes
+):
+    drive.odometry = [each for each in drive.odometry if each.stamp <= START + 3 * SECOND]
+    findings = outcomes(drive)
+    for check in ('silence', 'age'):
+        assert findings[check].outcome is NOT_JUDGED, check
+        assert 'Odometry is not recorded from 3.00' in findings[check].sentence

@@ -69,6 +69,7 @@ def rate(record: AuditRecord) -> Iterator[Sample]:
     yield Sample.upper(worst, limit, record.start)
     for leg in record.legs:
         commands = leg.commands
+        usual = float(np.median(np.diff(leg.odometry.stamps)))
         for run in leg.runs:
             settings = leg.history.at(run.start)
             end = min(run.end, run.start + to_nanoseconds(settings.final_time))
@@ -80,7 +81,12 @@ def rate(record: AuditRecord) -> Iterator[Sample]:
                 gaps = np.diff(times) / NANOSECONDS - slack
                 for k in np.flatnonzero(is_expected & (gaps > worst)).tolist():
                     begin, until = int(times[k]), int(times[k + 1])
-                    if gaps[k] > worst and not holes(leg.odometry.stamps, begin, until, longest):
+                    found = holes(leg.odometry.stamps, begin, until, longest)
+                    silent = np.array([each.end - each.begin for each in found])
+                    # Where odometry is slow, a command comes with the first after it is due.
+                    lost = max(silent.max(initial=0), silent[silent > LATE * usual].sum())
+                    is_late = gaps[k] - lost / NANOSECONDS > limit
+                    if gaps[k] > worst and (is_late or not found):
                         worst = float(gaps[k])
                         yield Sample.upper(worst + slack, limit + slack, begin)
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from drives import SECOND, START, failed
+from drives import LATENCY, SECOND, START, failed
 
 from cmpsp_ros.bags.audit import CheckOutcome
 
@@ -133,3 +133,23 @@ def test_odometry_that_decisions_used_to_the_end_is_not_recorded_rather_than_sil
     for check in ('silence', 'age'):
         assert findings[check].outcome is NOT_JUDGED, check
         assert 'Odometry is not recorded from 3.00' in findings[check].sentence
+
+
+@pytest.mark.parametrize('every', [1, 5, 6, 8, 10, 17])
+@pytest.mark.parametrize('is_late', [False, True])
+def test_odometry_that_is_slow_excuses_no_command_that_is_late(drive, outcomes, every, is_late):
+    drive.odometry, drive.decisions = drive.odometry[::every], []
+    stamps = np.array([each.stamp for each in drive.odometry])
+    for each in drive.commands:
+        # It answers the first odometry from its time on.
+        each.stamp = int(stamps[np.searchsorted(stamps, each.stamp).clip(max=len(stamps) - 1)])
+        each.received = each.stamp + LATENCY
+    latest = {each.stamp: each for each in drive.commands}
+    low, high = START + 4 * SECOND, START + 6 * SECOND
+    drive.commands = [
+        each for stamp, each in latest.items() if not (is_late and low < stamp < high)
+    ]
+    finding = outcomes(drive)['rate']
+    assert finding.outcome is (FAILED if is_late else PASSED), finding
+    if is_late:
+        assert finding.worst == pytest.approx(2.0, abs=0.4)

@@ -239,7 +239,16 @@ class Leg:
     @cached_property
     def known(self) -> tuple[KnownPath, ...]:
         """The path by each source, the best first."""
-        return (self.by_odometry,) if self.true is None else (self.true, self.by_odometry)
+        if self.true is None:
+            return (self.by_odometry,)
+        # In its holes nothing says how far odometry is off.
+        alone = tuple(
+            part.between(max(hole.begin, int(part.stamps[0])), min(hole.end, int(part.stamps[-1])))
+            for hole in self.true.holes
+            for part in self.by_odometry.pieces
+            if hole.begin < part.stamps[-1] and part.stamps[0] < hole.end
+        )
+        return (self.true, self.by_odometry, replace(self.by_odometry, pieces=alone, tolerance=0.0))
 
     @cached_property
     def holes(self) -> tuple[Hole, ...]:

@@ -153,3 +153,23 @@ def test_odometry_that_is_slow_excuses_no_command_that_is_late(drive, outcomes, 
     assert finding.outcome is (FAILED if is_late else PASSED), finding
     if is_late:
         assert finding.worst == pytest.approx(2.0, abs=0.4)
+
+
+@pytest.mark.parametrize('seconds', [2.0, 4.5, 7.0])
+@pytest.mark.parametrize(
+    ('begin', 'end'), [(3.0, 6.0), (3.0, 99.0), (-1.0, 6.0), (99.0, 99.0)],
+    ids=['lost for a while', 'lost for good', 'late', 'known'],
+)  # fmt: skip
+def test_the_stated_error_of_odometry_counts_where_the_true_path_is_not_known(
+    drive, outcomes, seconds, begin, end
+):
+    low, high = START + begin * SECOND, START + end * SECOND
+    drive.truth = [replace(each) for each in drive.odometry if not low < each.stamp < high]
+    for each in drive.truth:
+        heading = each.pose[2]
+        each.pose = each.pose + 0.2 * np.array([-np.sin(heading), np.cos(heading), 0.0])
+    drive.parameters |= {'obstacles.a.radius': 0.1, 'obstacles.b.center': [90.0, 90.0]}
+    drive.parameters[CENTER] = drive.odometry[round(50 * seconds)].pose[:2].tolist()
+    for each in drive.odometry:
+        each.spread = 0.1
+    assert ('obstacles' in failed(outcomes(drive))) == (begin < seconds < end)

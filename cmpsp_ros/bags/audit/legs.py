@@ -12,7 +12,7 @@ from operator import attrgetter
 import numpy as np
 
 from cmpsp_ros.arrays import Array, BoolArray, IntArray
-from cmpsp_ros.bags.audit.history import History
+from cmpsp_ros.bags.audit.history import OTHER_CLOCK, History
 from cmpsp_ros.bags.decision_record import DecisionRecord
 from cmpsp_ros.bags.reader import Bag, Window
 from cmpsp_ros.bags.runs.odometry import (
@@ -126,15 +126,17 @@ def timed(
 ) -> Commands:
     """Commands with the stamps of the odometry that they are based on: as stamped, or as decided.
 
-    Any other is based on the latest odometry received by then.
+    Any other is based on the latest odometry received by then, or sent as long before the first as
+    it was received. Stamps later than that odometry are of another clock.
     """
-    if commands.stamped:
-        return commands
     latest = np.searchsorted(odometry.received, commands.received, side='right') - 1
     stamps = odometry.stamps[np.maximum(latest, 0)]
+    stamps = stamps + np.minimum(commands.received - odometry.received[0], 0)
+    if commands.stamped and np.median(commands.stamps - stamps) <= OTHER_CLOCK:
+        return commands
     answered = decisions[pairs.decisions]
     stamps[pairs.commands] = [each.stamp for each in answered]
-    return replace(commands, stamps=stamps)
+    return replace(commands, stamps=stamps, stamped=False)
 
 
 @dataclass(frozen=True)

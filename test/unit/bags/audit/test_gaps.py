@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from drives import LATENCY, SECOND, START, failed
 
-from cmpsp_ros.bags.audit import CheckOutcome
+from cmpsp_ros.bags.audit import CheckOutcome, Sources
 
 PASSED, FAILED, _, NOT_JUDGED = CheckOutcome
 
@@ -173,3 +173,34 @@ def test_the_stated_error_of_odometry_counts_where_the_true_path_is_not_known(
     for each in drive.odometry:
         each.spread = 0.1
     assert ('obstacles' in failed(outcomes(drive))) == (begin < seconds < end)
+
+
+@pytest.mark.parametrize('ahead', [0, 6, 1000])
+def test_commands_stamped_by_another_clock_cut_off_no_path(drive, outcomes, ahead):
+    drive.decisions, drive.stamped = [], True
+    drive.parameters[CENTER] = drive.odometry[150].pose[:2].tolist()
+    for each in drive.commands:
+        each.stamp += ahead * SECOND
+    findings = outcomes(drive)
+    assert {'obstacles', 'commanded'} <= failed(findings)
+    assert findings['obstacles'].at == pytest.approx(3.0, abs=0.1)
+    assert findings['goal'].outcome is findings['rate'].outcome is PASSED
+
+
+@pytest.mark.parametrize('is_stamped', [False, True])
+def test_commands_from_before_any_odometry_begin_the_run(drive, outcomes, is_stamped):
+    drive, drive.stamped = drive.without_node(), is_stamped
+    drive.odometry = [each for each in drive.odometry if each.stamp >= START + 5 * SECOND]
+    findings = outcomes(drive, Sources(params_file='case3'))
+    for check in ('road', 'obstacles', 'commanded'):
+        assert findings[check].outcome is NOT_JUDGED, check
+    assert 'not recorded from 0.00 to 5.00 s' in findings['road'].sentence
+    assert findings['goal'].outcome is PASSED
+    assert findings['goal'].at == pytest.approx(10.0)
+
+
+def test_commands_stamped_by_old_odometry_are_old(drive, outcomes):
+    drive.decisions, drive.stamped = [], True
+    for each in drive.commands:
+        each.received += 2 * SECOND
+    assert 'age' in failed(outcomes(drive))

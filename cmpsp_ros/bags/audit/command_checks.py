@@ -28,6 +28,7 @@ _SETTLED: Final = 2.0 / 3.0
 _BRIEF: Final = 0.5
 _OBEYED: Final = 0.1  # part of the largest wheel speed by which a wheel may differ from its command
 _LAGS: Final = 3.0  # time constants of the wheels after which they have followed a stop
+_UNSTEERED: Final = (math.inf, math.inf)
 _SIGMAS: Final = 3.0 * math.sqrt(2.0)
 
 WHEELS: Final = ('robot.wheel_radius', 'robot.half_track', 'robot.max_wheel_speed')
@@ -40,21 +41,32 @@ WHEELS: Final = ('robot.wheel_radius', 'robot.half_track', 'robot.max_wheel_spee
 )  # fmt: skip
 def jumps(record: AuditRecord) -> Iterator[Sample]:
     """Motion from each odometry sample to the next."""
-    robot, max_jump = record.settings.robot, record.settings.safety.max_odom_jump
-    if not math.isfinite(robot.max_wheel_speed):
-        raise SkippedError('The wheels have no limit (robot.max_wheel_speed is 0).')
-    if not max_jump:
-        raise SkippedError('Any jump is allowed (safety.max_odom_jump is 0).')
-    for odometry in (leg.odometry for leg in record.legs):
-        durations = np.diff(odometry.stamps) / NANOSECONDS
-        steps = np.diff(odometry.poses, axis=0)
-        moved = np.hypot(*steps[:, :2].T), np.abs(wrapped(steps[:, 2]))
-        limits = motion_limits(robot, durations, max_jump)
-        for unit, values, allowed in zip(('m', 'rad'), moved, limits, strict=True):
-            # Of two at one instant the later counts, as when the robot is put somewhere else.
-            excess = np.where(durations > 0.0, values / allowed - 1.0, -np.inf)
-            found = Sample.largest(values, allowed, odometry.stamps, excess)
-            yield replace(found, unit=unit, words={'unit': unit})
+    reasons = [_why_any_jump(each.settings) for each in record.history.epochs]
+    if all(reasons):
+        raise SkippedError(reasons[0])
+    for leg in record.legs:
+        stamps, poses = leg.odometry.stamps, leg.odometry.poses
+        durations = np.diff(stamps) / NANOSECONDS
+        steps = np.diff(poses, axis=0)
+        ways = np.hypot(*steps[:, :2].T), np.abs(wrapped(steps[:, 2]))
+        for epoch, at in leg.history.periods(stamps[:-1]):
+            robot, max_jump = epoch.settings.robot, epoch.settings.safety.max_odom_jump
+            if _why_any_jump(epoch.settings):
+                continue
+            limits = motion_limits(robot, durations[at], max_jump)
+            for unit, way, allowed in zip(('m', 'rad'), ways, limits, strict=True):
+                # Of two at one instant the later counts, as when the robot is put somewhere else.
+                excess = np.where(durations[at] > 0.0, way[at] / allowed - 1.0, -np.inf)
+                found = Sample.largest(way[at], allowed, stamps[at], excess)
+                yield replace(found, unit=unit, words={'unit': unit})
+
+
+def _why_any_jump(settings: GuidanceSettings) -> str:
+    if not math.isfinite(settings.robot.max_wheel_speed):
+        return 'The wheels have no limit (robot.max_wheel_speed is 0).'
+    return (
+        '' if settings.safety.max_odom_jump else 'Any jump is allowed (safety.max_odom_jump is 0).'
+    )
 
 
 @check(
@@ -75,17 +87,16 @@ def finite(record: AuditRecord) -> Iterator[Sample]:
 )  # fmt: skip
 def wheel_limits(record: AuditRecord) -> Iterator[Sample]:
     """Wheel speed of each finite command."""
-    limit = record.settings.robot.max_wheel_speed
-    if not math.isfinite(limit):
+    limits = record.of_commands(lambda each: each.robot.max_wheel_speed)
+    if not np.isfinite(limits).any():
         raise SkippedError('The wheels have no limit (robot.max_wheel_speed is 0).')
-    yield Sample(-1.0, limit, record.start, -math.inf)
+    yield Sample(-1.0, float(limits.min()), record.start, -math.inf)
     commands = record.commands
-    for received, stamp, twist in zip(
-        commands.received, commands.stamps, commands.twists, strict=True
-    ):
+    known = zip(commands.received, commands.stamps, commands.twists, limits.tolist(), strict=True)
+    for received, stamp, twist, limit in known:
         robot = record.history.received_by(int(received)).settings.robot
-        speed, limit = float(np.abs(robot.wheel_speeds(twist)).max()), robot.max_wheel_speed
-        if not math.isnan(speed):
+        speed = float(np.abs(robot.wheel_speeds(twist)).max())
+        if math.isfinite(limit) and not math.isnan(speed):
             yield Sample(speed, limit, int(stamp), speed / limit - (1.0 + _ROUNDING))
 
 
@@ -96,13 +107,13 @@ def wheel_limits(record: AuditRecord) -> Iterator[Sample]:
 )  # fmt: skip
 def acceleration(record: AuditRecord) -> Iterator[Sample]:
     """Change of the wheel speeds from each command to the next, and from rest; halts are exempt."""
-    limit = record.settings.max_wheel_change
-    if not math.isfinite(limit):
+    limits = record.of_commands(lambda each: each.max_wheel_change)
+    if not np.isfinite(limits).any():
         raise SkippedError('The wheels have no such limit (robot.max_wheel_acceleration is 0).')
     wheels = _changing(record)
     changes = np.abs(np.diff(wheels, axis=0, prepend=0.0 * wheels[:1])).max(axis=1)
     changes[_unplanned(record)] = 0.0
-    yield Sample.largest(changes, limit, record.commands.stamps, changes - limit - CHANGE_ROUNDING)
+    yield _largest(record, changes, limits, changes - limits - CHANGE_ROUNDING)
 
 
 @check(
@@ -112,8 +123,8 @@ def acceleration(record: AuditRecord) -> Iterator[Sample]:
 )  # fmt: skip
 def jerk(record: AuditRecord) -> Iterator[Sample]:
     """Second difference of the wheel speeds of each command of a plan, but after gaps."""
-    limit = record.settings.max_second_difference
-    if not math.isfinite(limit):
+    limits = record.of_commands(lambda each: each.max_second_difference)
+    if not np.isfinite(limits).any():
         raise SkippedError('The wheels have no such limit (robot.max_wheel_jerk is 0).')
     pairs = record.pairs
     wheels = record.settings.robot.wheel_speeds(record.commands.twists)
@@ -125,7 +136,7 @@ def jerk(record: AuditRecord) -> Iterator[Sample]:
     before = np.where(stops[:-1, None], 0.0, changes[:-1])
     found = np.abs(changes - np.vstack([0.0 * wheels[:1], before])).max(axis=1)
     found[stops | gaps | np.append(False, gaps[:-1])] = 0.0
-    yield Sample.largest(found, limit, record.commands.stamps, found - limit - CHANGE_ROUNDING)
+    yield _largest(record, found, limits, found - limits - CHANGE_ROUNDING)
 
 
 @check(
@@ -135,13 +146,12 @@ def jerk(record: AuditRecord) -> Iterator[Sample]:
 )  # fmt: skip
 def lateral_acceleration(record: AuditRecord) -> Iterator[Sample]:
     """Speed of each finite command, in any direction, times its turn rate."""
-    limit = record.settings.robot.max_lateral_acceleration
-    if not math.isfinite(limit):
+    limits = record.of_commands(lambda each: each.robot.max_lateral_acceleration)
+    if not np.isfinite(limits).any():
         raise SkippedError('There is no such limit (robot.max_lateral_acceleration is 0).')
     *speeds, turn_rates = record.commands.twists.T
     found = np.nan_to_num(np.abs(np.hypot(speeds[0], speeds[-1] * (len(speeds) > 1)) * turn_rates))
-    excess = found / limit - (1.0 + _ROUNDING)
-    yield Sample.largest(found, limit, record.commands.stamps, excess)
+    yield _largest(record, found, limits, found / limits - (1.0 + _ROUNDING))
 
 
 @check(
@@ -154,19 +164,19 @@ def steering(record: AuditRecord) -> Iterator[Sample]:
 
     A command at rest says nothing of the steering: it is as decided, or else as before.
     """
-    limits = record.settings.robot.steering_limits
-    if limits is None:
+    if record.settings.robot.steering_limits is None:
         raise SkippedError('The robot is not steered (robot.model).')
+    top, rates = record.of_commands(lambda each: each.robot.steering_limits or _UNSTEERED).T
     angles = _steering_angles(record)
     changes = np.abs(np.diff(angles, prepend=0.0))
     changes[_unplanned(record)] = 0.0
-    most = limits[1] * record.settings.control_period
-    index = int(np.maximum(np.abs(angles) / limits[0], changes / most).argmax())
+    most = rates * record.of_commands(lambda each: each.control_period)
+    index = int(np.maximum(np.abs(angles) / top, changes / most).argmax())
     angle, changed = float(np.abs(angles[index])), float(changes[index])
-    excess = max(angle - limits[0] * (1.0 + _ROUNDING), changed - most - CHANGE_ROUNDING)
+    excess = max(angle - top[index] * (1.0 + _ROUNDING), changed - most[index] - CHANGE_ROUNDING)
     words = {'angle': angle, 'changed': changed}
     at, largest = int(record.commands.stamps[index]), float(np.abs(angles).max())
-    yield Sample(largest, limits[0], at, excess, words=words)
+    yield Sample(largest, float(top[index]), at, excess, words=words)
 
 
 def _undecided(record: AuditRecord, worst: Sample) -> str:
@@ -199,8 +209,7 @@ def as_decided(record: AuditRecord) -> Iterator[Sample]:
 
 
 def _vague(record: AuditRecord, _worst: Sample) -> str:
-    limit = record.settings.robot.max_wheel_speed
-    is_vague = any((allowed >= limit).all() for _, _, allowed in _followed(record))
+    is_vague = any((allowed >= limit).all() for limit, *_, allowed in _followed(record))
     said = 'By its covariance odometry may be off by as much as the wheels can turn.'
     return said if is_vague else ''
 
@@ -213,20 +222,27 @@ def _vague(record: AuditRecord, _worst: Sample) -> str:
 )  # fmt: skip
 def obeyed(record: AuditRecord) -> Iterator[Sample]:
     """Difference of wheel speeds from each command, after the time that the robot needs."""
-    if not math.isfinite(record.settings.robot.max_wheel_speed):
+    epochs = record.history.epochs
+    if not any(math.isfinite(each.settings.robot.max_wheel_speed) for each in epochs):
         raise SkippedError('The wheels have no limit (robot.max_wheel_speed is 0) to measure by.')
-    for begins, off, allowed in _followed(record):
+    for _, begins, off, allowed in _followed(record):
         yield Sample.largest(off, allowed, begins, off / allowed - 1.0)
 
 
-def _followed(record: AuditRecord) -> Iterator[tuple[IntArray, Array, Array]]:
-    """For each leg: begins of commands held [ns], wheel errors and their limits [rad/s]."""
-    settings = record.settings
-    robot = settings.robot
-    for leg in record.legs:
-        begins, ends, twists = _held(leg, settings)
+def _followed(record: AuditRecord) -> Iterator[tuple[float, IntArray, Array, Array]]:
+    """Commands held, by the parameters in force, where wheels have a largest speed [rad/s].
+
+    They are that speed, their begins [ns], and wheel errors with their limits [rad/s].
+    """
+    for leg, epoch in ((one, each) for one in record.legs for each in one.history.epochs):
+        robot = epoch.settings.robot
+        if not math.isfinite(robot.max_wheel_speed):
+            continue
+        begins, ends, twists = _held(leg, epoch.settings)
         known = [
-            not overlaps(span, leg.by_odometry.holes) for span in zip(begins, ends, strict=True)
+            leg.history.epoch_at(int(begin)) is epoch
+            and not overlaps((begin, end), leg.by_odometry.holes)
+            for begin, end in zip(begins, ends, strict=True)
         ]
         begins, ends, twists = begins[known], ends[known], twists[known]
         if not len(begins):
@@ -235,7 +251,8 @@ def _followed(record: AuditRecord) -> Iterator[tuple[IntArray, Array, Array]]:
         off = robot.wheel_differences(mean_twists(leg.odometry, begins, ends), twists)
         spread = leg.odometry.spreads.max(axis=0)
         noise = _SIGMAS * (spread[0] + robot.half_track * spread[1]) / duration
-        yield begins, off, _OBEYED * robot.max_wheel_speed + noise / robot.wheel_radius
+        allowed = _OBEYED * robot.max_wheel_speed + noise / robot.wheel_radius
+        yield robot.max_wheel_speed, begins, off, allowed
 
 
 def _held(leg: Leg, settings: GuidanceSettings) -> tuple[IntArray, IntArray, Array]:
@@ -266,6 +283,12 @@ def _standing(leg: Leg, settings: GuidanceSettings) -> IntArray:
     end = next(iter(moved), odometry[-1]) if not leg.commands.moving[-1] else last
     begin = last + round(until_rest * NANOSECONDS)
     return np.arange(begin, end, round(period * NANOSECONDS), dtype=np.int64)
+
+
+def _largest(record: AuditRecord, values: Array, limits: Array, excess: Array) -> Sample:
+    """The worst command of those that have a limit; arguments of shape ``(C,)``."""
+    excess = np.where(np.isfinite(limits), excess, -np.inf)
+    return Sample.largest(values, limits, record.commands.stamps, excess)
 
 
 def _changing(record: AuditRecord) -> Array:

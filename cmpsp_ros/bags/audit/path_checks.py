@@ -45,13 +45,14 @@ def _clear_in_words(worst: Sample) -> str:
 _CLEAR: Final = {'unit': 'm', 'of_reach': True, 'good': _clear_in_words, 'bad': _clear_in_words}
 
 
-def _clear(record: AuditRecord, columns: slice, wanted: float) -> Iterator[Sample]:
+def _clear(record: AuditRecord, columns: slice, *, margin: bool = False) -> Iterator[Sample]:
     """Minimum clearance by each source; a contact proven by one is not disproven by another.
 
-    The limit is lower by what the source may be off.
+    The limit is 0 or the margin in force, lower by what the source may be off.
     """
-    yield Sample(math.inf, wanted, None, -math.inf)
+    yield Sample(math.inf, 0.0, None, -math.inf)
     for each in record.evidence:
+        wanted = each.settings.safety.margin if margin else 0.0
         part = np.nan_to_num(each.clearance[:, columns], nan=-math.inf)
         if part.size:
             row, column = np.unravel_index(int(part.argmin()), part.shape)
@@ -67,7 +68,7 @@ def road(record: AuditRecord) -> Iterator[Sample]:
     """Clearance from both road edges."""
     if not any(each.settings.road.has_center_line for each in record.sweeps):
         raise SkippedError('There is no road (road.type is none).')
-    yield from _clear(record, slice(0, EDGES), 0.0)
+    yield from _clear(record, slice(0, EDGES))
 
 
 def _doubtful(record: AuditRecord, worst: Sample) -> str:
@@ -85,7 +86,7 @@ def obstacles(record: AuditRecord) -> Iterator[Sample]:
         if reason := sensor_gap(record):
             raise NotJudgedError(reason)
         raise SkippedError('There is no obstacle among the parameters.')
-    yield from _clear(record, slice(EDGES, None), 0.0)
+    yield from _clear(record, slice(EDGES, None))
 
 
 def _apart_in_words(worst: Sample) -> str:
@@ -164,10 +165,9 @@ def others(record: AuditRecord) -> Iterator[Sample]:
 )  # fmt: skip
 def margin(record: AuditRecord) -> Iterator[Sample]:
     """Clearance above the margin asked for."""
-    wanted = max(each.settings.safety.margin for each in record.sweeps)
-    if wanted == 0.0:
+    if not any(each.settings.safety.margin for each in record.sweeps):
         raise SkippedError('No margin was asked for (safety.margin is 0).')
-    yield from _clear(record, slice(None), wanted)
+    yield from _clear(record, slice(None), margin=True)
 
 
 @check(

@@ -10,6 +10,7 @@ from functools import cached_property, partial
 from itertools import chain
 from operator import attrgetter
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -287,6 +288,13 @@ class AuditRecord:
         ]
         discs = [[each.x, each.y, each.radius] for each in tracks]
         return np.array(discs + robots).reshape(-1, 3)
+
+    def of_commands(self, value: Callable[[GuidanceSettings], Any]) -> Array:
+        """A parameter in force at each command, shape ``(C, ...)``."""
+        values = np.array([value(each.settings) for each in self.history.epochs])
+        times = [each.received for each in self.history.epochs]
+        index = np.searchsorted(times, self.commands.received, side='right') - 1
+        return np.asarray(values[np.maximum(index, 0)])
 
     @property
     def settings(self) -> GuidanceSettings:

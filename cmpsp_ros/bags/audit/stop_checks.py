@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from cmpsp_ros.arrays import IntArray
+from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.bags.audit.command_checks import LATE
 from cmpsp_ros.bags.audit.finding import NotJudgedError, Sample, SkippedError, check
 from cmpsp_ros.bags.audit.legs import Leg, RunSpan
@@ -62,16 +62,15 @@ def _uncommanded(record: AuditRecord, _worst: Sample) -> str:
 )  # fmt: skip
 def rate(record: AuditRecord) -> Iterator[Sample]:
     """Time from each command of a run to the next, by stamps and as received; not after a stop."""
-    limit = LATE * record.settings.control_period
-    # For so long odometry must be missing to make a command late [ns].
-    longest = (1.0 - 1.0 / LATE) * limit * NANOSECONDS
-    worst = 0.0
-    yield Sample.upper(worst, limit, record.start)
+    yield Sample.upper(0.0, LATE * record.settings.control_period, record.start)
     for leg in record.legs:
         commands = leg.commands
         usual = float(np.median(np.diff(leg.odometry.stamps)))
         for run in leg.runs:
-            settings = leg.history.at(run.start)
+            settings, worst = leg.history.at(run.start), 0.0
+            limit = LATE * settings.control_period
+            # For so long odometry must be missing to make a command late [ns].
+            longest = (1.0 - 1.0 / LATE) * limit * NANOSECONDS
             end = min(run.end, run.start + to_nanoseconds(settings.final_time))
             inside = (commands.stamps >= run.start) & (commands.stamps < end)
             is_expected = np.append(True, commands.moving[inside])
@@ -98,7 +97,6 @@ def rate(record: AuditRecord) -> Iterator[Sample]:
 )  # fmt: skip
 def age(record: AuditRecord) -> Iterator[Sample]:
     """Age of the odometry that a command to move rests on, or of the newest if that is older."""
-    limit = record.settings.odom_timeout + _SLACK
     is_any = False
     for leg in record.legs:
         odometry, chosen = leg.odometry, leg.commands.moving
@@ -113,8 +111,9 @@ def age(record: AuditRecord) -> Iterator[Sample]:
         basis = np.minimum(commands.stamps, odometry.stamps[latest])
         ages = (commands.received - basis)[known] / NANOSECONDS
         ages -= offset if abs(offset) > _SAME_CLOCK else 0.0
-        is_any = True
-        yield Sample.largest(ages, limit, commands.stamps[known], ages - limit)
+        is_any, stamps = True, commands.stamps[known]
+        limits = _timeouts(leg, stamps)
+        yield Sample.largest(ages, limits, stamps, ages - limits)
     if not is_any:
         raise SkippedError('No command to move comes after any odometry.')
 
@@ -122,7 +121,7 @@ def age(record: AuditRecord) -> Iterator[Sample]:
 def _silence_in_words(worst: Sample) -> str:
     longest = worst.words['longest']
     said = f'Odometry is silent for {longest:.3g} s, and the robot is stopped in time.'
-    return said if longest > worst.limit else 'Odometry is never silent for long.'
+    return said if longest else 'Odometry is never silent for long.'
 
 
 @check(
@@ -133,14 +132,15 @@ def _silence_in_words(worst: Sample) -> str:
 )  # fmt: skip
 def silence(record: AuditRecord) -> Iterator[Sample]:
     """Time for which the robot is left moving without odometry."""
-    limit = record.settings.odom_timeout + _SLACK
-    worst, at, longest = 0.0, record.start, 0.0
+    limit, longest = record.settings.odom_timeout + _SLACK, 0.0
+    worst = Sample.upper(0.0, limit, record.start)
     for leg in record.legs:
         received, commands = _receptions(leg), leg.commands
         gaps = np.diff(received) / NANOSECONDS
         gaps[np.isin(received[:-1], [each.begin for each in _lost(record, leg)])] = 0.0
-        longest = max(longest, float(gaps.max()))
-        for index in np.flatnonzero(gaps > limit):
+        limits = _timeouts(leg, leg.odometry.stamps)
+        longest = max(longest, float(gaps[gaps > limits].max(initial=0.0)))
+        for index in np.flatnonzero(gaps > limits):
             times = (commands.received - received[index]) / NANOSECONDS
             before = int(np.searchsorted(times, 0.0, side='right')) - 1
             moving = before >= 0 and bool(commands.moving[before])
@@ -149,9 +149,11 @@ def silence(record: AuditRecord) -> Iterator[Sample]:
             # A stop holds only until the next command to move.
             is_stopped = len(stops) and not (len(restarts) and restarts[-1] > stops[-1])
             left = float(stops[0] if is_stopped else gaps[index])
-            if (moving or len(restarts)) and left > worst:
-                worst, at = left, int(leg.odometry.stamps[index])
-    yield Sample(worst, limit, at, worst - limit, words={'longest': longest})
+            if moving or len(restarts):
+                at = int(leg.odometry.stamps[index])
+                found = Sample.upper(left, float(limits[index]), at)
+                worst = max(worst, found, key=lambda each: each.order)
+    yield replace(worst, words={'longest': longest})
 
 
 @check(
@@ -182,23 +184,21 @@ def stop_at_end(record: AuditRecord) -> Iterator[Sample]:
 )  # fmt: skip
 def reasons(record: AuditRecord) -> Iterator[Sample]:
     """Number of decisions with an unknown level, no reason, or a stop that is none."""
-    brakes = math.isfinite(record.settings.max_wheel_change)
-    wrong = [(each.stamp, _wrong_with(record, each, brakes)) for each in record.decisions]
+    wrong = [(each.stamp, _wrong_with(record, each)) for each in record.decisions]
     wrong = [(stamp, what) for stamp, what in wrong if what]
     at, what = wrong[0] if wrong else (None, '')
     yield Sample.count(len(wrong), at, total=len(record.decisions), what=what)
 
 
-def _wrong_with(record: AuditRecord, decision: DecisionRecord, brakes: bool) -> str:
-    level = decision.level
+def _wrong_with(record: AuditRecord, decision: DecisionRecord) -> str:
+    level, settings = decision.level, record.history.received_by(decision.received).settings
     if level not in {each.name.lower() for each in FallbackLevel}:
         return f'has level {level!r}, which does not exist'
     if not decision.reason.strip():
         return f'has level {level} without a reason'
-    if level == 'stop' and not brakes:
-        robot = record.history.received_by(decision.received).settings.robot
-        if robot.twist_of_wheels(decision.wheel_speeds).any():
-            return 'has level stop with wheels that turn'
+    turns = settings.robot.twist_of_wheels(decision.wheel_speeds).any()
+    if level == 'stop' and turns and not math.isfinite(settings.max_wheel_change):
+        return 'has level stop with wheels that turn'
     if decision.finished and level != 'stop':
         return f'has level {level} after the final time'
     return ''
@@ -211,12 +211,12 @@ def _wrong_with(record: AuditRecord, decision: DecisionRecord, brakes: bool) -> 
 )  # fmt: skip
 def previous_plan(record: AuditRecord) -> Iterator[Sample]:
     """Control steps in a row in which an old plan is followed."""
-    limit = float(record.settings.failure_tolerance)
-    row = 0
+    row, limit = 0, float(record.settings.failure_tolerance)
     yield Sample(0.0, limit, None, -limit)
     for each in record.decisions:
         # A plan that came too late was made anew: no step has failed.
         row = row + 1 if each.level == 'previous_plan' and each.failures else 0
+        limit = float(record.history.received_by(each.received).settings.failure_tolerance)
         if row:
             yield Sample.upper(float(row), limit, each.stamp)
 
@@ -302,15 +302,14 @@ def _lost(record: AuditRecord, leg: Leg) -> list[Hole]:
     A decision rests on odometry that is not there, decisions are missing, or nothing was
     recorded.
     """
-    limit = record.settings.odom_timeout + _SLACK
-    received = _receptions(leg)
+    received, limits = _receptions(leg), _timeouts(leg, leg.odometry.stamps) * NANOSECONDS
     stamps = np.append(leg.odometry.stamps, np.iinfo(np.int64).max)
     answers = [each for each in record.decisions if not each.halted]
     at = np.array([each.received for each in answers], dtype=np.int64)
     true = np.empty(0, np.int64) if leg.truth is None else leg.truth.received
     alive = np.concatenate([leg.commands.received, at, true])
     lost = []
-    for k in np.flatnonzero(np.diff(received) > limit * NANOSECONDS).tolist():
+    for k in np.flatnonzero(np.diff(received) > limits).tolist():
         hole = Hole(int(received[k]), int(received[k + 1]))
         first, last = np.searchsorted(at, hole).tolist()
         heard = any(stamps[k] < each.stamp < stamps[k + 1] for each in answers[first:last])
@@ -326,3 +325,11 @@ def _receptions(leg: Leg) -> IntArray:
     others = [leg.commands] if leg.truth is None else [leg.commands, leg.truth]
     last = max(int(each.received[-1]) for each in (leg.odometry, *others))
     return np.append(leg.odometry.received, last)
+
+
+def _timeouts(leg: Leg, stamps: IntArray) -> Array:
+    """Age from which on odometry counts as silent, in force at instants ``(M,)`` [ns], [s]."""
+    epochs = leg.history.epochs
+    index = np.searchsorted([each.since for each in epochs], stamps, side='right') - 1
+    timeouts = np.array([each.settings.odom_timeout for each in epochs])
+    return np.asarray(timeouts[np.maximum(index, 0)] + _SLACK)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from drives import ODOM_PERIOD, SECOND, Command, Sample, drive_case, drive_settings, failed
+from drives import ODOM_PERIOD, SECOND, START, Command, Sample, drive_case, drive_settings, failed
 
 from cmpsp_ros.bags.audit import CheckOutcome
 from cmpsp_ros.guidance import FallbackLevel
@@ -325,3 +325,11 @@ def test_steering_that_cannot_follow_is_caught(steered, outcomes, change, senten
 
 def test_a_robot_that_is_not_steered_has_no_such_check(gentle, outcomes):
     assert 'not steered' in outcomes(gentle)['steering'].sentence
+
+
+@pytest.mark.parametrize('seconds', [0.1, 20.0])
+def test_a_car_is_steered_as_far_as_the_parameters_in_force_allow(steered, outcomes, seconds):
+    drive = steered.copy()
+    less = {**drive.parameters, 'robot.max_steering_angle': 1e-3}
+    drive.restarts = [(START + round(seconds * SECOND), less)]
+    assert ('steering' in failed(outcomes(drive))) == (seconds < 1.0)

@@ -17,7 +17,7 @@ from cmpsp_ros.bags.audit.path_checks import in_effect
 from cmpsp_ros.bags.audit.record import AuditRecord, path_gap
 from cmpsp_ros.bags.runs.odometry import arc_steps, is_within
 from cmpsp_ros.bags.runs.run import Planned
-from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings
+from cmpsp_ros.guidance import NANOSECONDS, SEEN, GuidanceSettings
 from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.robots import placed
 from cmpsp_ros.robots.motion import arc_ends, least_scale, with_side
@@ -122,26 +122,36 @@ def unseen(record: AuditRecord) -> Iterator[Sample]:
         raise SkippedError('No sensor tracks moving obstacles.')
     if 'safety.stop_within_sight' not in record.history.given:
         raise NotJudgedError('The parameters do not say safety.stop_within_sight.')
-    ids = ((each.stamp, key) for each in record.decisions for key, _ in each.tracks)
-    moved = min((at for at, key in ids if isinstance(key, int)), default=math.inf)
+    unknown, failed = 0, False
     known = zip(record.legs, record.plans, record.knowledge(), strict=True)
     for leg, plans, seeing in known:
+        ids = ((each.stamp, key) for each in leg.decisions for key, _ in each.tracks)
+        moved = min((at for at, key in ids if isinstance(key, int)), default=math.inf)
         commands, _, poses = in_effect(leg)
         for k, stamp in enumerate(commands.stamps.tolist()):
             settings = leg.history.at(stamp)
             obstacles = seeing(settings, stamp).obstacles
-            grids = [each.grid for each in obstacles if isinstance(each, GridObstacle)]
+            grids = (each for each in obstacles if isinstance(each, GridObstacle))
+            seen = next((each.grid for each in grids if each.name == SEEN), None)
             is_lost = is_within(stamp, leg.by_odometry.holes)
-            if settings.safety.stop_within_sight == 'off' or not grids or is_lost:
+            if settings.safety.stop_within_sight == 'off' or is_lost:
                 continue
             if stamp < moved or not commands.moving[k]:
+                continue
+            if seen is None:
+                unknown += 1
                 continue
             speed = float(np.hypot(*with_side(commands.twists[k : k + 1])[0, :2]))
             stops = _stops(settings, poses[k], commands, k, plans.get(stamp))
             is_slow = speed <= _CREEP or _brakes(settings, commands, k)
-            if is_slow or not all(_is_out_of_sight(settings, grids[-1], each) for each in stops):
+            if is_slow or not all(_is_out_of_sight(settings, seen, each) for each in stops):
                 speed = 0.0
-            yield Sample(speed, 0.05, stamp, speed - _CREEP, words={'creep': 0.05})
+            found = Sample(speed, 0.05, stamp, speed - _CREEP, words={'creep': 0.05})
+            failed |= not found.passes
+            yield found
+    if unknown and not failed:
+        topic = record.places.sighting
+        raise NotJudgedError(f'The bag has nothing in {topic} before {unknown} commands to move.')
 
 
 def _is_out_of_sight(

@@ -5,12 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bag_messages import cloud
-from drives import AGAIN, SECOND, START, drive_settings
+from bag_messages import cloud, grid
+from drives import AGAIN, LATENCY, SECOND, START, drive_settings
 
 from cmpsp_ros.bags.audit import CheckOutcome
 from cmpsp_ros.bags.audit.legs import Commands
 from cmpsp_ros.bags.audit.promise_checks import _stop, _stops
+from cmpsp_ros.bags.decision_record import decision_message
 from cmpsp_ros.bags.runs.odometry import arc_steps
 from cmpsp_ros.bags.runs.run import Planned
 from cmpsp_ros.guidance.messages import Track
@@ -234,3 +235,35 @@ def test_slow_commands_out_of_sight_pass(drive, outcomes):
 def test_other_fast_commands_are_not(drive, outcomes, value, sight, moves_from, outcome):
     drive.parameters['safety.stop_within_sight'] = sight
     assert outcomes(in_a_grid_of(drive, value, moves_from))['unseen'].outcome is outcome
+
+
+@pytest.mark.parametrize(
+    ('since', 'value', 'outcome'),
+    [(99.0, 0, NOT_JUDGED), (6.0, 0, NOT_JUDGED), (6.0, REMEMBERED, FAILED), (3.0, 0, PASSED)],
+    ids=['none', 'some', 'some, and fast out of sight', 'before anything moves'],
+)
+def test_commands_without_a_grid_of_what_is_in_sight_leave_it_open(
+    drive, outcomes, since, value, outcome
+):
+    drive = in_a_grid_of(drive, value)
+    late = round(since * SECOND)
+    drive.sightings = [(at + late, *said) for at, *said in drive.sightings if since < 99.0]
+    found = outcomes(drive)['unseen']
+    assert found.outcome is outcome
+    if outcome is NOT_JUDGED:
+        assert '/guidance/sighting' in found.sentence
+
+
+def test_what_moves_after_time_has_jumped_back_had_not_moved_before(drive, outcomes):
+    drive = in_a_grid_of(drive, REMEMBERED, 99.0)
+    decisions, again = drive.decisions, drive.again()
+    again.decisions = decisions
+    for each in decisions:
+        tracks = (Track(8, each.stamp, 0.3, 50.0, 50.0, 0.0, 0.0),)
+        later = each._replace(run=1, tracks=tracks)
+        said = decision_message(later, '/guidance')
+        again.records.append(('/guidance/decision', each.stamp + LATENCY + AGAIN, said))
+    stamp, cells, *origin = drive.sightings[0]
+    visible = grid(stamp, 0 * cells, *origin)
+    again.records.append(('/guidance/sighting', stamp + LATENCY + AGAIN, visible))
+    assert outcomes(again)['unseen'].outcome is PASSED

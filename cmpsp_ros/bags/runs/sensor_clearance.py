@@ -193,6 +193,7 @@ def look(
     best, heard = paths
     if best:
         judge, looks = _ClearanceTracker(settings, best), list[int]()
+        spots, last = np.empty((0, 2)), judge.begin
         heard_of: dict[str, list[int]] = {each.name: [] for each in settings.sight.sensors}
         scans = _scans(bag, topic, settings, best, window, heard_of)
         while block := list(islice(scans, _BLOCK)):
@@ -202,24 +203,26 @@ def look(
                 for each in sorted(block, key=lambda each: each.stamp)
             ]
             looks += [each.stamp for each in block if each.hits.any()]
-            judge.look(block, 1)
+            spots, last = judge.look(block, 1)
             # A cloud never shows that something has gone, nor that it came.
             sweeps = [replace(each, stamp=-each.stamp) for each in block if each.is_sweep]
             judge.look(sweeps[::-1], -1)
+        # No beam passes them after the last scan.
+        judge.near(spots, last, min(judge.end, last + to_nanoseconds(settings.sight.memory)))
         times = {name: np.unique(np.array(each, np.int64)) for name, each in heard_of.items()}
         yield replace(judge.seen(looks, EXACT), heard=times)
     if heard:
         judge, looks, tolerance = _ClearanceTracker(settings, heard), [], EXACT
-        before, last, spots = judge.begin, judge.end, np.empty((0, 2))
+        before, end, spots = judge.begin, judge.end, np.empty((0, 2))
         for stamp, grid in sightings(bag, topic, window):
-            if before <= stamp <= last:
+            if before <= stamp <= end:
                 judge.near(spots, before, stamp)
                 spots = grid.centers(*np.nonzero(grid.cells == Cell.OCCUPIED))
                 spots = spots[~_in_discs(spots, moving(stamp))]
                 judge.near(spots, before, stamp)
                 before, tolerance = stamp, max(tolerance, 0.75 * grid.resolution)
                 looks += [stamp] if len(spots) else []
-        judge.near(spots, before, last)
+        judge.near(spots, before, end)
         yield judge.seen(looks, tolerance)
 
 
@@ -238,8 +241,11 @@ class _ClearanceTracker:
         when = np.unique(np.array(looks, np.int64))
         return SensorClearance(self._stamps, self._poses, self._clearance, when, tolerance)
 
-    def look(self, scans: Iterable[Beams], direction: int) -> None:
-        """Go through scans in order of time, or backwards with negative stamps."""
+    def look(self, scans: Iterable[Beams], direction: int) -> tuple[Array, int]:
+        """Go through scans in order of time, or backwards with negative stamps.
+
+        Returns the spots ``(P, 2)`` [m] that are occupied after the last, and its time [ns].
+        """
         sight = self._settings.sight
         grid = LocalGrid(min(sight.size, _AROUND), sight.resolution, sight.memory)
         spots, before = np.empty((0, 2)), 0
@@ -253,6 +259,7 @@ class _ClearanceTracker:
             ends = np.where(of_itself[:, None], each.starts, each.ends)
             grid.see(replace(each, ends=ends, hits=each.hits & ~of_itself))
             spots, before = grid.hits(each.stamp), stamp
+        return spots, before
 
     def near(self, spots: Array, begin: int, end: int) -> None:
         """Measure the distance from spots at all poses between two times [ns]."""

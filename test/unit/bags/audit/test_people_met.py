@@ -214,3 +214,12 @@ def test_limits_are_lower_by_what_scans_may_be_off(drive, outcomes):
     found = outcomes(scanned(drive, crate))['obstacles']
     assert found.outcome is NOT_JUDGED
     assert found.limit == -EXACT
+
+
+@pytest.mark.parametrize(('last', 'outcome'), [(5.75, FAILED), (0.5, NOT_JUDGED)])
+def test_crates_are_still_there_after_the_last_scan(drive, outcomes, last, outcome):
+    """It is hit after 6 s; the first scans do not show it yet."""
+    x, y, _ = next(each.pose for each in drive.odometry if each.stamp == START + 6 * SECOND)
+    drive = scanned(drive.until(6.2), Obstacle('crate', (x, y), 0.1))
+    drive.scans = [each for each in drive.scans if each[0] <= START + last * SECOND]
+    assert outcomes(drive)['obstacles'].outcome is outcome

@@ -111,9 +111,26 @@ def _apart(legs: Met, where: str) -> Iterator[Sample]:
 _APART: Final = {'unit': 'm', 'good': _apart_in_words, 'bad': _apart_in_words}
 
 
+def track_gap(record: AuditRecord, _worst: object = None) -> str:
+    """Obstacles that decisions used and the bag lacks, in a sentence; empty if there are none."""
+    missing = sorted(
+        key
+        for leg in record.legs
+        for key in leg.last_used.keys() - {each.key for each in leg.tracks}
+        if isinstance(key[0], int)
+    )
+    if not missing:
+        return ''
+    number, stamp = missing[0]
+    return (
+        f'{len(missing)} obstacles that decisions used are not in the bag, such as {number} at'
+        f' {record.seconds(stamp):.2f} s.'
+    )
+
+
 @check(
     'moving', 'Path: moving obstacles clear', **_APART,
-    gaps=(lambda record, _: record.unusable['moving'], path_gap),
+    gaps=(lambda record, _: record.unusable['moving'], track_gap, path_gap),
 )  # fmt: skip
 def moving(record: AuditRecord) -> Iterator[Sample]:
     """Clearance from moving obstacles at their predicted positions, while the robot moved."""

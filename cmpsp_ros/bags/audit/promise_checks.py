@@ -13,7 +13,7 @@ import numpy as np
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.bags.audit.finding import NotJudgedError, Sample, SkippedError, check
 from cmpsp_ros.bags.audit.legs import Commands
-from cmpsp_ros.bags.audit.path_checks import in_effect
+from cmpsp_ros.bags.audit.path_checks import in_effect, track_gap
 from cmpsp_ros.bags.audit.record import AuditRecord, path_gap
 from cmpsp_ros.bags.runs.odometry import arc_steps, is_within
 from cmpsp_ros.bags.runs.run import Planned
@@ -50,18 +50,8 @@ def promise(record: AuditRecord) -> Iterator[Sample]:
 
     A command that brakes as hard as the wheels can is not judged.
     """
-    missing = sorted(
-        key
-        for leg in record.legs
-        for key in leg.last_used.keys() - {each.key for each in leg.tracks}
-        if isinstance(key[0], int)
-    )
-    if missing:
-        number, stamp = missing[0]
-        raise NotJudgedError(
-            f'{len(missing)} obstacles that decisions used are not in the bag, such as {number} at'
-            f' {record.seconds(stamp):.2f} s.'
-        )
+    if missing := track_gap(record):
+        raise NotJudgedError(missing)
     if not record.tracks and record.unusable['moving']:
         raise NotJudgedError(record.unusable['moving'])
     if not record.tracks:

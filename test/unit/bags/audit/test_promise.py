@@ -267,3 +267,14 @@ def test_what_moves_after_time_has_jumped_back_had_not_moved_before(drive, outco
     visible = grid(stamp, 0 * cells, *origin)
     again.records.append(('/guidance/sighting', stamp + LATENCY + AGAIN, visible))
     assert outcomes(again)['unseen'].outcome is PASSED
+
+
+@pytest.mark.parametrize('lost', [False, True])
+def test_moving_obstacles_that_the_bag_lacks_leave_their_clearance_open(drive, outcomes, lost):
+    beside(drive, 4.0, 2.5)
+    used, (_, *place) = drive.decisions[20], drive.obstacles[0][1][0]
+    number, stamp = (8, used.stamp) if lost else (7, drive.obstacles[0][0])
+    drive.decisions[20] = used._replace(tracks=(Track(number, stamp, 0.3, *place[:4]),))
+    found = outcomes(drive)['moving']
+    assert found.outcome is (NOT_JUDGED if lost else PASSED)
+    assert ('such as 8' in found.sentence) == lost

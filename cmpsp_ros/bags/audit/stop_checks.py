@@ -256,16 +256,19 @@ def _passings(record: AuditRecord) -> tuple[list[tuple[Passing, GuidanceSettings
     passings, missing = [], ''
     for leg in record.legs:
         for run in leg.runs:
+            is_last = run is record.legs[-1].runs[-1]
             for place in _goals_of(leg, run):
                 stamp = run.start + to_nanoseconds(place.time)
+                if stamp > run.end and not is_last:
+                    continue
                 settings = leg.history.at(stamp)
                 poses = [pose for each in leg.known if (pose := each.at(stamp)) is not None]
                 found = (Passing.of(settings, place, stamp, pose) for pose in poses)
                 passings += [(each, settings) for each in found]
-                if stamp > run.end and run is record.legs[-1].runs[-1]:
+                if stamp > run.end and is_last:
                     early = (stamp - run.end) / NANOSECONDS
                     missing = f'The recording ends {early:.3g} s before the final time.'
-                elif stamp <= run.end and not poses:
+                elif not poses:
                     missing = f'No pose is recorded at {place.time:g} s, the time of a goal.'
     return passings, missing
 
@@ -279,10 +282,11 @@ def _goals_of(leg: Leg, run: RunSpan) -> list[Goal]:
     ]
     until = math.inf if not received else (received[0].stamp - run.start) / NANOSECONDS
     goals = []
-    for index, goal in enumerate(leg.history.at(run.start).goals):
+    for goal in leg.history.at(run.start).goals:
         then = leg.history.at(run.start + round(goal.time * NANOSECONDS)).goals
-        if goal.time <= until:
-            goals.append(replace(then[index], time=goal.time))
+        same = next((each for each in then if (each.name or GOAL) == (goal.name or GOAL)), None)
+        if goal.time <= until and same is not None:
+            goals.append(replace(same, time=goal.time))
     for each, after in zip_longest(received, received[1:]):
         assert each.goal is not None  # noqa: S101 (looked at above)
         goal, next_goal = each.goal, None if after is None else after.goal

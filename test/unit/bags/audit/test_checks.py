@@ -220,6 +220,33 @@ def test_every_run_is_judged_by_its_own_goal(drive, outcomes):
     assert findings['rate'].outcome is PASSED
 
 
+def begun_again(drive, seconds, later):
+    """The drive until a time, and then another run of it."""
+    first, other = drive.until(seconds), drive.later(later, run=1)
+    first.odometry += other.odometry
+    first.commands += other.commands
+    first.decisions += other.decisions
+    return first
+
+
+def test_a_run_begun_again_before_its_goal_is_not_judged_by_it(drive, outcomes):
+    findings = outcomes(begun_again(drive, 4.0, 5.0))
+    assert findings['goal'].outcome is PASSED
+    assert findings['goal'].at == pytest.approx(15.0)
+    assert 'goals' not in findings['goal'].sentence
+
+
+def test_a_node_started_anew_may_have_fewer_waypoints(drive, outcomes):
+    names = {'waypoints.names': ['w'], 'waypoints.w.time': 9.0}
+    place = {'waypoints.w.position': drive.odometry[450].pose[:2].tolist()}
+    again = begun_again(drive, 8.0, 8.5)
+    again.parameters = {**drive.parameters, **names, **place}
+    again.restarts = [(START + round(8.4 * SECOND), drive.parameters)]
+    findings = outcomes(again)
+    assert findings['goal'].outcome is PASSED
+    assert findings['goal'].at == pytest.approx(18.5)
+
+
 def test_time_that_jumps_back_begins_a_new_leg(drive, outcomes):
     findings = outcomes(drive.again())
     assert failed(findings) - {'rate'} == set()

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator
 from itertools import chain
+from operator import attrgetter
 from typing import Final
 
 import numpy as np
@@ -30,6 +31,7 @@ _ROUNDING: Final = 1e-6  # rounding error of a clearance [m]
 # Violation that a linearised constraint may have at a sample [m]; see `guidance.audit`.
 _SAMPLE_TOLERANCE: Final = 1e-3
 _ROAD: Final = ('road',)
+_stamp = attrgetter('stamp')
 
 
 def _clear_in_words(worst: Sample) -> str:
@@ -195,21 +197,21 @@ def margin(record: AuditRecord) -> Iterator[Sample]:
 )  # fmt: skip
 def nominal(record: AuditRecord) -> Iterator[Sample]:
     """Clearance of the path driven wherever the level is nominal."""
-    answers = [each for each in record.decisions if not each.halted]
-    stamps = np.array([each.stamp for each in answers], dtype=np.int64)
-    if np.any(np.diff(stamps) < 0):
-        raise SkippedError('Time jumps back, and levels cannot be assigned by it.')
-    good, is_any = np.array([each.level == 'nominal' for each in answers]), False
-    for sweep in record.evidence if answers else ():
-        level = np.searchsorted(stamps, sweep.stamps, side='right') - 1
-        period = sweep.settings.control_period * NANOSECONDS
-        under: BoolArray = (level >= 0) & good[np.maximum(level, 0)]
-        under &= sweep.stamps - stamps[np.maximum(level, 0)] < period
-        least = sweep.clearance.min(axis=1)[under] + sweep.tolerance
-        if len(least) and least.min() < np.inf:
-            is_any, at = True, int(sweep.stamps[under][least.argmin()])
-            depth = -float(least.min())
-            yield Sample(-depth, 0.0, at, depth - _ROUNDING, words={'depth': depth})
+    is_any = False
+    for leg, sweeps in zip(record.legs, record.evidence_of_legs, strict=True):
+        answers = sorted((each for each in leg.decisions if not each.halted), key=_stamp)
+        stamps = np.array([each.stamp for each in answers], dtype=np.int64)
+        good = np.array([each.level == 'nominal' for each in answers])
+        for sweep in sweeps if answers else ():
+            level = np.searchsorted(stamps, sweep.stamps, side='right') - 1
+            period = sweep.settings.control_period * NANOSECONDS
+            under: BoolArray = (level >= 0) & good[np.maximum(level, 0)]
+            under &= sweep.stamps - stamps[np.maximum(level, 0)] < period
+            least = sweep.clearance.min(axis=1)[under] + sweep.tolerance
+            if len(least) and least.min() < np.inf:
+                is_any, at = True, int(sweep.stamps[under][least.argmin()])
+                depth = -float(least.min())
+                yield Sample(-depth, 0.0, at, depth - _ROUNDING, words={'depth': depth})
     if not is_any:
         raise SkippedError('No control step has level nominal.')
 

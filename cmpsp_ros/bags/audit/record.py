@@ -137,15 +137,13 @@ class AuditRecord:
     @cached_property
     def evidence(self) -> tuple[Sweep, ...]:
         """The path by all sources, without holes, and its clearance from all that is known."""
-        swept = (
-            sweep(path, leg.history, each.by, each.tolerance, each.off)
-            for leg in self.legs
-            for each in reversed(leg.known)
-            for path in each.pieces
-        )
-        looked = zip(self.legs, self.seen, strict=False)
-        seen = (Sweep.of_seen(leg.history, one) for leg, found in looked for one in found)
-        return tuple(chain.from_iterable((*swept, *seen)))
+        return tuple(chain.from_iterable(self.evidence_of_legs))
+
+    @cached_property
+    def evidence_of_legs(self) -> tuple[tuple[Sweep, ...], ...]:
+        """The same of each leg."""
+        seen = self.seen or ((),) * len(self.legs)
+        return tuple(tuple(_swept(*each)) for each in zip(self.legs, seen, strict=True))
 
     @cached_property
     def seen(self) -> tuple[tuple[SensorClearance, ...], ...]:
@@ -314,6 +312,14 @@ class AuditRecord:
     def seconds(self, stamp: int) -> float:
         """Time since then [s]."""
         return (stamp - self.start) / NANOSECONDS
+
+
+def _swept(leg: Leg, seen: Iterable[SensorClearance]) -> Iterator[Sweep]:
+    for known in reversed(leg.known):
+        for path in known.pieces:
+            yield from sweep(path, leg.history, known.by, known.tolerance, known.off)
+    for each in seen:
+        yield from Sweep.of_seen(leg.history, each)
 
 
 def _lifetime(leg: Leg, settings: GuidanceSettings, track: Track) -> float:

@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
-from drives import SECOND, START, drive_case, failed
+from drives import AGAIN, LATENCY, SECOND, START, drive_case, failed
 
 from cmpsp_ros.bags.audit import CHECKS, CheckOutcome, Sources, overall
+from cmpsp_ros.bags.decision_record import decision_message
 from cmpsp_ros.guidance import Goal
 from cmpsp_ros.parameters import TABLE, guidance_settings
 from cmpsp_ros.robots import placed
@@ -251,6 +252,20 @@ def test_time_that_jumps_back_begins_a_new_leg(drive, outcomes):
     findings = outcomes(drive.again())
     assert failed(findings) - {'rate'} == set()
     assert findings['goal'].outcome is PASSED
+
+
+@pytest.mark.parametrize('leg', [0, 1])
+def test_the_level_is_judged_in_each_part_of_a_recording(drive, outcomes, leg):
+    twice, decisions = drive.again(), drive.decisions
+    twice.decisions = decisions
+    for each in decisions:
+        said = decision_message(each._replace(run=1), '/guidance')
+        twice.records.append(('/guidance/decision', each.stamp + LATENCY + AGAIN, said))
+    for each in twice.odometry[leg * len(drive.odometry) :][200:220]:
+        each.pose = each.pose * [1.15, 1.15, 1.0]
+    findings = outcomes(twice)
+    assert 'nominal' in failed(findings)
+    assert findings['nominal'].at == pytest.approx(4.2, abs=0.25)
 
 
 def test_noise_that_odometry_admits_is_no_jump(drive, outcomes):

@@ -234,15 +234,15 @@ def _followed(record: AuditRecord) -> Iterator[tuple[float, IntArray, Array, Arr
 
     They are that speed, their begins [ns], and wheel errors with their limits [rad/s].
     """
-    for leg, epoch in ((one, each) for one in record.legs for each in one.history.epochs):
+    epochs = ((leg, *each) for leg in record.legs for each in enumerate(leg.history.epochs))
+    for leg, place, epoch in epochs:
         robot = epoch.settings.robot
         if not math.isfinite(robot.max_wheel_speed):
             continue
-        begins, ends, twists = _held(leg, epoch.settings)
+        held = _held(leg, epoch.settings)
+        begins, ends, twists = (each[leg.history.index(held[0]) == place] for each in held)
         known = [
-            leg.history.epoch_at(int(begin)) is epoch
-            and not overlaps((begin, end), leg.by_odometry.holes)
-            for begin, end in zip(begins, ends, strict=True)
+            not overlaps(span, leg.by_odometry.holes) for span in zip(begins, ends, strict=True)
         ]
         begins, ends, twists = begins[known], ends[known], twists[known]
         if not len(begins):

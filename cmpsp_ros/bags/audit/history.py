@@ -71,6 +71,11 @@ class History:
         places = np.split(np.arange(len(stamps)), edges)
         return ((each, at) for each, at in zip(self.epochs, places, strict=True) if len(at))
 
+    def index(self, stamps: IntArray) -> IntArray:
+        """The places ``(M,)`` of the periods of instants [ns]."""
+        found = np.searchsorted([each.since for each in self.epochs], stamps, side='right') - 1
+        return np.maximum(found, 0)
+
     def epoch_at(self, stamp: int) -> Epoch:
         """The period of an instant [ns]."""
         index = bisect_right(self.epochs, stamp, key=lambda each: each.since) - 1

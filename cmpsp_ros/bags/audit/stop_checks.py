@@ -333,7 +333,5 @@ def _receptions(leg: Leg) -> IntArray:
 
 def _timeouts(leg: Leg, stamps: IntArray) -> Array:
     """Age from which on odometry counts as silent, in force at instants ``(M,)`` [ns], [s]."""
-    epochs = leg.history.epochs
-    index = np.searchsorted([each.since for each in epochs], stamps, side='right') - 1
-    timeouts = np.array([each.settings.odom_timeout for each in epochs])
-    return np.asarray(timeouts[np.maximum(index, 0)] + _SLACK)
+    timeouts = np.array([each.settings.odom_timeout for each in leg.history.epochs])
+    return np.asarray(timeouts[leg.history.index(stamps)] + _SLACK)

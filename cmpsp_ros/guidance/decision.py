@@ -246,7 +246,7 @@ class Decision(NamedTuple):
     cancelled: Annotated[bool, Entry(
         'The goal was cancelled, or none has come yet', seldom=True)] = False
     braking: Annotated[bool, Entry(
-        'It brakes along the audited path after a fault of odometry', seldom=True)] = False
+        'It brakes along the audited path, by the node', seldom=True)] = False
     late: Annotated[float, Entry(
         'Computing time of one that came too late', 's', seldom=True, is_input=True)] = 0.0
     skipped: Annotated[bool, Entry(

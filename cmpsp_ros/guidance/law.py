@@ -248,8 +248,12 @@ class GuidanceLaw:
             clock.due = last
 
     def _record(self, observation: Observation, decision: Decision) -> Decision:
-        self._state.last = observation, self._state.record(decision, observation.tracks)
-        return self._state.last[1]
+        state = self._state
+        state.last = observation, state.record(decision, observation.tracks)
+        if decision.stamp != state.following.commanded_at:
+            # It holds a command of the braking path, no longer than the others.
+            state.clock.hold(state.following.commanded_at, state.mission.goals.period)
+        return state.last[1]
 
     def after_step(self, late: float = 0.0) -> Decision:
         """Run the slow tasks of a step, once the command is out; the decision to record.

@@ -40,6 +40,10 @@ class Clock:
         """Time from the first odometry to a time stamp [ns]; 0 before it."""
         return 0 if self.start is None else stamp - self.start
 
+    def hold(self, commanded_at: int, period: int) -> None:
+        """Decide a `period` [ns] after the time stamp of the command in force [ns]."""
+        self.due = self.elapsed(commanded_at) + period
+
     def interrupt(self) -> None:
         """Decide at once on the next newer odometry."""
         self.due = 0 if self.start is None else self.now + 1
@@ -129,7 +133,7 @@ class Following:
     """The plan that is followed, and the commands; written by the supervisor."""
 
     previous_control: Array  # control commanded last, shape ``(r,)``
-    commanded_at: int = 0  # time stamp that this command answers [ns]
+    commanded_at: int = 0  # time stamp at which this command was given [ns]
     ramp: Array = field(default_factory=lambda: NO_RAMP)  # checked commands to stop it ``(K, r)``
     plan: Plan | None = None  # the plan that is followed, if any
     standby: Plan | None = None  # a plan that is improved while the robot waits
@@ -142,8 +146,11 @@ class Following:
         """Give the next command of the ramp, or stop; at most once in half a `period` [ns]."""
         if not len(self.ramp):
             self.previous_control = robot.stopped(self.previous_control)
-        elif stamp - self.commanded_at >= period // 2:
+        elif abs(stamp - self.commanded_at) >= period // 2:
             self.previous_control, self.ramp = self.ramp[0], self.ramp[1:]
+        else:
+            return
+        self.commanded_at = stamp
 
     def wait(self, standby: Plan | None) -> None:
         """Follow no plan, and improve one for when the way is free."""
@@ -206,7 +213,8 @@ class LawState:
         stops = decision.level == FallbackLevel.STOP
         control = self.following.previous_control
         estimator.note_command(decision.stamp, control, decision.twist, stops=stops)
-        self.following.commanded_at = decision.stamp
+        if not stops:
+            self.following.commanded_at = decision.stamp
         if self.sighted is not None:
             decision = decision._replace(sighting=self.sighted)
         lag = response.lag_interval

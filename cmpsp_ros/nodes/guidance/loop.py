@@ -4,6 +4,7 @@ import math
 import time
 from functools import partial
 
+import numpy as np
 from rclpy.lifecycle import LifecycleNode
 
 from cmpsp_ros.guidance import (
@@ -19,6 +20,7 @@ from cmpsp_ros.guidance.messages import Arrival, OdometryError, OdometryGate
 from cmpsp_ros.guidance.mission import reason_not_to_begin
 from cmpsp_ros.nodes.common.topic import watch_time, watch_timer
 from cmpsp_ros.nodes.guidance.diagnostics import StepTimes
+from cmpsp_ros.nodes.guidance.held_command import HeldCommand
 from cmpsp_ros.nodes.guidance.inputs.course import MapInput, RoadInput
 from cmpsp_ros.nodes.guidance.inputs.goals import GoalInput
 from cmpsp_ros.nodes.guidance.inputs.odometry import ClockWatch, OdometryInput, OdometryWatchdog
@@ -31,8 +33,6 @@ from cmpsp_ros.parameters import Values
 _WATCH_PERIOD = 0.025
 _BEGAN_AGAIN = 'The run began again.'
 
-# Control periods after a command until which the braking path that was audited with it holds.
-_LATEST_RAMP = 1.5
 # Wait for odometry of the final time before the clock stops the robot [ns].
 _LATEST_ODOMETRY = 5_000_000
 
@@ -91,7 +91,8 @@ class GuidanceLoop:
         self.gate = OdometryGate()
         self._clock_watch = ClockWatch()
         self._halted_at: int | None = None
-        self._commanded_at, self._over_at = -NEVER, NEVER
+        self._trouble = ''
+        self._held, self._over_at = HeldCommand(self._watch_time), NEVER
         self._pose: list[float] = []
         self._begun = self._lacks_clock = False
         self._outputs.listeners.begin()
@@ -131,7 +132,7 @@ class GuidanceLoop:
 
     def _command(self, decision: Decision) -> None:
         self._outputs.command(decision)
-        self._commanded_at = self._watch_time()
+        self._held.begin()
 
     @property
     def connections(self) -> dict[str, int]:
@@ -192,7 +193,7 @@ class GuidanceLoop:
             arrival = self.gate.take(stamp, pose, now, self._settings)
         except OdometryError as error:
             self.gate.refuse(f'{error} {self._odometry.warning()}'.strip())
-            self._halt_for_odometry()
+            self._brake()
             return
         if arrival is Arrival.IGNORED:
             return
@@ -202,17 +203,14 @@ class GuidanceLoop:
         self._pose = pose.tolist()
         if arrival is Arrival.TIME_JUMPED_BACK and before is not None:
             self._begin_again(stamp, (before - stamp) / NANOSECONDS)
+        blindness, trouble = self._sensors.note(stamp, pose), ''
+        if not self._begun:
+            trouble = reason_not_to_begin(self._settings, pose)
+        trouble = trouble or self._goals.cancelled or blindness or self.map.trouble(stamp)
+        self._trouble = trouble
         is_braking = self.decision is not None and self.decision.braking
-        if self.gate.fault or (is_braking and 0.0 <= self._held < 1.0):
-            self._sensors.note(stamp, pose)
-            self._halt_for_odometry()
-            return
-        if not self._begun and (why := reason_not_to_begin(self._settings, pose)):
-            self._halt_for(why)
-            return
-        blindness = self._sensors.note(stamp, pose)
-        if why := self._goals.cancelled or blindness or self.map.trouble(stamp):
-            self._halt_for(why)
+        if self.gate.fault or trouble or (is_braking and self._held.left(self._settings)):
+            self._brake()
             return
         try:
             is_due = self._law.is_due(stamp)
@@ -230,7 +228,7 @@ class GuidanceLoop:
         last, gap = self.decision, 0.0
         if not is_late:
             if last is not None and last.plan is not None and not last.late:
-                gap = (self._watch_time() - self._commanded_at) / NANOSECONDS
+                gap = self._held.age
             self._command(decision)
         self._expect_end(decision, now)
         step_ms = (time.perf_counter_ns() - began) / 1e6
@@ -271,9 +269,16 @@ class GuidanceLoop:
         self._end_timer.cancel()
         # Odometry of that instant comes first where it is there.
         self._odometry.drain()
-        now = self._now()
-        is_over = self._goals.cancelled or (self.decision is not None and self.decision.finished)
-        if self.active and now > self._over_at and not is_over:
+        now, last = self._now(), self.decision
+        is_over = self._goals.cancelled or (last is not None and last.finished)
+        if not self.active or now <= self._over_at or is_over:
+            return
+        left = self._held.left(self._settings)
+        if left and self._moves and last is not None and last.plan is None:
+            # It brakes already.
+            self._end_timer.timer_period_ns = math.ceil(left * NANOSECONDS)
+            self._end_timer.reset()
+        else:
             decision = self._law.halt(now, 'The final time has passed.', finished=True)
             self._command(decision)
             self._note(decision)
@@ -305,22 +310,19 @@ class GuidanceLoop:
             self._odometry.drain()
         if self.watchdog.goes_on(timeout, self._watch_time()):
             self.gate.fail(f'No usable odometry for more than {timeout} s (odom_timeout).')
-        if self.gate.fault:
-            self._halt_for_odometry()
-
-    def _halt_for_odometry(self) -> None:
-        """Stop for a fault of odometry, along the braking path that is known to be clear."""
-        held = self._held
-        if not 0.0 <= held < 1.0:
-            self._halt_for(self.gate.reason(self._settings), braking=held <= _LATEST_RAMP)
+        # In lockstep odometry comes whenever a control period is over.
+        if self.gate.fault or (self._trouble and self._moves and not self._in_lockstep):
+            self._brake()
 
     @property
-    def _held(self) -> float:
-        """Control periods since the last command; infinite without a limit of acceleration."""
-        if math.isinf(self._settings.robot.max_wheel_acceleration):
-            return math.inf
-        held = (self._watch_time() - self._commanded_at) / NANOSECONDS
-        return held / self._settings.control_period
+    def _moves(self) -> bool:
+        return self.decision is not None and bool(np.any(self.decision.twist))
+
+    def _brake(self) -> None:
+        """Stop for a fault or another reason, along the braking path that is known to be clear."""
+        if not self._held.left(self._settings):
+            reason = self.gate.reason(self._settings) or self._trouble
+            self._halt_for(reason, braking=self._held.can_brake(self._settings))
 
     def _halt_for(self, reason: str, *, braking: bool = False) -> None:
         """Stop now, and again every control period while the reason lasts."""

@@ -135,6 +135,21 @@ def test_a_halt_is_at_once_but_for_the_final_time():
     np.testing.assert_array_equal(halted.twist, [0.0, 0.0])
 
 
+def test_every_command_of_the_stop_after_the_final_time_is_held_for_a_period():
+    given = limited(CASES['case 1'])
+    law, end = GuidanceLaw(given, given.world), STEPS * PERIOD
+    run = drive(law, given, [k * PERIOD for k in range(STEPS)])
+    stop = law.halt(end + PERIOD // 40, 'The final time has passed.', finished=True)
+    commands = [(stop.stamp, stop.wheel_speeds)]
+    for stamp in range(end + PERIOD // 8, end + 9 * PERIOD, PERIOD // 40):
+        decision = law.step(Observation(stamp, run.pose))
+        if decision is not None and not np.array_equal(decision.wheel_speeds, commands[-1][1]):
+            commands.append((stamp, decision.wheel_speeds))
+    assert not commands[-1][1].any()
+    assert len(commands) > 5
+    assert {*np.diff([stamp for stamp, _ in commands]).tolist()} == {PERIOD}
+
+
 def test_a_goal_that_is_cancelled_ends_in_a_gentle_stop_and_the_next_one_is_driven_to():
     given = limited(CASES['case 1'])
     law, run, stamp = GuidanceLaw(given, given.world), None, 0

@@ -72,13 +72,13 @@ class Drive:
 
     def activate(self):
         self.law.reset()
-        self.gate, self.halted_at = OdometryGate(), 0
+        self.gate, self.commanded_at = OdometryGate(), 0
 
     def publish(self, decision, late=2_000_000):
         """Messages that a node publishes on a decision, a little after its odometry."""
         self.decisions.append(decision)
         if not decision.late:
-            self.held = decision.wheel_speeds
+            self.held, self.commanded_at = decision.wheel_speeds, self.now
             self.record('cmd_vel', late, command_message(decision))
         self.record('guidance/decision', late + 1000, decision_message(decision, 'decision'))
         if decision.plan is not None:
@@ -133,14 +133,17 @@ class Drive:
             if arrival is Arrival.TIME_JUMPED_BACK:
                 self.law.reset()
         if self.gate.fault:
-            if stamp - self.halted_at >= self.settings.control_period * SECOND:
-                self.halted_at = stamp
-                self.gate.note_stop()
-                self.publish(self.law.halt(self.now, self.gate.reason(self.settings), braking=True))
+            self.brake(self.gate.reason(self.settings))
             return
         decision = self.law.step(Observation(stamp, pose))
         if decision is not None:
             self.publish(self.law.after_step())
+
+    def brake(self, reason, **flags):
+        """Stop along the braking path, when the last command has been held for a period."""
+        if self.now - self.commanded_at >= self.settings.control_period * SECOND:
+            self.gate.note_stop()
+            self.publish(self.law.halt(self.now, reason, braking=True, **flags))
 
     def measured(self, pose=None):
         """The pose as it reads back from a message."""
@@ -154,8 +157,8 @@ class Drive:
         self.pose = self.settings.robot.roll_out(self.pose, held, seconds)[-1]
         self.now += TICK
 
-    def halt(self, reason='No usable odometry.'):
-        self.publish(self.law.halt(self.now, reason))
+    def halt(self, reason='No usable odometry.', **flags):
+        self.publish(self.law.halt(self.now, reason, **flags))
         self.now += TICK // 4
 
     def tell(self, x, y, heading, *, frame_id='odom', stamp=0, heard=True):

@@ -105,7 +105,7 @@ class Recovery:
             return mission.unreachable
         if watch.remedy is Remedy.TURN and not context.start.robot.turns_on_the_spot:
             return ''
-        watch.begun_at = context.start.pose
+        watch.begin_move(context.start.pose)
         return self._move(step) or ''
 
     def _block(self, state: LawState, context: PlanningContext) -> str:
@@ -135,7 +135,8 @@ class Recovery:
             is_over = math.dist(start.pose[:2], begun[:2]) >= _BACK or len(watch.trail) < 2
             plan, reason = back_out(context, watch.way_back), _BACKS_OUT
         else:
-            is_over = abs(start.pose[2] - begun[2]) >= math.pi
+            watch.turn(float(start.pose[2]))
+            is_over = abs(watch.turned) >= math.pi
             plan, reason = turn_round(context), _TURNS
         watch.steps += 1
         if is_over or watch.steps > 2 * self._patience:

@@ -39,6 +39,8 @@ class ProgressWatch:
     steps: int = 0  # control steps without progress, since the last remedy
     remedy: Remedy = Remedy.NONE  # the last one tried
     begun_at: Array | None = None  # pose where it began to back out or to turn; None if it does not
+    heading: float = 0.0  # heading at the last step of such a move [rad]
+    turned: float = 0.0  # angle by which it has turned since it began [rad]
     refused: int = 0  # number of control steps in a row in which no such move was clear
     nearest: float = math.inf  # least length of the way to the goal so far [m]
     stood_at: tuple[float, float] = (math.inf, math.inf)  # where it was at the last progress [m]
@@ -56,6 +58,15 @@ class ProgressWatch:
         elif not self.trail or math.dist(self.trail[-1], here) >= _SPACING:
             self.driven += math.dist(self.trail[-1], here) if self.trail else 0.0
             self.trail = [*self.trail[1 - _LONGEST :], here]
+
+    def begin_move(self, pose: Array) -> None:
+        """Begin to back out or to turn at a pose ``(3,)`` [m, m, rad]."""
+        self.begun_at, self.heading, self.turned = pose, float(pose[2]), 0.0
+
+    def turn(self, heading: float) -> None:
+        """Count how far it has turned; a heading [rad] may be wrapped."""
+        self.turned += math.remainder(heading - self.heading, math.tau)
+        self.heading = heading
 
     def count(self, pose: Array, left: float, *, is_excused: bool = False) -> None:
         """Count a step without progress, unless excused; `left` of the way [m], inf without one."""

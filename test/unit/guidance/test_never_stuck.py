@@ -64,6 +64,19 @@ def test_a_goal_behind_a_door_that_is_too_narrow_is_given_up_with_the_reason(wid
     assert any('turns on the spot' in each.reason for each in run.decisions)
 
 
+def test_it_turns_by_half_a_turn_where_headings_are_wrapped():
+    given = replace(one_door(0.3, robot=LIMITED), goal=(1.0, 2.15))
+    law, pose, turning = GuidanceLaw(given, given.world), np.array([6.0, 2.15, 3.09]), []
+    for k in range(60):
+        wrapped = math.remainder(float(pose[2]), math.tau)
+        decision = law.step(Observation(200 * k * MS, np.array([*pose[:2], wrapped])))
+        law.after_step()
+        if 'turns on the spot' in decision.reason:
+            turning.append(float(pose[2]))
+        pose = given.robot.roll_out(pose, decision.wheel_speeds[None], np.array([0.2]))[-1]
+    assert abs(turning[-1] - turning[0]) > 0.9 * math.pi
+
+
 def test_a_door_as_wide_as_the_robot_is_given_up_once():
     walls = (3, 3.1, 0, 2.75), (3, 3.1, 3.1, 4)
     given = task((6.0, 2.15), map_of(8, 4, *walls), final_time=60.0)

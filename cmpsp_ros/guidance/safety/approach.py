@@ -18,6 +18,7 @@ from cmpsp_ros.guidance.safety.road_braking import brakings_on_road
 from cmpsp_ros.guidance.safety.unseen import PEEP, is_clear_of_unseen, watches_unseen
 from cmpsp_ros.guidance.safety.validation import TOUCHING, Validation, Validator
 from cmpsp_ros.guidance.settings import LawSettings
+from cmpsp_ros.guidance.times import NANOSECONDS
 from cmpsp_ros.guidance.world import World
 from cmpsp_ros.robots.motion import braking, least_scale, speeds_and_turns
 from cmpsp_ros.world import FreeSpace
@@ -244,7 +245,8 @@ class Approach:
         path = np.vstack([plan.controls[:1], ramp.reshape(-1, plan.controls.shape[1])])
         held = [self._settings.control_period] * (len(path) - 1)
         durations = np.append(plan.horizon.durations[:1], held)
-        return is_clear_of_unseen(self._settings, start, path, durations)
+        delay = plan.delay / NANOSECONDS
+        return is_clear_of_unseen(self._settings, start, path, durations, delay)
 
     def _seen(self, world: World) -> GridObstacle | None:
         """Seen grid, if the robot must be able to stop within it."""

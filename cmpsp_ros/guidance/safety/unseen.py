@@ -30,11 +30,12 @@ def watches_unseen(settings: LawSettings, start: PlanStart) -> bool:
 
 
 def is_clear_of_unseen(
-    settings: LawSettings, start: PlanStart, controls: Array, durations: Array
+    settings: LawSettings, start: PlanStart, controls: Array, durations: Array, delay: float = 0.0
 ) -> bool:
     """True if the robot looks where it drives, and rests before anything out of sight comes.
 
-    `controls` is a path to rest ``(K, r)``; with `stationary` the second is not asked.
+    `controls` is a path to rest ``(K, r)``, which begins after a `delay` [s]; with `stationary`
+    the second is not asked.
     """
     twists = start.robot.twist(controls)
     speeds = np.abs(speeds_and_turns(twists)[:, 0])
@@ -45,7 +46,7 @@ def is_clear_of_unseen(
         return False
     if settings.safety.stop_within_sight != 'moving' or speeds[0] <= PEEP + _ROUNDING:
         return True
-    speed, seconds = settings.moving_obstacles.max_speed, float(durations.sum())
+    speed, seconds = settings.moving_obstacles.max_speed, delay + float(durations.sum())
     reach = float(speeds @ durations) + settings.circumscribed_radius + speed * seconds
     edge = _edge(start, reach)
     x, y, heading = start.pose
@@ -53,7 +54,7 @@ def is_clear_of_unseen(
     ahead = (edge - [x, y]) @ [math.cos(course), math.sin(course)] > 0.0
     if not ahead.any():
         return True
-    for pose, time in zip(poses[1:], np.cumsum(durations).tolist(), strict=True):
+    for pose, time in zip(poses[1:], (delay + np.cumsum(durations)).tolist(), strict=True):
         away = edge[ahead][:, None] - placed(settings.footprint.discs, pose)
         if np.linalg.norm(away, axis=-1).min() < settings.robot_radius + speed * time:
             return False

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cmpsp_ros.guidance import GuidanceSettings, MovingObstacles, Observation, Safety
+from cmpsp_ros.guidance import GuidanceLaw, GuidanceSettings, MovingObstacles, Observation, Safety
 from cmpsp_ros.guidance.commands.looking import turn_to_look
 from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.goals import Target
@@ -20,6 +20,7 @@ from cmpsp_ros.guidance.safety.validation import Validator
 from cmpsp_ros.guidance.times import Horizon
 from cmpsp_ros.guidance.world import MAP, World
 from cmpsp_ros.robots import DifferentialDrive, Omnidirectional
+from cmpsp_ros.sensing import Sighting
 from cmpsp_ros.world.grids import Cell, GridObstacle, OccupancyGrid
 from cmpsp_ros.world.obstacles import MovingDiscs
 from cmpsp_ros.world.roads import OpenFloor
@@ -155,6 +156,39 @@ def test_to_the_side_and_ahead_it_is_as_slow_before_a_corner(sideways):
     assert is_clear_in(ground, 4.0, heading=heading, sideways=sideways)
     ground[44:, :39] = Cell.UNKNOWN
     assert not is_clear_in(ground, 4.0, heading=heading, sideways=sideways)
+
+
+@pytest.mark.parametrize(('delay', 'clear'), [(0.0, True), (0.4, False)])
+def test_somebody_out_of_sight_comes_nearer_before_a_command_takes_effect(delay, clear):
+    given, here = settings('moving'), start()
+    cells = np.zeros((80, 100), np.uint8)
+    cells[:, 62:] = Cell.UNKNOWN
+    world = here.world.seeing(OccupancyGrid((-4.0, -4.0, 0.0), 0.1, cells))
+    controls = np.array([given.robot.controls(np.array([speed, 0.0])) for speed in SLOWING])
+    here, held = here._replace(world=world), np.full(4, 0.2)
+    assert is_clear_of_unseen(given, here, controls, held, delay) is clear
+
+
+@pytest.mark.parametrize('delay', [0.0, 0.4])
+def test_with_a_delay_it_is_slower_before_what_is_out_of_sight(delay):
+    """From the odometry on nobody out of sight reaches the robot before it is at rest."""
+    given = replace(settings('moving'), command_delay=delay, goal=(8.0, 0.0))
+    given = replace(given, robot=replace(given.robot, max_wheel_acceleration=40.0))
+    law, pose, speeds = GuidanceLaw(given, given.world), np.zeros(3), [0.0] * round(delay / 0.2)
+    cells = np.zeros((100, 120), np.uint8)
+    cells[:, 80:] = Cell.UNKNOWN
+    grid = OccupancyGrid((-2.0, -2.5, 0.0), 0.05, cells)
+    for k in range(20):
+        decision = law.step(Observation(k * 200_000_000, pose, (), Sighting(0, grid, ())))
+        law.after_step()
+        speeds.append(float(decision.twist[0]))
+        if speeds[-1] > 0.11:
+            # A period with this command, and its stop.
+            ramp = np.arange(speeds[-1], 0.0, -40.0 * 0.05 * 0.2)
+            seconds, driven = delay + 0.2 * len(ramp), 0.2 * (sum(speeds[k:-1]) + ramp.sum())
+            assert pose[0] + driven + 0.2 < 2.0 - 1.6 * seconds + 0.01
+        pose = pose + [0.2 * speeds[k], 0.0, 0.0]
+    assert max(speeds) > 0.11
 
 
 def test_somebody_may_come_from_beyond_the_grid():

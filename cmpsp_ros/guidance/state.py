@@ -115,13 +115,16 @@ class Mission:
         self.arrival.sets_out = True
         self.searched = self.searched._replace(hysteresis=NOT_SEARCHED.hysteresis)
 
-    def reconfigure(self, settings: LawSettings, world: World) -> None:
-        """Go on with other settings, in another world; after a goal was given up, anew."""
-        watch = ProgressWatch(trail=self.watch.trail) if self.goals.given_up else self.watch
-        self.goals.reconfigure(settings, world)
+    def reconfigure(self, settings: LawSettings, world: World, *, is_other_world: bool) -> None:
+        """Go on with other settings; a goal that was given up is begun anew, or stays so."""
+        was_given_up, watch, unreachable = self.goals.given_up, self.watch, self.unreachable
+        self.goals.reconfigure(settings, world, is_other_world=is_other_world)
         self.arrival.settings = settings
         self._begin_again()
-        self.watch = watch
+        if self.goals.given_up or not was_given_up:
+            self.watch = watch
+        if self.goals.given_up:
+            self.unreachable = unreachable
 
     def _begin_again(self) -> None:
         self.idle_steps, self.closed_road = 0, ClosedRoad()
@@ -187,9 +190,10 @@ class LawState:
         known = self.world
         if world.road != known.road:
             self.estimator.progress = math.nan
+        is_other = not world.has_course_of(known)
         if (world.road, world.obstacles) != (known.road, known.obstacles):
             self.world = replace(known, road=world.road, obstacles=world.obstacles)
-        self.mission.reconfigure(settings, self.world)
+        self.mission.reconfigure(settings, self.world, is_other_world=is_other)
         self.estimator.reconfigure(settings)
         self.revision += 1
 

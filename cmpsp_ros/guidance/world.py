@@ -79,6 +79,12 @@ class World:
             raise ValueError(f'road.type: found {found}, wanted annulus')  # noqa: TRY004
         return self.road
 
+    def has_course_of(self, other: World) -> bool:
+        """True if the other world has the same road and static obstacles, maps cell by cell."""
+        if self.road != other.road or len(self.obstacles) != len(other.obstacles):
+            return False
+        return all(map(_are_equal, self.obstacles, other.obstacles))
+
     def seeing(self, grid: OccupancyGrid) -> World:
         """Copy with a seen grid; cells not seen yet are free for plans."""
         return replace(self, seen=GridObstacle(SEEN, grid, unknown_is_free=True))
@@ -141,3 +147,9 @@ class GuidanceSettings(LawSettings):
     def world(self) -> World:
         """The world as it is known before anything is seen."""
         return World(self.road, self.obstacles)
+
+
+def _are_equal(one: Shape, other: Shape) -> bool:
+    if isinstance(one, GridObstacle) and isinstance(other, GridObstacle):
+        return one.name == other.name and one.grid.equals(other.grid)
+    return one == other

@@ -50,10 +50,18 @@ class GoalManager:
         self._is_timed = not settings.is_soonest
         self._set_goal(world)
 
-    def reconfigure(self, settings: LawSettings, world: World) -> None:
-        """Take new settings, and keep to the present goal."""
+    def reconfigure(self, settings: LawSettings, world: World, *, is_other_world: bool) -> None:
+        """Take new settings, and keep to the present goal.
+
+        One that was given up is tried again in another world, or with other goals; one that was
+        received is not.
+        """
+        is_same = settings.goals == self._settings.goals and not is_other_world
+        stays, at = self.given_up and (is_same or self.received is not None), self.final
         self._settings = settings
         self._set_goal(world)
+        if stays:
+            self.give_up(at)
 
     @property
     def next_positions(self) -> list[Point]:

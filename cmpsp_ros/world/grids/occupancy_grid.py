@@ -55,6 +55,11 @@ class OccupancyGrid:
         if self.cells.dtype != np.uint8 or self.cells.max() > Cell.REMEMBERED:
             raise GridError('cells', f'{self.cells.dtype}, up to {self.cells.max()}', 'uint8, 0-3')
 
+    def equals(self, other: OccupancyGrid) -> bool:
+        """True if the other grid has the same cells at the same place."""
+        is_there = (self.origin, self.resolution) == (other.origin, other.resolution)
+        return is_there and np.array_equal(self.cells, other.cells)
+
     @property
     def size(self) -> tuple[float, float]:
         """Width along x and height along y, of the grid itself [m]."""

@@ -199,6 +199,38 @@ def test_a_goal_that_comes_after_one_was_given_up_is_driven_to():
     assert not decision.missed
 
 
+@pytest.mark.parametrize('received', [False, True])
+def test_a_goal_that_was_given_up_stays_so_while_nothing_has_changed(received):
+    given, pose, stamp = one_door(0.3, robot=LIMITED), np.array([1.0, 2.15, 0.0]), 0
+    law, decision = GuidanceLaw(given, given.world), None
+    if received:
+        law.set_goal(0, Goal(given.goal, 60.0))
+
+    def drive():
+        nonlocal pose, stamp, decision
+        decision = law.step(Observation(stamp, pose))
+        law.after_step()
+        held = decision.wheel_speeds[None]
+        pose, stamp = given.robot.roll_out(pose, held, np.array([0.2]))[-1], stamp + 200 * MS
+
+    while decision is None or not decision.finished:
+        drive()
+    reason = decision.reason
+    assert 'The goal is unreachable' in reason
+    # The same map once more, and another parameter.
+    same = replace(given, obstacles=one_door(0.3).obstacles)
+    for settings in same, replace(same, hold=True):
+        law.reconfigure(settings, settings.world)
+        drive()
+        assert (decision.finished, decision.reason) == (True, reason)
+        assert not decision.twist.any()
+    # A map with a wider door.
+    wider = replace(given, obstacles=one_door(1.0).obstacles)
+    law.reconfigure(wider, wider.world)
+    drive()
+    assert decision.finished == received
+
+
 def test_new_ground_and_a_shorter_way_are_progress_and_circles_are_not():
     watch = ProgressWatch()
     watch.count(np.array([0.0, 0.0, 0.0]), 10.0)

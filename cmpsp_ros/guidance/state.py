@@ -145,11 +145,11 @@ class Following:
     refuge: tuple[float, float] | None = None  # where the robot makes way to, if it does (x, y) [m]
     waited: int = 0  # number of steps for which it has waited there
 
-    def brake(self, stamp: int, period: int, robot: Robot) -> None:
-        """Give the next command of the ramp, or stop; at most once in half a `period` [ns]."""
+    def brake(self, stamp: int, period: int, robot: Robot, *, is_due: bool = False) -> None:
+        """Give the next command of the ramp, or stop; unless due, once in half a `period` [ns]."""
         if not len(self.ramp):
             self.previous_control = robot.stopped(self.previous_control)
-        elif abs(stamp - self.commanded_at) >= period // 2:
+        elif is_due or abs(stamp - self.commanded_at) >= period // 2:
             self.previous_control, self.ramp = self.ramp[0], self.ramp[1:]
         else:
             return

@@ -76,7 +76,9 @@ class DecisionBuilder:
     ) -> Decision:
         """Stop at `stamp` [ns], or brake as far as the wheels can; `pose` ``(3,)`` [m, m, rad]."""
         following, progress = state.following, state.estimator.progress
-        following.brake(stamp, self._period, state.estimator.robot)
+        # The node has waited for it, by another clock than that of odometry.
+        is_due = flags.get('braking', False)
+        following.brake(stamp, self._period, state.estimator.robot, is_due=is_due)
         twist = self._robot.twist(following.previous_control)
         if np.any(twist) and 'halted' not in flags:
             reason += f' It brakes to {abs(speeds_and_turns(twist)[0]):.3g} m/s.'

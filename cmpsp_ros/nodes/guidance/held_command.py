@@ -31,7 +31,7 @@ class HeldCommand:
         lasts = math.isfinite(settings.robot.max_wheel_acceleration) and 0.0 <= age < period
         return period - age if lasts else 0.0
 
-    def can_brake(self, settings: GuidanceSettings) -> bool:
-        """True if the braking path that was audited with the command still holds."""
+    def can_brake(self, settings: GuidanceSettings, *, is_lost: bool) -> bool:
+        """True if there is a braking path; without a pose, while it is that of the audit."""
         is_limited = math.isfinite(settings.robot.max_wheel_acceleration)
-        return is_limited and self.age <= _LATEST_RAMP * settings.control_period
+        return is_limited and (not is_lost or self.age <= _LATEST_RAMP * settings.control_period)

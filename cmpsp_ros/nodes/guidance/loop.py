@@ -206,10 +206,9 @@ class GuidanceLoop:
         blindness, trouble = self._sensors.note(stamp, pose), ''
         if not self._begun:
             trouble = reason_not_to_begin(self._settings, pose)
-        trouble = trouble or self._goals.cancelled or blindness or self.map.trouble(stamp)
-        self._trouble = trouble
-        is_braking = self.decision is not None and self.decision.braking
-        if self.gate.fault or trouble or (is_braking and self._held.left(self._settings)):
+        self._trouble = trouble or self._goals.cancelled or blindness or self.map.trouble(stamp)
+        brakes = self.decision is not None and self.decision.braking
+        if self.gate.fault or self._trouble or (brakes and self._held.left(self._settings)):
             self._brake()
             return
         try:
@@ -319,10 +318,11 @@ class GuidanceLoop:
         return self.decision is not None and bool(np.any(self.decision.twist))
 
     def _brake(self) -> None:
-        """Stop for a fault or another reason, along the braking path that is known to be clear."""
+        """Stop for a fault or another reason, along the braking path if it is known."""
         if not self._held.left(self._settings):
-            reason = self.gate.reason(self._settings) or self._trouble
-            self._halt_for(reason, braking=self._held.can_brake(self._settings))
+            fault = self.gate.reason(self._settings)
+            braking = self._held.can_brake(self._settings, is_lost=bool(fault))
+            self._halt_for(fault or self._trouble, braking=braking)
 
     def _halt_for(self, reason: str, *, braking: bool = False) -> None:
         """Stop now, and again every control period while the reason lasts."""

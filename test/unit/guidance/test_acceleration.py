@@ -150,6 +150,18 @@ def test_every_command_of_the_stop_after_the_final_time_is_held_for_a_period():
     assert {*np.diff([stamp for stamp, _ in commands]).tolist()} == {PERIOD}
 
 
+@pytest.mark.parametrize('ahead', [-150_000_000, 0, 150_000_000])
+def test_the_node_brakes_period_by_period_whatever_the_clock_of_odometry(ahead):
+    given = limited(CASES['case 1'])
+    law = GuidanceLaw(given, given.world)
+    run = drive(law, given, [k * PERIOD for k in range(10)])
+    speeds = [run.decisions[-1].wheel_speeds]
+    for k in range(10, 14):
+        speeds.append(law.halt(k * PERIOD - ahead, 'No odometry.', braking=True).wheel_speeds)
+    changes = np.abs(np.diff(speeds, axis=0)).max(axis=1)
+    assert ((changes > 5.9) & (changes <= 6.0 + CHANGE_ROUNDING)).all()
+
+
 def test_a_goal_that_is_cancelled_ends_in_a_gentle_stop_and_the_next_one_is_driven_to():
     given = limited(CASES['case 1'])
     law, run, stamp = GuidanceLaw(given, given.world), None, 0

@@ -157,7 +157,8 @@ def test_the_node_brakes_period_by_period_whatever_the_clock_of_odometry(ahead):
     run = drive(law, given, [k * PERIOD for k in range(10)])
     speeds = [run.decisions[-1].wheel_speeds]
     for k in range(10, 14):
-        speeds.append(law.halt(k * PERIOD - ahead, 'No odometry.', braking=True).wheel_speeds)
+        decision = law.halt(k * PERIOD - ahead, 'No odometry.', braking=True)
+        speeds.append(decision.wheel_speeds)
     changes = np.abs(np.diff(speeds, axis=0)).max(axis=1)
     assert ((changes > 5.9) & (changes <= 6.0 + CHANGE_ROUNDING)).all()
 

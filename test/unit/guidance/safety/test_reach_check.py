@@ -187,7 +187,7 @@ def test_with_a_delay_it_is_slower_before_what_is_out_of_sight(delay):
             ramp = np.arange(speeds[-1], 0.0, -40.0 * 0.05 * 0.2)
             seconds, driven = delay + 0.2 * len(ramp), 0.2 * (sum(speeds[k:-1]) + ramp.sum())
             assert pose[0] + driven + 0.2 < 2.0 - 1.6 * seconds + 0.01
-        pose = pose + [0.2 * speeds[k], 0.0, 0.0]
+        pose = np.add(pose, [0.2 * speeds[k], 0.0, 0.0])
     assert max(speeds) > 0.11
 
 

@@ -203,10 +203,9 @@ class GuidanceLoop:
         self._pose = pose.tolist()
         if arrival is Arrival.TIME_JUMPED_BACK and before is not None:
             self._begin_again(stamp, (before - stamp) / NANOSECONDS)
-        blindness, trouble = self._sensors.note(stamp, pose), ''
-        if not self._begun:
-            trouble = reason_not_to_begin(self._settings, pose)
-        self._trouble = trouble or self._goals.cancelled or blindness or self.map.trouble(stamp)
+        blindness = self._sensors.note(stamp, pose)
+        refused = '' if self._begun else reason_not_to_begin(self._settings, pose)
+        self._trouble = refused or self._goals.cancelled or blindness or self.map.trouble(stamp)
         brakes = self.decision is not None and self.decision.braking
         if self.gate.fault or self._trouble or (brakes and self._held.left(self._settings)):
             self._brake()

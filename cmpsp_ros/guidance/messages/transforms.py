@@ -132,8 +132,10 @@ class Transforms:
         *pose, up = self._near(frame, stamp, timeout)
         if up < _UPRIGHT:
             tilt = math.degrees(math.acos(max(up, -1.0)))
-            said = f'{frame!r} is tilted by {tilt:.0f} deg in {self._known[frame].parent!r}'
-            raise TransformError(f'{said}, wanted its z axis to point up')
+            parent = self._known[frame].parent
+            raise TransformError(
+                f'{frame!r} is tilted by {tilt:.0f} deg in {parent!r}, wanted its z axis up'
+            )
         return np.array(pose)
 
     def _near(self, frame: str, stamp: int, timeout: float) -> Array:

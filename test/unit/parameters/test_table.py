@@ -79,7 +79,8 @@ def test_a_name_that_cannot_be_part_of_a_parameter_name(name):
         f'obstacles.{name}.radius': 1.0,
     }
     (line,) = refusal(given_)
-    assert line.startswith(f"obstacles.names: found '{name}', wanted a name of letters")
+    wanted = 'another name: obstacles.names is' if name == 'names' else 'a name of letters'
+    assert line.startswith(f"obstacles.names: found '{name}', wanted {wanted}")
 
 
 @pytest.mark.parametrize(

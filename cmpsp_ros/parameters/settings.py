@@ -28,6 +28,7 @@ from cmpsp_ros.parameters.plausibility import millimetres
 from cmpsp_ros.parameters.roads import road_of
 from cmpsp_ros.parameters.robots import footprint_of, robot_of, robot_problems
 from cmpsp_ros.parameters.table import Values
+from cmpsp_ros.robots import placed
 from cmpsp_ros.sensing import Sensor, SightSettings, TrackSource
 from cmpsp_ros.world import FreeSpace
 from cmpsp_ros.world.obstacles import Shape
@@ -149,25 +150,28 @@ def check_simulation(values: Values) -> None:
         x, y, heading = values['initial_pose']
         problems += course.place_problems('initial_pose', (x, y), heading)
     people = problems.attempt(partial(people_settings, values))
-    problems += () if people is None else _crowding_problems(values, people)
     problems.check()
+    if people is not None and people.walkers:
+        Problems(_crowding_problems(values, people)).check()
     Problems(_pace_problems(values)).check()
 
 
 def _crowding_problems(values: Values, people: simulator.PeopleSettings) -> Iterator[Problem]:
-    """Problems of people who begin inside an obstacle, or the robot."""
-    obstacles, _ = scenery(values) if people.walkers else ((), ())
+    """Problems of people who begin inside an obstacle, or a disc that covers the robot."""
+    obstacles, _ = scenery(values)
+    footprint, radius = footprint_of(values)
+    discs = placed(footprint.discs, np.array(values['initial_pose']))
+    names = *(f'obstacle {each.name}' for each in obstacles), 'the robot (initial_pose)'
     for each in people.walkers:
-        place, wanted = np.array([[*each.position, 0.0]]), f'a place where {each.name} has room'
+        places, wanted = each.places, f'a place where {each.name} has room'
         space = FreeSpace.of(OpenFloor(), obstacles, each.radius)
-        clearance = space.at(place)[0, len(OpenFloor.edge_names) :].tolist()
-        apart = math.dist(each.position, values['initial_pose'][:2]) - values['robot.radius']
-        names = *(f'obstacle {one.name}' for one in obstacles), 'the robot (initial_pose)'
-        for name, away in zip(names, [*clearance, apart - each.radius], strict=True):
+        clearance = space.at(np.pad(places, ((0, 0), (0, 1))))[:, len(OpenFloor.edge_names) :]
+        apart = np.linalg.norm(places[:, None] - discs, axis=2) - radius - each.radius
+        least = [*clearance.min(axis=0).tolist(), float(apart.min())]
+        for name, away in zip(names, least, strict=True):
             if away < -_ROUNDING:
-                yield Problem(
-                    f'sim.people.{each.name}.position', f'{-away:.3g} m inside {name}', wanted
-                )
+                found = f'{-away:.3g} m inside {name}'
+                yield Problem(f'sim.people.{each.name}.position', found, wanted)
 
 
 def _pace_problems(values: Values) -> Iterator[Problem]:

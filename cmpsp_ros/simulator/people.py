@@ -20,8 +20,6 @@ _REMEMBERED: Final = 100  # steps that are kept: a scan finds people where they 
 # Distance from a waypoint [m], and time [s] below a speed [m/s], after which the next is due.
 _ARRIVED, _STUCK, _SLOW = 0.2, 1.0, 0.05
 
-_SPACING: Final = 0.7  # distance between the members of a group [m]
-
 _FROM_WALL, _SHORTEST, _ATTEMPTS = 0.1, 0.5, 16
 # Radius of a leg, half the distance of both, length of two steps, amplitude of a foot [m].
 _LEG, _HALF_STANCE, _STRIDE, _SWING = 0.06, 0.1, 1.3, 0.16
@@ -52,7 +50,7 @@ class People:
             ],
             dtype=float,
         ).reshape(-1, 4)
-        offsets = [_formation(each.count) for each in settings.walkers]
+        offsets = [each.formation for each in settings.walkers]
         self._offsets = np.vstack([*offsets, np.empty((0, 2))])
         self.reset()
 
@@ -185,9 +183,3 @@ class People:
         ranges = np.empty(3)
         cast(ranges, rays, np.zeros(3), self._edges, self._posts)
         return max(min(float(ranges.min()), 50.0) - radius - _FROM_WALL, 0.0)
-
-
-def _formation(count: int) -> Array:
-    """Offsets of the members of a group from its first, side by side in rows of two, ``(n, 2)``."""
-    rows, columns = np.divmod(np.arange(count), 2)
-    return _SPACING * np.column_stack([-rows, columns]).astype(float)

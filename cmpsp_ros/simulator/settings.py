@@ -19,6 +19,7 @@ Point = tuple[float, float]
 
 _ANGLE = Range(-math.tau, math.tau)
 _PROBABILITY = Range(0.0, 1.0)
+_SPACING = 0.7  # distance between the members of a group [m]
 
 
 # fmt: off
@@ -150,6 +151,17 @@ class Walker:
         'Whether this person avoids the robot and other people; otherwise brakes for people alone.',
         live=False)
     count: int = setting(1, '', 'Number of people who walk together.', Range(1, 12), live=False)
+
+    @property
+    def formation(self) -> Array:
+        """Offsets of the members of a group from its first, in rows of two, ``(n, 2)`` [m]."""
+        rows, columns = np.divmod(np.arange(self.count), 2)
+        return np.asarray(_SPACING * np.column_stack([-rows, columns]).astype(float))
+
+    @property
+    def places(self) -> Array:
+        """Initial positions of the members, ``(n, 2)`` [m]."""
+        return self.formation + np.array(self.position, dtype=float)
 
 
 @dataclass(frozen=True)

@@ -216,9 +216,8 @@ class Leg:
 
         So the recorder's clock may be any.
         """
-        heard, first = self.odometry, self.odometry.stamps[0]
-        since = np.interp(self.commands.received, heard.received, heard.stamps - first)
-        return np.asarray(first + since.astype(np.int64))
+        first, last = self.odometry.received[[0, -1]]
+        return self.odometry.instants(np.clip(self.commands.received, first, last))
 
     @cached_property
     def by_odometry(self) -> KnownPath:

@@ -94,11 +94,11 @@ def _record(bag: Bag, sources: Sources) -> AuditRecord:
         },
         pairs=pairs,
         is_ours=places.node in bag.parameters,
-        legs=tuple(_among(*each, others) for each in zip(legs, found, strict=True)),
+        legs=tuple(_with_moving_objects(*each, others) for each in zip(legs, found, strict=True)),
     )
 
 
-def _among(
+def _with_moving_objects(
     leg: Leg, received: Sequence[ReceivedTracks], others: Mapping[str, OdometrySeries]
 ) -> Leg:
     """A leg with all that moved then: obstacles told and seen, people, and other robots."""

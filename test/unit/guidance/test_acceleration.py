@@ -151,7 +151,7 @@ def test_every_command_of_the_stop_after_the_final_time_is_held_for_a_period():
 
 
 @pytest.mark.parametrize('ahead', [-150_000_000, 0, 150_000_000])
-def test_the_node_brakes_period_by_period_whatever_the_clock_of_odometry(ahead):
+def test_the_node_brakes_period_by_period_by_a_clock_beside_that_of_odometry(ahead):
     given = limited(CASES['case 1'])
     law = GuidanceLaw(given, given.world)
     run = drive(law, given, [k * PERIOD for k in range(10)])

@@ -161,7 +161,7 @@ class Walker:
     @property
     def places(self) -> Array:
         """Initial positions of the members, ``(n, 2)`` [m]."""
-        return self.formation + np.array(self.position, dtype=float)
+        return np.asarray(self.formation + np.array(self.position))
 
 
 @dataclass(frozen=True)
